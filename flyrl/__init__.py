@@ -1,0 +1,1 @@
+"""flyrl: reinforcement learning on top of a fly-locomotion environment."""
