@@ -1,1 +1,1 @@
-
+"""Results -> figures, videos, one HTML file."""

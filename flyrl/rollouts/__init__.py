@@ -1,1 +1,1 @@
-
+"""Policy × environment -> episode records."""
