@@ -1,1 +1,1 @@
-"""Entrants × terrains -> paired results: metrics, statistics, results files."""
+"""Every entrant on every terrain -> paired results: metrics, statistics, results files."""

@@ -1,1 +1,1 @@
-"""Policy × environment -> episode records."""
+"""Policy and environment -> episode records."""
