@@ -1,6 +1,6 @@
 """Episode records made up from simple walks, so that results and reports need no physics."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -66,7 +66,7 @@ def make_record(
     )
 
 
-# Forward speed (mm/s), share of the bearing error corrected per second, chance of a fall per second.
+# Forward speed (mm/s), turning gain (1/s), chance of a fall (1/s).
 STYLES = {
     "target-ppo": (14.0, 9.0, 0.01),
     "cpg": (14.0, 0.0, 0.0),
@@ -149,7 +149,14 @@ def make_results(controllers=tuple(STYLES), terrains=("flat",), episodes=20, ref
             }
             for name in controllers
         ],
-        "terrains": [{"name": name, "config": {"name": name, "seed": 0}} for name in terrains],
+        "terrains": [
+            {
+                "name": name,
+                "config": {"name": name, "seed": 0},
+                "episodes": [asdict(record.episode) for record in records[:episodes]],
+            }
+            for name in terrains
+        ],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},
     }
     summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0))
