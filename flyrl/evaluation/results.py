@@ -16,19 +16,17 @@ import csv
 import hashlib
 import io
 import json
-import os
-import tempfile
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.evaluation.metrics import METRICS, episode_metrics
+from flyrl.files import replacing, write_text
 from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
 
 SCHEMA: Final = "flyrl.results/1"
@@ -157,10 +155,9 @@ def write_results(results: Results, folder: str | Path) -> Path:
     text = format_results(results.to_json())
     folder.mkdir(parents=True, exist_ok=True)
     if results.trajectories:
-        write_atomically(folder / TRAJECTORIES_FILE, lambda file: _save_trajectories(file, results))
-    rows = format_episodes(results.episodes).encode()
-    write_atomically(folder / EPISODES_FILE, lambda file: file.write(rows))
-    write_atomically(folder / RESULTS_FILE, lambda file: file.write(text.encode()))
+        _save_trajectories(folder / TRAJECTORIES_FILE, results)
+    write_text(folder / EPISODES_FILE, format_episodes(results.episodes))
+    write_text(folder / RESULTS_FILE, text)
     return folder / RESULTS_FILE
 
 
@@ -261,41 +258,23 @@ def format_episodes(rows: Sequence[Json]) -> str:
     return text.getvalue()
 
 
-def write_atomically(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Put what `write` writes at `path`, whole or not at all."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        # mkstemp makes files private; results are as readable as any other new file.
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(name).chmod(0o666 & ~umask)
-        Path(name).replace(path)
-    except BaseException:
-        with suppress(FileNotFoundError):
-            Path(name).unlink()
-        raise
-
-
 def _digest(rows: Sequence[Json]) -> NDArray[np.uint8]:
     """What ties paths to the rows they belong to: SHA-256 of `episodes.csv`, 32 bytes."""
     return np.frombuffer(hashlib.sha256(format_episodes(rows).encode()).digest(), dtype=np.uint8)
 
 
-def _save_trajectories(file: IO[bytes], results: Results) -> None:
+def _save_trajectories(path: Path, results: Results) -> None:
     paths = results.trajectories
-    np.savez_compressed(
-        file,
-        digest=_digest(results.episodes),
-        lengths=np.array([len(path.time_s) for path in paths], dtype=np.int64),
-        time_s=np.concatenate([path.time_s for path in paths]),
-        position_w=np.concatenate([path.position_w for path in paths]),
-        yaw=np.concatenate([path.yaw for path in paths]),
-        drive=np.concatenate([path.drive for path in paths]),
-    )
+    with replacing(path) as partial:
+        np.savez_compressed(
+            partial,
+            digest=_digest(results.episodes),
+            lengths=np.array([len(item.time_s) for item in paths], dtype=np.int64),
+            time_s=np.concatenate([item.time_s for item in paths]),
+            position_w=np.concatenate([item.position_w for item in paths]),
+            yaw=np.concatenate([item.yaw for item in paths]),
+            drive=np.concatenate([item.drive for item in paths]),
+        )
 
 
 def _load_trajectories(folder: Path, rows: Sequence[Json]) -> list[Trajectory]:
