@@ -1,1 +1,19 @@
+"""Learned and fixed policies behind one interface, and the safe policy bundle.
 
+Every policy has `predict(observation, state=None, episode_start=None, deterministic=True)`, which
+returns the action and the state, as in Stable-Baselines3.
+"""
+
+from flyrl.policies.bundle import ObservationTerm, PolicyBundle, PolicyFileError
+from flyrl.policies.fixed import ConstantDrive, Pursuit
+from flyrl.policies.learned import LearnedPolicy, load_policy
+
+__all__ = [
+    "ConstantDrive",
+    "LearnedPolicy",
+    "ObservationTerm",
+    "PolicyBundle",
+    "PolicyFileError",
+    "Pursuit",
+    "load_policy",
+]
