@@ -252,9 +252,7 @@ def decimate(corners: Array, triangles: int) -> tuple[Array, NDArray[np.int64]]:
     return drop_degenerate(*result)
 
 
-def drop_degenerate(
-    vertices: Array, faces: NDArray[np.int64]
-) -> tuple[Array, NDArray[np.int64]]:
+def drop_degenerate(vertices: Array, faces: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
     """Leave out the triangles that the collapse reduced to a line or a point."""
     corners = vertices[faces]
     area = np.linalg.norm(
@@ -539,7 +537,7 @@ def import_pose(wheel: zipfile.ZipFile) -> Files:
         "poses/stretch.json": to_json(
             {
                 "schema": "flyrl.pose/1",
-                "about": "Legs stretched out sideways, so that no leg starts inside the ground. Degrees.",
+                "about": "Legs stretched sideways, so that none starts inside the ground. Degrees.",
                 "angles": angles,
             }
         )
@@ -610,9 +608,10 @@ def main() -> None:
             path.write_bytes(content)
     capsules = json.loads(files["collision/legs.json"])["capsules"]
     for row in capsules[len(capsules) // 2 :]:
-        print(f"{row['segment']:10} radius {row['radius']:.4f}  reach differs by {row['fit_rms']:.4f}"
-              f" mm rms, {row['fit_worst']:.4f} mm at most")  # fmt: skip
-    print(f"{len(files)} files, {sum(map(len, files.values())) / 1e6:.2f} MB, {len(changed)} changed")
+        errors = f"{row['fit_rms']:.4f} mm rms, {row['fit_worst']:.4f} mm at most"
+        print(f"{row['segment']:10} radius {row['radius']:.4f} mm, reach off by {errors}")
+    size = sum(map(len, files.values())) / 1e6
+    print(f"{len(files)} files, {size:.2f} MB, {len(changed)} changed")
     if check and changed:
         sys.exit("assets/ differs from what the wheels give: " + ", ".join(changed))
 

@@ -35,6 +35,9 @@ GRAVITY: Final = (0.0, 0.0, -9810.0)
 VISUAL_GROUP: Final = 1
 COLLISION_GROUP: Final = 3
 
+_VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
+"""Middle of the fly in the thorax frame, mm."""
+
 Colour = tuple[float, float, float, float]
 
 _COLOURS: Final[dict[str, Colour]] = {
@@ -97,7 +100,7 @@ class ContactConfig:
     Attributes
     ----------
     friction : sliding, torsional (mm), rolling (mm).
-    solref : time constant (s) and damping ratio, or −stiffness and −damping, both negative.
+    solref : time constant (s) and damping ratio, or -stiffness and -damping, both negative.
     solimp : impedance: minimum, maximum, width (mm), midpoint, power.
     condim : 3 for sliding friction, 4 with torsional, 6 with rolling friction as well, 1 for none.
     margin : distance at which contacts become active, mm.
@@ -165,6 +168,7 @@ def build_fly(
             _add_mesh(spec, body, row)
     _add_actuators(spec, table, config.adhesion_gain)
     _add_cameras(spec)
+    _add_light(spec)
     return spec
 
 
@@ -282,28 +286,55 @@ def _add_actuators(spec: mujoco.MjSpec, table: BodyTable, adhesion_gain: float) 
 def _add_cameras(spec: mujoco.MjSpec) -> None:
     """Cameras that follow the thorax without turning: "side" (from its right), "top", "track"."""
     thorax = spec.body(ROOT_BODY)
-    half = math.sqrt(0.5)
-    for name, pos, axes in (
-        ("side", (-0.3, -8.0, 0.4), (1, 0, 0, 0, 0.05, 1)),
-        ("top", (-0.3, 0.0, 10.0), (1, 0, 0, 0, 1, 0)),
-        ("track", (3.9, -4.2, 2.6), (half, half, 0, -0.29, 0.29, 0.91)),
+    for name, offset in (
+        ("side", (0.0, -7.0, 0.6)),
+        ("top", (0.0, -0.001, 9.0)),
+        ("track", (3.6, -4.4, 2.8)),
     ):
-        camera = thorax.add_camera(
-            name=name, mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK, pos=pos, fovy=40
+        thorax.add_camera(
+            name=name,
+            mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+            pos=np.add(_VIEW_CENTRE, offset),
+            quat=_looking_along(-np.array(offset)),
+            fovy=40,
         )
-        camera.alt.xyaxes = axes
+
+
+def _add_light(spec: mujoco.MjSpec) -> None:
+    """A sun that moves with the fly, since MuJoCo draws shadows only near its aim."""
+    direction = np.array((0.35, 0.45, -1.0))
+    spec.body(ROOT_BODY).add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        pos=np.array(_VIEW_CENTRE) - 10 * direction,
+        dir=direction,
+        diffuse=(0.6, 0.58, 0.54),
+        specular=(0.2, 0.2, 0.2),
+        castshadow=True,
+    )
+
+
+def _looking_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quaternion of a camera that looks along `direction` (3,) with the world's z upwards."""
+    back = -direction / np.linalg.norm(direction)
+    right = np.cross((0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.stack([right, np.cross(back, right), back], axis=1).ravel())
+    return quat
 
 
 def _set_look(spec: mujoco.MjSpec) -> None:
     """Viewing figures for a scene of a few mm; software rendering without multisampling."""
     spec.visual.quality.offsamples = 0
     spec.visual.quality.shadowsize = 1024
-    visual_global = getattr(spec.visual, "global_")
-    visual_global.offwidth = 1280
-    visual_global.offheight = 720
+    spec.visual.global_.offwidth = 1280
+    spec.visual.global_.offheight = 720
     spec.stat.extent = 5.0
     spec.visual.map.znear = 0.01
     spec.visual.map.zfar = 60.0
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
-    spec.visual.headlight.specular = (0.1, 0.1, 0.1)
+    spec.visual.map.shadowclip = 2.0
+    spec.visual.headlight.ambient = (0.3, 0.3, 0.3)
+    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
+    spec.visual.headlight.specular = (0.05, 0.05, 0.05)
