@@ -1,25 +1,16 @@
 """Episode records made up from simple walks, so that results and reports need no physics."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 
 from flyrl.evaluation.results import Results, episode_row, trajectory
 from flyrl.evaluation.statistics import summarise
-from flyrl.rollouts.records import EpisodeRecord
+from flyrl.rollouts import EpisodeRecord
+from flyrl.tasks import Episode
 
 HORIZON_S = 3.0
 DECISION_S = 0.02
-
-
-@dataclass(frozen=True)
-class SyntheticEpisode:
-    seed: int
-    spawn_position_w: tuple[float, float, float]
-    spawn_yaw: float
-    goal: tuple[float, ...]
-    init_phases: tuple[float, ...] = (0.0,) * 6
-    init_magnitudes: tuple[float, ...] = (0.0,) * 6
 
 
 def make_record(
@@ -43,11 +34,13 @@ def make_record(
         position_w = np.column_stack([position_w, np.full(len(position_w), 1.5)])
     samples = len(position_w)
     yaw = np.zeros(samples) if yaw is None else np.asarray(yaw, dtype=float)
-    episode = SyntheticEpisode(
+    episode = Episode(
         seed=index if seed is None else seed,
         spawn_position_w=tuple(map(float, position_w[0])),
         spawn_yaw=float(yaw[0]),
-        goal=tuple(goal),
+        goal=tuple(map(float, goal)),
+        init_phases=(0.0,) * 6,
+        init_magnitudes=(0.0,) * 6,
     )
     return EpisodeRecord(
         controller=controller,
@@ -137,6 +130,7 @@ def make_results(controllers=tuple(STYLES), terrains=("flat",), episodes=20, ref
         "seed": 0,
         "task": "target",
         "horizon_s": HORIZON_S,
+        "episodes_per_terrain": episodes,
         "reference": reference,
         "entrants": [
             {

@@ -17,13 +17,6 @@ import numpy as np
 
 from flyrl.rollouts.records import EpisodeRecord, FloatArray
 
-PATH_SAMPLING_S: Final = 0.02
-"""Samples closer than this are skipped when a path is measured, s.
-
-The thorax sways with every step, so a path's length grows with the sampling rate; a fixed spacing
-makes paths of different decision intervals comparable.
-"""
-
 METRICS: Final[dict[str, str]] = {
     "return": "sum of rewards",
     "duration_s": "simulated time until the episode ended, s",
@@ -42,12 +35,10 @@ METRICS: Final[dict[str, str]] = {
 
 def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
     """All metrics of `METRICS` for one episode, in that order."""
-    trusted = trusted_samples(record)
-    position = record.position_w[trusted, :2]
-    yaw = record.yaw[trusted]
+    position = record.position_w[:, :2]
     displacement = displacement_mm(position)
-    path = path_length_mm(position, record.time_s[trusted])
-    goal = np.asarray(record.goal_w[:2], dtype=np.float64)
+    path = path_length_mm(position)
+    goal = np.array(record.episode.goal)
     distances = np.linalg.norm(position[[0, -1]] - goal, axis=1) if goal.size else None
     return {
         "return": float(record.return_),
@@ -58,24 +49,11 @@ def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
         # The chord of a sampled path is never longer than the path; rounding may say so.
         "path_efficiency": min(1.0, displacement / path) if path > 0 else None,
         "speed_mm_s": speed_mm_s(record, displacement),
-        "drift_deg": drift_deg(position, float(yaw[0])),
-        "yaw_change_deg": math.degrees(float(yaw[-1] - yaw[0])),
+        "drift_deg": drift_deg(position, float(record.yaw[0])),
+        "yaw_change_deg": math.degrees(float(record.yaw[-1] - record.yaw[0])),
         "goal_distance_mm": None if distances is None else float(distances[1]),
         "goal_progress_mm": None if distances is None else float(distances[0] - distances[1]),
     }
-
-
-def trusted_samples(record: EpisodeRecord) -> slice:
-    """Samples that a metric may use.
-
-    The last sample of a diverged simulation is left out: it is where the physics broke, perhaps
-    metres away, and no place the fly walked to.
-    """
-    finite = np.isfinite(record.position_w).all(axis=1) & np.isfinite(record.yaw)
-    count = len(finite) if finite.all() else int(np.argmin(finite))
-    if record.outcome == "unstable":
-        count = min(count, len(finite) - 1)
-    return slice(0, max(count, 1))
 
 
 def displacement_mm(position: FloatArray) -> float:
@@ -83,14 +61,9 @@ def displacement_mm(position: FloatArray) -> float:
     return float(np.linalg.norm(position[-1] - position[0]))
 
 
-def path_length_mm(position: FloatArray, time_s: FloatArray) -> float:
-    """Length of the path through `position` (T, 2), sampled every `PATH_SAMPLING_S`, mm."""
-    if len(position) < 2:
-        return 0.0
-    interval = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
-    stride = max(1, round(PATH_SAMPLING_S / interval)) if interval > 0 else 1
-    kept = np.append(np.arange(0, len(position) - 1, stride), len(position) - 1)
-    return float(np.linalg.norm(np.diff(position[kept], axis=0), axis=1).sum())
+def path_length_mm(position: FloatArray) -> float:
+    """Length of the path through `position` (T, 2), mm."""
+    return float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum())
 
 
 def speed_mm_s(record: EpisodeRecord, displacement: float) -> float:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from flyrl.evaluation.results import Json, Trajectory
 from flyrl.evaluation.statistics import PAIRED_METRICS, paired_values
 from flyrl.report.palette import colours, marker, themed
-from flyrl.rollouts.records import SUCCESS, TIMEOUT
+from flyrl.rollouts import SUCCESS
+from flyrl.tasks import TIMEOUT
 
 FloatArray = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def success_figure(summary: Sequence[Json]) -> str:
     names, terrains = _names(summary), _terrains(summary)
     colour = colours(names)
     with mpl.rc_context(_STYLE):
-        figure, panels = _panels(len(names), len(terrains))
+        figure, panels = _panels(names, len(terrains))
         for axes, terrain in zip(panels, terrains, strict=True):
             for place, name in enumerate(names):
                 for row in _select(summary, terrain, name):
@@ -124,7 +125,7 @@ def distributions_figure(
     names = _names(rows)
     colour = colours(names)
     with mpl.rc_context(_STYLE):
-        figure, panels = _panels(len(names), len(metrics))
+        figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             for place, name in enumerate(names):
                 own = _select(rows, terrain, name)
@@ -156,7 +157,7 @@ def paired_figure(
     colour = colours(_names(summary))
     other = {row["episode"]: row for row in _select(rows, terrain, reference)}
     with mpl.rc_context(_STYLE):
-        figure, panels = _panels(len(names), len(metrics))
+        figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             axes.axvline(0, color=marker("muted"), linewidth=1)
             for place, row in enumerate(compared):
@@ -213,7 +214,7 @@ def trajectories_figure(
     colour = colours(names)
     lines = -(-len(names) // columns)
     with mpl.rc_context({**_STYLE, "axes.spines.left": True, "ytick.labelcolor": marker("muted")}):
-        figure = Figure(figsize=(_WIDTH, 3.1 * lines), layout="constrained")
+        figure = Figure(figsize=(_WIDTH, 0.4 + 2.25 * lines * 3 / columns), layout="constrained")
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
         farthest = 0.0
         for axes, name in zip(panels, names, strict=False):
@@ -277,12 +278,13 @@ def _path(axes: Axes, path: FloatArray, goal: FloatArray | None, outcome: str, s
         )
 
 
-def _panels(rows: int, columns: int) -> tuple[Figure, NDArray[Any]]:
-    """A figure with `columns` panels that share the rows of controllers, first on top."""
-    figure = Figure(figsize=(_WIDTH, _ROW_HEIGHT * rows + 0.75), layout="constrained")
+def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
+    """A figure with `columns` panels that share a row per name, first on top."""
+    figure = Figure(figsize=(_WIDTH, _ROW_HEIGHT * len(names) + 0.75), layout="constrained")
     panels = figure.subplots(1, columns, sharey=True, squeeze=False).ravel()
+    panels[0].set_yticks(range(len(names)), names)
     for axes in panels:
-        axes.set_ylim(rows - 0.45, -0.55)
+        axes.set_ylim(len(names) - 0.45, -0.55)
         axes.grid(visible=True, axis="x")
     return figure, panels
 
@@ -317,10 +319,9 @@ def _dots(
 
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
     low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
-    axes.plot([low, high], [place, place], color=marker("ink"), linewidth=2, zorder=4)
-    axes.plot(
-        [median, median], [place - 0.3, place + 0.3], color=marker("ink"), linewidth=2, zorder=4
-    )
+    style: dict[str, Any] = {"color": marker("ink"), "zorder": 4, "solid_capstyle": "butt"}
+    axes.plot([low, high], [place, place], linewidth=1.6, **style)
+    axes.plot([median, median], [place - 0.32, place + 0.32], linewidth=2.2, **style)
 
 
 def swarm(values: FloatArray, bins: int = 60, reach: float = 0.32) -> FloatArray:
@@ -371,6 +372,8 @@ def _svg(figure: Figure, name: str) -> str:
 def _inline(svg: str, name: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
+    # A hundredth of a point is finer than any screen.
+    svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}", svg)
     svg = svg.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
     head, rest = svg.split(">", 1)
     view = re.search(r'viewBox="[^"]*"', head)

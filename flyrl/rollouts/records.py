@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.tasks import TIMEOUT, UNSTABLE, Episode
+
 FloatArray = NDArray[np.float64]
 
 SUCCESS: Final = "success"
-TIMEOUT: Final = "timeout"
-FAILURES: Final = ("fall", "left_arena", "unstable")
+FAILURES: Final = ("fall", "left_arena", UNSTABLE)
 """Outcomes that end an episode by failing; they are scored over the full horizon."""
 
 OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
+
+SAMPLING_S: Final = 0.02
+"""Least spacing of a record's samples, s.
+
+The thorax sways with every step, so the length of a path grows with the sampling rate; a floor
+makes paths of tasks with finer decisions comparable.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class EpisodeRecord:
     """One episode of one controller: how it ended, and the path it took.
 
-    The trajectory has one sample at the start and one after each decision, T samples in all.
+    The trajectory has a sample at the start, one every decision or `SAMPLING_S`, whichever is
+    longer, and one at the end: T samples in all, every one finite. A fly whose physics diverged
+    stays where it was before.
 
     Attributes
     ----------
@@ -33,7 +43,7 @@ class EpisodeRecord:
     index
         Position of the episode in the list that every controller walks.
     episode
-        Everything random about the episode (`flyrl.tasks.Episode`): seed, spawn, goal, phases.
+        Everything random about the episode: seed, spawn, goal, phases.
     outcome
         One of `OUTCOMES`.
     return_
@@ -56,7 +66,7 @@ class EpisodeRecord:
     task: str
     terrain: str
     index: int
-    episode: Any
+    episode: Episode
     outcome: str
     return_: float
     duration_s: float
@@ -77,14 +87,18 @@ class EpisodeRecord:
             "drive": (samples, 2),
         }
         for name, shape in shapes.items():
-            given = np.shape(getattr(self, name))
-            if given != shape or samples == 0:
-                raise ValueError(f"{name}: shape {given}; allowed: {shape}, at least one sample")
+            values = getattr(self, name)
+            if np.shape(values) != shape or samples == 0:
+                raise ValueError(
+                    f"{name}: shape {np.shape(values)}; allowed: {shape}, at least one sample"
+                )
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name}: values that are not finite; allowed: finite ones")
 
     @property
     def seed(self) -> int:
         """Seed that the episode was drawn from."""
-        return int(self.episode.seed)
+        return self.episode.seed
 
     @property
     def success(self) -> bool:
@@ -95,8 +109,3 @@ class EpisodeRecord:
     def failed(self) -> bool:
         """Whether the episode was cut short by a fall, a divergence or leaving the arena."""
         return self.outcome in FAILURES
-
-    @property
-    def goal_w(self) -> tuple[float, ...]:
-        """Goal of the episode in the world frame, (x, y) in mm, or empty without a goal."""
-        return tuple(float(value) for value in self.episode.goal)
