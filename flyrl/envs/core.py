@@ -1,0 +1,314 @@
+"""The one environment under every interface: a task on a batch of flies, without Python loops."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.bodies.fly import FlyConfig
+from flyrl.controllers.leg_controller import ControllerConfig, initial_state
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
+from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
+from flyrl.simulation.state import FlyState
+from flyrl.tasks import RUNNING, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
+from flyrl.terrains import TerrainConfig, terrain_bounds
+from flyrl.validation import one_of
+
+Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """Everything that makes an environment.
+
+    Parameters
+    ----------
+    task
+        A name in `flyrl.tasks.TASKS`, or a task of your own.
+    body, terrain, controller
+        Configs, or the name that picks one with default settings. With None, the controller is
+        the hybrid one whose recorded step goes with the body.
+    physics
+        Settings, or the name of a preset.
+    decision_interval
+        s for which a decision is held; None takes the task's. A multiple of the physics step.
+    """
+
+    task: str | Task = "target"
+    body: str | FlyConfig = "current"
+    terrain: str | TerrainConfig = "flat"
+    controller: str | ControllerConfig | None = None
+    physics: str | PhysicsConfig = "balanced"
+    decision_interval: float | None = None
+
+    resolved_task: Task = field(init=False, repr=False)
+    scene: SceneConfig = field(init=False, repr=False)
+    steps_per_decision: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        task = self.task
+        if isinstance(task, str):
+            task = TASKS[one_of("task", task, TASKS)]
+        body = FlyConfig(name=self.body) if isinstance(self.body, str) else self.body
+        terrain = self.terrain
+        if isinstance(terrain, str):
+            terrain = TerrainConfig(name=terrain)
+        controller = self.controller
+        if controller is None or isinstance(controller, str):
+            controller = ControllerConfig(
+                name=controller or "hybrid",
+                steps=STEPS_OF_BODY[body.name],
+                reflexes=body.name,
+            )
+        physics = self.physics
+        if isinstance(physics, str):
+            physics = PHYSICS_PRESETS[one_of("physics", physics, PHYSICS_PRESETS)]
+        interval = self.decision_interval
+        if interval is None:
+            interval = task.decision_interval_s or physics.timestep
+        steps = round(interval / physics.timestep)
+        if steps < 1 or abs(steps * physics.timestep - interval) > 1e-9:
+            raise ValueError(
+                f"decision_interval is {interval} s; it must be a positive multiple of the physics "
+                f"time step, {physics.timestep} s"
+            )
+        object.__setattr__(self, "resolved_task", task)
+        object.__setattr__(self, "scene", SceneConfig(body, terrain, controller, physics))
+        object.__setattr__(self, "steps_per_decision", steps)
+
+    @property
+    def decision_interval_s(self) -> float:
+        """How long a decision is held, s."""
+        return self.steps_per_decision * self.scene.physics.timestep
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What one decision led to, for every simulation of a batch.
+
+    Attributes
+    ----------
+    observation
+        float32, (n, size), or a dict of (n, ...) arrays by term.
+    reward
+        (n,).
+    terminated, truncated
+        (n,); the outcome and success below are final where one of them holds.
+    outcome
+        "running", "timeout", "unstable" or the name of the task's termination, (n,).
+    is_success
+        (n,).
+    """
+
+    observation: Observation
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    outcome: NDArray[np.str_]
+    is_success: NDArray[np.bool_]
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether the episode ended, (n,)."""
+        return self.terminated | self.truncated
+
+
+class BatchedEnv:
+    """A task on `num_envs` flies; episodes end, but are reset only on request.
+
+    Simulation i depends on its own seed and actions alone, to the bit: not on the number of
+    simulations, nor on that of threads.
+
+    Parameters
+    ----------
+    config
+        What to simulate.
+    num_envs
+        Number of simulations.
+    num_threads
+        Native threads; 0 takes one per CPU.
+
+    Attributes
+    ----------
+    fly_state
+        The flies after the last decision; one that blew up is kept as it was before.
+    episodes
+        What each simulation was last reset to.
+    """
+
+    def __init__(self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0) -> None:
+        if num_envs < 1:
+            raise ValueError(f"num_envs is {num_envs}; it must be >= 1")
+        self.config = config
+        self.task = config.resolved_task
+        self.num_envs = num_envs
+        self.scene: Scene = build_scene(config.scene)
+        self.flies = FlyBatch(self.scene, num_envs, num_threads)
+        self.episodes: list[Episode | None] = [None] * num_envs
+        self._bounds = terrain_bounds(config.scene.terrain)
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._goal: NDArray[np.float64] | None = None
+        limit = self.task.time_limit_s
+        self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
+        self._decisions = np.zeros(num_envs, dtype=np.int64)
+        self.fly_state = self.flies.state()
+
+    def reset(
+        self,
+        seeds: Sequence[int | None] | None = None,
+        ids: Sequence[int] | NDArray[np.intp] | None = None,
+        episodes: Sequence[Episode] | None = None,
+    ) -> Observation:
+        """Start episodes and return the observation of all simulations.
+
+        Parameters
+        ----------
+        seeds
+            One per reset simulation. A simulation that is given the seed s starts episode s and
+            draws its later ones from a generator seeded with s; one without draws its next.
+        ids
+            Which simulations; None means all.
+        episodes
+            Exactly these episodes instead of drawn ones.
+        """
+        chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
+        for name, given in (("seeds", seeds), ("episodes", episodes)):
+            if given is not None and len(given) != len(chosen):
+                raise ValueError(f"{name} has {len(given)} entries; {len(chosen)} are reset")
+        if len(chosen) == 0:
+            return self.observe()
+        if episodes is None:
+            drawn = seeds if seeds is not None else [None] * len(chosen)
+            episodes = [
+                self.draw_episode(int(i), seed) for i, seed in zip(chosen, drawn, strict=True)
+            ]
+        controller = self.config.scene.controller
+        self.flies.reset(
+            chosen,
+            np.array([episode.spawn_position_w for episode in episodes]),
+            np.array([episode.spawn_yaw for episode in episodes]),
+            [
+                initial_state(
+                    controller, episode.seed, episode.init_phases, episode.init_magnitudes
+                )
+                for episode in episodes
+            ],
+        )
+        goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
+        if self._goal is None:
+            self._goal = np.zeros((self.num_envs, goals.shape[1]))
+        self._goal[chosen] = goals
+        self._decisions[chosen] = 0
+        for i, episode in zip(chosen, episodes, strict=True):
+            self.episodes[i] = episode
+        self.fly_state = self.flies.state()
+        return self.observe()
+
+    def draw_episode(self, i: int, seed: int | None = None) -> Episode:
+        """Draw simulation i's episode: number `seed` if given, else its generator's next."""
+        if seed is not None:
+            self._rngs[i] = np.random.default_rng(seed)
+        else:
+            rng = self._rngs[i]
+            if rng is None:
+                rng = self._rngs[i] = np.random.default_rng()
+            seed = int(rng.integers(2**31))
+        return self.task.sample_episode(self.config.scene.terrain, seed)
+
+    def step(
+        self, action: NDArray[np.floating], ids: NDArray[np.intp] | None = None
+    ) -> Transition:
+        """Hold one action per simulation, (n, 2), for a decision interval.
+
+        With `ids`, only these simulations move; of the others the result repeats what is.
+
+        Raises
+        ------
+        ValueError
+            If the actions have the wrong shape or are not finite.
+        """
+        action = np.asarray(action, dtype=np.float64)
+        if action.shape != (self.num_envs, 2):
+            raise ValueError(f"action has shape {action.shape}; it must be ({self.num_envs}, 2)")
+        if not np.isfinite(action).all():
+            raise ValueError(f"action must be finite; got {action[~np.isfinite(action)][0]}")
+        if self._goal is None:
+            raise RuntimeError("step() was called before reset()")
+        previous = self.fly_state
+        moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
+        self.flies.set_drive(self.task.drive(action[moved]), moved)
+        self.flies.step(self.config.steps_per_decision, ids)
+        self._decisions[moved] += 1
+        fly_state = self.flies.state()
+        is_unstable = fly_state.is_unstable
+        if is_unstable.any():
+            # what blew up is shown as it was before; it earns nothing and ends below
+            fly_state = _where(is_unstable, previous, fly_state)
+        self.fly_state = fly_state
+        state = self._task_state(previous)
+        reward = np.zeros(self.num_envs)
+        for term in self.task.reward:
+            reward += term.weight * term.compute(state)
+        reward[is_unstable] = 0.0
+        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype("<U16")
+        is_success = np.zeros(self.num_envs, dtype=bool)
+        terminated = is_unstable.copy()
+        for termination in self.task.terminations:
+            ends = termination.holds(state) & ~terminated
+            outcome[ends] = termination.outcome
+            is_success[ends] = termination.is_success
+            terminated |= ends
+        truncated = np.zeros(self.num_envs, dtype=bool)
+        if self._max_decisions is not None:
+            truncated = ~terminated & (self._decisions >= self._max_decisions)
+            outcome[truncated] = TIMEOUT
+        return Transition(
+            self._observe(state), reward, terminated, truncated, outcome, is_success
+        )
+
+    def observe(self) -> Observation:
+        """Observation of all simulations as they are now."""
+        return self._observe(self._task_state(self.fly_state))
+
+    def task_state(self) -> TaskState:
+        """What the task's terms see now."""
+        return self._task_state(self.fly_state)
+
+    def _task_state(self, previous: FlyState) -> TaskState:
+        goal = self._goal
+        if goal is None:
+            raise RuntimeError("the environment must be reset first")
+        if self._max_decisions is None:
+            remaining_s = np.full(self.num_envs, np.inf)
+        else:
+            remaining = self._max_decisions - self._decisions
+            remaining_s = remaining * self.config.decision_interval_s
+        return TaskState(self.fly_state, previous, goal, remaining_s, self._bounds)
+
+    def _observe(self, state: TaskState) -> Observation:
+        terms = {
+            term.name: np.clip(term.compute(state), term.low, term.high).astype(np.float32)
+            for term in self.task.observation
+        }
+        if not self.task.is_flat:
+            return terms
+        return np.concatenate(
+            [values.reshape(self.num_envs, -1) for values in terms.values()], axis=1
+        )
+
+
+def _where(mask: NDArray[np.bool_], chosen: FlyState, other: FlyState) -> FlyState:
+    """Mix two snapshots, simulation by simulation; the flag `is_unstable` is the other's."""
+    mixed = {
+        item.name: np.where(
+            mask.reshape((-1,) + (1,) * (getattr(other, item.name).ndim - 1)),
+            getattr(chosen, item.name),
+            getattr(other, item.name),
+        )
+        for item in dataclasses.fields(other)
+        if item.name != "is_unstable"
+    }
+    return dataclasses.replace(other, **mixed)

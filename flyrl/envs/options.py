@@ -1,0 +1,52 @@
+"""Options of `reset`: what a user fixes of an episode."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from flyrl.tasks import Episode
+
+_FIELDS = {
+    "init_phases": ("init_phases", 6),
+    "init_magnitudes": ("init_magnitudes", 6),
+    "spawn_position": ("spawn_position_w", 3),
+    "goal": ("goal", None),
+}
+
+
+def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Episode:
+    """Replace parts of a drawn episode.
+
+    Raises
+    ------
+    ValueError
+        If an option is unknown, has the wrong number of values, or is not finite.
+    """
+    if not options:
+        return episode
+    allowed = (*_FIELDS, "spawn_yaw", "episode")
+    unknown = [name for name in options if name not in allowed]
+    if unknown:
+        raise ValueError(f"reset options {unknown} are unknown; allowed are {list(allowed)}")
+    given = options.get("episode")
+    if given is not None:
+        if not isinstance(given, Episode):
+            raise ValueError(f"reset option 'episode' must be an Episode; got {given!r}")
+        episode = given
+    changes: dict[str, Any] = {}
+    for name, (attribute, size) in _FIELDS.items():
+        if options.get(name) is None:
+            continue
+        values = np.asarray(options[name], dtype=np.float64)
+        expected = len(episode.goal) if size is None else size
+        if values.shape != (expected,) or not np.isfinite(values).all():
+            raise ValueError(
+                f"reset option {name!r} must be {expected} finite numbers; got {options[name]!r}"
+            )
+        if name == "init_magnitudes" and (values < 0).any():
+            raise ValueError(f"reset option {name!r} must be >= 0; got {options[name]!r}")
+        changes[attribute] = tuple(float(value) for value in values)
+    if options.get("spawn_yaw") is not None:
+        changes["spawn_yaw"] = float(options["spawn_yaw"])
+    return dataclasses.replace(episode, **changes)

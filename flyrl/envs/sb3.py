@@ -1,0 +1,141 @@
+"""Many flies as a Stable-Baselines3 VecEnv, over the native batch."""
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.options import episode_with_options
+from flyrl.envs.spaces import action_space, observation_space
+
+
+class FlyVecEnv(VecEnv):
+    """`num_envs` flies on native threads, with SB3's conventions.
+
+    An episode that ends is reset at once; `infos` then carries "terminal_observation",
+    "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
+    would. "outcome" and "is_success" are there at every step.
+
+    Parameters
+    ----------
+    config
+        What to simulate.
+    num_envs
+        Number of flies.
+    num_threads
+        Native threads; 0 takes one per CPU.
+    seed
+        Fly i starts with the seed `seed + i`; None draws from the operating system.
+    """
+
+    def __init__(
+        self,
+        config: EnvConfig,
+        num_envs: int,
+        num_threads: int = 0,
+        seed: int | None = None,
+    ) -> None:
+        self.config = config
+        self.core = BatchedEnv(config, num_envs, num_threads)
+        self.render_mode = None
+        super().__init__(
+            num_envs, observation_space(self.core.task), action_space(self.core.task)
+        )
+        self._actions = np.zeros((num_envs, 2), dtype=np.float32)
+        self._returns = np.zeros(num_envs)
+        self._lengths = np.zeros(num_envs, dtype=np.int64)
+        self._start = time.time()
+        self.seed(seed)
+
+    def reset(self) -> VecEnvObs:
+        """Start an episode in every environment."""
+        episodes = [
+            episode_with_options(self.core.draw_episode(i, self._seeds[i]), self._options[i])
+            for i in range(self.num_envs)
+        ]
+        observation = self.core.reset(episodes=episodes)
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        self._returns[:] = 0.0
+        self._lengths[:] = 0
+        return observation
+
+    def step_async(self, actions: NDArray[np.float32]) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Hold the actions for a decision interval; reset what is done."""
+        transition = self.core.step(self._actions)
+        observation = transition.observation
+        self._returns += transition.reward
+        self._lengths += 1
+        infos: list[dict[str, Any]] = [
+            {"outcome": str(outcome), "is_success": bool(is_success)}
+            for outcome, is_success in zip(
+                transition.outcome, transition.is_success, strict=True
+            )
+        ]
+        ended = np.flatnonzero(transition.done)
+        for i in ended:
+            terminal = (
+                {name: values[i] for name, values in observation.items()}
+                if isinstance(observation, dict)
+                else observation[i]
+            )
+            infos[i]["terminal_observation"] = terminal
+            infos[i]["TimeLimit.truncated"] = bool(transition.truncated[i])
+            infos[i]["episode"] = {
+                "r": float(self._returns[i]),
+                "l": int(self._lengths[i]),
+                "t": round(time.time() - self._start, 6),
+            }
+        if len(ended):
+            self._returns[ended] = 0.0
+            self._lengths[ended] = 0
+            observation = self.core.reset(ids=ended)
+        return observation, transition.reward.astype(np.float32), transition.done, infos
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """Attribute of the batch, once per environment."""
+        value = getattr(self, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the whole batch; single environments have none of their own."""
+        if indices is not None:
+            raise ValueError("a fly of the batch has no attributes of its own; indices must be None")
+        setattr(self, attr_name, value)
+
+    def env_method(
+        self,
+        method_name: str,
+        *method_args: Any,
+        indices: VecEnvIndices = None,
+        **method_kwargs: Any,
+    ) -> list[Any]:
+        """Raise: the flies are rows of a batch, not environment objects."""
+        raise NotImplementedError(f"a fly of the batch has no method {method_name!r} of its own")
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """No environment is wrapped; but episodes are monitored here, as SB3's Monitor does."""
+        from stable_baselines3.common.monitor import Monitor  # noqa: PLC0415
+
+        is_monitored = issubclass(Monitor, wrapper_class)
+        return [is_monitored for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """No pictures of a batch."""
+        return [None] * self.num_envs

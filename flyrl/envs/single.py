@@ -1,0 +1,90 @@
+"""One fly as a Gymnasium environment."""
+
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from numpy.typing import NDArray
+
+from flyrl.envs.core import BatchedEnv, EnvConfig, Observation
+from flyrl.envs.options import episode_with_options
+from flyrl.envs.spaces import action_space, observation_space
+from flyrl.simulation.rendering import FlyRenderer
+
+
+class FlyEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+    """One fly; the arguments are those of `EnvConfig`.
+
+    `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
+    anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad) and "goal" (the target's
+    x and y in mm), which replace what the seed draws, or "episode", which replaces all of it.
+    `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
+    "is_success" and "time_s".
+
+    Parameters
+    ----------
+    render_mode
+        None or "rgb_array".
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+
+    def __init__(self, render_mode: str | None = None, **config: Any) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode is {render_mode!r}; it must be None or 'rgb_array'")
+        self.render_mode = render_mode
+        self.config = EnvConfig(**config)
+        self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
+        self.action_space = action_space(self.core.task)
+        self.observation_space = observation_space(self.core.task)
+        self._renderer: FlyRenderer | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode: number `seed` if given, else the next of this environment's own."""
+        # the core draws from its own generator; this one is for users and wrappers
+        if seed is not None:
+            self._np_random, self._np_random_seed = seeding.np_random(seed)
+        episode = self.core.draw_episode(0, seed)
+        observation = self.core.reset(episodes=[episode_with_options(episode, options)])
+        return _first(observation), {"outcome": "running", "is_success": False, "time_s": 0.0}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Hold a drive for one decision interval."""
+        transition = self.core.step(np.asarray(action)[None])
+        return (
+            _first(transition.observation),
+            float(transition.reward[0]),
+            bool(transition.terminated[0]),
+            bool(transition.truncated[0]),
+            {
+                "outcome": str(transition.outcome[0]),
+                "is_success": bool(transition.is_success[0]),
+                "time_s": float(self.core.fly_state.time[0]),
+            },
+        )
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Picture of the fly, (480, 640, 3), or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = FlyRenderer(self.core.scene.config)
+        episode = self.core.episodes[0]
+        return self._renderer.render(self.core.flies, 0, goal=episode.goal if episode else ())
+
+    def close(self) -> None:
+        """Free the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+
+def _first(observation: Observation) -> Any:
+    if isinstance(observation, dict):
+        return {name: values[0] for name, values in observation.items()}
+    return observation[0]

@@ -1,0 +1,158 @@
+"""Many flies of one scene, stepped on MuJoCo's native threads."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from flyrl.bodies.fly import stretch_pose
+from flyrl.controllers.leg_controller import STATE
+from flyrl.simulation.callback import STATE_SIZE, install
+from flyrl.simulation.scene import TARGET_MARKER, Scene
+from flyrl.simulation.state import FlyState, rotation_matrices
+
+Ids = NDArray[np.intp]
+
+
+class FlyBatch:
+    """`num_sims` flies of one scene, each a row of MuJoCo's integration state.
+
+    The result does not depend on the number of threads or of other simulations, to the bit.
+
+    Parameters
+    ----------
+    scene
+        Body, terrain and controller, compiled.
+    num_sims
+        Number of simulations.
+    num_threads
+        Native threads that share them; 0 takes one per CPU.
+
+    Attributes
+    ----------
+    controllers
+        Live view of the leg controllers' records (dtype leg_controller.STATE), (num_sims,). A
+        write is the controller's state at the next step.
+    """
+
+    def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
+        if num_sims < 1:
+            raise ValueError(f"num_sims is {num_sims}; it must be >= 1")
+        if num_threads < 0:
+            raise ValueError(f"num_threads is {num_threads}; it must be >= 0 (0: one per CPU)")
+        install()
+        self.scene = scene
+        self.num_sims = num_sims
+        self._batch = Batch(scene.model, num_sims, num_threads)
+        self._qpos = self._batch.bind("qpos")
+        self._qvel = self._batch.bind("qvel")
+        self._time = self._batch.bind("time")
+        self._userdata = self._batch.bind("userdata")
+        self._xpos = self._batch.bind("xpos")
+        self._actuator_force = self._batch.bind("actuator_force")
+        self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
+        self._stretch_pose = stretch_pose()
+        self._is_unstable = np.zeros(num_sims, dtype=bool)
+
+    @property
+    def num_threads(self) -> int:
+        """Number of native threads in use."""
+        return self._batch.nthread
+
+    def reset(
+        self,
+        ids: Ids,
+        positions_w: NDArray[np.float64],
+        yaws: NDArray[np.float64],
+        controllers: Sequence[np.void],
+    ) -> None:
+        """Put flies at rest in the stretch pose; the others are not touched.
+
+        Parameters
+        ----------
+        ids
+            Simulations to reset, sorted, (k,).
+        positions_w
+            Thorax, mm, (k, 3).
+        yaws
+            Heading from +x, rad, (k,).
+        controllers
+            k leg controller states, from `leg_controller.initial_state`.
+        """
+        if len(ids) == 0:
+            return
+        self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._qpos[ids, :3] = positions_w
+        self._qpos[ids, 3] = np.cos(yaws / 2)
+        self._qpos[ids, 4:6] = 0.0
+        self._qpos[ids, 6] = np.sin(yaws / 2)
+        self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._stretch_pose
+        self.controllers[ids] = np.stack(controllers)
+        self._is_unstable[ids] = False
+        self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+
+    def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:
+        """Advance by physics steps, holding the drives.
+
+        A simulation that diverges is marked unstable and keeps a finite state; the others go on.
+        """
+        before = self._batch.warning[:, :, 1].sum(axis=1)
+        try:
+            self._batch.step(ids, num_steps, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        except SimulationError as error:
+            self._is_unstable[error.ids] = True
+        self._is_unstable |= self._batch.warning[:, :, 1].sum(axis=1) > before
+
+    def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
+        """Set the descending drive (left, right), (n, 2), from the next physics step on."""
+        self.controllers["drive"][ids] = drive
+
+    def state(self) -> FlyState:
+        """Copy what the simulations look like now."""
+        scene, controllers = self.scene, self.controllers
+        rotation_w = rotation_matrices(self._qpos[:, 3:7])
+        return FlyState(
+            time=self._time.copy(),
+            position_w=self._qpos[:, :3].copy(),
+            velocity_w=self._qvel[:, :3].copy(),
+            rotation_w=rotation_w,
+            angular_velocity_w=(rotation_w @ self._qvel[:, 3:6, None])[:, :, 0],
+            joint_angles=self._qpos[:, scene.joint_qpos],
+            joint_velocities=self._qvel[:, scene.joint_dofs],
+            actuator_torques=self._actuator_force[:, :42].copy(),
+            contact_forces_w=controllers["contact_forces_w"].copy(),
+            end_effectors_w=self._xpos[:, scene.end_effector_bodies],
+            drive=controllers["drive"].copy(),
+            phases=controllers["phases"].copy(),
+            magnitudes=controllers["magnitudes"].copy(),
+            retraction=controllers["retraction"].copy(),
+            stumbling=controllers["stumbling"].copy(),
+            adhesion=controllers["adhesion"].copy(),
+            is_unstable=self._is_unstable.copy(),
+        )
+
+    def integration_state(self) -> NDArray[np.float64]:
+        """Everything that determines the future of each simulation, one row each (a copy)."""
+        return np.array(self._batch.state)
+
+    def restore(self, rows: NDArray[np.float64]) -> None:
+        """Put back what `integration_state` returned."""
+        self._batch.state[:] = rows
+        self._is_unstable[:] = False
+        self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
+
+    def copy_into(self, sim: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Pose a model of the same body as simulation `sim`, for rendering.
+
+        The model may have more in it than the batch's (meshes, a target marker) as long as the
+        joints are the same.
+        """
+        data.qpos[:] = self._qpos[sim]
+        data.qvel[:] = self._qvel[sim]
+        data.time = self._time[sim]
+        mujoco.mj_kinematics(model, data)
+
+
+__all__ = ["TARGET_MARKER", "FlyBatch"]

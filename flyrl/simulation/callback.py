@@ -1,0 +1,288 @@
+"""The native control callback: MuJoCo calls it at every physics step, without Python.
+
+A model that flyrl built carries everything the callback needs: `ENGINE`, the controller's
+parameters and its step splines in the model's first custom numeric; the controller's state in
+`mjData.userdata`, which is part of MuJoCo's integration state. So saving, restoring and
+replaying a simulation includes its controller, exactly. Models without that mark are left
+alone (the callback is global to the process).
+
+Two callbacks share the work. At the control stage the leg controller advances, once per
+simulated time, from the contact forces of the previous step and the kinematics of this one, and
+writes the servo targets and adhesion. At the acceleration stage of the sensors the contact
+forces of this step are summed per segment and kept for the next.
+"""
+
+import ctypes
+import functools
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+from numba import carray, types
+from numba.extending import intrinsic
+
+from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
+from flyrl.simulation.layout import layout
+
+MAGIC = 20_261_121.0
+"""Marks a model as flyrl's; a number that no other model's first numeric begins with."""
+
+NUM_LEGS = 6
+NUM_SENSED_SEGMENTS = 6
+NUM_SERVOS = 42
+
+ENGINE = np.dtype(
+    [
+        ("magic", "f8"),
+        ("is_elliptic", "f8"),
+        ("thorax_body", "f8"),
+        ("num_intervals", "f8"),
+        ("tibia_bodies", "f8", (NUM_LEGS,)),
+        ("end_effector_bodies", "f8", (NUM_LEGS,)),
+    ],
+    align=True,
+)
+"""Where the callback finds the body in the model; every field a float64."""
+
+SCRATCH = np.dtype([("end_effector_z", "f8", (NUM_LEGS,)), ("heading", "f8", (3,))], align=True)
+
+ENGINE_SIZE = ENGINE.itemsize // 8
+PARAMETERS_SIZE = PARAMETERS.itemsize // 8
+STATE_SIZE = STATE.itemsize // 8
+USERDATA_SIZE = STATE_SIZE + SCRATCH.itemsize // 8
+
+
+def pack_model_data(engine: np.void, parameters: np.void, coefficients: np.ndarray) -> np.ndarray:
+    """Concatenate what a model carries for the callback into one float64 array."""
+    return np.concatenate(
+        [
+            np.frombuffer(engine.tobytes()),
+            np.frombuffer(parameters.tobytes()),
+            np.ascontiguousarray(coefficients, dtype=np.float64).ravel(),
+        ]
+    )
+
+
+def _pointer_cast(element: types.Type) -> Any:
+    """Make a Numba intrinsic that reads an integer address as a pointer to `element`."""
+
+    @intrinsic
+    def cast(_typing_context, _address):  # type: ignore[no-untyped-def]
+        signature = types.CPointer(element)(types.int64)
+
+        def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return signature, codegen
+
+    return cast
+
+
+_as_int64 = _pointer_cast(types.int64)
+_as_int32 = _pointer_cast(types.int32)
+_as_float64 = _pointer_cast(types.float64)
+_as_engine = _pointer_cast(numba.from_dtype(ENGINE))
+_as_parameters = _pointer_cast(numba.from_dtype(PARAMETERS))
+_as_state = _pointer_cast(numba.from_dtype(STATE))
+_as_scratch = _pointer_cast(numba.from_dtype(SCRATCH))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _int64(address):  # type: ignore[no-untyped-def]
+    return carray(_as_int64(address), (1,))[0]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _int32(address):  # type: ignore[no-untyped-def]
+    return carray(_as_int32(address), (1,))[0]
+
+
+@functools.cache
+def _callbacks() -> tuple[Any, Any]:
+    """Compile both callbacks for this MuJoCo's layout.
+
+    The offsets are captured variables, so that Numba's cache on disk keys on their values.
+    """
+    found = layout()
+    model_userdata_size = found.model["nuserdata"]
+    model_numeric_size = found.model["nnumericdata"]
+    model_numeric = found.model["numeric_data"]
+    model_geom_body = found.model["geom_bodyid"]
+    data_time = found.data["time"]
+    data_num_contacts = found.data["ncon"]
+    data_ctrl = found.data["ctrl"]
+    data_userdata = found.data["userdata"]
+    data_positions = found.data["xpos"]
+    data_rotations = found.data["xmat"]
+    data_contacts = found.data["contact"]
+    data_constraint_force = found.data["efc_force"]
+    contact_size = found.contact_size
+    contact_frame = found.contact["frame"]
+    contact_friction = found.contact["friction"]
+    contact_dim = found.contact["dim"]
+    contact_geom1 = found.contact["geom1"]
+    contact_geom2 = found.contact["geom2"]
+    contact_row = found.contact["efc_address"]
+    sensor_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
+    engine_bytes = ENGINE.itemsize
+    header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
+    state_bytes = STATE.itemsize
+    userdata_size = USERDATA_SIZE
+    min_numeric_size = ENGINE_SIZE + PARAMETERS_SIZE
+
+    @numba.njit(cache=True, error_model="numpy")
+    def engine_address(model):  # type: ignore[no-untyped-def]
+        """Address of the model's ENGINE record, or 0 where the model is not flyrl's."""
+        if (
+            _int64(model + model_userdata_size) != userdata_size
+            or _int64(model + model_numeric_size) < min_numeric_size
+        ):
+            return 0
+        address = _int64(model + model_numeric)
+        if carray(_as_float64(address), (1,))[0] != MAGIC:
+            return 0
+        return address
+
+    @numba.cfunc(types.void(types.intp, types.intp), cache=True, error_model="numpy")
+    def control(model, data):  # type: ignore[no-untyped-def]
+        address = engine_address(model)
+        if address == 0:
+            return
+        engine = carray(_as_engine(address), (1,))[0]
+        parameters = carray(_as_parameters(address + engine_bytes), (1,))[0]
+        userdata = _int64(data + data_userdata)
+        state = carray(_as_state(userdata), (1,))[0]
+        time = carray(_as_float64(data + data_time), (1,))[0]
+        # mj_forward at the same time must not advance the controller a second time
+        if time != state.last_time:
+            state.last_time = time
+            scratch = carray(_as_scratch(userdata + state_bytes), (1,))[0]
+            thorax = int(engine.thorax_body)
+            positions = _int64(data + data_positions)
+            rotation = carray(
+                _as_float64(_int64(data + data_rotations) + 72 * thorax), (3, 3)
+            )
+            for axis in range(3):
+                scratch.heading[axis] = rotation[axis, 0]
+            for leg in range(NUM_LEGS):
+                body = int(engine.end_effector_bodies[leg])
+                scratch.end_effector_z[leg] = carray(_as_float64(positions + 24 * body), (3,))[2]
+            thorax_z = carray(_as_float64(positions + 24 * thorax), (3,))[2]
+            coefficients = carray(
+                _as_float64(address + header_bytes), (NUM_LEGS, int(engine.num_intervals), 7, 4)
+            )
+            control_step(
+                parameters, coefficients, state, thorax_z, scratch.end_effector_z, scratch.heading
+            )
+        ctrl = carray(_as_float64(_int64(data + data_ctrl)), (NUM_SERVOS + NUM_LEGS,))
+        for servo in range(NUM_SERVOS):
+            ctrl[servo] = state.targets[servo]
+        for leg in range(NUM_LEGS):
+            ctrl[NUM_SERVOS + leg] = state.adhesion[leg]
+
+    @numba.njit(cache=True, error_model="numpy")
+    def segment_of(engine, body):  # type: ignore[no-untyped-def]
+        """Index of a body among the 36 contact segments, or -1."""
+        for leg in range(NUM_LEGS):
+            segment = body - int(engine.tibia_bodies[leg])
+            if 0 <= segment < NUM_SENSED_SEGMENTS:
+                return leg * NUM_SENSED_SEGMENTS + segment
+        return -1
+
+    @numba.cfunc(types.void(types.intp, types.intp, types.int32), cache=True, error_model="numpy")
+    def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
+        if stage != sensor_stage:
+            return
+        address = engine_address(model)
+        if address == 0:
+            return
+        engine = carray(_as_engine(address), (1,))[0]
+        state = carray(_as_state(_int64(data + data_userdata)), (1,))[0]
+        forces_w = state.contact_forces_w
+        forces_w[:, :] = 0.0
+        geom_bodies = _int64(model + model_geom_body)
+        contacts = _int64(data + data_contacts)
+        constraint_forces = _int64(data + data_constraint_force)
+        for i in range(_int32(data + data_num_contacts)):
+            contact = contacts + i * contact_size
+            row = _int32(contact + contact_row)
+            if row < 0:
+                continue
+            segment1 = segment_of(
+                engine, _int32(geom_bodies + 4 * _int32(contact + contact_geom1))
+            )
+            segment2 = segment_of(
+                engine, _int32(geom_bodies + 4 * _int32(contact + contact_geom2))
+            )
+            if segment1 < 0 and segment2 < 0:
+                continue
+            dim = _int32(contact + contact_dim)
+            rows = carray(_as_float64(constraint_forces + 8 * row), (10,))
+            normal, tangent1, tangent2 = rows[0], 0.0, 0.0
+            if dim > 1:
+                if engine.is_elliptic != 0.0:
+                    tangent1, tangent2 = rows[1], rows[2]
+                else:
+                    friction = carray(_as_float64(contact + contact_friction), (2,))
+                    normal = 0.0
+                    for edge in range(2 * (dim - 1)):
+                        normal += rows[edge]
+                    tangent1 = (rows[0] - rows[1]) * friction[0]
+                    tangent2 = (rows[2] - rows[3]) * friction[1]
+            # the frame's rows are normal and tangents; the force acts on the second geom
+            frame = carray(_as_float64(contact + contact_frame), (3, 3))
+            for axis in range(3):
+                force = (
+                    normal * frame[0, axis] + tangent1 * frame[1, axis] + tangent2 * frame[2, axis]
+                )
+                if segment1 >= 0:
+                    forces_w[segment1, axis] -= force
+                if segment2 >= 0:
+                    forces_w[segment2, axis] += force
+
+    return control, sense_contacts
+
+
+_CONTROL_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_SENSOR_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
+
+
+@functools.cache
+def _c_functions() -> tuple[Any, Any]:
+    control, sense_contacts = _callbacks()
+    return _CONTROL_TYPE(control.address), _SENSOR_TYPE(sense_contacts.address)
+
+
+def install() -> None:
+    """Install the callbacks into this process; a second call changes nothing.
+
+    Raises
+    ------
+    RuntimeError
+        If somebody else's control or sensor callback is installed.
+    """
+    control, sensor = _c_functions()
+    for name, ours, get, put in (
+        ("mjcb_control", control, mujoco.get_mjcb_control, mujoco.set_mjcb_control),
+        ("mjcb_sensor", sensor, mujoco.get_mjcb_sensor, mujoco.set_mjcb_sensor),
+    ):
+        present = get()
+        if present is None:
+            put(ours)
+        elif not _same_function(present, ours):
+            raise RuntimeError(
+                f"MuJoCo's {name} is already taken by {present!r}; flyrl's controllers run there. "
+                f"Remove it with mujoco.set_{name}(None) before simulating a fly"
+            )
+
+
+def _same_function(present: Any, ours: Any) -> bool:
+    if present is ours:
+        return True
+    try:
+        return ctypes.cast(present, ctypes.c_void_p).value == ctypes.cast(
+            ours, ctypes.c_void_p
+        ).value
+    except (ctypes.ArgumentError, TypeError):
+        return False

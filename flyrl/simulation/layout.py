@@ -1,0 +1,169 @@
+"""Byte offsets of fields inside MuJoCo's C structs, checked against a live simulation.
+
+MuJoCo describes its structs in `mujoco.introspect`; the native callback needs the offsets of
+a few fields in `mjModel`, `mjData` and `mjContact`. This is the only module that knows them.
+"""
+
+import ctypes
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+
+_C_TYPES: dict[str, Any] = {
+    "int": ctypes.c_int,
+    "float": ctypes.c_float,
+    "mjtNum": np.ctypeslib.as_ctypes_type(mujoco.MJTNUM_DTYPE),
+    "mjtByte": ctypes.c_uint8,
+    "mjtBool": ctypes.c_bool,
+    "mjtSize": ctypes.c_int64,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_void_p,
+}
+
+MODEL_FIELDS = ("nbody", "nuserdata", "nnumericdata", "numeric_data", "geom_bodyid", "opt")
+DATA_FIELDS = ("time", "ncon", "nefc", "ctrl", "userdata", "xpos", "xmat", "contact", "efc_force")
+CONTACT_FIELDS = ("frame", "mu", "friction", "dim", "geom1", "geom2", "exclude", "efc_address")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Offsets in bytes, and the size of one contact."""
+
+    model: dict[str, int]
+    data: dict[str, int]
+    contact: dict[str, int]
+    contact_size: int
+
+
+def _c_type(node: Any) -> Any:
+    from mujoco.introspect import ast_nodes  # noqa: PLC0415  (0.2 s: only once, when installing)
+
+    if isinstance(node, ast_nodes.PointerType):
+        return ctypes.c_void_p
+    if isinstance(node, ast_nodes.ArrayType):
+        c_type = _c_type(node.inner_type)
+        for extent in reversed(node.extents):
+            c_type = c_type * extent
+        return c_type
+    if isinstance(node, ast_nodes.ValueType):
+        return _C_TYPES[node.name] if node.name in _C_TYPES else _c_struct(node.name)
+    return _structure("anonymous", node.fields)
+
+
+def _structure(name: str, fields: Any) -> type[ctypes.Structure]:
+    c_fields = [(field.name, _c_type(field.type)) for field in fields]
+    return type(name, (ctypes.Structure,), {"_fields_": c_fields})
+
+
+@functools.cache
+def _c_struct(name: str) -> type[ctypes.Structure]:
+    from mujoco.introspect import structs  # noqa: PLC0415
+
+    if name not in structs.STRUCTS:
+        raise RuntimeError(f"MuJoCo {mujoco.__version__} has no struct {name!r} to lay out")
+    return _structure(name, structs.STRUCTS[name].fields)
+
+
+def _offsets(name: str, fields: tuple[str, ...]) -> dict[str, int]:
+    struct = _c_struct(name)
+    return {field: getattr(struct, field).offset for field in fields}
+
+
+@functools.cache
+def layout() -> Layout:
+    """Offsets of this MuJoCo, after they were checked against a live simulation.
+
+    Raises
+    ------
+    RuntimeError
+        If the installed MuJoCo does not lay its structs out as it describes them.
+    """
+    found = Layout(
+        model=_offsets("mjModel", MODEL_FIELDS),
+        data=_offsets("mjData", DATA_FIELDS),
+        contact=_offsets("mjContact", CONTACT_FIELDS),
+        contact_size=ctypes.sizeof(_c_struct("mjContact")),
+    )
+    _check(found)
+    return found
+
+
+_PROBE = """
+<mujoco>
+  <size nuserdata="3"/>
+  <custom><numeric name="probe" data="5 6 7 8"/></custom>
+  <option cone="elliptic"/>
+  <worldbody>
+    <geom type="plane" size="1 1 1"/>
+    <body pos="0.2 0 0.09"><freejoint/><geom name="ball" size="0.1"/></body>
+    <body pos="-0.2 0 0.09"><joint name="slide" type="slide"/><geom size="0.1"/></body>
+  </worldbody>
+  <actuator><motor joint="slide"/></actuator>
+</mujoco>
+"""
+
+
+def _check(found: Layout) -> None:
+    """Compare each offset with what MuJoCo's bindings say of a simulation with two contacts."""
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    data.time = 0.25
+    mujoco.mj_forward(model, data)
+    contact = data.contact[1]
+
+    def read(address: int, c_type: Any) -> Any:
+        return c_type.from_address(address).value
+
+    def pointer(array: Any) -> int:
+        return int(np.asarray(array).ctypes.data)
+
+    model_at = {field: model._address + offset for field, offset in found.model.items()}
+    data_at = {field: data._address + offset for field, offset in found.data.items()}
+    contacts = read(data_at["contact"], ctypes.c_void_p)
+    contact_at = {
+        field: contacts + found.contact_size + offset for field, offset in found.contact.items()
+    }
+    expected: list[tuple[str, Any, Any]] = [
+        ("mjModel.opt", read(model_at["opt"], ctypes.c_double), model.opt.timestep)
+    ]
+    for field in ("nbody", "nuserdata", "nnumericdata"):
+        expected.append(
+            (f"mjModel.{field}", read(model_at[field], ctypes.c_int64), getattr(model, field))
+        )
+    for field in ("numeric_data", "geom_bodyid"):
+        expected.append(
+            (
+                f"mjModel.{field}",
+                read(model_at[field], ctypes.c_void_p),
+                pointer(getattr(model, field)),
+            )
+        )
+    expected.append(("mjData.time", read(data_at["time"], ctypes.c_double), data.time))
+    for field in ("ncon", "nefc"):
+        expected.append(
+            (f"mjData.{field}", read(data_at[field], ctypes.c_int), getattr(data, field))
+        )
+    for field in ("ctrl", "userdata", "xpos", "xmat", "efc_force"):
+        expected.append(
+            (f"mjData.{field}", read(data_at[field], ctypes.c_void_p), pointer(getattr(data, field)))
+        )
+    for field in ("dim", "geom1", "geom2", "exclude", "efc_address"):
+        expected.append(
+            (f"mjContact.{field}", read(contact_at[field], ctypes.c_int), getattr(contact, field))
+        )
+    for field, value in (
+        ("frame", contact.frame[0]),
+        ("mu", contact.mu),
+        ("friction", contact.friction[0]),
+    ):
+        expected.append((f"mjContact.{field}", read(contact_at[field], ctypes.c_double), value))
+    for name, offset_says, bindings_say in expected:
+        if offset_says != bindings_say:
+            raise RuntimeError(
+                f"MuJoCo {mujoco.__version__} does not lay out {name} as it describes it: "
+                f"found {offset_says!r}, expected {bindings_say!r}"
+            )

@@ -1,0 +1,133 @@
+"""A scene: one body on one terrain, driven by one leg controller, as a compiled model."""
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
+from flyrl.bodies.fly import FlyConfig, build_fly
+from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
+from flyrl.simulation.callback import ENGINE, MAGIC, USERDATA_SIZE, pack_model_data
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
+from flyrl.terrains import TerrainConfig, add_terrain
+
+STEPS_OF_BODY = {"current": "untethered", "classic": "tethered"}
+"""The recorded step that was made for the order of a body's coxa joints."""
+
+TARGET_MARKER = "target"
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """What a scene is made of.
+
+    Raises
+    ------
+    ValueError
+        If the controller's recorded step does not go with the body's joint order.
+    """
+
+    body: FlyConfig = field(default_factory=FlyConfig)
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    controller: ControllerConfig = field(default_factory=ControllerConfig)
+    physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
+
+    def __post_init__(self) -> None:
+        expected = STEPS_OF_BODY[self.body.name]
+        if self.controller.steps != expected:
+            raise ValueError(
+                f"controller.steps is {self.controller.steps!r}, recorded for another order of "
+                f"coxa joints than body.name {self.body.name!r} has; that body takes {expected!r}"
+            )
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A compiled scene and where its parts lie in MuJoCo's arrays.
+
+    Attributes
+    ----------
+    model
+        Compiled model; its first custom numeric carries the controller (see `callback`).
+    joint_qpos, joint_dofs
+        Addresses of the 42 actuated joints in qpos and qvel, (42,), ordered as anatomy.JOINTS.
+    thorax_body, end_effector_bodies
+        Body ids; the latter (6,), ordered as anatomy.LEGS.
+    """
+
+    config: SceneConfig
+    model: mujoco.MjModel
+    joint_qpos: np.ndarray
+    joint_dofs: np.ndarray
+    thorax_body: int
+    end_effector_bodies: np.ndarray
+
+
+def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
+    """Compile a scene.
+
+    Parameters
+    ----------
+    config
+        Body, terrain, controller and physics.
+    visual
+        Whether to include what only a camera sees: the body's meshes, lights, the target's
+        marker (a mocap body). The physics is the same with and without.
+    """
+    spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
+    add_terrain(spec, config.terrain)
+    apply_physics(spec, config.physics)
+    spec.nuserdata = USERDATA_SIZE
+    # a user sensor makes MuJoCo call the sensor callback
+    spec.add_sensor(
+        name="contact_forces",
+        type=mujoco.mjtSensor.mjSENS_USER,
+        datatype=mujoco.mjtDataType.mjDATATYPE_REAL,
+        needstage=mujoco.mjtStage.mjSTAGE_ACC,
+        dim=1,
+    )
+    if visual:
+        _add_target_marker(spec)
+    # compiled twice: the controller's record needs the body ids that only a model has
+    engine = _engine_record(spec.compile())
+    parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
+    model_data = pack_model_data(engine, parameters, coefficients)
+    spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
+    model = spec.compile()
+    joints = [model.joint(name) for name in JOINTS]
+    return Scene(
+        config=config,
+        model=model,
+        joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
+        joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
+        thorax_body=model.body("Thorax").id,
+        end_effector_bodies=np.array([model.body(name).id for name in END_EFFECTORS]),
+    )
+
+
+def _engine_record(model: mujoco.MjModel) -> np.void:
+    engine = np.zeros((), ENGINE)
+    engine["magic"] = MAGIC
+    engine["is_elliptic"] = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    engine["thorax_body"] = model.body("Thorax").id
+    engine["end_effector_bodies"] = [model.body(name).id for name in END_EFFECTORS]
+    segments = np.array([model.body(name).id for name in CONTACT_SEGMENTS])
+    tibias = segments.reshape(len(LEGS), len(SENSED_SEGMENTS))[:, 0]
+    # the callback finds a segment by its distance from the leg's tibia
+    if not np.array_equal(segments.reshape(len(LEGS), -1), tibias[:, None] + np.arange(6)):
+        raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
+    engine["tibia_bodies"] = tibias
+    return engine
+
+
+def _add_target_marker(spec: mujoco.MjSpec) -> None:
+    marker = spec.worldbody.add_body(name=TARGET_MARKER, mocap=True, pos=[0.0, 0.0, -100.0])
+    marker.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=[1.0, 0.02, 0.0],
+        rgba=[0.85, 0.2, 0.2, 0.6],
+        contype=0,
+        conaffinity=0,
+        group=1,
+    )

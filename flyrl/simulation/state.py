@@ -1,0 +1,91 @@
+"""What a batch of flies looks like at one moment."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FlyState:
+    """A snapshot of n simulations; the first axis of every array is the simulation.
+
+    Attributes
+    ----------
+    time
+        s since the reset, (n,).
+    position_w, velocity_w
+        Thorax, mm and mm/s, (n, 3), world frame.
+    rotation_w
+        Thorax to world, (n, 3, 3); its first column is the heading.
+    angular_velocity_w
+        Thorax, rad/s, (n, 3), world frame.
+    joint_angles, joint_velocities, actuator_torques
+        rad, rad/s, µN·mm, (n, 42), ordered as anatomy.JOINTS.
+    contact_forces_w
+        Sum of the ground's forces on each sensed segment in the last physics step, µN,
+        (n, 36, 3), ordered as anatomy.CONTACT_SEGMENTS.
+    end_effectors_w
+        Tarsus5 of each leg, mm, (n, 6, 3).
+    drive
+        Descending drive (left, right), (n, 2).
+    phases, magnitudes
+        Of the legs' oscillators (or steps, for the rule-based controller), rad and 1, (n, 6).
+    retraction, stumbling
+        Correction amounts of the two reflexes, (n, 6).
+    adhesion
+        1 while a leg grips, else 0, (n, 6).
+    is_unstable
+        Whether the simulation blew up since its reset, (n,).
+    """
+
+    time: Array
+    position_w: Array
+    velocity_w: Array
+    rotation_w: Array
+    angular_velocity_w: Array
+    joint_angles: Array
+    joint_velocities: Array
+    actuator_torques: Array
+    contact_forces_w: Array
+    end_effectors_w: Array
+    drive: Array
+    phases: Array
+    magnitudes: Array
+    retraction: Array
+    stumbling: Array
+    adhesion: Array
+    is_unstable: NDArray[np.bool_]
+
+    @property
+    def heading_w(self) -> Array:
+        """Unit vectors along the thorax, tail to head, (n, 3)."""
+        return self.rotation_w[:, :, 0]
+
+    @property
+    def yaw(self) -> Array:
+        """Heading's angle from +x, counter-clockwise from above, rad in (-pi, pi], (n,)."""
+        return np.arctan2(self.rotation_w[:, 1, 0], self.rotation_w[:, 0, 0])
+
+    @property
+    def up_b(self) -> Array:
+        """The world's up direction in the thorax frame, (n, 3); (0, 0, 1) when level."""
+        return self.rotation_w[:, 2, :]
+
+
+def rotation_matrices(quaternions: Array) -> Array:
+    """Unit quaternions (n, 4), scalar first, as rotation matrices (n, 3, 3)."""
+    w, x, y, z = quaternions.T
+    matrices = np.empty((len(quaternions), 3, 3))
+    matrices[:, 0, 0] = 1 - 2 * (y * y + z * z)
+    matrices[:, 0, 1] = 2 * (x * y - w * z)
+    matrices[:, 0, 2] = 2 * (x * z + w * y)
+    matrices[:, 1, 0] = 2 * (x * y + w * z)
+    matrices[:, 1, 1] = 1 - 2 * (x * x + z * z)
+    matrices[:, 1, 2] = 2 * (y * z - w * x)
+    matrices[:, 2, 0] = 2 * (x * z - w * y)
+    matrices[:, 2, 1] = 2 * (y * z + w * x)
+    matrices[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    return matrices

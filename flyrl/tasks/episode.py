@@ -1,0 +1,57 @@
+"""One episode, in full: everything about it that was drawn at random."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, base_height
+
+SPAWN_RANGE = 2.0
+"""mm; x and y of the spawn are uniform in [-SPAWN_RANGE, SPAWN_RANGE]."""
+
+Six = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What a simulation starts from; the same episode gives the same bits.
+
+    Attributes
+    ----------
+    seed
+        Where the rest was drawn from; also seeds the rule-based controller's choices.
+    spawn_position_w
+        Thorax, mm (x, y, z).
+    spawn_yaw
+        Heading from +x, rad.
+    goal
+        What the task asks for: the target's x and y in mm, or nothing.
+    init_phases, init_magnitudes
+        Of the six oscillators, rad and 1, ordered as anatomy.LEGS.
+    """
+
+    seed: int
+    spawn_position_w: tuple[float, float, float]
+    spawn_yaw: float
+    goal: tuple[float, ...]
+    init_phases: Six
+    init_magnitudes: Six
+
+
+def draw_spawn(terrain: TerrainConfig, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Draw a spawn position on a terrain, mm."""
+    x, y = rng.uniform(-SPAWN_RANGE, SPAWN_RANGE, size=2)
+    return float(x), float(y), base_height(terrain) + SPAWN_CLEARANCE
+
+
+def draw_oscillators(seed: int) -> tuple[Six, Six]:
+    """Draw initial phases U(0, 2π), then magnitudes U(0, 1), as `CPGNetwork` does for a seed."""
+    random_state = np.random.RandomState(seed)
+    phases = random_state.uniform(0.0, 2 * np.pi, size=6)
+    magnitudes = random_state.uniform(0.0, 1.0, size=6)
+    return _six(phases), _six(magnitudes)
+
+
+def _six(values: np.ndarray) -> Six:
+    a, b, c, d, e, f = (float(value) for value in values)
+    return a, b, c, d, e, f

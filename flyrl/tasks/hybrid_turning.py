@@ -1,0 +1,61 @@
+"""HybridTurning: the bare decision problem of the descending drive, as in the literature."""
+
+from typing import Final
+
+import numpy as np
+
+from flyrl.tasks import terms
+from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
+from flyrl.tasks.task import (
+    DRIVE_HIGH,
+    DRIVE_LOW,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    Termination,
+)
+from flyrl.terrains import TerrainConfig
+
+
+def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
+    """Draw a spawn and the CPG's start."""
+    spawn = draw_spawn(terrain, np.random.default_rng(seed))
+    phases, magnitudes = draw_oscillators(seed)
+    return Episode(seed, spawn, 0.0, (), phases, magnitudes)
+
+
+HYBRID_TURNING: Final = Task(
+    name="hybrid_turning",
+    observation=(
+        ObservationTerm(
+            "joints", (3, 42), -5000.0, 5000.0, terms.joints,
+            "angles (rad), velocities (rad/s) and actuator torques (µN·mm) of the leg joints",
+        ),
+        ObservationTerm(
+            "fly", (4, 3), -5000.0, 5000.0, terms.thorax,
+            "position (mm), velocity (mm/s), yaw-pitch-roll (rad) and their rates (rad/s)",
+        ),
+        ObservationTerm(
+            "contact_forces", (36, 3), -1e6, 1e6, terms.contact_forces,
+            "ground's force on each sensed leg segment (µN, world frame)",
+        ),
+        ObservationTerm(
+            "end_effectors", (6, 3), -1000.0, 1000.0, terms.end_effectors,
+            "position of each leg's Tarsus5 (mm, world frame)",
+        ),
+        ObservationTerm(
+            "fly_orientation", (3,), -1.0, 1.0, terms.heading, "unit heading (world frame)"
+        ),
+    ),
+    is_flat=False,
+    reward=(RewardTerm("forward", 1.0, terms.forward_progress, "mm along +x"),),
+    terminations=(
+        Termination("fall", terms.has_fallen),
+        Termination("left_arena", terms.has_left),
+    ),
+    time_limit_s=None,
+    decision_interval_s=None,
+    action_low=DRIVE_LOW,
+    action_high=DRIVE_HIGH,
+    sample_episode=sample_episode,
+)  # fmt: skip

@@ -1,0 +1,107 @@
+"""Target: steer to a point 5-15 mm away, in any direction, within 3 s."""
+
+from typing import Final
+
+import numpy as np
+
+from flyrl.tasks import terms
+from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
+from flyrl.tasks.task import (
+    DRIVE_HIGH,
+    DRIVE_LOW,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    Termination,
+)
+from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds
+
+TARGET_DISTANCE: Final = (5.0, 15.0)
+"""mm; nearest and farthest target."""
+
+BOUNDS_MARGIN: Final = 1.5
+"""mm; no target lies closer to the terrain's edge."""
+
+
+def _is_inside(x: float, y: float, bounds: Bounds) -> bool:
+    margin = BOUNDS_MARGIN
+    return (
+        bounds.x_min + margin <= x <= bounds.x_max - margin
+        and bounds.y_min + margin <= y <= bounds.y_max - margin
+    )
+
+
+def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
+    """Draw a spawn, a target on the terrain (uniform bearing and distance) and the CPG's start."""
+    rng = np.random.default_rng(seed)
+    spawn = draw_spawn(terrain, rng)
+    bounds = terrain_bounds(terrain)
+    while True:
+        distance, bearing = rng.uniform(*TARGET_DISTANCE), rng.uniform(-np.pi, np.pi)
+        x = spawn[0] + distance * np.cos(bearing)
+        y = spawn[1] + distance * np.sin(bearing)
+        if _is_inside(x, y, bounds):
+            break
+    phases, magnitudes = draw_oscillators(seed)
+    return Episode(seed, spawn, 0.0, (float(x), float(y)), phases, magnitudes)
+
+
+TARGET: Final = Task(
+    name="target",
+    observation=(
+        ObservationTerm(
+            "target_direction", (2,), -1.0, 1.0, terms.target_direction_b,
+            "cos and sin of the target's bearing from the heading, left positive",
+        ),
+        ObservationTerm(
+            "target_distance", (1,), 0.0, 4.0, terms.target_distance,
+            "horizontal distance to the target, in 15 mm",
+        ),
+        ObservationTerm(
+            "velocity", (2,), -5.0, 5.0, terms.velocity_b,
+            "forward and leftward velocity of the thorax, in 20 mm/s",
+        ),
+        ObservationTerm(
+            "heading_rate", (1,), -5.0, 5.0, terms.heading_rate, "yaw rate, in 10 rad/s"
+        ),
+        ObservationTerm(
+            "tilt", (2,), -1.0, 1.0, terms.tilt_b,
+            "x and y of the world's up direction in the thorax frame; 0 when level",
+        ),
+        ObservationTerm(
+            "drive", (2,), DRIVE_LOW, DRIVE_HIGH, terms.drive, "drive of the last decision"
+        ),
+        ObservationTerm(
+            "phases", (12,), -1.0, 1.0, terms.phase_vectors,
+            "cosines, then sines, of the six legs' CPG phases",
+        ),
+        ObservationTerm(
+            "magnitudes", (6,), 0.0, 2.0, terms.magnitudes, "the six legs' CPG magnitudes"
+        ),
+        ObservationTerm(
+            "contacts", (6,), 0.0, 1.0, terms.leg_contacts, "1 for each leg on the ground"
+        ),
+        ObservationTerm(
+            "reflexes", (12,), 0.0, 1.0, terms.reflexes,
+            "correction amounts, in 80: six of retraction, six of stumbling",
+        ),
+    ),
+    is_flat=True,
+    reward=(
+        RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
+        RewardTerm("success", 2.0, terms.reached, "the target is reached"),
+        RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
+        # a fall must not save the time that it cuts off
+        RewardTerm("lost_time", -0.5, terms.lost_time, "s left at a fall or outside the arena"),
+    ),
+    terminations=(
+        Termination("success", terms.is_at_target, is_success=True),
+        Termination("fall", terms.has_fallen),
+        Termination("left_arena", terms.has_left),
+    ),
+    time_limit_s=3.0,
+    decision_interval_s=0.02,
+    action_low=-1.0,
+    action_high=1.0,
+    sample_episode=sample_episode,
+)  # fmt: skip

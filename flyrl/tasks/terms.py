@@ -1,0 +1,186 @@
+"""Terms that tasks are made of: pure functions from a `TaskState` to arrays.
+
+The first axis of every result is the simulation. What ends in `_b` is in the fly's own frame:
+x forward along the heading's horizontal direction, y to the left.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.tasks.task import Array, Mask, TaskState
+
+FALL_TILT = np.deg2rad(75.0)
+"""rad; a thorax tilted further than this from level has fallen over."""
+
+ARENA_FLOOR = -5.0
+"""mm; below this a fly has dropped off the terrain."""
+
+REACH = 1.0
+"""mm; a target is reached when the thorax is within this horizontal distance."""
+
+CONTACT_THRESHOLD = 1.0
+"""µN; a leg touches the ground when the ground pushes it harder than this (as in stumbling)."""
+
+CORRECTION_CAP = 80.0
+"""Correction amount at which the reflexes are capped."""
+
+
+def _to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
+    """Rotate horizontal vectors (n, 2) from the world into the fly's yaw frame."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = vector_w[:, 0], vector_w[:, 1]
+    return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+
+
+def goal_distance(position_w: Array, goal: Array) -> Array:
+    """Horizontal distance from the thorax to the target, mm, (n,)."""
+    return np.hypot(*(goal - position_w[:, :2]).T)
+
+
+# --- observations --------------------------------------------------------------------------
+
+
+def target_direction_b(state: TaskState) -> Array:
+    """Unit vector to the target: (cos, sin) of its bearing, left positive, (n, 2)."""
+    offset_w = state.goal - state.fly.position_w[:, :2]
+    offset_b = _to_yaw_frame(offset_w, state.fly.yaw)
+    return offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9)
+
+
+def target_distance(state: TaskState) -> Array:
+    """Distance to the target in units of 15 mm, (n, 1)."""
+    return goal_distance(state.fly.position_w, state.goal)[:, None] / 15.0
+
+
+def velocity_b(state: TaskState) -> Array:
+    """Forward and leftward velocity in units of 20 mm/s, (n, 2)."""
+    return _to_yaw_frame(state.fly.velocity_w[:, :2], state.fly.yaw) / 20.0
+
+
+def heading_rate(state: TaskState) -> Array:
+    """Yaw rate in units of 10 rad/s, left positive, (n, 1)."""
+    return state.fly.angular_velocity_w[:, 2:] / 10.0
+
+
+def tilt_b(state: TaskState) -> Array:
+    """Horizontal components of the world's up direction in the thorax frame, (n, 2)."""
+    return state.fly.up_b[:, :2]
+
+
+def drive(state: TaskState) -> Array:
+    """Current drive (left, right), (n, 2)."""
+    return state.fly.drive
+
+
+def phase_vectors(state: TaskState) -> Array:
+    """Cosines, then sines, of the six legs' phases, (n, 12)."""
+    return np.concatenate([np.cos(state.fly.phases), np.sin(state.fly.phases)], axis=1)
+
+
+def magnitudes(state: TaskState) -> Array:
+    """Magnitudes of the six oscillators, (n, 6)."""
+    return state.fly.magnitudes
+
+
+def leg_contacts(state: TaskState) -> Array:
+    """1 for each leg that touches the ground, (n, 6)."""
+    forces_w = state.fly.contact_forces_w.reshape(-1, 6, 6, 3).sum(axis=2)
+    return (np.linalg.norm(forces_w, axis=2) > CONTACT_THRESHOLD).astype(np.float64)
+
+
+def reflexes(state: TaskState) -> Array:
+    """Correction amounts over their cap: six of retraction, six of stumbling, (n, 12)."""
+    return np.concatenate([state.fly.retraction, state.fly.stumbling], axis=1) / CORRECTION_CAP
+
+
+def joints(state: TaskState) -> Array:
+    """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
+    fly = state.fly
+    return np.stack([fly.joint_angles, fly.joint_velocities, fly.actuator_torques], axis=1)
+
+
+def thorax(state: TaskState) -> Array:
+    """Position (mm), velocity (mm/s), yaw-pitch-roll (rad), their rates (rad/s), (n, 4, 3).
+
+    Yaw-pitch-roll are the intrinsic z-y-x angles of the thorax.
+    """
+    fly = state.fly
+    rotation_w = fly.rotation_w
+    pitch = np.arcsin(np.clip(-rotation_w[:, 2, 0], -1.0, 1.0))
+    roll = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
+    angles = np.stack([fly.yaw, pitch, roll], axis=1)
+    # rates of the angles from the angular velocity in the frame after yaw
+    along, left = _to_yaw_frame(fly.angular_velocity_w[:, :2], fly.yaw).T
+    cos_pitch = np.cos(pitch)
+    roll_rate = along / np.where(np.abs(cos_pitch) > 1e-6, cos_pitch, 1e-6)
+    yaw_rate = fly.angular_velocity_w[:, 2] + np.sin(pitch) * roll_rate
+    rates = np.stack([yaw_rate, left, roll_rate], axis=1)
+    return np.stack([fly.position_w, fly.velocity_w, angles, rates], axis=1)
+
+
+def contact_forces(state: TaskState) -> Array:
+    """Ground's force on each sensed segment, µN, world frame, (n, 36, 3)."""
+    return state.fly.contact_forces_w
+
+
+def end_effectors(state: TaskState) -> Array:
+    """Tarsus5 of each leg, mm, world frame, (n, 6, 3)."""
+    return state.fly.end_effectors_w
+
+
+def heading(state: TaskState) -> Array:
+    """Unit vector along the thorax, world frame, (n, 3)."""
+    return state.fly.heading_w
+
+
+# --- rewards -------------------------------------------------------------------------------
+
+
+def progress(state: TaskState) -> Array:
+    """By how much the distance to the target shrank, mm, (n,)."""
+    return goal_distance(state.previous.position_w, state.goal) - goal_distance(
+        state.fly.position_w, state.goal
+    )
+
+
+def forward_progress(state: TaskState) -> Array:
+    """Displacement along +x, mm, (n,)."""
+    return state.fly.position_w[:, 0] - state.previous.position_w[:, 0]
+
+
+def elapsed(state: TaskState) -> Array:
+    """Time since the last decision, s, (n,)."""
+    return state.fly.time - state.previous.time
+
+
+def reached(state: TaskState) -> Array:
+    """1 where the target is reached, (n,)."""
+    return is_at_target(state).astype(np.float64)
+
+
+def lost_time(state: TaskState) -> Array:
+    """Time left, s, where the fly fell or left the arena, else 0, (n,)."""
+    return np.where(has_fallen(state) | has_left(state), state.remaining_s, 0.0)
+
+
+# --- terminations --------------------------------------------------------------------------
+
+
+def is_at_target(state: TaskState) -> Mask:
+    """Whether the thorax is within REACH of the target, (n,)."""
+    return goal_distance(state.fly.position_w, state.goal) < REACH
+
+
+def has_fallen(state: TaskState) -> Mask:
+    """Whether the thorax is tilted further than FALL_TILT, (n,)."""
+    return state.fly.up_b[:, 2] < np.cos(FALL_TILT)
+
+
+def has_left(state: TaskState) -> Mask:
+    """Whether the thorax is outside the terrain or below it, (n,)."""
+    x, y, z = state.fly.position_w.T
+    bounds = state.bounds
+    is_inside = (
+        (x >= bounds.x_min) & (x <= bounds.x_max) & (y >= bounds.y_min) & (y <= bounds.y_max)
+    )
+    return ~is_inside | (z < ARENA_FLOOR)
