@@ -1,1 +1,1 @@
-
+"""The bodies, as MuJoCo model specifications."""

@@ -1,0 +1,340 @@
+"""The fly as a MuJoCo model specification.
+
+Body "Thorax" is the root: x forward, y to the fly's left, z up, the same in both bodies (the
+published current model hangs the thorax, unrotated, below a body "FlyBody" that only moves the
+origin; it is left out here). Units mm, g, s, rad; forces in µN.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.anatomy import END_EFFECTORS, JOINTS, LEGS
+from flyrl.bodies.table import (
+    BODY_NAMES,
+    BodyName,
+    BodyRow,
+    BodyTable,
+    CapsuleRow,
+    body_table,
+    leg_capsules,
+    pose_degrees,
+)
+from flyrl.resources import assets_folder
+
+ROOT_BODY: Final = "Thorax"
+ROOT_JOINT: Final = "root"
+
+GRAVITY: Final = (0.0, 0.0, -9810.0)
+"""mm/s²."""
+
+VISUAL_GROUP: Final = 1
+COLLISION_GROUP: Final = 3
+
+_VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
+"""Middle of the fly in the thorax frame, mm."""
+
+Colour = tuple[float, float, float, float]
+
+_COLOURS: Final[dict[str, Colour]] = {
+    "Thorax": (0.50, 0.33, 0.17, 1.0),
+    "Head": (0.56, 0.38, 0.20, 1.0),
+    "Eye": (0.48, 0.07, 0.06, 1.0),
+    "Wing": (0.74, 0.80, 0.88, 0.28),
+    "Haltere": (0.82, 0.70, 0.46, 1.0),
+    "Pedicel": (0.66, 0.47, 0.26, 1.0),
+    "Funiculus": (0.72, 0.52, 0.29, 1.0),
+    "Arista": (0.22, 0.16, 0.12, 1.0),
+    "Rostrum": (0.70, 0.52, 0.31, 1.0),
+    "Haustellum": (0.74, 0.57, 0.36, 1.0),
+    "A1A2": (0.78, 0.60, 0.34, 1.0),
+    "A3": (0.72, 0.53, 0.28, 1.0),
+    "A4": (0.62, 0.44, 0.22, 1.0),
+    "A5": (0.46, 0.31, 0.15, 1.0),
+    "A6": (0.27, 0.18, 0.10, 1.0),
+    "Coxa": (0.76, 0.57, 0.27, 1.0),
+    "Femur": (0.80, 0.62, 0.31, 1.0),
+    "Tibia": (0.84, 0.67, 0.36, 1.0),
+    "Tarsus": (0.71, 0.53, 0.29, 1.0),
+}
+"""Colour by the part of a body's name that it contains; the longest match wins."""
+
+
+@dataclass(frozen=True)
+class FlyConfig:
+    """Which fly.
+
+    Attributes
+    ----------
+    name : "current" (coxa joints yaw, pitch, roll; goes with the untethered step) or "classic"
+        (roll, yaw, pitch; goes with the tethered step).
+    adhesion_gain : force of a fully gripping leg tip, µN.
+    rigid_antennae : weld pedicel, funiculus and arista to the head, which saves 18 joints that have
+        no part in walking. Off in the published models.
+    """
+
+    name: BodyName = "current"
+    adhesion_gain: float = 40.0
+    rigid_antennae: bool = False
+
+    def __post_init__(self) -> None:
+        if self.name not in BODY_NAMES:
+            raise ValueError(f"body name: got {self.name!r}, allowed are {', '.join(BODY_NAMES)}")
+        if not (math.isfinite(self.adhesion_gain) and self.adhesion_gain >= 0):
+            raise ValueError(
+                f"adhesion_gain: got {self.adhesion_gain!r}, allowed is a finite number >= 0"
+            )
+
+
+@dataclass(frozen=True)
+class ContactConfig:
+    """How leg segments touch the ground; MuJoCo's contact parameters.
+
+    The defaults are the literature's (doi:10.1038/s41592-024-02497-y): so stiff and overdamped that
+    a foot stops within a step of 1e-4 s and sinks in by next to nothing.
+
+    Attributes
+    ----------
+    friction : sliding, torsional (mm), rolling (mm).
+    solref : time constant (s) and damping ratio, or -stiffness and -damping, both negative.
+    solimp : impedance: minimum, maximum, width (mm), midpoint, power.
+    condim : 3 for sliding friction, 4 with torsional, 6 with rolling friction as well, 1 for none.
+    margin : distance at which contacts become active, mm.
+    """
+
+    friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
+    solref: tuple[float, float] = (2e-4, 1e3)
+    solimp: tuple[float, float, float, float, float] = (0.999, 0.9999, 0.001, 0.5, 2.0)
+    condim: int = 3
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        for key, length in (("friction", 3), ("solref", 2), ("solimp", 5)):
+            value = getattr(self, key)
+            if len(value) != length or not all(math.isfinite(item) for item in value):
+                raise ValueError(f"{key}: got {value!r}, allowed are {length} finite numbers")
+        if min(self.friction) < 0:
+            raise ValueError(f"friction: got {self.friction!r}, allowed are numbers >= 0")
+        if (self.solref[0] > 0) != (self.solref[1] > 0) or 0 in self.solref:
+            raise ValueError(
+                f"solref: got {self.solref!r}, allowed are two positive numbers (time constant, "
+                "damping ratio) or two negative ones (-stiffness, -damping)"
+            )
+        if self.condim not in (1, 3, 4, 6):
+            raise ValueError(f"condim: got {self.condim!r}, allowed are 1, 3, 4, 6")
+        if not (math.isfinite(self.margin) and self.margin >= 0):
+            raise ValueError(f"margin: got {self.margin!r}, allowed is a finite number >= 0")
+
+
+def build_fly(
+    config: FlyConfig | None = None,
+    contact: ContactConfig | None = None,
+    visual: bool = True,
+) -> mujoco.MjSpec:
+    """Specification of a fly that floats freely, with its actuators.
+
+    Actuators, in order: 42 position servos `actuator_{joint}` as anatomy.JOINTS, whose control is
+    an angle in rad; then 6 adhesions `adhesion_{leg}` as anatomy.LEGS, whose control is 0 to 1.
+
+    Only leg segments can touch something, and only the ground (geoms with contype 1, conaffinity
+    0): the published models let the legs, and nothing else of the fly, collide with the floor.
+    (They also let legs collide with each other; here legs pass through each other.)
+
+    Parameters
+    ----------
+    config : which fly; the current one by default.
+    contact : contact parameters of the legs; the literature's by default.
+    visual : with meshes to look at. Without, the model compiles faster and moves the same.
+    """
+    config = config or FlyConfig()
+    contact = contact or ContactConfig()
+    table = body_table(config.name)
+    spec = mujoco.MjSpec()
+    spec.modelname = f"fly_{config.name}"
+    spec.compiler.degree = False
+    spec.option.gravity = GRAVITY
+    _set_look(spec)
+
+    capsules = {row.segment: row for row in leg_capsules()}
+    for row in table.bodies:
+        body = _add_body(spec, row, config.rigid_antennae)
+        if row.name in capsules:
+            _add_capsule(body, capsules[row.name], contact)
+        if visual and row.mesh is not None:
+            _add_mesh(spec, body, row)
+    _add_actuators(spec, table, config.adhesion_gain)
+    _add_cameras(spec)
+    _add_light(spec)
+    return spec
+
+
+def stretch_pose() -> NDArray[np.float64]:
+    """Starting pose with the legs stretched out sideways, (42,) rad, ordered as anatomy.JOINTS.
+
+    From the published package's pose file; the same for both bodies.
+    """
+    angles = pose_degrees("stretch")
+    return np.radians([angles[joint] for joint in JOINTS])
+
+
+def spawn_offset(config: FlyConfig) -> NDArray[np.float64]:
+    """Position of the thorax when the fly is placed at the origin facing +x, (3,) mm.
+
+    The published packages place a frame on the ground below the fly's tail, not the thorax. Add
+    this to their spawn positions to get the same start.
+    """
+    return np.array(body_table(config.name).thorax_in_spawn_frame)
+
+
+def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_antennae: bool) -> mujoco.MjsBody:
+    parent = spec.worldbody if row.parent is None else spec.body(row.parent)
+    body = parent.add_body(
+        name=row.name,
+        pos=row.pos,
+        quat=row.quat,
+        mass=row.mass,
+        ipos=row.ipos,
+        iquat=row.iquat,
+        inertia=row.inertia,
+        explicitinertial=True,
+    )
+    if row.parent is None:
+        body.add_freejoint(name=ROOT_JOINT)
+    if rigid_antennae and any(part in row.name for part in ("Pedicel", "Funiculus", "Arista")):
+        return body
+    for joint in row.joints:
+        hinge = body.add_joint(
+            name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=joint.axis, pos=joint.pos
+        )
+        hinge.stiffness[0] = joint.stiffness
+        hinge.damping[0] = joint.damping
+    return body
+
+
+def _add_capsule(body: mujoco.MjsBody, capsule: CapsuleRow, contact: ContactConfig) -> None:
+    body.add_geom(
+        name=f"{capsule.segment}_collision",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=(*capsule.start, *capsule.end),
+        size=(capsule.radius, 0, 0),
+        mass=0,
+        group=COLLISION_GROUP,
+        contype=0,
+        conaffinity=1,
+        # A higher priority than the ground's makes these figures those of the contact.
+        priority=1,
+        condim=contact.condim,
+        friction=contact.friction,
+        solref=contact.solref,
+        solimp=contact.solimp,
+        margin=contact.margin,
+        rgba=(0.2, 0.5, 0.9, 0.5),
+    )
+
+
+def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:
+    spec.add_mesh(
+        name=row.name,
+        file=str(assets_folder() / "meshes" / f"{row.mesh}.stl"),
+        scale=(1, -1 if row.mesh_mirrored else 1, 1),
+        # Decimated surfaces are not watertight; their volume is never asked for.
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    part = max((key for key in _COLOURS if key in row.name), key=len)
+    if spec.material(part) is None:
+        shiny = part in ("Eye", "Wing")
+        spec.add_material(
+            name=part,
+            rgba=_COLOURS[part],
+            specular=0.5 if shiny else 0.15,
+            shininess=0.6 if shiny else 0.2,
+        )
+    body.add_geom(
+        name=f"{row.name}_visual",
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=row.name,
+        material=part,
+        mass=0,
+        group=VISUAL_GROUP,
+        contype=0,
+        conaffinity=0,
+    )
+
+
+def _add_actuators(spec: mujoco.MjSpec, table: BodyTable, adhesion_gain: float) -> None:
+    for joint in JOINTS:
+        servo = spec.add_actuator(
+            name=f"actuator_{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
+        servo.set_to_position(kp=table.kp)
+        if table.force_range is not None:
+            servo.forcelimited = True
+            servo.forcerange = table.force_range
+    for leg, tip in zip(LEGS, END_EFFECTORS, strict=True):
+        grip = spec.add_actuator(
+            name=f"adhesion_{leg}", target=tip, trntype=mujoco.mjtTrn.mjTRN_BODY
+        )
+        grip.set_to_adhesion(gain=adhesion_gain)
+        grip.ctrllimited = True
+        grip.ctrlrange = (0.0, 1.0)
+
+
+def _add_cameras(spec: mujoco.MjSpec) -> None:
+    """Cameras that follow the thorax without turning: "side" (from its right), "top", "track"."""
+    thorax = spec.body(ROOT_BODY)
+    for name, offset in (
+        ("side", (0.0, -7.0, 0.6)),
+        ("top", (0.0, -0.001, 9.0)),
+        ("track", (3.6, -4.4, 2.8)),
+    ):
+        thorax.add_camera(
+            name=name,
+            mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+            pos=np.add(_VIEW_CENTRE, offset),
+            quat=_looking_along(-np.array(offset)),
+            fovy=40,
+        )
+
+
+def _add_light(spec: mujoco.MjSpec) -> None:
+    """A sun that moves with the fly, since MuJoCo draws shadows only near its aim."""
+    direction = np.array((0.35, 0.45, -1.0))
+    spec.body(ROOT_BODY).add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
+        pos=np.array(_VIEW_CENTRE) - 10 * direction,
+        dir=direction,
+        diffuse=(0.6, 0.58, 0.54),
+        specular=(0.2, 0.2, 0.2),
+        castshadow=True,
+    )
+
+
+def _looking_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quaternion of a camera that looks along `direction` (3,) with the world's z upwards."""
+    back = -direction / np.linalg.norm(direction)
+    right = np.cross((0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.stack([right, np.cross(back, right), back], axis=1).ravel())
+    return quat
+
+
+def _set_look(spec: mujoco.MjSpec) -> None:
+    """Viewing figures for a scene of a few mm; software rendering without multisampling."""
+    spec.visual.quality.offsamples = 0
+    spec.visual.quality.shadowsize = 1024
+    spec.visual.global_.offwidth = 1280
+    spec.visual.global_.offheight = 720
+    spec.stat.extent = 5.0
+    spec.visual.map.znear = 0.01
+    spec.visual.map.zfar = 60.0
+    spec.visual.map.shadowclip = 2.0
+    spec.visual.headlight.ambient = (0.3, 0.3, 0.3)
+    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
+    spec.visual.headlight.specular = (0.05, 0.05, 0.05)
