@@ -4,16 +4,17 @@ Every policy has `predict(observation, state=None, episode_start=None, determini
 returns the action and the state, as in Stable-Baselines3.
 """
 
-from flyrl.policies.bundle import ObservationTerm, PolicyBundle, PolicyFileError
+from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout, observation_layout
 from flyrl.policies.fixed import ConstantDrive, Pursuit
 from flyrl.policies.learned import LearnedPolicy, load_policy
 
 __all__ = [
     "ConstantDrive",
     "LearnedPolicy",
-    "ObservationTerm",
     "PolicyBundle",
     "PolicyFileError",
     "Pursuit",
+    "TermLayout",
     "load_policy",
+    "observation_layout",
 ]

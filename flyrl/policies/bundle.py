@@ -20,6 +20,7 @@ from safetensors.numpy import load, save
 
 from flyrl.files import write_bytes
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
+from flyrl.tasks import Task
 
 SCHEMA: Final = "flyrl.policy/1"
 
@@ -40,7 +41,7 @@ class PolicyFileError(ValueError):
 
 
 @dataclass(frozen=True)
-class ObservationTerm:
+class TermLayout:
     """A named stretch of the flat observation.
 
     Attributes
@@ -66,7 +67,7 @@ class PolicyBundle:
     squashing
         Output to action.
     observation
-        Layout of the flat observation, in order.
+        Layout of the flat observation, in order; see `observation_layout`.
     action_low, action_high
         Bounds of the action, shape (a,) each.
     env
@@ -77,7 +78,7 @@ class PolicyBundle:
 
     network: MLP
     squashing: Squashing
-    observation: tuple[ObservationTerm, ...]
+    observation: tuple[TermLayout, ...]
     action_low: tuple[float, ...]
     action_high: tuple[float, ...]
     env: Mapping[str, Any]
@@ -102,6 +103,11 @@ class PolicyBundle:
 def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
     if value not in allowed:
         raise ValueError(f"{key}: {value!r}; allowed: {', '.join(allowed)}")
+
+
+def observation_layout(task: Task) -> tuple[TermLayout, ...]:
+    """Layout of a task's flat observation."""
+    return tuple(TermLayout(term.name, term.size) for term in task.observation)
 
 
 def save_bundle(bundle: PolicyBundle, path: Path) -> None:
@@ -230,9 +236,7 @@ def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> P
     return PolicyBundle(
         network=network,
         squashing=architecture["squashing"],
-        observation=tuple(
-            ObservationTerm(term["name"], term["size"]) for term in record["observation"]
-        ),
+        observation=tuple(TermLayout(term["name"], term["size"]) for term in record["observation"]),
         action_low=tuple(map(float, record["action"]["low"])),
         action_high=tuple(map(float, record["action"]["high"])),
         env=dict(record["env"]),

@@ -11,7 +11,7 @@ from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.sac.policies import SACPolicy
 from torch import Tensor, nn
 
-from flyrl.policies.bundle import ObservationTerm, PolicyBundle, Squashing
+from flyrl.policies.bundle import PolicyBundle, Squashing, TermLayout
 from flyrl.policies.mlp import MLP, Activation, Layer
 
 _ACTIVATIONS: dict[type[nn.Module], Activation] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
@@ -19,7 +19,7 @@ _ACTIVATIONS: dict[type[nn.Module], Activation] = {nn.Tanh: "tanh", nn.ReLU: "re
 
 def bundle_from_sb3(
     model: BaseAlgorithm,
-    observation: Sequence[ObservationTerm],
+    observation: Sequence[TermLayout],
     env: Mapping[str, Any],
     training: Mapping[str, Any],
 ) -> PolicyBundle:

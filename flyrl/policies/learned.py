@@ -1,19 +1,20 @@
 """A policy from a bundle."""
 
 import os
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.policies.bundle import (
-    ObservationTerm,
     PolicyBundle,
     PolicyFileError,
+    TermLayout,
     load_bundle,
+    observation_layout,
 )
 from flyrl.policies.mlp import evaluate
+from flyrl.tasks import Task
 
 
 class LearnedPolicy:
@@ -78,20 +79,20 @@ class LearnedPolicy:
         actions = np.clip(outputs, self._low, self._high).astype(np.float32)
         return (actions if values.ndim == 2 else actions[0]), state
 
-    def check_observation(self, layout: Sequence[ObservationTerm]) -> None:
-        """Raise PolicyFileError unless the policy was trained on observations laid out so."""
-        own = self.bundle.observation
-        for i in range(max(len(own), len(layout))):
+    def check_task(self, task: Task) -> None:
+        """Raise PolicyFileError unless the policy was trained on observations like the task's."""
+        own, here = self.bundle.observation, observation_layout(task)
+        for i in range(max(len(own), len(here))):
             trained = own[i] if i < len(own) else None
-            given = layout[i] if i < len(layout) else None
+            given = here[i] if i < len(here) else None
             if trained != given:
                 raise PolicyFileError(
-                    f"the policy was trained on other observations: term {i} was "
-                    f"{_describe(trained)}, here it is {_describe(given)}"
+                    f"the policy was trained on other observations than those of {task.name}: "
+                    f"term {i} was {_describe(trained)}, here it is {_describe(given)}"
                 )
 
 
-def _describe(term: ObservationTerm | None) -> str:
+def _describe(term: TermLayout | None) -> str:
     return "missing" if term is None else f"{term.name} ({term.size} values)"
 
 

@@ -4,10 +4,10 @@ import gymnasium
 import numpy as np
 import pytest
 
-from flyrl.policies.bundle import ObservationTerm, PolicyBundle
+from flyrl.policies.bundle import PolicyBundle, TermLayout
 from flyrl.policies.mlp import MLP, Layer
 
-LAYOUT = (ObservationTerm("bearing", 2), ObservationTerm("speed", 1))
+LAYOUT = (TermLayout("bearing", 2), TermLayout("speed", 1))
 
 
 @pytest.fixture

@@ -142,9 +142,9 @@ def test_other_schema(file):
 def test_bundle_checks_itself(bundle, changes, message):
     from dataclasses import replace
 
-    from flyrl.policies import ObservationTerm
+    from flyrl.policies import TermLayout
 
     if "observation" in changes:
-        changes = {"observation": tuple(ObservationTerm(*term) for term in changes["observation"])}
+        changes = {"observation": tuple(TermLayout(*term) for term in changes["observation"])}
     with pytest.raises(ValueError, match=message):
         replace(bundle, **changes)

@@ -4,11 +4,11 @@ import torch
 from stable_baselines3 import PPO, SAC, TD3
 from torch import nn
 
-from flyrl.policies import LearnedPolicy, ObservationTerm
+from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
 from tests.policies.conftest import Bandit
 
-LAYOUT = (ObservationTerm("all", 40),)
+LAYOUT = (TermLayout("all", 40),)
 
 
 def _perturbed(model):

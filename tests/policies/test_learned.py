@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyrl.policies import LearnedPolicy, ObservationTerm, PolicyFileError
+from flyrl.policies import LearnedPolicy, PolicyFileError
+from flyrl.tasks import TASKS, ObservationTerm, Task
 
 
 def test_action_by_hand(bundle):
@@ -47,20 +48,27 @@ def test_noise_is_refused(bundle):
         LearnedPolicy(bundle).predict(np.zeros(3), deterministic=False)
 
 
+def _task(*terms: tuple[str, int]) -> Task:
+    observation = tuple(
+        ObservationTerm(name, (size,), -1.0, 1.0, lambda state: state.goal, "")
+        for name, size in terms
+    )
+    return replace(TASKS["target"], name="other", observation=observation)
+
+
 def test_fitting_layout_passes(bundle):
-    LearnedPolicy(bundle).check_observation(bundle.observation)
+    LearnedPolicy(bundle).check_task(_task(("bearing", 2), ("speed", 1)))
 
 
 @pytest.mark.parametrize(
-    ("layout", "message"),
+    ("terms", "message"),
     [
         ([("bearing", 2), ("height", 1)], r"term 1 was speed \(1 values\).*height \(1 values\)"),
         ([("bearing", 2), ("speed", 3)], r"term 1 was speed \(1 values\).*speed \(3 values\)"),
-        ([("bearing", 2)], r"term 1 was speed \(1 values\), here it is missing"),
+        ([("bearing", 2)], r"of other: term 1 was speed \(1 values\), here it is missing"),
         ([("bearing", 2), ("speed", 1), ("tilt", 2)], r"term 2 was missing"),
     ],
 )
-def test_other_layouts_are_refused(bundle, layout, message):
-    terms = [ObservationTerm(*term) for term in layout]
+def test_other_layouts_are_refused(bundle, terms, message):
     with pytest.raises(PolicyFileError, match=message):
-        LearnedPolicy(bundle).check_observation(terms)
+        LearnedPolicy(bundle).check_task(_task(*terms))
