@@ -1,1 +1,17 @@
 """flyrl: reinforcement learning on top of a fly-locomotion environment."""
+
+from flyrl.controllers import (
+    CPGNetwork,
+    PreprogrammedSteps,
+    RuleBasedSteppingCoordinator,
+    construct_rules_graph,
+    filter_edges,
+)
+
+__all__ = [
+    "CPGNetwork",
+    "PreprogrammedSteps",
+    "RuleBasedSteppingCoordinator",
+    "construct_rules_graph",
+    "filter_edges",
+]

@@ -1,0 +1,75 @@
+"""The one way in which flyrl compiles its controllers' maths.
+
+A kernel is a Numba function that works in place on float64 arrays, allocates nothing and raises
+nothing, so that the same code serves the Python classes and the native control callback.
+
+Numba caches a compiled function under a stamp of that function's own source file, so a kernel that
+calls kernels of other files would keep running their old code after they changed. Kernels are
+therefore stamped with all sources of this package.
+"""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numba
+from numba.core.ccallback import CFunc
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _sources_digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+SOURCES_DIGEST = _sources_digest()
+"""SHA-256 over all Python files of `flyrl.controllers`; changes whenever a kernel may have."""
+
+
+def kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function on its first call, with IEEE division, no GIL, and a disk cache."""
+    dispatcher: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
+    if not _stamp_with_all_sources(dispatcher):
+        dispatcher = numba.njit(error_model="numpy", nogil=True)(function)
+    return cast(Callable[P, R], dispatcher)
+
+
+def native_callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorate a function that calls kernels, to compile it at once as a cached C function.
+
+    Like `numba.cfunc(signature, cache=True)`, but compiled anew when any kernel's source changed.
+    The signature is a Numba one, e.g. `types.void(types.intp)`.
+    """
+
+    def compile_callback(function: Callable[..., Any]) -> Any:
+        callback = CFunc(
+            function,
+            (signature.args, signature.return_type),
+            locals={},
+            options={"error_model": "numpy"},
+        )
+        callback.enable_caching()
+        if not _stamp_with_all_sources(callback):
+            return numba.cfunc(signature, error_model="numpy")(function)
+        callback.compile()
+        return callback
+
+    return compile_callback
+
+
+def _stamp_with_all_sources(compiled: Any) -> bool:
+    """Tie a cached function to `SOURCES_DIGEST`; False if this Numba keeps its stamps elsewhere.
+
+    Then its cache must not be used: rather slow than stale.
+    """
+    try:
+        index = compiled._cache._cache_file
+        index._source_stamp = (index._source_stamp, SOURCES_DIGEST)
+    except AttributeError:
+        return False
+    return True

@@ -1,0 +1,256 @@
+"""Central pattern generator: a network of coupled phase oscillators.
+
+Source: Ijspeert et al. 2007, doi 10.1126/science.1138353.
+"""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flyrl.anatomy import LEGS, TRIPODS
+from flyrl.controllers._numba import kernel
+from flyrl.controllers._validation import FloatArray, float_array, positive, random_seed
+
+TWO_PI: Final = 2.0 * np.pi
+
+TRIPOD_FREQUENCY_HZ: Final = 12.0
+TRIPOD_AMPLITUDE: Final = 1.0
+TRIPOD_COUPLING_WEIGHT: Final = 10.0
+TRIPOD_CONVERGENCE_RATE: Final = 20.0
+"""Rate at which magnitudes approach their amplitudes, 1/s."""
+
+
+@kernel
+def cpg_step(
+    phases: FloatArray,
+    magnitudes: FloatArray,
+    freqs: FloatArray,
+    amps: FloatArray,
+    weights: FloatArray,
+    biases: FloatArray,
+    coefs: FloatArray,
+    timestep: float,
+    phase_rates: FloatArray,
+) -> None:
+    """Advance N oscillators in place by one explicit Euler step.
+
+    Parameters
+    ----------
+    phases, magnitudes
+        State, rad and -, shape (N,); changed in place.
+    freqs, amps, coefs
+        Intrinsic frequencies (Hz), amplitudes (-), convergence coefficients (1/s), shape (N,).
+    weights, biases
+        Coupling weights (1/s) and phase biases (rad), shape (N, N): row i receives from column j.
+    timestep
+        s.
+    phase_rates
+        Room for N numbers.
+    """
+    n = phases.size
+    # All rates come from the old state, so magnitudes may not move before every rate is known.
+    for i in range(n):
+        rate = TWO_PI * freqs[i]
+        for j in range(n):
+            weight = weights[i, j]
+            if weight != 0.0:  # half of a tripod's couplings are absent; a sine is dear
+                rate += magnitudes[j] * weight * np.sin(phases[j] - phases[i] - biases[i, j])
+        phase_rates[i] = rate
+    for i in range(n):
+        phases[i] += phase_rates[i] * timestep
+        magnitudes[i] += coefs[i] * (amps[i] - magnitudes[i]) * timestep
+
+
+def tripod_phase_biases() -> FloatArray:
+    """Phase biases of the tripod gait, rad, shape (6, 6): π between legs of different tripods."""
+    tripod = np.array([next(k for k, legs in enumerate(TRIPODS) if leg in legs) for leg in LEGS])
+    return np.where(tripod[:, np.newaxis] != tripod, np.pi, 0.0)
+
+
+def tripod_coupling_weights(weight: float = TRIPOD_COUPLING_WEIGHT) -> FloatArray:
+    """Coupling weights of the tripod gait, 1/s, shape (6, 6): none inside a tripod."""
+    return np.where(tripod_phase_biases() > 0, weight, 0.0)
+
+
+def motor_neuron_activity(magnitudes: ArrayLike, phases: ArrayLike) -> FloatArray:
+    """Activity of motor neurons that oscillators drive, r (1 + sin θ), elementwise."""
+    return np.asarray(magnitudes, dtype=np.float64) * (1.0 + np.sin(phases))
+
+
+def joint_position(magnitudes: ArrayLike, phases: ArrayLike) -> FloatArray:
+    """Position of joints that oscillators drive, r (1 + cos θ), elementwise."""
+    return np.asarray(magnitudes, dtype=np.float64) * (1.0 + np.cos(phases))
+
+
+class CPGNetwork:
+    """A network of N coupled oscillators, each with a phase and a magnitude.
+
+    Parameters
+    ----------
+    timestep
+        s.
+    intrinsic_freqs
+        Hz, shape (N,); a negative one runs backwards.
+    intrinsic_amps
+        Magnitudes that the oscillators approach, shape (N,), not negative.
+    coupling_weights
+        1/s, shape (N, N): entry (i, j) is the influence of oscillator j on i.
+    phase_biases
+        rad, shape (N, N): the lead of j over i at which j does not influence i.
+    convergence_coefs
+        Rates at which magnitudes approach their amplitudes, 1/s, shape (N,), not negative.
+    init_phases, init_magnitudes
+        Initial state, shape (N,). Where not given: phases U(0, 2π), then magnitudes
+        U(0, 1) · amplitude, drawn in that order.
+    seed
+        Of the `numpy.random.RandomState` that draws them.
+
+    Raises
+    ------
+    ValueError
+        If an argument has the wrong shape, is not finite, or is negative where it may not be.
+    """
+
+    def __init__(
+        self,
+        timestep: float,
+        intrinsic_freqs: ArrayLike,
+        intrinsic_amps: ArrayLike,
+        coupling_weights: ArrayLike,
+        phase_biases: ArrayLike,
+        convergence_coefs: ArrayLike,
+        init_phases: ArrayLike | None = None,
+        init_magnitudes: ArrayLike | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.num_cpgs = n = np.size(intrinsic_freqs)
+        if n == 0:
+            raise ValueError("intrinsic_freqs must have shape (N,) with N of at least 1, got none")
+        self.timestep = positive("timestep", timestep)
+        self.intrinsic_freqs = intrinsic_freqs
+        self.intrinsic_amps = intrinsic_amps
+        self.coupling_weights = float_array("coupling_weights", coupling_weights, (n, n))
+        self.phase_biases = float_array("phase_biases", phase_biases, (n, n))
+        self.convergence_coefs = float_array(
+            "convergence_coefs", convergence_coefs, (n,), minimum=0.0
+        )
+        self.random_state = np.random.RandomState(random_seed(seed))
+        self._scratch = np.empty(n)
+        self.reset(init_phases, init_magnitudes)
+
+    @property
+    def intrinsic_freqs(self) -> FloatArray:
+        """Hz, shape (N,). Assigning checks and copies."""
+        return self._freqs
+
+    @intrinsic_freqs.setter
+    def intrinsic_freqs(self, value: ArrayLike) -> None:
+        self._freqs = float_array("intrinsic_freqs", value, (self.num_cpgs,))
+
+    @property
+    def intrinsic_amps(self) -> FloatArray:
+        """Amplitudes, shape (N,). Assigning checks and copies."""
+        return self._amps
+
+    @intrinsic_amps.setter
+    def intrinsic_amps(self, value: ArrayLike) -> None:
+        self._amps = float_array("intrinsic_amps", value, (self.num_cpgs,), minimum=0.0)
+
+    @property
+    def curr_phases(self) -> FloatArray:
+        """Phases now, rad (not wrapped), shape (N,). Assigning checks and copies."""
+        return self._phases
+
+    @curr_phases.setter
+    def curr_phases(self, value: ArrayLike) -> None:
+        self._phases = float_array("curr_phases", value, (self.num_cpgs,))
+
+    @property
+    def curr_magnitudes(self) -> FloatArray:
+        """Magnitudes now, shape (N,). Assigning checks and copies."""
+        return self._magnitudes
+
+    @curr_magnitudes.setter
+    def curr_magnitudes(self, value: ArrayLike) -> None:
+        self._magnitudes = float_array("curr_magnitudes", value, (self.num_cpgs,))
+
+    def reset(
+        self, init_phases: ArrayLike | None = None, init_magnitudes: ArrayLike | None = None
+    ) -> None:
+        """Set the state, drawing what is not given from the network's own generator.
+
+        Parameters
+        ----------
+        init_phases
+            rad, shape (N,), or None for U(0, 2π).
+        init_magnitudes
+            Shape (N,), not negative, or None for U(0, 1) · amplitude.
+
+        Raises
+        ------
+        ValueError
+            If a given array has the wrong shape, is not finite, or has a negative magnitude.
+        """
+        self._phases, self._magnitudes = initial_oscillators(
+            self.random_state, self.intrinsic_amps, init_phases, init_magnitudes
+        )
+
+    def step(self) -> None:
+        """Advance by one time step (explicit Euler)."""
+        # On fresh arrays, so that those handed out before keep the values of their time.
+        self._phases, self._magnitudes = self._phases.copy(), self._magnitudes.copy()
+        cpg_step(
+            self._phases,
+            self._magnitudes,
+            self._freqs,
+            self._amps,
+            self.coupling_weights,
+            self.phase_biases,
+            self.convergence_coefs,
+            self.timestep,
+            self._scratch,
+        )
+
+
+def initial_oscillators(
+    random_state: np.random.RandomState,
+    amps: FloatArray,
+    init_phases: ArrayLike | None,
+    init_magnitudes: ArrayLike | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Initial phases (rad) and magnitudes of N oscillators: those given, else random ones.
+
+    Raises
+    ------
+    ValueError
+        If a given array has the wrong shape, is not finite, or has a negative magnitude.
+    """
+    n = amps.size
+    if init_phases is None:
+        phases = random_state.uniform(0.0, TWO_PI, n)
+    else:
+        phases = float_array("init_phases", init_phases, (n,))
+    if init_magnitudes is None:
+        magnitudes = random_state.uniform(0.0, 1.0, n) * amps
+    else:
+        magnitudes = float_array("init_magnitudes", init_magnitudes, (n,), minimum=0.0)
+    return phases, magnitudes
+
+
+def three_oscillators(seed: int = 0) -> CPGNetwork:
+    """Build the three-oscillator demonstration of spec section 4: a chain, 120° apart, at 1 Hz.
+
+    It settles one third of a cycle apart, at magnitudes 1, 1.1 and 1.2, within its 10 s.
+    """
+    chain = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    order = np.arange(3)
+    return CPGNetwork(
+        timestep=1e-3,
+        intrinsic_freqs=np.ones(3),
+        intrinsic_amps=[1.0, 1.1, 1.2],
+        coupling_weights=chain,
+        phase_biases=chain * np.sign(order - order[:, np.newaxis]) * np.deg2rad(120.0),
+        convergence_coefs=np.ones(3),
+        seed=seed,
+    )

@@ -1,0 +1,274 @@
+"""Recorded steps: the joint angles of each leg over one step cycle, scaled by a magnitude.
+
+Two recordings of real flies: "tethered" (Lobato-Rios et al. 2022, doi 10.1038/s41592-022-01466-7)
+and "untethered" (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
+"""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flyrl.anatomy import LEG_DOFS, LEGS
+from flyrl.controllers._numba import kernel
+from flyrl.controllers._validation import FloatArray, one_of, positive
+from flyrl.resources import assets_folder
+
+StepsName = Literal["tethered", "untethered"]
+
+STEPS: Final[tuple[StepsName, ...]] = ("tethered", "untethered")
+"""Names of the recordings."""
+
+TWO_PI: Final = 2.0 * np.pi
+
+
+@kernel
+def step_angles(
+    coefficients: FloatArray,
+    neutral: FloatArray,
+    leg: int,
+    phase: float,
+    magnitude: float,
+    angles: FloatArray,
+) -> None:
+    """Write one leg's joint angles at a phase and magnitude.
+
+    Parameters
+    ----------
+    coefficients
+        Periodic cubic spline, shape (6, N - 1, 7, 4): leg, interval between samples, degree of
+        freedom, power (cubic first), as in `PreprogrammedSteps.coefficients`.
+    neutral
+        Angles at magnitude 0, rad, shape (6, 7).
+    leg
+        Index into `anatomy.LEGS`.
+    phase
+        rad, any number.
+    magnitude
+        0 holds the neutral pose, 1 replays the recording.
+    angles
+        Output, rad, shape (7,), ordered as `anatomy.LEG_DOFS`.
+    """
+    num_intervals = coefficients.shape[1]
+    width = TWO_PI / num_intervals
+    theta = phase % TWO_PI
+    # Clamped as a float: rounding can give the end of the cycle, and a diverged simulation NaN.
+    position = theta / width
+    if not position >= 0.0:
+        position = 0.0
+    interval = int(min(position, num_intervals - 1.0))
+    x = theta - interval * width
+    for dof in range(coefficients.shape[2]):
+        recorded = (
+            (coefficients[leg, interval, dof, 0] * x + coefficients[leg, interval, dof, 1]) * x
+            + coefficients[leg, interval, dof, 2]
+        ) * x + coefficients[leg, interval, dof, 3]
+        angles[dof] = neutral[leg, dof] + magnitude * (recorded - neutral[leg, dof])
+
+
+@kernel
+def adhesion_on(phase: float, swing_start: float, swing_end: float) -> bool:
+    """Whether a leg grips at a phase (rad, any number): not inside its swing."""
+    theta = phase % TWO_PI
+    return not (swing_start < theta < swing_end)
+
+
+@kernel
+def _many_step_angles(
+    coefficients: FloatArray,
+    neutral: FloatArray,
+    leg: int,
+    phases: FloatArray,
+    magnitudes: FloatArray,
+    angles: FloatArray,
+) -> None:
+    for i in range(phases.size):
+        step_angles(coefficients, neutral, leg, phases[i], magnitudes[i], angles[i])
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """One recording, read once per process and shared; see `PreprogrammedSteps`."""
+
+    duration: float
+    coefficients: FloatArray
+    neutral_angles: FloatArray
+    swing_starts: FloatArray
+    swing_ends: FloatArray
+
+
+@functools.cache
+def _load_recording(steps: StepsName) -> _Recording:
+    # Imported here because SciPy takes longer to import than all of flyrl.
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415
+
+    with np.load(assets_folder() / "steps" / f"{steps}.npz", allow_pickle=False) as file:
+        angles = file["angles"]  # (6, 7, N)
+        duration = angles.shape[2] * file["timestep"].item()
+        spline = CubicSpline(
+            np.linspace(0.0, TWO_PI, angles.shape[2]), angles, axis=2, bc_type="periodic"
+        )
+        return _Recording(
+            duration=duration,
+            # SciPy: (power, interval, leg, dof); kernels: the four numbers of one curve together.
+            coefficients=_read_only(np.ascontiguousarray(spline.c.transpose(2, 1, 3, 0))),
+            neutral_angles=_read_only(np.ascontiguousarray(spline(file["neutral_phase"].item()))),
+            swing_starts=_read_only(file["swing_start_s"] / duration * TWO_PI),
+            swing_ends=_read_only(file["stance_start_s"] / duration * TWO_PI),
+        )
+
+
+class PreprogrammedSteps:
+    """One recorded step cycle of every leg, as a function of phase and magnitude.
+
+    Attributes
+    ----------
+    name : str
+        Name of the recording.
+    legs, dofs_per_leg : list of str
+        The orders of `anatomy.LEGS` and `anatomy.LEG_DOFS`.
+    duration : float
+        Time of one step cycle, s.
+    swing_period : mapping of str to array
+        For each leg the phases at which its swing starts and ends, rad, shape (2,). Read-only.
+    neutral_pos : mapping of str to array
+        For each leg the joint angles at magnitude 0, rad, shape (7, 1). Read-only.
+    coefficients : array
+        The spline in the form that `step_angles` takes, shape (6, N - 1, 7, 4). Read-only.
+    neutral_angles : array
+        Joint angles at magnitude 0, rad, shape (6, 7). Read-only.
+    swing_starts, swing_ends : array
+        Phases, rad, shape (6,), ordered as `anatomy.LEGS`. Read-only.
+
+    Parameters
+    ----------
+    steps
+        "tethered" (1278 samples, 0.1278 s) or "untethered" (45 samples, 0.135 s).
+    duration
+        Time in which to play one step cycle, s; the recording's if None. Phases do not change.
+
+    Raises
+    ------
+    ValueError
+        If the recording is unknown or the duration is not above 0.
+    """
+
+    def __init__(self, steps: StepsName = "untethered", duration: float | None = None) -> None:
+        one_of("steps", steps, STEPS)
+        recording = _load_recording(steps)
+        self.name = steps
+        self.legs: list[str] = list(LEGS)
+        self.dofs_per_leg: list[str] = list(LEG_DOFS)
+        self.duration = recording.duration if duration is None else positive("duration", duration)
+        self.coefficients = recording.coefficients
+        self.neutral_angles = recording.neutral_angles
+        self.swing_starts = recording.swing_starts
+        self.swing_ends = recording.swing_ends
+        self.swing_period: Mapping[str, FloatArray] = MappingProxyType(
+            {
+                leg: _read_only(np.array([self.swing_starts[i], self.swing_ends[i]]))
+                for i, leg in enumerate(LEGS)
+            }
+        )
+        self.neutral_pos: Mapping[str, FloatArray] = MappingProxyType(
+            {leg: self.neutral_angles[i][:, np.newaxis] for i, leg in enumerate(LEGS)}
+        )
+
+    @property
+    def default_pose(self) -> FloatArray:
+        """The 42 neutral joint angles, rad, ordered as `anatomy.JOINTS`."""
+        return self.neutral_angles.flatten()
+
+    def get_joint_angles(
+        self, leg: str, phase: ArrayLike, magnitude: ArrayLike = 1.0
+    ) -> FloatArray:
+        """Joint angles of a leg.
+
+        Parameters
+        ----------
+        leg
+            Name of the leg.
+        phase
+            rad, any number or array of shape (n,).
+        magnitude
+            Number or array of shape (n,); 0 gives the neutral pose, 1 the recording.
+
+        Returns
+        -------
+        array
+            rad, shape (7,) or, if phase or magnitude is an array, (7, n).
+
+        Raises
+        ------
+        ValueError
+            If the leg is unknown, or the phases and magnitudes are not finite or do not match.
+        """
+        index = self._leg_index(leg)
+        phases = _finite_vector("phase", phase)
+        magnitudes = _finite_vector("magnitude", magnitude)
+        try:
+            shape = np.broadcast_shapes(phases.shape, magnitudes.shape)
+        except ValueError:
+            raise ValueError(
+                f"phase and magnitude must match in length, got shapes {phases.shape} "
+                f"and {magnitudes.shape}"
+            ) from None
+        angles = np.empty((*(shape or (1,)), len(LEG_DOFS)))
+        _many_step_angles(
+            self.coefficients,
+            self.neutral_angles,
+            index,
+            np.broadcast_to(phases, angles.shape[:1]).copy(),
+            np.broadcast_to(magnitudes, angles.shape[:1]).copy(),
+            angles,
+        )
+        return angles.T.copy() if shape else angles[0]
+
+    def get_adhesion_onoff(self, leg: str, phase: ArrayLike) -> bool | NDArray[np.bool_]:
+        """Whether a leg grips: off while it swings, on otherwise.
+
+        Parameters
+        ----------
+        leg
+            Name of the leg.
+        phase
+            rad, any number or array of shape (n,).
+
+        Returns
+        -------
+        bool or array
+            One truth value, or an array of shape (n,).
+
+        Raises
+        ------
+        ValueError
+            If the leg is unknown or a phase is not finite.
+        """
+        index = self._leg_index(leg)
+        phases = _finite_vector("phase", phase)
+        start, end = self.swing_starts[index], self.swing_ends[index]
+        if phases.ndim == 0:
+            return bool(adhesion_on(float(phases), start, end))
+        return np.array([adhesion_on(theta, start, end) for theta in phases], dtype=np.bool_)
+
+    def _leg_index(self, leg: str) -> int:
+        one_of("leg", leg, LEGS)
+        return self.legs.index(leg)
+
+
+def _finite_vector(name: str, value: ArrayLike) -> FloatArray:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim > 1:
+        raise ValueError(f"{name} must be a number or have shape (n,), got shape {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite, got {array.tolist()}")
+    return array
+
+
+def _read_only(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array
