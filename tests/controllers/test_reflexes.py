@@ -111,7 +111,7 @@ def test_current_retraction_ends_stumbling():
 
 
 @pytest.mark.parametrize(
-    ("timestep", "num_steps"), [(1e-4, 20), (2e-4, 10), (5e-4, 4), (3e-4, 7), (1e-3, 2)]
+    ("timestep", "num_steps"), [(1e-4, 20), (2e-4, 10), (5e-4, 4), (3e-4, 7), (6e-4, 3), (1e-3, 2)]
 )
 def test_a_strongly_retracted_leg_persists_for_two_milliseconds(timestep, num_steps):
     reflexes = current(timestep)
