@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.core.ccallback import CFunc
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -33,9 +34,42 @@ SOURCES_DIGEST = _sources_digest()
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function on its first call, with IEEE division, no GIL, and a disk cache."""
     dispatcher: Any = numba.njit(cache=True, error_model="numpy", nogil=True)(function)
-    try:
-        index = dispatcher._cache._cache_file
-        index._source_stamp = (index._source_stamp, SOURCES_DIGEST)
-    except AttributeError:  # a Numba that keeps its stamps elsewhere: rather slow than stale
+    if not _stamp_with_all_sources(dispatcher):
         dispatcher = numba.njit(error_model="numpy", nogil=True)(function)
     return cast(Callable[P, R], dispatcher)
+
+
+def native_callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Decorate a function that calls kernels, to compile it at once as a cached C function.
+
+    Like `numba.cfunc(signature, cache=True)`, but compiled anew when any kernel's source changed.
+    The signature is a Numba one, e.g. `types.void(types.intp)`.
+    """
+
+    def compile_callback(function: Callable[..., Any]) -> Any:
+        callback = CFunc(
+            function,
+            (signature.args, signature.return_type),
+            locals={},
+            options={"error_model": "numpy"},
+        )
+        callback.enable_caching()
+        if not _stamp_with_all_sources(callback):
+            return numba.cfunc(signature, error_model="numpy")(function)
+        callback.compile()
+        return callback
+
+    return compile_callback
+
+
+def _stamp_with_all_sources(compiled: Any) -> bool:
+    """Tie a cached function to `SOURCES_DIGEST`; False if this Numba keeps its stamps elsewhere.
+
+    Then its cache must not be used: rather slow than stale.
+    """
+    try:
+        index = compiled._cache._cache_file
+        index._source_stamp = (index._source_stamp, SOURCES_DIGEST)
+    except AttributeError:
+        return False
+    return True

@@ -391,6 +391,10 @@ class Reflexes:
             If an array has the wrong shape or is not finite.
         """
         p = self.parameters
+        # On fresh arrays, so that those handed out before keep the values of their time.
+        self.retraction = self.retraction.copy()
+        self.stumbling = self.stumbling.copy()
+        self.persistence = self.persistence.copy()
         reflex_step(
             self.retraction,
             self.stumbling,

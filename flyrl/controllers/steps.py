@@ -4,7 +4,9 @@ Two recordings of real flies: "tethered" (Lobato-Rios et al. 2022, doi 10.1038/s
 and "untethered" (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
 """
 
+import functools
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final, Literal
 
@@ -88,6 +90,38 @@ def _many_step_angles(
         step_angles(coefficients, neutral, leg, phases[i], magnitudes[i], angles[i])
 
 
+@dataclass(frozen=True)
+class _Recording:
+    """One recording, read once per process and shared; see `PreprogrammedSteps`."""
+
+    duration: float
+    coefficients: FloatArray
+    neutral_angles: FloatArray
+    swing_starts: FloatArray
+    swing_ends: FloatArray
+
+
+@functools.cache
+def _load_recording(steps: StepsName) -> _Recording:
+    # Imported here because SciPy takes longer to import than all of flyrl.
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415
+
+    with np.load(assets_folder() / "steps" / f"{steps}.npz", allow_pickle=False) as file:
+        angles = file["angles"]  # (6, 7, N)
+        duration = angles.shape[2] * file["timestep"].item()
+        spline = CubicSpline(
+            np.linspace(0.0, TWO_PI, angles.shape[2]), angles, axis=2, bc_type="periodic"
+        )
+        return _Recording(
+            duration=duration,
+            # SciPy: (power, interval, leg, dof); kernels: the four numbers of one curve together.
+            coefficients=_read_only(np.ascontiguousarray(spline.c.transpose(2, 1, 3, 0))),
+            neutral_angles=_read_only(np.ascontiguousarray(spline(file["neutral_phase"].item()))),
+            swing_starts=_read_only(file["swing_start_s"] / duration * TWO_PI),
+            swing_ends=_read_only(file["stance_start_s"] / duration * TWO_PI),
+        )
+
+
 class PreprogrammedSteps:
     """One recorded step cycle of every leg, as a function of phase and magnitude.
 
@@ -124,29 +158,16 @@ class PreprogrammedSteps:
     """
 
     def __init__(self, steps: StepsName = "untethered", duration: float | None = None) -> None:
-        # Imported here because SciPy takes longer to import than all of flyrl.
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415
-
         one_of("steps", steps, STEPS)
-        with np.load(assets_folder() / "steps" / f"{steps}.npz", allow_pickle=False) as recording:
-            angles = recording["angles"]  # (6, 7, N)
-            recorded_duration = angles.shape[2] * float(recording["timestep"])
-            swing_start_s = recording["swing_start_s"]
-            stance_start_s = recording["stance_start_s"]
-            neutral_phase = float(recording["neutral_phase"])
-
+        recording = _load_recording(steps)
         self.name = steps
         self.legs: list[str] = list(LEGS)
         self.dofs_per_leg: list[str] = list(LEG_DOFS)
-        self.duration = recorded_duration if duration is None else positive("duration", duration)
-
-        phases = np.linspace(0.0, TWO_PI, angles.shape[2])
-        spline = CubicSpline(phases, angles, axis=2, bc_type="periodic")
-        # SciPy: (power, interval, leg, dof); kernels: the four numbers of one curve together.
-        self.coefficients = _read_only(np.ascontiguousarray(spline.c.transpose(2, 1, 3, 0)))
-        self.neutral_angles = _read_only(np.ascontiguousarray(spline(neutral_phase)))
-        self.swing_starts = _read_only(swing_start_s / recorded_duration * TWO_PI)
-        self.swing_ends = _read_only(stance_start_s / recorded_duration * TWO_PI)
+        self.duration = recording.duration if duration is None else positive("duration", duration)
+        self.coefficients = recording.coefficients
+        self.neutral_angles = recording.neutral_angles
+        self.swing_starts = recording.swing_starts
+        self.swing_ends = recording.swing_ends
         self.swing_period: Mapping[str, FloatArray] = MappingProxyType(
             {
                 leg: _read_only(np.array([self.swing_starts[i], self.swing_ends[i]]))
