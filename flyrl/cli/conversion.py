@@ -62,6 +62,8 @@ def _value(hint: Any, value: Any, key: str) -> Any:
         return from_mapping(typing.cast(type, hint), value, key)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
+    if dataclasses.is_dataclass(hint):
+        raise ValueError(f"{key}: {value!r}; allowed: a group of keys")
     if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
         raise ValueError(f"{key}: {value!r}; allowed: {_NAMES.get(hint, hint.__name__)}")
     return value
