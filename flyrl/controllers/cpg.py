@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.anatomy import LEGS, TRIPODS
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, float_array, positive, random_seed
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, float_array, positive, random_seed
 
 TWO_PI: Final = 2.0 * np.pi
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.anatomy import LEG_DOFS, LEGS
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, not_negative, one_of, positive, random_seed
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, not_negative, one_of, positive, random_seed
 from flyrl.controllers.cpg import (
     TRIPOD_AMPLITUDE,
     TRIPOD_CONVERGENCE_RATE,

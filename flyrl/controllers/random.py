@@ -8,8 +8,8 @@ Source: Matsumoto & Nishimura 1998, doi 10.1145/272991.272995.
 
 import numpy as np
 
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, random_seed
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, random_seed
 
 NUM_WORDS = 624
 STATE_SIZE = NUM_WORDS + 1

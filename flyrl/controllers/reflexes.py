@@ -22,8 +22,8 @@ from flyrl.anatomy import (
     SENSED_SEGMENTS,
     STUMBLING_SEGMENTS,
 )
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, float_array, not_negative, positive
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, float_array, not_negative, positive
 
 TWO_PI: Final = 2.0 * np.pi
 

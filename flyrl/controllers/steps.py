@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, one_of, positive
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, one_of, positive
 from flyrl.resources import assets_folder
 
 StepsName = Literal["tethered", "untethered"]

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.anatomy import LEGS
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, float_array, positive
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, float_array, positive
 
 
 @kernel

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import LEGS
-from flyrl.controllers._numba import kernel
-from flyrl.controllers._validation import FloatArray, not_negative, one_of, positive
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray, not_negative, one_of, positive
 from flyrl.controllers.random import legacy_choice, seeded_stream
 
 if TYPE_CHECKING:

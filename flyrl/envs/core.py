@@ -61,7 +61,6 @@ class EnvConfig:
             controller = ControllerConfig(
                 name=controller or "hybrid",
                 steps=STEPS_OF_BODY[body.name],
-                reflexes=body.name,
             )
         physics = self.physics
         if isinstance(physics, str):

@@ -7,7 +7,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from flyrl.bodies.fly import stretch_pose
+from flyrl.bodies.fly import spawn_offset, stretch_pose
 from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import STATE_SIZE, install
 from flyrl.simulation.scene import TARGET_MARKER, Scene
@@ -54,6 +54,7 @@ class FlyBatch:
         self._actuator_force = self._batch.bind("actuator_force")
         self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
         self._stretch_pose = stretch_pose()
+        self._spawn_offset = spawn_offset(scene.config.body)
         self._is_unstable = np.zeros(num_sims, dtype=bool)
 
     @property
@@ -75,7 +76,8 @@ class FlyBatch:
         ids
             Simulations to reset, sorted, (k,).
         positions_w
-            Thorax, mm, (k, 3).
+            Where the fly is placed, mm, (k, 3): the point from which `bodies.spawn_offset` leads
+            to the thorax, as in the published packages.
         yaws
             Heading from +x, rad, (k,).
         controllers
@@ -84,7 +86,10 @@ class FlyBatch:
         if len(ids) == 0:
             return
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._qpos[ids, :3] = positions_w
+        cos, sin = np.cos(yaws), np.sin(yaws)
+        x, y, z = self._spawn_offset
+        offsets = np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(ids), z)], axis=1)
+        self._qpos[ids, :3] = positions_w + offsets
         self._qpos[ids, 3] = np.cos(yaws / 2)
         self._qpos[ids, 4:6] = 0.0
         self._qpos[ids, 6] = np.sin(yaws / 2)

@@ -22,6 +22,7 @@ import numpy as np
 from numba import carray, types
 from numba.extending import intrinsic
 
+from flyrl.controllers.compilation import kernel, native_callback
 from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
 from flyrl.simulation.layout import layout
 
@@ -88,12 +89,12 @@ _as_state = _pointer_cast(numba.from_dtype(STATE))
 _as_scratch = _pointer_cast(numba.from_dtype(SCRATCH))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def _int64(address):  # type: ignore[no-untyped-def]
     return carray(_as_int64(address), (1,))[0]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def _int32(address):  # type: ignore[no-untyped-def]
     return carray(_as_int32(address), (1,))[0]
 
@@ -131,7 +132,7 @@ def _callbacks() -> tuple[Any, Any]:
     userdata_size = USERDATA_SIZE
     min_numeric_size = ENGINE_SIZE + PARAMETERS_SIZE
 
-    @numba.njit(cache=True, error_model="numpy")
+    @kernel
     def engine_address(model):  # type: ignore[no-untyped-def]
         """Address of the model's ENGINE record, or 0 where the model is not flyrl's."""
         if (
@@ -144,7 +145,7 @@ def _callbacks() -> tuple[Any, Any]:
             return 0
         return address
 
-    @numba.cfunc(types.void(types.intp, types.intp), cache=True, error_model="numpy")
+    @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
         address = engine_address(model)
         if address == 0:
@@ -181,7 +182,7 @@ def _callbacks() -> tuple[Any, Any]:
         for leg in range(NUM_LEGS):
             ctrl[NUM_SERVOS + leg] = state.adhesion[leg]
 
-    @numba.njit(cache=True, error_model="numpy")
+    @kernel
     def segment_of(engine, body):  # type: ignore[no-untyped-def]
         """Index of a body among the 36 contact segments, or -1."""
         for leg in range(NUM_LEGS):
@@ -190,7 +191,7 @@ def _callbacks() -> tuple[Any, Any]:
                 return leg * NUM_SENSED_SEGMENTS + segment
         return -1
 
-    @numba.cfunc(types.void(types.intp, types.intp, types.int32), cache=True, error_model="numpy")
+    @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
         if stage != sensor_stage:
             return

@@ -92,6 +92,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     # compiled twice: the controller's record needs the body ids that only a model has
     engine = _engine_record(spec.compile())
     parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
+    engine["num_intervals"] = coefficients.shape[1]
     model_data = pack_model_data(engine, parameters, coefficients)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
     model = spec.compile()

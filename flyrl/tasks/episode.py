@@ -21,7 +21,7 @@ class Episode:
     seed
         Where the rest was drawn from; also seeds the rule-based controller's choices.
     spawn_position_w
-        Thorax, mm (x, y, z).
+        Where the fly is placed, mm (x, y, z); the thorax is at `bodies.spawn_offset` from it.
     spawn_yaw
         Heading from +x, rad.
     goal

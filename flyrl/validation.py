@@ -1,14 +1,16 @@
 """Checks on arguments: a ValueError says what was given and what is allowed."""
 
+import difflib
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 
 
 def float_array(
@@ -48,11 +50,14 @@ def not_negative(name: str, value: float) -> float:
     return float(value)
 
 
-def one_of(name: str, value: Any, allowed: Iterable[Any]) -> None:
-    """Raise ValueError unless `value` is among `allowed`."""
+def one_of(name: str, value: T, allowed: Iterable[Any]) -> T:
+    """Return `value` if it is among `allowed`, else raise ValueError with the closest match."""
     choices = tuple(allowed)
-    if value not in choices:
-        raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}")
+    if value in choices:
+        return value
+    close = difflib.get_close_matches(str(value), [str(choice) for choice in choices], n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}{hint}")
 
 
 def random_seed(seed: int) -> int:

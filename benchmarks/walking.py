@@ -1,0 +1,126 @@
+"""How the fly walks: the figures of the literature beside ours.
+
+Run `python benchmarks/walking.py` for every figure, or name some:
+`python benchmarks/walking.py literature rest turning rough`.
+"""
+
+import argparse
+
+import numpy as np
+from scipy import stats
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, TASKS
+
+FIRST_SEED = 1000
+
+
+def walk(  # noqa: D417
+    drive: tuple[float, float],
+    seconds: float,
+    conditions: int = 20,
+    magnitude: float | None = None,
+    settle: float = 0.0,
+    **config: object,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Thorax positions (t, n, 3) in mm and yaws (t, n) in rad, every 5 ms, under a steady drive.
+
+    Parameters
+    ----------
+    magnitude
+        Initial magnitude of the oscillators; None draws it.
+    settle
+        s of zero drive before the first sample.
+    config
+        Arguments of `EnvConfig`.
+    """
+    assert DRIVE_LOW <= min(drive) and max(drive) <= DRIVE_HIGH
+    env = BatchedEnv(
+        EnvConfig(task="hybrid_turning", decision_interval=0.005, **config),  # type: ignore[arg-type]
+        conditions,
+    )
+    terrain = env.config.scene.terrain
+    episodes = [
+        TASKS["hybrid_turning"].sample_episode(terrain, FIRST_SEED + i) for i in range(conditions)
+    ]
+    env.reset(episodes=episodes)
+    if magnitude is not None:
+        env.flies.controllers["magnitudes"] = magnitude
+    still = np.zeros((conditions, 2))
+    for _ in range(round(settle / 0.005)):
+        env.step(still)
+    action = np.tile(drive, (conditions, 1))
+    positions, yaws = [env.fly_state.position_w], [env.fly_state.yaw]
+    for _ in range(round(seconds / 0.005)):
+        env.step(action)
+        positions.append(env.fly_state.position_w)
+        yaws.append(env.fly_state.yaw)
+    return np.array(positions), np.unwrap(np.array(yaws), axis=0)
+
+
+def speed(positions: np.ndarray, seconds: float) -> np.ndarray:
+    """Straight-line speed from start to end, mm/s, (n,)."""
+    return np.linalg.norm(positions[-1, :, :2] - positions[0, :, :2], axis=1) / seconds
+
+
+def paired_interval(difference: np.ndarray) -> tuple[float, float]:
+    """95 % bootstrap interval of the mean paired difference."""
+    result = stats.bootstrap((difference,), np.mean, rng=np.random.default_rng(0))
+    return result.confidence_interval.low, result.confidence_interval.high
+
+
+def literature() -> None:
+    """Final x after 0.5 s at 1e-4 s, classic body, against FlyGym's tutorial."""
+    print("classic body, flat, 0.5 s at 1e-4 s: median x walked (mm); literature CPG 4.9, rule 2.6")
+    for controller in ("cpg", "rule_based"):
+        positions, _ = walk((1, 1), 0.5, body="classic", controller=controller, physics="reference")
+        final = positions[-1, :, 0] - positions[0, :, 0]
+        print(f"  {controller:10} {np.median(final):6.2f}  (quartiles {np.percentile(final, [25, 75]).round(2)})")
+
+
+def rest() -> None:
+    """Zero drive from zero magnitude."""
+    for body in ("classic", "current"):
+        positions, _ = walk((0, 0), 0.5, magnitude=0.0, settle=0.5, body=body)
+        moved = np.linalg.norm(positions[-1, :, :2] - positions[0, :, :2], axis=1)
+        print(f"zero drive, {body}: median {np.median(moved):.3f} mm in 0.5 s, largest {moved.max():.3f}")
+
+
+def turning(**config: object) -> None:
+    """Turning, straight walking and walking backwards of the hybrid controller."""
+    for drive in ((1.2, 0.2), (0.2, 1.2), (1.0, 1.0), (-0.5, -0.5)):
+        positions, yaws = walk(drive, 1.0, **config)
+        turned = np.rad2deg(yaws[-1] - yaws[0])
+        forward = positions[-1, :, 0] - positions[0, :, 0]
+        print(
+            f"drive {drive}: median turn {np.median(turned):7.1f} deg (median |turn| "
+            f"{np.median(np.abs(turned)):5.1f}), median x {np.median(forward):6.2f} mm in 1 s"
+        )
+
+
+def rough(seconds: float = 1.5, conditions: int = 20, **config: object) -> None:
+    """Speed of the three controllers on the four terrains, paired."""
+    print(f"median speed (mm/s) over {seconds} s, {conditions} paired initial conditions")
+    for terrain in ("flat", "gapped", "blocks", "mixed"):
+        speeds = {
+            name: speed(
+                walk((1, 1), seconds, conditions, terrain=terrain, controller=name, **config)[0], seconds
+            )
+            for name in ("cpg", "rule_based", "hybrid")
+        }
+        medians = "  ".join(f"{name} {np.median(values):5.2f}" for name, values in speeds.items())
+        low, high = paired_interval(speeds["hybrid"] - speeds["cpg"])
+        ratio = np.median(speeds["cpg"]) / np.median(speeds["hybrid"])
+        print(f"  {terrain:7} {medians}  cpg/hybrid {ratio:4.2f}  hybrid - cpg [{low:5.2f}, {high:5.2f}]")
+
+
+STUDIES = {"literature": literature, "rest": rest, "turning": turning, "rough": rough}
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("studies", nargs="*", help=f"among {list(STUDIES)}; default all")
+    chosen = parser.parse_args().studies or list(STUDIES)
+    for name in chosen:
+        if name not in STUDIES:
+            parser.error(f"unknown study {name!r}; choose from {list(STUDIES)}")
+        STUDIES[name]()

@@ -1,0 +1,358 @@
+import csv
+import itertools
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from flyrl.anatomy import JOINTS, LEG_DOFS, LEG_SEGMENTS, LEGS, PASSIVE_TARSUS_JOINTS
+from flyrl.bodies.fly import ContactConfig, FlyConfig, build_fly, spawn_offset, stretch_pose
+from flyrl.bodies.table import BODY_NAMES, body_table, leg_capsules
+from flyrl.resources import assets_folder
+from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, add_terrain, base_height
+
+LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
+
+
+@pytest.fixture(scope="module", params=BODY_NAMES)
+def name(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def model(name):
+    return build_fly(FlyConfig(name), visual=False).compile()
+
+
+def recorded_step(name):
+    path = assets_folder() / "steps" / f"{body_table(name).recorded_step}.npz"
+    return np.load(path, allow_pickle=False)
+
+
+def standing_on(terrain, name="current", seconds=0.1):
+    """A fly that was put down in the stretch pose and has held the neutral pose since."""
+    spec = build_fly(FlyConfig(name), visual=False)
+    add_terrain(spec, terrain)
+    model = spec.compile()
+    model.opt.timestep = 1e-4
+    data = mujoco.MjData(model)
+    for joint, angle in zip(JOINTS, stretch_pose(), strict=True):
+        data.joint(joint).qpos = angle
+    data.joint("root").qpos[:3] = spawn_offset(FlyConfig(name))
+    data.joint("root").qpos[2] += base_height(terrain) + SPAWN_CLEARANCE
+    step = recorded_step(name)
+    middle = round(float(step["neutral_phase"]) / (2 * np.pi) * (step["angles"].shape[2] - 1))
+    data.ctrl[:42] = step["angles"][:, :, middle].ravel()
+    for _ in range(round(seconds / 1e-4)):
+        mujoco.mj_step(model, data)
+    return model, data
+
+
+def touching(model, data):
+    names = {model.geom(geom).name for contact in data.contact for geom in contact.geom}
+    return {item.removesuffix("_collision") for item in names if item.endswith("_collision")}
+
+
+# ------------------------------------------------------------------ kinematics
+
+
+def test_forward_kinematics_equals_the_published_model(name, model):
+    angles = recorded_step(name)["angles"]
+    grid = np.linspace(0, 2 * np.pi, angles.shape[2])
+    splines = {
+        leg: CubicSpline(grid, recorded, axis=1, bc_type="periodic")
+        for leg, recorded in zip(LEGS, angles, strict=True)
+    }
+    data = mujoco.MjData(model)
+    # Somewhere else and turned, so that the thorax frame is not the world frame.
+    data.joint("root").qpos = (3.0, -2.0, 1.5, *np.array((0.8, 0.1, -0.2, 0.55)))
+    thorax = data.body("Thorax")
+    worst, seen = 0.0, set()
+    path = assets_folder() / "reference" / f"forward_kinematics_{name}.csv"
+    with path.open(encoding="utf-8") as table:
+        for row in csv.DictReader(table):
+            leg = row["leg"]
+            wanted = splines[leg](float(row["phase_rad"]))
+            for dof, angle in zip(LEG_DOFS, wanted, strict=True):
+                data.joint(f"joint_{leg}{dof}").qpos = angle
+            mujoco.mj_kinematics(model, data)
+            offset_w = data.body(f"{leg}Tarsus5").xpos - thorax.xpos
+            position = offset_w @ thorax.xmat.reshape(3, 3)
+            expected = [float(row[axis]) for axis in "xyz"]
+            worst = max(worst, float(np.abs(position - expected).max()))
+            seen.add((leg, row["phase_rad"]))
+    assert len(seen) == 6 * 20
+    assert worst < 0.005
+
+
+@pytest.mark.parametrize(
+    ("name", "order"), [("classic", "roll yaw pitch"), ("current", "yaw pitch roll")]
+)
+def test_coxa_joints_follow_from_thorax_to_femur(name, order):
+    model = build_fly(FlyConfig(name), visual=False).compile()
+    axes = {"pitch": (0, 1, 0), "roll": (0, 0, 1), "yaw": (1, 0, 0)}
+    for leg in LEGS:
+        coxa = [
+            index
+            for index in range(model.njnt)
+            if model.joint(index).name.startswith(f"joint_{leg}Coxa")
+        ]
+        expected = [axes[joint] for joint in order.split()]
+        np.testing.assert_array_equal(model.jnt_axis[coxa], expected)
+
+
+def test_legs_are_on_their_own_side_and_heads_are_in_front(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    side = [data.body(f"{leg}Coxa").xpos[1] for leg in LEGS]
+    assert min(side[:3]) > 0 > max(side[3:])
+    assert data.body("Head").xpos[0] > data.body("Thorax").xpos[0] > data.body("A6").xpos[0]
+
+
+# ------------------------------------------------------------------ masses
+
+
+def test_every_mass_and_inertia_is_the_tables(name, model):
+    for row in body_table(name).bodies:
+        body = model.body(row.name)
+        np.testing.assert_allclose(body.mass, row.mass, rtol=1e-12)
+        np.testing.assert_allclose(body.inertia, row.inertia, rtol=1e-12)
+        np.testing.assert_allclose(body.ipos, row.ipos, atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "milligrams"), [("classic", 1.0645), ("current", 1.0245)])
+@pytest.mark.parametrize("visual", [True, False])
+def test_a_fly_weighs_about_a_milligram(name, milligrams, visual):
+    model = build_fly(FlyConfig(name), visual=visual).compile()
+    assert model.body_mass.sum() * 1e3 == pytest.approx(milligrams, abs=5e-5)
+
+
+# ------------------------------------------------------------------ joints and actuators
+
+
+def test_actuators_are_the_servos_then_the_grips(model):
+    names = [model.actuator(index).name for index in range(model.nu)]
+    assert names[:42] == [f"actuator_{joint}" for joint in JOINTS]
+    assert names[42:] == [f"adhesion_{leg}" for leg in LEGS]
+
+
+@pytest.mark.parametrize(("name", "gain"), [("classic", 30.0), ("current", 45.0)])
+def test_servos_pull_towards_their_control(name, gain):
+    model = build_fly(FlyConfig(name), visual=False).compile()
+    np.testing.assert_array_equal(model.actuator_gainprm[:42, 0], gain)
+    np.testing.assert_array_equal(model.actuator_biasprm[:42, :3], [[0, -gain, 0]] * 42)
+    data = mujoco.MjData(model)
+    data.ctrl[:42] = 0.1
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.actuator_force[:42], 0.1 * gain)
+
+
+def test_only_the_current_servos_have_a_force_limit():
+    classic = build_fly(FlyConfig("classic"), visual=False).compile()
+    current = build_fly(FlyConfig("current"), visual=False).compile()
+    assert not classic.actuator_forcelimited[:42].any()
+    assert current.actuator_forcelimited[:42].all()
+    np.testing.assert_array_equal(current.actuator_forcerange[:42], [[-65, 65]] * 42)
+
+
+def test_adhesion_pulls_a_leg_tip_with_its_gain(model):
+    np.testing.assert_array_equal(model.actuator_gainprm[42:, 0], 40.0)
+    np.testing.assert_array_equal(model.actuator_ctrlrange[42:], [[0, 1]] * 6)
+    for leg, actuator in zip(LEGS, range(42, 48), strict=True):
+        assert model.body(model.actuator_trnid[actuator, 0]).name == f"{leg}Tarsus5"
+        assert model.actuator_trntype[actuator] == mujoco.mjtTrn.mjTRN_BODY
+
+
+@pytest.mark.parametrize(
+    ("name", "stiffness", "damping"), [("classic", 2.2, 0.05), ("current", 7.5, 0.01)]
+)
+def test_passive_tarsi_are_springs(name, stiffness, damping):
+    model = build_fly(FlyConfig(name), visual=False).compile()
+    for joint in PASSIVE_TARSUS_JOINTS:
+        index = model.joint(joint).id
+        assert model.jnt_stiffness[index].flat[0] == stiffness
+        assert model.dof_damping[model.jnt_dofadr[index]].flat[0] == damping
+
+
+def test_driven_joints_have_a_weak_spring_and_damper(model):
+    for joint in JOINTS:
+        index = model.joint(joint).id
+        assert model.jnt_stiffness[index].flat[0] == 0.05
+        assert model.dof_damping[model.jnt_dofadr[index]].flat[0] == 0.06
+
+
+def test_current_neck_is_stiffer_than_its_antennae():
+    model = build_fly(FlyConfig("current"), visual=False).compile()
+    assert model.jnt_stiffness[model.joint("joint_Head").id].flat[0] == 10.0
+    assert model.jnt_stiffness[model.joint("joint_LArista").id].flat[0] == 1.0
+
+
+def test_rigid_antennae_take_18_joints_away_and_no_mass():
+    free = build_fly(FlyConfig("current"), visual=False).compile()
+    rigid = build_fly(FlyConfig("current", rigid_antennae=True), visual=False).compile()
+    assert free.nv - rigid.nv == 18
+    assert rigid.body_mass.sum() == pytest.approx(free.body_mass.sum(), rel=1e-12)
+
+
+def test_stretch_pose_is_the_published_one():
+    pose = dict(zip(JOINTS, np.degrees(stretch_pose()), strict=True))
+    assert pose["joint_LFCoxa"] == pytest.approx(19)
+    assert pose["joint_RFFemur"] == pytest.approx(-130)
+    assert pose["joint_LMCoxa_roll"] == pytest.approx(90)
+    assert pose["joint_RHCoxa_roll"] == pytest.approx(-150)
+    assert sum(angle != 0 for angle in pose.values()) == 4 + 4 + 4
+
+
+# ------------------------------------------------------------------ collision
+
+
+def test_capsules_of_left_and_right_mirror_each_other(model):
+    for segment in LEG_BODIES[:24]:
+        left = model.geom(f"{segment}_collision")
+        right = model.geom(f"R{segment[1:]}_collision")
+        np.testing.assert_allclose(left.size, right.size, rtol=1e-12)
+        np.testing.assert_allclose(left.pos, right.pos * [1, -1, 1], atol=1e-12)
+        axes = np.zeros((2, 9))
+        mujoco.mju_quat2Mat(axes[0], left.quat)
+        mujoco.mju_quat2Mat(axes[1], right.quat)
+        # The capsule's own axis is its z.
+        np.testing.assert_allclose(axes[0, 2::3], axes[1, 2::3] * [1, -1, 1], atol=1e-9)
+
+
+def test_each_leg_segment_has_a_capsule_about_as_long_as_the_way_to_the_next(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for leg, (segment, following) in itertools.product(LEGS, itertools.pairwise(LEG_SEGMENTS)):
+        capsule = model.geom(f"{leg}{segment}_collision")
+        reach = data.body(f"{leg}{following}").xpos - data.body(f"{leg}{segment}").xpos
+        length = 2 * (capsule.size[0] + capsule.size[1])
+        assert length == pytest.approx(np.linalg.norm(reach), abs=0.15)
+
+
+def test_capsules_reach_as_far_as_the_meshes_they_stand_for():
+    """Along its axis a capsule ends where the mesh ends."""
+    for capsule in leg_capsules():
+        if capsule.segment.startswith("L"):
+            continue
+        content = (assets_folder() / "meshes" / f"{capsule.segment}.stl").read_bytes()
+        records = np.frombuffer(content, np.uint8, offset=84).reshape(-1, 50)
+        points = records[:, 12:48].copy().view("<f4").reshape(-1, 3)
+        start, end = np.array(capsule.start), np.array(capsule.end)
+        axis = (end - start) / np.linalg.norm(end - start)
+        along = points @ axis
+        assert start @ axis - capsule.radius == pytest.approx(along.min(), abs=0.015)
+        assert end @ axis + capsule.radius == pytest.approx(along.max(), abs=0.015)
+
+
+def test_only_legs_and_ground_can_touch():
+    spec = build_fly(FlyConfig("current"))
+    add_terrain(spec, TerrainConfig("mixed"))
+    model = spec.compile()
+    names = np.array([model.geom(index).name for index in range(model.ngeom)])
+    ground = np.char.startswith(names, "ground_")
+    legs = np.isin(names, [f"{body}_collision" for body in LEG_BODIES])
+    assert legs.sum() == 48
+    meets = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    meets |= meets.T
+    expected = ground[:, None] & legs
+    np.testing.assert_array_equal(meets, expected | expected.T)
+
+
+def test_contact_figures_are_those_of_the_leg():
+    contact = ContactConfig(
+        friction=(0.7, 0.01, 0.001), solref=(-1e5, -2e3), solimp=(0.9, 0.95, 0.002, 0.4, 1.0)
+    )
+    spec = build_fly(FlyConfig("current"), contact, visual=False)
+    add_terrain(spec, TerrainConfig("flat"))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.joint("root").qpos[2] = 0.5
+    mujoco.mj_forward(model, data)
+    assert data.ncon > 0
+    for item in data.contact:
+        np.testing.assert_array_equal(item.friction, [0.7, 0.7, 0.01, 0.001, 0.001])
+        np.testing.assert_array_equal(item.solref, [-1e5, -2e3])
+        np.testing.assert_array_equal(item.solimp, [0.9, 0.95, 0.002, 0.4, 1.0])
+
+
+def test_default_contact_is_the_literatures():
+    spec = build_fly(visual=False)
+    add_terrain(spec, TerrainConfig("flat"))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.joint("root").qpos[2] = 0.5
+    mujoco.mj_forward(model, data)
+    item = data.contact[0]
+    np.testing.assert_array_equal(item.friction, [1, 1, 0.005, 0.0001, 0.0001])
+    np.testing.assert_array_equal(item.solref, [2e-4, 1e3])
+    np.testing.assert_array_equal(item.solimp, [0.999, 0.9999, 0.001, 0.5, 2])
+    assert item.dim == 3
+
+
+# ------------------------------------------------------------------ standing
+
+
+def test_the_fly_stands_on_its_six_leg_tips():
+    model, data = standing_on(TerrainConfig("flat"))
+    assert touching(model, data) == {f"{leg}Tarsus5" for leg in LEGS}
+    assert data.body("Thorax").xmat[8] > 0.99
+    assert data.body("Thorax").xpos[2] == pytest.approx(1.05, abs=0.03)
+    assert np.linalg.norm(data.joint("root").qvel[:3]) < 0.5
+    assert not any(warning.number for warning in data.warning)
+
+
+@pytest.mark.parametrize("terrain", ["gapped", "blocks", "mixed"])
+def test_the_fly_stands_on_rough_ground(terrain):
+    config = TerrainConfig(terrain)
+    model, data = standing_on(config)
+    assert touching(model, data)
+    assert data.body("Thorax").xmat[8] > 0.9
+    assert 0.9 < data.body("Thorax").xpos[2] - base_height(config) < 1.8
+    assert not any(warning.number for warning in data.warning)
+
+
+# ------------------------------------------------------------------ looks
+
+
+def test_visual_meshes_touch_nothing_and_change_no_joint():
+    seen = build_fly(FlyConfig("current")).compile()
+    bare = build_fly(FlyConfig("current"), visual=False).compile()
+    assert (seen.ngeom, bare.ngeom) == (48 + 69, 48)
+    assert (seen.nq, seen.nu, seen.nbody) == (bare.nq, bare.nu, bare.nbody)
+    meshes = seen.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    assert not seen.geom_contype[meshes].any()
+    assert not seen.geom_conaffinity[meshes].any()
+    assert set(seen.geom_group[meshes]) == {1}
+
+
+# ------------------------------------------------------------------ bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"name": "modern"}, "current, classic"),
+        ({"adhesion_gain": -1.0}, "adhesion_gain: got -1.0"),
+        ({"adhesion_gain": float("nan")}, "adhesion_gain: got nan"),
+    ],
+)
+def test_fly_config_names_what_is_allowed(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        FlyConfig(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"friction": (1.0, 0.1)}, "friction: got"),
+        ({"friction": (-1.0, 0.0, 0.0)}, ">= 0"),
+        ({"solref": (2e-4, -1.0)}, "two positive numbers"),
+        ({"solimp": (0.9, 0.9, 0.001, 0.5, float("inf"))}, "solimp: got"),
+        ({"condim": 2}, "1, 3, 4, 6"),
+        ({"margin": -0.1}, "margin: got"),
+    ],
+)
+def test_contact_config_names_what_is_allowed(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ContactConfig(**arguments)

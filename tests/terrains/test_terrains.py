@@ -1,0 +1,232 @@
+import mujoco
+import numpy as np
+import pytest
+
+from flyrl.terrains import (
+    SPAWN_CLEARANCE,
+    TERRAIN_NAMES,
+    Bounds,
+    TerrainConfig,
+    add_terrain,
+    base_height,
+    terrain_bounds,
+    terrain_boxes,
+)
+
+
+def compiled(config):
+    spec = mujoco.MjSpec()
+    add_terrain(spec, config)
+    return spec.compile()
+
+
+def surface(model, x, y):
+    """Height of the ground at (x, y), by a ray from above."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    distance = mujoco.mj_ray(
+        model, data, np.array([x, y, 10.0]), np.array([0.0, 0, -1]), None, 1, -1, None
+    )
+    return 10.0 - distance
+
+
+def profile(config, y=0.1):
+    """Function x -> ground height along a line."""
+    model = compiled(config)
+    return lambda x: pytest.approx(surface(model, x, y), abs=1e-9)
+
+
+# ------------------------------------------------------------------ flat
+
+
+def test_flat_is_one_plane_at_zero():
+    model = compiled(TerrainConfig("flat"))
+    assert model.ngeom == 1
+    assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_array_equal(model.geom_pos[0], 0)
+
+
+def test_flat_is_chequered_in_squares_of_a_millimetre():
+    model = compiled(TerrainConfig("flat"))
+    material = model.geom_matid[0]
+    # A picture of 2 x 2 squares, half a picture per mm.
+    assert model.mat_texuniform[material] == 1
+    np.testing.assert_array_equal(model.mat_texrepeat[material], [0.5, 0.5])
+
+
+# ------------------------------------------------------------------ gapped
+
+
+def test_gapped_has_slabs_of_1_mm_and_gaps_of_0_3_mm():
+    height = profile(TerrainConfig("gapped"))
+    # First slab -10 … -9, gap … -8.7, second slab … -7.7
+    assert height(-9.99) == 1.0
+    assert height(-9.01) == 1.0
+    assert height(-8.99) == -1.0
+    assert height(-8.71) == -1.0
+    assert height(-8.69) == 1.0
+    # x = 0: slab 8 starts at -10 + 7 * 1.3 = -0.9 and ends at 0.1
+    assert height(0.09) == 1.0
+    assert height(0.11) == -1.0
+
+
+def test_gapped_slabs_are_27_and_2_mm_deep():
+    model = compiled(TerrainConfig("gapped"))
+    slabs = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
+    assert slabs.sum() == 27
+    np.testing.assert_allclose(model.geom_size[slabs], [[0.5, 20, 1]] * 27)
+    np.testing.assert_allclose(model.geom_pos[slabs, 2], 0, atol=1e-12)
+    # The last one that starts before 25: -10 + 26 * 1.3 + 0.5
+    assert model.geom_pos[slabs, 0].max() == pytest.approx(24.3)
+
+
+# ------------------------------------------------------------------ blocks
+
+
+def test_blocks_alternate_in_height():
+    model = compiled(TerrainConfig("blocks"))
+    corner = (-10 + 0.65, -20 + 0.65)
+    heights = [
+        [surface(model, corner[0] + 1.3 * column, corner[1] + 1.3 * row) for row in range(3)]
+        for column in range(3)
+    ]
+    expected = [[0.45, 0.1, 0.45], [0.1, 0.45, 0.1], [0.45, 0.1, 0.45]]
+    np.testing.assert_allclose(heights, expected, atol=1e-9)
+
+
+def test_blocks_are_a_tenth_larger_than_their_pitch():
+    model = compiled(TerrainConfig("blocks"))
+    np.testing.assert_allclose(model.geom_size[:, :2], 1.3 * 1.1 / 2)
+    # High blocks at the corner reach 0.065 over the edge at -8.7.
+    y = -20 + 0.65
+    assert surface(model, -8.7 + 0.06, y) == pytest.approx(0.45)
+    assert surface(model, -8.7 + 0.07, y) == pytest.approx(0.1)
+
+
+def test_blocks_are_27_columns_of_31():
+    model = compiled(TerrainConfig("blocks"))
+    assert model.ngeom == 27 * 31
+    assert model.geom_pos[:, 0].max() == pytest.approx(-10 + 26.5 * 1.3)
+    assert model.geom_pos[:, 1].max() == pytest.approx(-20 + 30.5 * 1.3)
+
+
+def test_random_heights_stay_in_range_and_low_blocks_stay_low():
+    tops = terrain_boxes(TerrainConfig("blocks", seed=3, height_range=(0.15, 0.45))).tops
+    low = np.isclose(tops, 0.1)
+    assert low.sum() == 27 * 31 // 2
+    assert np.all((tops[~low] >= 0.25) & (tops[~low] <= 0.55))
+    assert np.ptp(tops[~low]) > 0.25
+
+
+def test_random_heights_are_drawn_block_by_block_from_the_seed():
+    tops = terrain_boxes(TerrainConfig("blocks", seed=3, height_range=(0.15, 0.45))).tops
+    high = tops[~np.isclose(tops, 0.1)]
+    rng = np.random.default_rng(3)
+    np.testing.assert_allclose(high[:5], [0.1 + rng.uniform(0.15, 0.45) for _ in range(5)])
+
+
+@pytest.mark.parametrize("name", ["blocks", "mixed"])
+def test_a_seed_is_a_terrain(name):
+    def heights(seed):
+        return terrain_boxes(TerrainConfig(name, seed, height_range=(0.15, 0.45))).tops
+
+    np.testing.assert_array_equal(heights(5), heights(5))
+    assert not np.array_equal(heights(5), heights(6))
+
+
+# ------------------------------------------------------------------ mixed
+
+
+def test_mixed_segment_from_end_to_end():
+    model = compiled(TerrainConfig("mixed"))
+    y = -20 + 0.65  # middle of the first row
+
+    def height(x):
+        return pytest.approx(surface(model, x, y), abs=1e-9)
+
+    for start in (-4.0, 5.0, 14.0):
+        # Three columns of blocks, lowered by 0.1 + 0.35: high, low, high
+        assert height(start + 0.65) == 0.0
+        assert height(start + 1.95) == -0.35
+        assert height(start + 3.25) == 0.0
+        # Half a slab from 3.9, gap from 4.4, slab from 4.7, gap from 5.7, flat from 6.0 to 9.0
+        assert height(start + 4.39) == 0.0
+        assert height(start + 4.41) == -1.0
+        assert height(start + 4.69) == -1.0
+        assert height(start + 4.71) == 0.0
+        assert height(start + 5.69) == 0.0
+        assert height(start + 5.71) == -1.0
+        assert height(start + 5.99) == -1.0
+        assert height(start + 6.01) == 0.0
+        assert height(start + 8.90) == 0.0
+
+
+def test_mixed_is_lowered_by_the_mean_height():
+    config = TerrainConfig("mixed", height_range=(0.1, 0.5))
+    boxes = terrain_boxes(config)
+    is_block = np.isclose(boxes.half_sizes[:, 0], 0.715)
+    tops = boxes.tops[is_block]
+    # low: 0.1 - (0.1 + 0.3); high: 0.1 + U(0.1, 0.5) - (0.1 + 0.3)
+    assert tops.min() == pytest.approx(-0.3)
+    high = tops[~np.isclose(tops, -0.3)]
+    assert np.all((high >= -0.2) & (high <= 0.2))
+
+
+def test_mixed_is_three_segments_of_93_blocks_and_3_slabs():
+    model = compiled(TerrainConfig("mixed"))
+    assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).sum() == 3 * (3 * 31 + 3)
+
+
+def test_mixed_has_one_floor_at_minus_one():
+    model = compiled(TerrainConfig("mixed"))
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_array_equal(model.geom_pos[planes, 2], [-1.0])
+
+
+# ------------------------------------------------------------------ all
+
+
+@pytest.mark.parametrize("name", TERRAIN_NAMES)
+def test_ground_geoms_are_slippery_and_touchable_as_specified(name):
+    model = compiled(TerrainConfig(name))
+    assert all(model.geom(index).name.startswith("ground") for index in range(model.ngeom))
+    np.testing.assert_array_equal(model.geom_friction, [[1, 0.005, 0.0001]] * model.ngeom)
+    assert set(model.geom_contype) == {1}
+    assert set(model.geom_conaffinity) == {0}
+    assert set(model.geom_group) == {0}
+
+
+def test_spawn_heights():
+    assert SPAWN_CLEARANCE == 0.5
+    bases = {name: base_height(TerrainConfig(name)) for name in TERRAIN_NAMES}
+    assert bases == {"flat": 0.0, "gapped": 1.0, "blocks": 0.1, "mixed": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("flat", Bounds(-100, 100, -100, 100)),
+        ("gapped", Bounds(-10, 25, -20, 20)),
+        ("blocks", Bounds(-10, 25, -20, 20)),
+        ("mixed", Bounds(-4, 23, -20, 20)),
+    ],
+)
+def test_bounds(name, expected):
+    assert terrain_bounds(TerrainConfig(name)) == expected
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"name": "hills"}, "got 'hills', allowed are flat, gapped, blocks, mixed"),
+        ({"seed": -1}, "seed: got -1"),
+        ({"seed": 1.5}, "seed: got 1.5"),
+        ({"height_range": (0.4, 0.2)}, r"height_range: got \(0.4, 0.2\)"),
+        ({"height_range": (-0.1, 0.2)}, "0 <= least <= greatest"),
+        ({"height_range": (0.1, float("nan"))}, "height_range: got"),
+        ({"height_range": (0.1,)}, "height_range: got"),
+    ],
+)
+def test_bad_settings_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        TerrainConfig(**arguments)
