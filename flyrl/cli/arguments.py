@@ -72,14 +72,14 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> None:
                 if override.key_or_group in groups:
                     _check_choice(override, groups[override.key_or_group])
             chosen = [
-                override.input_line
+                str(override.input_line)
                 for override in overrides
                 if override.key_or_group in groups and not override.is_sweep_override()
             ]
             keys = set(_keys(compose(config_name, chosen))) | set(groups)
             for override in overrides:
                 _check_key(override, keys)
-            plain = [o.input_line for o in overrides if not o.is_sweep_override()]
+            plain = [str(o.input_line) for o in overrides if not o.is_sweep_override()]
             compose(config_name, plain, return_hydra_config=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise UsageError(str(error).partition("\nSee http")[0]) from error
@@ -107,17 +107,16 @@ def _keys(config: Any, prefix: str = "") -> Iterator[str]:
 
 
 def _check_choice(override: Override, choices: list[str]) -> None:
-    value = override.value()
-    if override.is_delete():
+    value: Any = override.value()
+    is_expanded_by_hydra = override.is_sweep_override() and not isinstance(value, ChoiceSweep)
+    if override.is_delete() or is_expanded_by_hydra:
         return
     given = value.list if isinstance(value, ChoiceSweep) else [value]
-    for choice in given:
-        if override.is_sweep_override() and not isinstance(choice, str):
-            continue  # a glob or a range over choices: Hydra expands it
-        if not isinstance(choice, str) or choice not in choices:
+    for choice in map(str, given):
+        if choice not in choices:
             raise UsageError(
-                f"{override.key_or_group}: {choice!s}; allowed: {', '.join(choices)}; "
-                f"closest: {closest(str(choice), choices)}"
+                f"{override.key_or_group}: {choice}; allowed: {', '.join(choices)}; "
+                f"closest: {closest(choice, choices)}"
             )
 
 

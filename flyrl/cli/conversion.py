@@ -4,9 +4,10 @@ import dataclasses
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, Final, Literal, TypeVar, cast, get_args, get_origin
 
 from flyrl.cli.arguments import closest
+from flyrl.validation import one_of
 
 T = TypeVar("T")
 
@@ -42,43 +43,44 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
 
 def whole_number(key: str, value: Any) -> int:
     """The value, if it is an int; else raise ValueError."""
-    number: int = _value(int, value, key)
+    number: int = _scalar(int, value, key)
     return number
 
 
 def _value(hint: Any, value: Any, key: str) -> Any:
-    origin = get_origin(hint)
+    origin, options = get_origin(hint), get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        hint = next(option for option in get_args(hint) if option is not types.NoneType)
-        return None if value is None else _value(hint, value, key)
+        given = next(option for option in options if option is not types.NoneType)
+        return None if value is None else _value(given, value, key)
     if origin is Literal:
-        if value not in get_args(hint):
-            allowed = [str(option) for option in get_args(hint)]
-            raise ValueError(f"{key}: {value!r}; allowed: {', '.join(allowed)}")
-        return value
+        return one_of(key, value, options)
     if origin is tuple:
-        return _tuple(get_args(hint), value, key)
-    if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
-        return from_mapping(typing.cast(type, hint), value, key)
-    if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        return _tuple(options, value, key)
     if dataclasses.is_dataclass(hint):
-        raise ValueError(f"{key}: {value!r}; allowed: a group of keys")
-    if not isinstance(value, hint) or (isinstance(value, bool) and hint is not bool):
-        raise ValueError(f"{key}: {value!r}; allowed: {_NAMES.get(hint, hint.__name__)}")
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{key} must be a group of keys, got {value!r}")
+        return from_mapping(cast(type, hint), value, key)
+    return value if hint is Any else _scalar(hint, value, key)
+
+
+_NAMES: Final = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+
+
+def _scalar(hint: type, value: Any, key: str) -> Any:
+    if hint is float and type(value) is int:
+        return float(value)
+    if type(value) is not hint:
+        raise ValueError(f"{key} must be {_NAMES[hint]}, got {value!r}")
     return value
-
-
-_NAMES = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 
 
 def _tuple(hints: Sequence[Any], value: Any, key: str) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
-        raise ValueError(f"{key}: {value!r}; allowed: a list")
+        raise ValueError(f"{key} must be a list, got {value!r}")
     if hints[-1] is Ellipsis:
         hints = [hints[0]] * len(value)
     if len(value) != len(hints):
-        raise ValueError(f"{key}: {value!r}; allowed: a list of {len(hints)}")
+        raise ValueError(f"{key} must be a list of {len(hints)}, got {value!r}")
     return tuple(
         _value(hint, item, f"{key}[{i}]")
         for i, (hint, item) in enumerate(zip(hints, value, strict=True))

@@ -48,7 +48,7 @@ def test_multirun_makes_a_run_per_job(tmp_path):
     ("arguments", "message"),
     [
         (["terain=flat"], "error: terain: no such key; closest: terrain\n"),
-        (["algo.gamma=2"], "error: algo.gamma: 2.0; allowed: 0 to 1\n"),
+        (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
     ],
 )
 def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):

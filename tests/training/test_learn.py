@@ -13,7 +13,7 @@ from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, SACConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig, env_record
-from flyrl.training.learn import HELD_OUT_SEEDS, held_out_episodes, train
+from flyrl.training.learn import build_model, held_out_episodes, train
 
 SCHEDULE = ScheduleConfig(
     total_decisions=96,
@@ -104,8 +104,6 @@ def test_other_seed_other_policy(run, tmp_path):
 def test_learning_changes_the_policy(run):
     first = load_policy(run.folder / "last.safetensors").bundle.network.layers
     # the same seed, so the same start
-    from flyrl.training.learn import build_model
-
     env = FlyVecEnv(PPO_CONFIG.env, SCHEDULE.num_envs, 1)
     untrained = build_model(PPO_CONFIG.algo, env, PPO_CONFIG.seed).policy.action_net.weight
     assert np.abs(first[-1].weight - untrained.detach().numpy()).max() > 1e-5
@@ -115,7 +113,7 @@ def test_no_run_learns_from_held_out_episodes():
     held_out = held_out_episodes(PPO_CONFIG)
     assert held_out == held_out_episodes(replace(PPO_CONFIG, seed=5))
     assert len({episode.seed for episode in held_out}) == 2
-    assert all(HELD_OUT_SEEDS <= episode.seed < 2**32 for episode in held_out)
+    assert all(2**31 <= episode.seed < 3 * 2**30 for episode in held_out)
 
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
