@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
 from flyrl.controllers.compilation import kernel
-from flyrl.validation import FloatArray, one_of, positive
 from flyrl.resources import assets_folder
+from flyrl.validation import FloatArray, one_of, positive
 
 StepsName = Literal["tethered", "untethered"]
 

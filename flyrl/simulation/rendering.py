@@ -52,8 +52,6 @@ class FlyRenderer:
     ) -> None:
         if camera not in _CAMERAS:
             raise ValueError(f"camera is {camera!r}; it must be one of {tuple(_CAMERAS)}")
-        if sys.platform == "linux" and not os.environ.get("DISPLAY"):
-            os.environ.setdefault("MUJOCO_GL", "egl")
         self._model = build_scene(config, visual=True).model
         # software GL draws 5-9 times as fast without multisampling and with small shadow maps
         self._model.vis.quality.offsamples = 0
@@ -63,6 +61,7 @@ class FlyRenderer:
         self._data = mujoco.MjData(self._model)
         self._ground = base_height(config.terrain)
         try:
+            _prefer_egl_without_screen()
             self._renderer = mujoco.Renderer(self._model, height, width)
         except Exception as error:  # whatever a missing GL library raises
             raise RenderingUnavailableError(
@@ -85,8 +84,20 @@ class FlyRenderer:
         mujoco.mj_camlight(self._model, self._data)
         self._camera.lookat[:] = self._data.body("Thorax").xpos
         self._renderer.update_scene(self._data, self._camera)
-        return self._renderer.render()
+        return np.asarray(self._renderer.render())
 
     def close(self) -> None:
         """Free the GL context."""
         self._renderer.close()
+
+
+def _prefer_egl_without_screen() -> None:
+    """Let MuJoCo draw with EGL where there is no screen and nobody chose otherwise.
+
+    MuJoCo picks its GL library when it is imported, from MUJOCO_GL; by now that is too late to set.
+    """
+    if sys.platform == "linux" and not (os.environ.get("MUJOCO_GL") or os.environ.get("DISPLAY")):
+        from mujoco import egl  # noqa: PLC0415
+        from mujoco.rendering.classic import gl_context  # noqa: PLC0415
+
+        gl_context.GLContext = egl.GLContext
