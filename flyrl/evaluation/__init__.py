@@ -1,1 +1,18 @@
+"""Every entrant on every terrain -> paired results: metrics, statistics, results files."""
 
+from flyrl.evaluation.config import EvaluationConfig
+from flyrl.evaluation.entrants import FIXED, Entrant, make_entrants
+from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
+from flyrl.evaluation.run import evaluate
+
+__all__ = [
+    "FIXED",
+    "Entrant",
+    "EvaluationConfig",
+    "Results",
+    "ResultsError",
+    "evaluate",
+    "load_results",
+    "make_entrants",
+    "write_results",
+]

@@ -1,1 +1,15 @@
+"""Policy and environment -> episode records."""
 
+from flyrl.rollouts.records import FAILURES, OUTCOMES, SAMPLING_S, SUCCESS, EpisodeRecord
+from flyrl.rollouts.run import Policy, num_decisions, run_episodes
+
+__all__ = [
+    "FAILURES",
+    "OUTCOMES",
+    "SAMPLING_S",
+    "SUCCESS",
+    "EpisodeRecord",
+    "Policy",
+    "num_decisions",
+    "run_episodes",
+]

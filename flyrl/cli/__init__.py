@@ -1,0 +1,1 @@
+"""The only place that reads command lines."""

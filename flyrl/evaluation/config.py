@@ -1,0 +1,118 @@
+"""What an evaluation is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from flyrl.bodies.fly import FlyConfig
+from flyrl.envs.core import EnvConfig
+from flyrl.simulation.physics import PhysicsConfig
+from flyrl.tasks import Episode, Task
+from flyrl.terrains import TerrainConfig
+
+FIRST_SEED: Final = 3 * 2**30
+"""Seeds of evaluation episodes start here.
+
+Training draws its episodes from seeds below 2**31, and the ones it picks its best policy on from
+below this. So no policy was trained or chosen on an episode that it is compared on.
+"""
+
+MAX_EPISODES: Final = 2**16
+MAX_SEED: Final = 2**14 - 1
+"""Together they reach the largest seed there is, 2**32 - 1."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationConfig:
+    """Who meets on which episodes.
+
+    Attributes
+    ----------
+    policies
+        Learned policies: run folders or policy files.
+    controllers
+        Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`.
+    task
+        A name in `flyrl.tasks.TASKS`, of a task with a flat observation.
+    terrains
+        Names or configs; the names differ from one another.
+    episodes
+        Number of episodes per terrain; every entrant walks the same ones.
+    seed
+        Picks the episodes, and the resampling of the statistics.
+    body, physics
+        Names or configs; the same for every entrant.
+    reference
+        Name of the entrant that the others are compared with. None takes `hybrid` where it is
+        among them, else the first fixed entrant, else the first of all.
+    num_envs
+        Episodes that are walked at the same time. Does not change the result.
+    num_threads
+        Native threads; 0 takes one per CPU. Does not change the result.
+    progress
+        Whether to draw a progress bar on stderr.
+    command
+        What was typed, for the record.
+
+    Raises
+    ------
+    ValueError
+        A value that is not allowed.
+    """
+
+    policies: tuple[str, ...] = ()
+    controllers: tuple[str, ...] = ("cpg", "rule_based", "hybrid", "pursuit", "zero")
+    task: str = "target"
+    terrains: tuple[str | TerrainConfig, ...] = ("flat",)
+    episodes: int = 50
+    seed: int = 0
+    body: str | FlyConfig = "current"
+    physics: str | PhysicsConfig = "balanced"
+    reference: str | None = None
+    num_envs: int = 64
+    num_threads: int = 0
+    progress: bool = False
+    command: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.policies and not self.controllers:
+            raise ValueError("policies and controllers: both empty; allowed: at least one of them")
+        if not self.terrains:
+            raise ValueError("terrains: empty; allowed: at least one")
+        if not 1 <= self.episodes <= MAX_EPISODES:
+            raise ValueError(f"episodes: {self.episodes}; allowed: 1 to {MAX_EPISODES}")
+        if not 0 <= self.seed <= MAX_SEED:
+            raise ValueError(f"seed: {self.seed}; allowed: 0 to {MAX_SEED}")
+        if self.num_envs < 1:
+            raise ValueError(f"num_envs: {self.num_envs}; allowed: at least 1")
+        if not self.env(self.terrains[0]).resolved_task.is_flat:
+            raise ValueError(
+                f"task: {self.task!r} has a Dict observation; allowed: a task with a flat one"
+            )
+        names = [terrain.name for terrain in self.terrain_configs]
+        if len(set(names)) < len(names):
+            raise ValueError(f"terrains: {', '.join(names)}; allowed: each name once")
+
+    def env(self, terrain: str | TerrainConfig) -> EnvConfig:
+        """Environment with the controller that goes with the body."""
+        return EnvConfig(task=self.task, body=self.body, terrain=terrain, physics=self.physics)
+
+    @property
+    def resolved_task(self) -> Task:
+        """The task."""
+        return self.env(self.terrains[0]).resolved_task
+
+    @property
+    def terrain_configs(self) -> tuple[TerrainConfig, ...]:
+        """The terrains."""
+        return tuple(self.env(terrain).scene.terrain for terrain in self.terrains)
+
+    def seeds(self) -> range:
+        """Seeds of the episodes, the same on every terrain; no two values of `seed` share one."""
+        first = FIRST_SEED + self.seed * MAX_EPISODES
+        return range(first, first + self.episodes)
+
+    def draw_episodes(self, terrain: TerrainConfig) -> list[Episode]:
+        """Episodes on `terrain`, the same ones for every entrant."""
+        return [self.resolved_task.sample_episode(terrain, seed) for seed in self.seeds()]

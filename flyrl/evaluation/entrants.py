@@ -1,0 +1,185 @@
+"""Who can enter an evaluation: fixed controllers by name, learned policies by file."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from flyrl.controllers import ControllerConfig
+from flyrl.controllers.leg_controller import ControllerName
+from flyrl.envs.core import EnvConfig
+from flyrl.evaluation.config import EvaluationConfig
+from flyrl.policies import ConstantDrive, PolicyFileError, Pursuit, load_policy
+from flyrl.policies.bundle import policy_file
+from flyrl.rollouts import Policy
+from flyrl.tasks import Task
+from flyrl.terrains import TerrainConfig
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A leg controller and the policy that steers it.
+
+    Attributes
+    ----------
+    name
+        Unique among the entrants of an evaluation.
+    controller
+        Of the legs.
+    policy
+        Of the descending drive.
+    decision_interval
+        s for which a decision is held; None takes the task's.
+    record
+        Where the entrant comes from, as plain JSON values.
+    """
+
+    name: str
+    controller: ControllerConfig
+    policy: Policy
+    decision_interval: float | None
+    record: Mapping[str, Any]
+
+    def env(self, config: EvaluationConfig, terrain: TerrainConfig) -> EnvConfig:
+        """Environment that the entrant walks in."""
+        return dataclasses.replace(
+            config.env(terrain),
+            controller=self.controller,
+            decision_interval=self.decision_interval,
+        )
+
+
+@dataclass(frozen=True)
+class _Fixed:
+    legs: ControllerName
+    text: str
+    make: Callable[[Task], Policy]
+
+
+def _walk(task: Task) -> Policy:
+    return ConstantDrive(1.0, 1.0, task.action)
+
+
+def _stand(task: Task) -> Policy:
+    return ConstantDrive(0.0, 0.0, task.action)
+
+
+def _pursue(task: Task) -> Policy:
+    slices = task.slices()
+    if "target_direction" not in slices:
+        raise ValueError(
+            f"controllers: pursuit needs a task that shows target_direction; {task.name!r} does not"
+        )
+    return Pursuit(slices["target_direction"], task.action)
+
+
+FIXED: Final[Mapping[str, _Fixed]] = {
+    "cpg": _Fixed("cpg", "constant drive (1, 1)", _walk),
+    "rule_based": _Fixed("rule_based", "constant drive (1, 1)", _walk),
+    "hybrid": _Fixed("hybrid", "constant drive (1, 1)", _walk),
+    "pursuit": _Fixed("hybrid", "proportional steering towards the target", _pursue),
+    "zero": _Fixed("hybrid", "constant drive (0, 0)", _stand),
+}
+"""Fixed entrants by name: the leg controller, and what steers it."""
+
+
+def make_entrants(config: EvaluationConfig) -> list[Entrant]:
+    """All entrants of an evaluation: learned policies first, then the fixed controllers.
+
+    Raises
+    ------
+    ValueError
+        An unknown or repeated name, a policy file that cannot be used, or a reference that is not
+        among the entrants.
+    """
+    repeated = [name for name, count in Counter(config.controllers).items() if count > 1]
+    if repeated:
+        raise ValueError(f"controllers: {repeated[0]} twice; allowed: each name once")
+    # Fixed first: a misspelt name shows before any file is read.
+    fixed = [_fixed(name, config) for name in config.controllers]
+    taken = {entrant.name for entrant in fixed}
+    learned: list[Entrant] = []
+    for path in config.policies:
+        entrant = _learned(path, config, taken)
+        taken.add(entrant.name)
+        learned.append(entrant)
+    entrants = [*learned, *fixed]
+    reference_name(config, entrants)
+    return entrants
+
+
+def reference_name(config: EvaluationConfig, entrants: list[Entrant]) -> str:
+    """Name of the entrant that the others are compared with; see `EvaluationConfig`."""
+    names = [entrant.name for entrant in entrants]
+    if config.reference is not None:
+        if config.reference not in names:
+            raise ValueError(
+                f"reference: {config.reference}; allowed: {', '.join(names)}; "
+                f"closest: {_closest(config.reference, names)}"
+            )
+        return config.reference
+    if "hybrid" in names:
+        return "hybrid"
+    return config.controllers[0] if config.controllers else names[0]
+
+
+def _fixed(name: str, config: EvaluationConfig) -> Entrant:
+    if name not in FIXED:
+        raise ValueError(
+            f"controllers: {name}; allowed: {', '.join(FIXED)}; closest: {_closest(name, FIXED)}"
+        )
+    fixed = FIXED[name]
+    legs = config.env(config.terrains[0]).scene.controller
+    controller = dataclasses.replace(legs, name=fixed.legs)
+    record = {
+        "name": name,
+        "kind": "fixed",
+        "leg_controller": fixed.legs,
+        "policy": fixed.text,
+        "source": None,
+        "sha256": None,
+        "controller_config": dataclasses.asdict(controller),
+    }
+    return Entrant(name, controller, fixed.make(config.resolved_task), None, record)
+
+
+def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
+    file = policy_file(path)
+    policy = load_policy(file)
+    policy.check_task(config.resolved_task)
+    env, training = policy.bundle.env, policy.bundle.training
+    legs = config.env(config.terrains[0]).scene.controller
+    try:
+        controller = ControllerConfig(**env["controller"]) if "controller" in env else legs
+    except TypeError as error:
+        raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
+    interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
+    name = _free_name(str(training.get("algo", file.stem)), taken)
+    record = {
+        "name": name,
+        "kind": "learned",
+        "leg_controller": controller.name,
+        "policy": f"learned with {training['algo']}" if "algo" in training else "learned",
+        "source": str(file),
+        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+        "controller_config": dataclasses.asdict(controller),
+        "trained_in": dict(env),
+        "training": dict(training),
+    }
+    return Entrant(name, controller, policy, interval, record)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """`name`, or `name-2`, `name-3`, … where that is taken."""
+    if name not in taken:
+        return name
+    return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)
+
+
+def _closest(given: str, allowed: Mapping[str, Any] | list[str]) -> str:
+    return difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.0)[0]

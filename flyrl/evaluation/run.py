@@ -1,0 +1,125 @@
+"""Let every entrant walk the same episodes."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import platform
+from collections.abc import Callable, Sequence
+from importlib import metadata
+from typing import Final, NoReturn
+
+import numpy as np
+from tqdm import tqdm
+
+from flyrl.envs.core import BatchedEnv
+from flyrl.evaluation.config import EvaluationConfig
+from flyrl.evaluation.entrants import Entrant, make_entrants, reference_name
+from flyrl.evaluation.results import Json, Results, Trajectory, episode_row, trajectory
+from flyrl.evaluation.statistics import summarise
+from flyrl.rollouts import run_episodes
+from flyrl.tasks import Episode
+
+PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
+"""Packages whose versions the results name."""
+
+
+def evaluate(config: EvaluationConfig) -> Results:
+    """Let every entrant walk the same episodes on every terrain, and compare them.
+
+    Raises
+    ------
+    ValueError
+        An entrant, terrain or setting that cannot be used; before anything is simulated.
+    """
+    entrants = make_entrants(config)
+    episodes = {terrain: config.draw_episodes(terrain) for terrain in config.terrain_configs}
+    # Every environment's config is made, and with that checked, before the first one runs.
+    envs = [
+        (entrant, terrain, entrant.env(config, terrain))
+        for terrain in config.terrain_configs
+        for entrant in entrants
+    ]
+    rows: list[Json] = []
+    trajectories: list[Trajectory] = []
+    horizon_s = _horizon_s(config)
+    with tqdm(
+        total=round(len(envs) * config.episodes * horizon_s, 6),
+        unit="s",
+        desc="evaluating",
+        bar_format="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
+        "[{elapsed}<{remaining}, {rate_fmt}]{postfix}",
+        disable=not config.progress,
+        dynamic_ncols=True,
+    ) as bar:
+        for entrant, terrain, env_config in envs:
+            bar.set_postfix_str(f"{entrant.name}, {terrain.name}")
+            env = BatchedEnv(env_config, min(config.num_envs, config.episodes), config.num_threads)
+            for record in run_episodes(
+                env,
+                entrant.policy,
+                episodes[terrain],
+                controller=entrant.name,
+                on_progress=_advance(bar, env_config.decision_interval_s),
+            ):
+                rows.append(episode_row(record))
+                trajectories.append(trajectory(record))
+    reference = reference_name(config, entrants)
+    rng = np.random.default_rng(config.seed)
+    return Results(
+        protocol=_protocol(config, entrants, reference, list(episodes.values())),
+        episodes=rows,
+        summary=summarise(rows, reference, horizon_s, rng),
+        trajectories=trajectories,
+    )
+
+
+def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
+    return lambda decisions: bar.update(decisions * interval_s)
+
+
+def _horizon_s(config: EvaluationConfig) -> float:
+    limit = config.resolved_task.time_limit_s
+    if limit is None:
+        raise ValueError(f"task: {config.task!r} has no time limit; allowed: a task that has one")
+    return limit
+
+
+def _protocol(
+    config: EvaluationConfig,
+    entrants: Sequence[Entrant],
+    reference: str,
+    episodes: Sequence[Sequence[Episode]],
+) -> Json:
+    scene = config.env(config.terrains[0]).scene
+    return {
+        "command": config.command,
+        "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "versions": {"python": platform.python_version(), **_versions()},
+        "seed": config.seed,
+        "task": config.task,
+        "horizon_s": _horizon_s(config),
+        "episodes_per_terrain": config.episodes,
+        "reference": reference,
+        "entrants": [dict(entrant.record) for entrant in entrants],
+        "terrains": [
+            {
+                "name": terrain.name,
+                "config": dataclasses.asdict(terrain),
+                "episodes": [dataclasses.asdict(episode) for episode in drawn],
+            }
+            for terrain, drawn in zip(config.terrain_configs, episodes, strict=True)
+        ],
+        "body": dataclasses.asdict(scene.body),
+        "physics": dataclasses.asdict(scene.physics),
+    }
+
+
+def _versions() -> dict[str, str]:
+    versions = {}
+    for package in PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package] = "not installed"
+    return versions

@@ -1,0 +1,61 @@
+"""Writing files whole or not at all."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give a path to write to, which takes the place of `path` once the block ends well.
+
+    An interruption, an error or a full disk leaves what stood at `path` as it was.
+
+    Parameters
+    ----------
+    path
+        File to write or replace; its folder exists.
+    """
+    # The suffix stays last: some writers add their own to a name without it.
+    partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
+    try:
+        yield partial
+        with partial.open("rb") as file:
+            os.fsync(file.fileno())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write `data` to `path`, whole or not at all."""
+    with replacing(path) as partial:
+        partial.write_bytes(data)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write `text` to `path` as UTF-8, whole or not at all."""
+    write_bytes(path, text.encode())
+
+
+def new_folder(parent: Path, name: str) -> Path:
+    """Make a folder that did not exist: `parent/name`, or `name_2`, `name_3`, … if that is taken.
+
+    Parameters
+    ----------
+    parent
+        Made if missing.
+    name
+        Wanted name.
+    """
+    parent.mkdir(parents=True, exist_ok=True)
+    path, copies = parent / name, 1
+    while True:
+        try:
+            path.mkdir()
+        except FileExistsError:
+            copies += 1
+            path = parent / f"{name}_{copies}"
+        else:
+            return path

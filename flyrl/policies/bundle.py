@@ -1,0 +1,244 @@
+"""The policy bundle: one safetensors file with the weights and everything needed to act on them.
+
+Loading a bundle runs no code and unpickles nothing. Its JSON record stands in the file's metadata
+under `flyrl`; the record's `sha256` is that of the whole file with these 64 digits set to zero, so
+that any changed byte is noticed.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from flyrl.files import write_bytes
+from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
+from flyrl.tasks import Task
+
+SCHEMA: Final = "flyrl.policy/1"
+
+Squashing = Literal["clip", "tanh"]
+SQUASHINGS: Final[tuple[Squashing, ...]] = get_args(Squashing)
+"""How an output becomes an action: clipped to the bounds, or tanh stretched over them."""
+
+_METADATA_KEY: Final = "flyrl"
+_NO_DIGEST: Final = "0" * 64
+_HEADER_LENGTH_BYTES: Final = 8  # safetensors: little-endian length of the JSON header
+_LARGEST_FILE_BYTES: Final = (
+    256 * 2**20
+)  # a policy here has some 10 kB; refuse to read a disk image
+
+
+class PolicyFileError(ValueError):
+    """A policy file that is missing, damaged, foreign, or made for something else."""
+
+
+@dataclass(frozen=True)
+class TermLayout:
+    """A named stretch of the flat observation.
+
+    Attributes
+    ----------
+    name
+        Name of the term in the task's observation table.
+    size
+        Number of values.
+    """
+
+    name: str
+    size: int
+
+
+@dataclass(frozen=True, eq=False)
+class PolicyBundle:
+    """A deterministic policy and where it comes from.
+
+    Attributes
+    ----------
+    network
+        Observation to output.
+    squashing
+        Output to action.
+    observation
+        Layout of the flat observation, in order; see `observation_layout`.
+    action_low, action_high
+        Bounds of the action, shape (a,) each.
+    env
+        What it was trained in, as plain JSON values: task, body, terrain, controller, physics.
+    training
+        What the training came to, as plain JSON values.
+    """
+
+    network: MLP
+    squashing: Squashing
+    observation: tuple[TermLayout, ...]
+    action_low: tuple[float, ...]
+    action_high: tuple[float, ...]
+    env: Mapping[str, Any]
+    training: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        check_layers(self.network.layers)
+        _check_choice("activation", self.network.activation, ACTIVATIONS)
+        _check_choice("squashing", self.squashing, SQUASHINGS)
+        sizes = self.network.sizes
+        if (given := sum(term.size for term in self.observation)) != sizes[0]:
+            raise ValueError(
+                f"the observation terms have {given} values, the network takes {sizes[0]}"
+            )
+        if not len(self.action_low) == len(self.action_high) == sizes[-1]:
+            raise ValueError(
+                f"action bounds of {len(self.action_low)} and {len(self.action_high)} values, "
+                f"the network gives {sizes[-1]}"
+            )
+
+
+def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
+    if value not in allowed:
+        raise ValueError(f"{key}: {value!r}; allowed: {', '.join(allowed)}")
+
+
+def observation_layout(task: Task) -> tuple[TermLayout, ...]:
+    """Layout of a task's flat observation."""
+    return tuple(TermLayout(term.name, term.size) for term in task.observation)
+
+
+def save_bundle(bundle: PolicyBundle, path: Path) -> None:
+    """Write `bundle` to `path` (.safetensors), whole or not at all.
+
+    Parameters
+    ----------
+    bundle
+        The policy.
+    path
+        File to write; an existing one is replaced.
+    """
+    tensors: dict[str, NDArray[np.float32]] = {}
+    for i, layer in enumerate(bundle.network.layers):
+        tensors[f"{i}.weight"] = np.ascontiguousarray(layer.weight, dtype=np.float32)
+        tensors[f"{i}.bias"] = np.ascontiguousarray(layer.bias, dtype=np.float32)
+    record = {
+        "sha256": _NO_DIGEST,
+        "schema": SCHEMA,
+        "architecture": {
+            "kind": "mlp",
+            "sizes": bundle.network.sizes,
+            "activation": bundle.network.activation,
+            "squashing": bundle.squashing,
+        },
+        "observation": [{"name": term.name, "size": term.size} for term in bundle.observation],
+        "action": {"low": bundle.action_low, "high": bundle.action_high},
+        "normaliser": None,
+        "env": bundle.env,
+        "training": bundle.training,
+    }
+    data = save(tensors, {_METADATA_KEY: json.dumps(record, allow_nan=False)})
+    digest = hashlib.sha256(data).hexdigest()
+    # The digest is the first value of the header, so the first match is the field itself.
+    data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
+    write_bytes(path, data)
+
+
+def policy_file(path: str | os.PathLike[str]) -> Path:
+    """Path of the policy file that `path` means: a file, or a run folder's best, else its last.
+
+    Raises
+    ------
+    PolicyFileError
+        Nothing there.
+    """
+    place = Path(path)
+    if place.is_file():
+        return place
+    if not place.is_dir():
+        raise PolicyFileError(f"no policy at {place}: there is no such file or folder")
+    for name in ("best.safetensors", "last.safetensors"):
+        if (place / name).is_file():
+            return place / name
+    raise PolicyFileError(
+        f"no policy in {place}: a run folder holds best.safetensors or last.safetensors"
+    )
+
+
+def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
+    """Read and check a policy file.
+
+    Parameters
+    ----------
+    path
+        A bundle, or a run folder.
+
+    Raises
+    ------
+    PolicyFileError
+        It is missing, truncated, changed, no bundle, or of a schema that is not read here.
+    """
+    file = policy_file(path)
+    try:
+        if (size := file.stat().st_size) > _LARGEST_FILE_BYTES:
+            raise PolicyFileError(f"{file} is no policy: {size} bytes are too many for one")
+        data = file.read_bytes()
+    except OSError as error:
+        raise PolicyFileError(f"cannot read the policy {file}: {error.strerror}") from error
+    if not data:
+        raise PolicyFileError(f"{file} is empty")
+    try:
+        tensors = load(data)
+        length = int.from_bytes(data[:_HEADER_LENGTH_BYTES], "little")
+        header = json.loads(data[_HEADER_LENGTH_BYTES : _HEADER_LENGTH_BYTES + length])
+        record = json.loads(header["__metadata__"][_METADATA_KEY])
+        schema, digest = str(record["schema"]), str(record["sha256"])
+    except SafetensorError as error:
+        raise PolicyFileError(
+            f"{file} is no safetensors file, or it is truncated: {error}"
+        ) from error
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
+        raise PolicyFileError(
+            f"{file} is a safetensors file, but no flyrl policy: it carries no readable record"
+        ) from error
+    if schema != SCHEMA:
+        raise PolicyFileError(f"{file} has schema {schema!r}; this flyrl reads {SCHEMA!r}")
+    blank = data.replace(digest.encode(), _NO_DIGEST.encode(), 1)
+    if hashlib.sha256(blank).hexdigest() != digest:
+        raise PolicyFileError(f"{file} was changed after it was written: its sha256 does not match")
+    try:
+        return _bundle(record, tensors)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
+
+
+def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> PolicyBundle:
+    architecture = record["architecture"]
+    _check_choice("architecture", architecture["kind"], ("mlp",))
+    if record["normaliser"] is not None:
+        raise ValueError(f"normaliser: {record['normaliser']!r}; allowed: null")
+    num_layers = len(architecture["sizes"]) - 1
+    names = {f"{i}.{part}" for i in range(num_layers) for part in ("weight", "bias")}
+    if names != set(tensors):
+        raise ValueError(f"tensors {sorted(tensors)}; allowed: {sorted(names)}")
+    for name, tensor in tensors.items():
+        if tensor.dtype != np.float32 or not np.isfinite(tensor).all():
+            raise ValueError(f"tensor {name} is not of finite float32 values")
+    network = MLP(
+        tuple(Layer(tensors[f"{i}.weight"], tensors[f"{i}.bias"]) for i in range(num_layers)),
+        architecture["activation"],
+    )
+    check_layers(network.layers)
+    if list(network.sizes) != architecture["sizes"]:
+        raise ValueError(f"sizes {architecture['sizes']}, but the tensors have {network.sizes}")
+    return PolicyBundle(
+        network=network,
+        squashing=architecture["squashing"],
+        observation=tuple(TermLayout(term["name"], term["size"]) for term in record["observation"]),
+        action_low=tuple(map(float, record["action"]["low"])),
+        action_high=tuple(map(float, record["action"]["high"])),
+        env=dict(record["env"]),
+        training=dict(record["training"]),
+    )

@@ -1,0 +1,90 @@
+"""Policies that were not learned: a constant drive, and a proportional steering law."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray = NDArray[np.floating[Any]]
+DriveToAction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""From drives (..., 2), left then right, to the actions (..., 2) that command them."""
+
+
+class ConstantDrive:
+    """The same drive at every decision.
+
+    Parameters
+    ----------
+    left, right
+        Drive to the left and to the right legs; (1, 1) walks, (0, 0) stands.
+    drive_to_action
+        Mapping of the task.
+    """
+
+    def __init__(self, left: float, right: float, drive_to_action: DriveToAction) -> None:
+        self._action = np.asarray(drive_to_action(np.array([left, right])), dtype=np.float32)
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
+        shape = np.shape(observation)[:-1]
+        return np.broadcast_to(self._action, (*shape, 2)).copy(), state
+
+
+class Pursuit:
+    """Turn towards the target, the more the further it lies to the side.
+
+    With bearing b (rad, positive to the left), the left drive is `forward - gain * b` and the right
+    one `forward + gain * b`, both kept between `weakest` and `strongest`.
+
+    Parameters
+    ----------
+    direction
+        Where in the flat observation the unit vector towards the target stands: forward, left (body
+        frame).
+    drive_to_action
+        Mapping of the task.
+    gain
+        Drive per rad of bearing.
+    forward
+        Drive of both sides when the target is straight ahead.
+    weakest, strongest
+        Bounds of the drive. The default turn, (1.2, 0.2), is that of the literature; stronger
+        differences can tip the fly over.
+    """
+
+    def __init__(
+        self,
+        direction: slice,
+        drive_to_action: DriveToAction,
+        *,
+        gain: float = 1.0,
+        forward: float = 1.0,
+        weakest: float = 0.2,
+        strongest: float = 1.2,
+    ) -> None:
+        self._direction = direction
+        self._drive_to_action = drive_to_action
+        self._gain = gain
+        self._forward = forward
+        self._bounds = (weakest, strongest)
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
+        direction = np.asarray(observation, dtype=np.float64)[..., self._direction]
+        bearing = np.arctan2(direction[..., 1], direction[..., 0])
+        turn = self._gain * bearing[..., None] * np.array([-1.0, 1.0])
+        drive = np.clip(self._forward + turn, *self._bounds)
+        return np.asarray(self._drive_to_action(drive), dtype=np.float32), state

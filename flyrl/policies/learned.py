@@ -1,0 +1,112 @@
+"""A policy from a bundle."""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flyrl.policies.bundle import (
+    PolicyBundle,
+    PolicyFileError,
+    TermLayout,
+    load_bundle,
+    observation_layout,
+)
+from flyrl.policies.mlp import evaluate
+from flyrl.tasks import Task
+
+
+class LearnedPolicy:
+    """The deterministic policy of a bundle.
+
+    A row of observations gives the same action to the bit, alone and in any batch.
+
+    Parameters
+    ----------
+    bundle
+        Weights, layout and provenance.
+    """
+
+    def __init__(self, bundle: PolicyBundle) -> None:
+        self.bundle = bundle
+        self._sizes = np.array(bundle.network.sizes)
+        self._parameters = bundle.network.packed()
+        self._is_tanh = bundle.network.activation == "tanh"
+        self._is_squashed = bundle.squashing == "tanh"
+        self._low = np.array(bundle.action_low)
+        self._high = np.array(bundle.action_high)
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Action for one observation or a batch, with the signature of Stable-Baselines3.
+
+        Parameters
+        ----------
+        observation
+            Shape (k,) or (n, k), laid out as `bundle.observation`.
+        state, episode_start
+            Of recurrent policies; handed back and ignored here.
+        deterministic
+            Must be True: a bundle holds no exploration noise.
+
+        Returns
+        -------
+        Action, shape (a,) or (n, a), float32, inside the bounds; and `state`.
+
+        Raises
+        ------
+        ValueError
+            Another shape, or `deterministic=False`.
+        """
+        if not deterministic:
+            raise ValueError("deterministic: False; allowed: True (a bundle holds no noise)")
+        values = np.asarray(observation, dtype=np.float64)
+        size = int(self._sizes[0])
+        if values.ndim not in (1, 2) or values.shape[-1] != size:
+            raise ValueError(
+                f"observation of shape {values.shape}; allowed: ({size},) or (n, {size})"
+            )
+        rows = np.ascontiguousarray(np.atleast_2d(values))
+        outputs = evaluate(rows, self._sizes, self._parameters, self._is_tanh, self._is_squashed)
+        if self._is_squashed:
+            outputs = self._low + 0.5 * (outputs + 1) * (self._high - self._low)
+        actions = np.clip(outputs, self._low, self._high).astype(np.float32)
+        return (actions if values.ndim == 2 else actions[0]), state
+
+    def check_task(self, task: Task) -> None:
+        """Raise PolicyFileError unless the policy was trained on observations like the task's."""
+        own, here = self.bundle.observation, observation_layout(task)
+        for i in range(max(len(own), len(here))):
+            trained = own[i] if i < len(own) else None
+            given = here[i] if i < len(here) else None
+            if trained != given:
+                raise PolicyFileError(
+                    f"the policy was trained on other observations than those of {task.name}: "
+                    f"term {i} was {_describe(trained)}, here it is {_describe(given)}"
+                )
+
+
+def _describe(term: TermLayout | None) -> str:
+    return "missing" if term is None else f"{term.name} ({term.size} values)"
+
+
+def load_policy(path: str | os.PathLike[str]) -> LearnedPolicy:
+    """Load a policy from a bundle or a run folder (its best policy, else its last).
+
+    Parameters
+    ----------
+    path
+        File or folder.
+
+    Raises
+    ------
+    PolicyFileError
+        It is missing, truncated, changed, or no policy of flyrl. A ValueError.
+    """
+    return LearnedPolicy(load_bundle(path))

@@ -1,0 +1,382 @@
+"""Figures of a report, each an SVG string ready to stand inside an HTML page.
+
+Matplotlib's object-oriented interface only: no pyplot, no list of open figures, no window system.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flyrl.evaluation.results import Json, Trajectory
+from flyrl.evaluation.statistics import PAIRED_METRICS, paired_values
+from flyrl.report.palette import colours, marker, themed
+from flyrl.rollouts import SUCCESS
+from flyrl.tasks import TIMEOUT
+
+FloatArray = NDArray[np.float64]
+
+METRIC_LABELS: Final = {
+    "success": "success",
+    "time_to_goal_s": "time to goal (s)",
+    "speed_mm_s": "speed (mm/s)",
+    "return": "return",
+    "displacement_mm": "displacement (mm)",
+    "path_efficiency": "path efficiency",
+}
+MAX_DOTS: Final = 400
+"""Dots of one row beyond which they are drawn as pixels, to keep the page small."""
+
+MAX_PATHS: Final = 60
+"""Paths drawn per controller; more are a smear."""
+
+_STYLE: Final[Any] = {
+    "text.parse_math": False,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "flyrl",
+    "font.size": 10,
+    "text.color": marker("ink"),
+    "axes.edgecolor": marker("line"),
+    "axes.labelcolor": marker("muted"),
+    "axes.titlesize": 10,
+    "axes.facecolor": "none",
+    "axes.linewidth": 1,
+    "xtick.color": marker("line"),
+    "xtick.labelcolor": marker("muted"),
+    "ytick.color": marker("line"),
+    "ytick.labelcolor": marker("ink"),
+    "grid.color": marker("line"),
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.spines.left": False,
+    "ytick.major.size": 0,
+    "xtick.major.size": 0,
+}
+_ROW_HEIGHT: Final = 0.36
+_WIDTH: Final = 9.6
+_DOTS: Final[dict[str, dict[str, Any]]] = {
+    SUCCESS: {"marker": "o", "s": 14, "linewidths": 0},
+    TIMEOUT: {"marker": "o", "s": 14, "linewidths": 0.9, "facecolors": "none"},
+    "fall": {"marker": "x", "s": 16, "linewidths": 1.1},
+    "left_arena": {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"},
+    "unstable": {"marker": "+", "s": 22, "linewidths": 1.1},
+}
+"""How an episode's dot shows its outcome."""
+
+
+def success_figure(summary: Sequence[Json]) -> str:
+    """Success rate of every controller with its interval, a panel per terrain."""
+    names, terrains = _names(summary), _terrains(summary)
+    colour = colours(names)
+    with mpl.rc_context(_STYLE):
+        figure, panels = _panels(names, len(terrains))
+        for axes, terrain in zip(panels, terrains, strict=True):
+            for place, name in enumerate(names):
+                for row in _select(summary, terrain, name):
+                    rate = row["success_rate"]
+                    shade = marker(colour[name])
+                    axes.plot(
+                        [100 * rate["low"], 100 * rate["high"]],
+                        [place, place],
+                        color=shade,
+                        linewidth=5,
+                        alpha=0.3,
+                        solid_capstyle="round",
+                    )
+                    axes.plot([100 * rate["value"]], [place], "o", color=shade, markersize=8)
+                    axes.annotate(
+                        f"{row['successes']}/{row['episodes']}",
+                        (1.0, place),
+                        xycoords=("axes fraction", "data"),
+                        xytext=(10, 0),
+                        textcoords="offset points",
+                        va="center",
+                        color=marker("muted"),
+                    )
+            axes.set_xlim(-3, 103)
+            axes.set_xticks([0, 25, 50, 75, 100])
+            axes.set_xlabel("success (%)")
+            axes.set_title(terrain, loc="left", fontweight="bold")
+        return _svg(figure, "success")
+
+
+def distributions_figure(
+    rows: Sequence[Json],
+    terrain: str,
+    horizon_s: float,
+    metrics: Sequence[str] = ("time_to_goal_s", "speed_mm_s", "return"),
+) -> str:
+    """Every episode as a dot, with median and quartiles; a panel per metric.
+
+    An episode without success has no time to goal: its dot stands at the horizon, and the median
+    and quartiles count it there.
+    """
+    names = _names(rows)
+    colour = colours(names)
+    with mpl.rc_context(_STYLE):
+        figure, panels = _panels(names, len(metrics))
+        for axes, metric in zip(panels, metrics, strict=True):
+            for place, name in enumerate(names):
+                own = _select(rows, terrain, name)
+                values = np.array([_value(row, metric, horizon_s) for row in own])
+                if values.size:
+                    outcomes = [row["outcome"] for row in own]
+                    _dots(axes, values, outcomes, place, marker(colour[name]))
+                    _quartiles(axes, values, place)
+            axes.set_xlabel(METRIC_LABELS[metric])
+            if metric == "time_to_goal_s":
+                axes.axvline(horizon_s, color=marker("line"), linewidth=1)
+                axes.set_xlim(left=0)
+        return _svg(figure, f"distributions-{terrain}")
+
+
+def paired_figure(
+    rows: Sequence[Json],
+    summary: Sequence[Json],
+    terrain: str,
+    horizon_s: float,
+    metrics: Sequence[str] = PAIRED_METRICS,
+) -> str:
+    """Differences to the reference, episode by episode, with the mean and its interval."""
+    compared = [row for row in summary if row["terrain"] == terrain and row["paired"]]
+    if not compared:
+        return ""
+    reference = compared[0]["paired"]["reference"]
+    names = [row["controller"] for row in compared]
+    colour = colours(_names(summary))
+    other = {row["episode"]: row for row in _select(rows, terrain, reference)}
+    with mpl.rc_context(_STYLE):
+        figure, panels = _panels(names, len(metrics))
+        for axes, metric in zip(panels, metrics, strict=True):
+            axes.axvline(0, color=marker("muted"), linewidth=1)
+            for place, row in enumerate(compared):
+                shade = marker(colour[row["controller"]])
+                own = {r["episode"]: r for r in _select(rows, terrain, row["controller"])}
+                values = np.array(paired_values(own, other, metric, horizon_s))
+                if metric != "success" and values.size:
+                    _dots(axes, values, [SUCCESS] * values.size, place, shade, alpha=0.25)
+                difference = row["paired"]["differences"][metric]
+                if difference["low"] is not None:
+                    axes.plot(
+                        [difference["low"], difference["high"]],
+                        [place, place],
+                        color=marker("ink"),
+                        linewidth=2,
+                        zorder=4,
+                    )
+                if difference["value"] is not None:
+                    axes.plot(
+                        [difference["value"]],
+                        [place],
+                        "o",
+                        color=shade,
+                        markeredgecolor=marker("ink"),
+                        markersize=6,
+                        zorder=5,
+                    )
+            if metric == "success":
+                axes.set_xlim(-1.05, 1.05)
+            axes.set_xlabel(f"Δ {METRIC_LABELS[metric]}")
+        return _svg(figure, f"paired-{terrain}")
+
+
+def trajectories_figure(
+    rows: Sequence[Json],
+    trajectories: Sequence[Trajectory],
+    goals: Sequence[Sequence[float]],
+    terrain: str,
+    columns: int = 3,
+) -> str:
+    """Paths of every controller, a panel each, all episodes laid over one another.
+
+    A path starts at the origin, with its goal straight ahead, to the right; without a goal it
+    starts with the fly heading to the right. With goals the view keeps to their surroundings.
+
+    Parameters
+    ----------
+    rows, trajectories
+        Episodes and their paths, in the same order.
+    goals
+        Goal (x, y) of every row in the world frame, mm, or ().
+    """
+    names = _names(rows)
+    colour = colours(names)
+    lines = -(-len(names) // columns)
+    with mpl.rc_context({**_STYLE, "axes.spines.left": True, "ytick.labelcolor": marker("muted")}):
+        figure = Figure(figsize=(_WIDTH, 0.4 + 2.25 * lines * 3 / columns), layout="constrained")
+        panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
+        farthest = 0.0
+        for axes, name in zip(panels, names, strict=False):
+            chosen = [
+                index
+                for index, row in enumerate(rows)
+                if row["terrain"] == terrain and row["controller"] == name
+            ][:MAX_PATHS]
+            for index in chosen:
+                path, goal = aligned(trajectories[index], goals[index])
+                if goal is not None:
+                    farthest = max(farthest, float(np.linalg.norm(goal)))
+                _path(axes, path, goal, rows[index]["outcome"], marker(colour[name]))
+            reached = sum(rows[index]["success"] for index in chosen)
+            axes.set_title(f"{name}  ", loc="left", fontweight="bold")
+            axes.set_title(f"{reached}/{len(chosen)}", loc="right", color=marker("muted"))
+            axes.set_aspect("equal")
+            axes.grid(visible=True)
+        if farthest > 0:
+            # Flies that never turn walk far out of any useful view.
+            panels[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
+            panels[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
+        for axes in panels[len(names) :]:
+            axes.set_visible(False)
+        figure.supxlabel("along (mm)", color=marker("muted"), fontsize=10)
+        figure.supylabel("across (mm)", color=marker("muted"), fontsize=10)
+        return _svg(figure, f"trajectories-{terrain}")
+
+
+def aligned(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray | None]:
+    """Path (T, 2) and goal (2,) moved to the origin and turned to the right.
+
+    Turned by the goal's direction from the start, or by the heading at the start without a goal.
+    Samples that are not finite are left out.
+    """
+    path = np.asarray(trajectory.position_w[:, :2], dtype=np.float64)
+    path = path[np.isfinite(path).all(axis=1)]
+    start = path[0].copy()
+    target = np.asarray(goal[:2], dtype=np.float64) - start if len(goal) else None
+    angle = float(trajectory.yaw[0]) if target is None else float(np.arctan2(target[1], target[0]))
+    # Rows are points: multiplying by R from the right turns them by -angle.
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return (path - start) @ rotation, None if target is None else target @ rotation
+
+
+def _path(axes: Axes, path: FloatArray, goal: FloatArray | None, outcome: str, shade: str) -> None:
+    faint = outcome != SUCCESS
+    axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=0.35 if faint else 0.8)
+    axes.scatter(path[-1:, 0], path[-1:, 1], zorder=3, **_look(outcome, shade))
+    if goal is not None:
+        axes.scatter(
+            goal[:1],
+            goal[1:],
+            marker="o",
+            s=26,
+            facecolors="none",
+            edgecolors=marker("ink"),
+            linewidths=0.7,
+            alpha=0.55,
+            zorder=2,
+        )
+
+
+def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
+    """A figure with `columns` panels that share a row per name, first on top."""
+    figure = Figure(figsize=(_WIDTH, _ROW_HEIGHT * len(names) + 0.75), layout="constrained")
+    panels = figure.subplots(1, columns, sharey=True, squeeze=False).ravel()
+    panels[0].set_yticks(range(len(names)), names)
+    for axes in panels:
+        axes.set_ylim(len(names) - 0.45, -0.55)
+        axes.grid(visible=True, axis="x")
+    return figure, panels
+
+
+def _look(outcome: str, shade: str) -> dict[str, Any]:
+    style = _DOTS[outcome]
+    return {**style, "edgecolors" if "facecolors" in style else "color": shade}
+
+
+def _dots(
+    axes: Axes,
+    values: FloatArray,
+    outcomes: Sequence[str],
+    place: float,
+    shade: str,
+    *,
+    alpha: float = 0.75,
+) -> None:
+    heights = place + swarm(values)
+    kinds = np.array(outcomes)
+    for outcome in dict.fromkeys(outcomes):
+        chosen = kinds == outcome
+        axes.scatter(
+            values[chosen],
+            heights[chosen],
+            alpha=alpha,
+            zorder=3,
+            rasterized=values.size > MAX_DOTS,
+            **_look(outcome, shade),
+        )
+
+
+def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
+    low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
+    style: dict[str, Any] = {"color": marker("ink"), "zorder": 4, "solid_capstyle": "butt"}
+    axes.plot([low, high], [place, place], linewidth=1.6, **style)
+    axes.plot([median, median], [place - 0.32, place + 0.32], linewidth=2.2, **style)
+
+
+def swarm(values: FloatArray, bins: int = 60, reach: float = 0.32) -> FloatArray:
+    """Offsets (n,) in [-reach, reach] that spread values close to one another, without chance."""
+    spread = np.ptp(values)
+    cell = np.zeros(len(values), dtype=int)
+    if spread > 0:
+        cell = ((values - values.min()) / spread * (bins - 1)).round().astype(int)
+    offsets = np.zeros(len(values))
+    fullest = max(int(np.bincount(cell).max()), 1)
+    step = min(0.09, 2 * reach / fullest)
+    for index in np.unique(cell):
+        members = np.flatnonzero(cell == index)
+        offsets[members] = (np.arange(len(members)) - (len(members) - 1) / 2) * step
+    return offsets
+
+
+def _value(row: Json, metric: str, horizon_s: float) -> float:
+    given = row[metric]
+    if given is None:
+        return horizon_s if metric == "time_to_goal_s" else float("nan")
+    return float(given)
+
+
+def _names(rows: Sequence[Json]) -> list[str]:
+    return list(dict.fromkeys(row["controller"] for row in rows))
+
+
+def _terrains(rows: Sequence[Json]) -> list[str]:
+    return list(dict.fromkeys(row["terrain"] for row in rows))
+
+
+def _select(rows: Sequence[Json], terrain: str, name: str) -> list[Json]:
+    return [row for row in rows if row["terrain"] == terrain and row["controller"] == name]
+
+
+def _svg(figure: Figure, name: str) -> str:
+    """SVG of `figure` without header and metadata; ids carry `name`, since pages hold many."""
+    buffer = io.StringIO()
+    FigureCanvasSVG(figure)
+    figure.savefig(
+        buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    )
+    svg = buffer.getvalue()
+    return themed(_inline(svg[svg.index("<svg") :], name))
+
+
+def _inline(svg: str, name: str) -> str:
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\bid="', f'id="{name}-', svg)
+    # A hundredth of a point is finer than any screen.
+    svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}", svg)
+    svg = svg.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
+    head, rest = svg.split(">", 1)
+    view = re.search(r'viewBox="[^"]*"', head)
+    # Scales with the page: only the view box gives its shape.
+    box = view.group() if view else ""
+    return f'<svg {box} xmlns="http://www.w3.org/2000/svg" role="img">{rest}'

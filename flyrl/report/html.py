@@ -1,0 +1,240 @@
+"""The report: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from flyrl.evaluation.metrics import METRICS
+from flyrl.evaluation.results import Json, Results
+from flyrl.files import write_text
+from flyrl.report.figures import (
+    distributions_figure,
+    paired_figure,
+    success_figure,
+    trajectories_figure,
+)
+from flyrl.report.palette import colours, stylesheet
+
+REPORT_FILE: Final = "report.html"
+
+_OUTCOME_NAMES: Final = {
+    "success": "success",
+    "timeout": "time out",
+    "fall": "fall",
+    "left_arena": "left arena",
+    "unstable": "unstable",
+}
+
+
+@dataclass(frozen=True)
+class Video:
+    """A video of one episode, to stand in the report.
+
+    Attributes
+    ----------
+    controller, terrain
+        Who walked, and where.
+    episode
+        Index of the episode.
+    outcome
+        How it ended.
+    mp4
+        The file.
+    """
+
+    controller: str
+    terrain: str
+    episode: int
+    outcome: str
+    mp4: bytes
+
+
+def write_report(
+    results: Results, folder: str | Path, *, videos: Sequence[Video] = (), note: str | None = None
+) -> Path:
+    """Write `report.html` to `folder`, whole or not at all, and return its path.
+
+    Parameters
+    ----------
+    results
+        What to report.
+    videos
+        Shown in the section of their terrain.
+    note
+        Said where videos would be, e.g. why there are none.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / REPORT_FILE
+    write_text(path, format_report(results, videos=videos, note=note))
+    return path
+
+
+def format_report(
+    results: Results, *, videos: Sequence[Video] = (), note: str | None = None
+) -> str:
+    """Text of the report; see `write_report`."""
+    environment = Environment(
+        loader=PackageLoader("flyrl.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = format_number
+    names = list(dict.fromkeys(row["controller"] for row in results.summary))
+    sentence, detail = headline(results.summary, results.protocol)
+    return environment.get_template("report.html.j2").render(
+        title=_title(results.protocol, results.summary),
+        headline=sentence,
+        detail=detail,
+        protocol=results.protocol,
+        stylesheet=Markup(stylesheet()),
+        colours=colours(names),
+        outcome_names=_OUTCOME_NAMES,
+        metrics=METRICS,
+        success_svg=Markup(success_figure(results.summary)),
+        rows=[_table_row(row) for row in results.summary],
+        terrains=[
+            _terrain_section(results, terrain["name"], videos)
+            for terrain in results.protocol["terrains"]
+        ],
+        note=note,
+        entrants=results.protocol["entrants"],
+        physics=json.dumps(results.protocol["physics"], indent=1),
+    )
+
+
+def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:
+    """Who reaches how much, in one sentence; and its intervals beside the best of the others.
+
+    The one who is spoken of is the best learned policy, or the best controller without any.
+    """
+    names = list(dict.fromkeys(row["controller"] for row in summary))
+    kinds = {entrant["name"]: entrant.get("kind") for entrant in protocol["entrants"]}
+    learned = [name for name in names if kinds.get(name) == "learned"]
+    first = max(learned or names, key=lambda name: _share(summary, name))
+    others = [name for name in names if name != first and name not in learned]
+    verb, noun = ("reaches", "targets") if protocol["task"] == "target" else ("solves", "episodes")
+    rows = [row for row in summary if row["controller"] == first]
+    parts = [f"{row['successes']} of {row['episodes']} {noun} on {row['terrain']}" for row in rows]
+    detail = f"{first}: {_rates(rows)}."
+    if others:
+        best = max(others, key=lambda name: _share(summary, name))
+        detail += f" Best of the others, {best}: "
+        detail += f"{_rates([row for row in summary if row['controller'] == best])}."
+    return f"{first} {verb} {_listed(parts)}.", detail
+
+
+def _share(summary: Sequence[Json], name: str) -> float:
+    rows = [row for row in summary if row["controller"] == name]
+    return float(sum(row["successes"] for row in rows) / sum(row["episodes"] for row in rows))
+
+
+def _rates(rows: Sequence[Json]) -> str:
+    return ", ".join(
+        f"{100 * row['success_rate']['value']:.0f}\u00a0% on {row['terrain']} "
+        f"(95\u00a0% interval {interval_text(row['success_rate'], 100)}\u00a0%)"
+        for row in rows
+    )
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def interval_text(interval: Mapping[str, Any], scale: float = 1) -> str:
+    """`low to high` of an interval, in whole numbers of 1 / `scale`."""
+    return f"{scale * interval['low']:.0f} to {scale * interval['high']:.0f}"
+
+
+def format_number(value: float | None, digits: int = 3) -> str:
+    """`value` to `digits` significant digits, without an exponent; a dash for None."""
+    if value is None:
+        return "\u2013"
+    if value == 0:
+        return "0"
+    whole = len(str(int(abs(value)))) if abs(value) >= 1 else 0
+    return f"{value:.{max(0, digits - max(whole, 1))}f}".replace("-", "\u2212")
+
+
+def _title(protocol: Json, summary: Sequence[Json]) -> str:
+    terrains = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
+    return f"{protocol['task']} on {terrains}"
+
+
+def _table_row(row: Json) -> Json:
+    failures = {
+        name: count
+        for name, count in row["outcomes"].items()
+        if count and name not in ("success", "timeout")
+    }
+    return {
+        **row,
+        "failures": sum(failures.values()),
+        "failure_text": ", ".join(f"{n} {_OUTCOME_NAMES[name]}" for name, n in failures.items()),
+        "rate_text": interval_text(row["success_rate"], 100) if row["episodes"] else "",
+    }
+
+
+def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) -> Json:
+    horizon_s = results.protocol["horizon_s"]
+    goals = {
+        index: episode["goal"]
+        for section in results.protocol["terrains"]
+        if section["name"] == terrain
+        for index, episode in enumerate(section.get("episodes", []))
+    }
+    trajectories = ""
+    if results.trajectories:
+        trajectories = trajectories_figure(
+            results.episodes,
+            results.trajectories,
+            [goals.get(row["episode"], ()) for row in results.episodes],
+            terrain,
+        )
+    summary = [row for row in results.summary if row["terrain"] == terrain]
+    return {
+        "name": terrain,
+        "distributions": Markup(distributions_figure(results.episodes, terrain, horizon_s)),
+        "trajectories": Markup(trajectories),
+        "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
+        "differences": _differences(summary),
+        "reasons": _reasons(summary),
+        "videos": [
+            {
+                "controller": video.controller,
+                "episode": video.episode,
+                "outcome": _OUTCOME_NAMES[video.outcome],
+                "source": "data:video/mp4;base64," + base64.b64encode(video.mp4).decode(),
+            }
+            for video in videos
+            if video.terrain == terrain
+        ],
+    }
+
+
+def _differences(summary: Sequence[Json]) -> list[Json]:
+    return [
+        {"controller": row["controller"], **row["paired"]["differences"]}
+        for row in summary
+        if row["paired"]
+    ]
+
+
+def _reasons(summary: Sequence[Json]) -> list[str]:
+    """Why intervals are missing, controller by controller."""
+    missing: dict[str, list[str]] = {}
+    for row in summary:
+        for metric, interval in (row["paired"] or {"differences": {}})["differences"].items():
+            if interval["reason"]:
+                missing.setdefault(f"{row['controller']}: {interval['reason']}", []).append(metric)
+    return [f"{text} ({', '.join(metrics)})" for text, metrics in missing.items()]

@@ -1,0 +1,111 @@
+"""What one episode of one controller left behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.tasks import TIMEOUT, UNSTABLE, Episode
+
+FloatArray = NDArray[np.float64]
+
+SUCCESS: Final = "success"
+FAILURES: Final = ("fall", "left_arena", UNSTABLE)
+"""Outcomes that end an episode by failing; they are scored over the full horizon."""
+
+OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
+
+SAMPLING_S: Final = 0.02
+"""Least spacing of a record's samples, s.
+
+The thorax sways with every step, so the length of a path grows with the sampling rate; a floor
+makes paths of tasks with finer decisions comparable.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeRecord:
+    """One episode of one controller: how it ended, and the path it took.
+
+    The trajectory has a sample at the start, one every decision or `SAMPLING_S`, whichever is
+    longer, and one at the end: T samples in all, every one finite. A fly whose physics diverged
+    stays where it was before.
+
+    Attributes
+    ----------
+    controller
+        Name of the entrant that walked.
+    task, terrain
+        Names of the task and of the terrain.
+    index
+        Position of the episode in the list that every controller walks.
+    episode
+        Everything random about the episode: seed, spawn, goal, phases.
+    outcome
+        One of `OUTCOMES`.
+    return_
+        Undiscounted sum of rewards.
+    duration_s
+        Simulated time until the episode ended, s.
+    horizon_s
+        Time limit of the task, s.
+    time_s
+        Sample times since the start, s, shape (T,).
+    position_w
+        Thorax position, mm, world frame, shape (T, 3).
+    yaw
+        Heading about the world's z axis, rad, unwrapped, shape (T,).
+    drive
+        Descending drive (left, right) held up to the sample, shape (T, 2); zero at the start.
+    """
+
+    controller: str
+    task: str
+    terrain: str
+    index: int
+    episode: Episode
+    outcome: str
+    return_: float
+    duration_s: float
+    horizon_s: float
+    time_s: FloatArray
+    position_w: FloatArray
+    yaw: FloatArray
+    drive: FloatArray
+
+    def __post_init__(self) -> None:
+        if self.outcome not in OUTCOMES:
+            raise ValueError(f"outcome: {self.outcome!r}; allowed: {', '.join(OUTCOMES)}")
+        samples = len(self.time_s)
+        shapes = {
+            "time_s": (samples,),
+            "position_w": (samples, 3),
+            "yaw": (samples,),
+            "drive": (samples, 2),
+        }
+        for name, shape in shapes.items():
+            values = getattr(self, name)
+            if np.shape(values) != shape or samples == 0:
+                raise ValueError(
+                    f"{name}: shape {np.shape(values)}; allowed: {shape}, at least one sample"
+                )
+            if not np.isfinite(values).all():
+                raise ValueError(f"{name}: values that are not finite; allowed: finite ones")
+
+    @property
+    def seed(self) -> int:
+        """Seed that the episode was drawn from."""
+        return self.episode.seed
+
+    @property
+    def success(self) -> bool:
+        """Whether the task was solved."""
+        return self.outcome == SUCCESS
+
+    @property
+    def failed(self) -> bool:
+        """Whether the episode was cut short by a fall, a divergence or leaving the arena."""
+        return self.outcome in FAILURES

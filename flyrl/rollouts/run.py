@@ -1,0 +1,165 @@
+"""Let a policy walk a list of episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.rollouts.records import SAMPLING_S, EpisodeRecord
+from flyrl.tasks import TIMEOUT, Episode
+
+if TYPE_CHECKING:  # reading records takes no physics engine
+    from flyrl.envs.core import BatchedEnv
+
+
+class Policy(Protocol):
+    """What acts; the signature is Stable-Baselines3's."""
+
+    def predict(
+        self,
+        observation: Any,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Actions (n, 2) for a batch of n observations, and the policy's next state."""
+        ...
+
+
+def run_episodes(
+    env: BatchedEnv,
+    policy: Policy,
+    episodes: Sequence[Episode],
+    *,
+    controller: str = "policy",
+    horizon_s: float | None = None,
+    on_progress: Callable[[int], object] | None = None,
+) -> list[EpisodeRecord]:
+    """Walk `episodes`, `env.num_envs` at a time, and record them.
+
+    An episode gives the same record in any batch. What ends early stands still until its batch is
+    through.
+
+    Parameters
+    ----------
+    env
+        Left wherever the last batch ends.
+    policy
+        Asked for deterministic actions.
+    episodes
+        Records come back in their order; `index` is the place in this list.
+    controller
+        Name that the records carry.
+    horizon_s
+        Longest duration of an episode, s; the task's time limit where that is shorter.
+    on_progress
+        Called with the number of decisions settled since the last call. They add up to
+        `num_decisions(env, len(episodes), horizon_s)`: an early end settles what it leaves out.
+
+    Raises
+    ------
+    ValueError
+        If neither the task nor `horizon_s` limits an episode.
+    """
+    decisions = num_decisions(env, 1, horizon_s)
+    records = []
+    for start in range(0, len(episodes), env.num_envs):
+        batch = episodes[start : start + env.num_envs]
+        records += [
+            EpisodeRecord(
+                controller=controller,
+                task=env.task.name,
+                terrain=env.config.scene.terrain.name,
+                index=start + i,
+                episode=episode,
+                horizon_s=decisions * env.config.decision_interval_s,
+                **path.fields(),
+            )
+            for i, (episode, path) in enumerate(
+                zip(batch, _run_batch(env, policy, batch, decisions, on_progress), strict=True)
+            )
+        ]
+    return records
+
+
+def num_decisions(env: BatchedEnv, num_episodes: int, horizon_s: float | None = None) -> int:
+    """Most decisions that `num_episodes` can take; see `run_episodes`."""
+    limits = [limit for limit in (env.task.time_limit_s, horizon_s) if limit is not None]
+    if not limits:
+        raise ValueError(
+            f"horizon_s: None; allowed: a duration in s, since task {env.task.name!r} has no limit"
+        )
+    if min(limits) <= 0:
+        raise ValueError(f"horizon_s: {horizon_s}; allowed: a duration in s, > 0")
+    return num_episodes * max(1, round(min(limits) / env.config.decision_interval_s))
+
+
+class _Path:
+    """Samples of one simulation, collected while it walks."""
+
+    def __init__(self) -> None:
+        self.samples: list[tuple[float, NDArray[np.float64], float, NDArray[np.float64]]] = []
+        self.return_ = 0.0
+        self.outcome = ""
+
+    def add(self, env: BatchedEnv, sim: int, time_s: float) -> None:
+        """Sample simulation `sim` as it is now."""
+        fly = env.fly_state
+        self.samples.append(
+            (time_s, fly.position_w[sim].copy(), float(fly.yaw[sim]), fly.drive[sim].copy())
+        )
+
+    def fields(self) -> dict[str, Any]:
+        """What an `EpisodeRecord` takes from here."""
+        time_s, position_w, yaw, drive = (
+            np.array(column) for column in zip(*self.samples, strict=True)
+        )
+        return {
+            "outcome": self.outcome,
+            "return_": self.return_,
+            "duration_s": float(time_s[-1]),
+            "time_s": time_s,
+            "position_w": position_w,
+            "yaw": np.unwrap(yaw),
+            "drive": drive,
+        }
+
+
+def _run_batch(
+    env: BatchedEnv,
+    policy: Policy,
+    episodes: Sequence[Episode],
+    decisions: int,
+    on_progress: Callable[[int], object] | None,
+) -> list[_Path]:
+    interval = env.config.decision_interval_s
+    stride = max(1, round(SAMPLING_S / interval))
+    active = np.arange(len(episodes))
+    observation = env.reset(ids=active, episodes=episodes)
+    paths = [_Path() for _ in episodes]
+    for i in active:
+        paths[i].add(env, int(i), 0.0)
+    state = None
+    starts = np.ones(env.num_envs, dtype=bool)
+    for decision in range(1, decisions + 1):
+        action, state = policy.predict(observation, state, starts, deterministic=True)
+        starts = np.zeros(env.num_envs, dtype=bool)
+        transition = env.step(action, ids=active)
+        observation = transition.observation
+        done = transition.done if decision < decisions else np.ones(env.num_envs, dtype=bool)
+        for i in active:
+            paths[i].return_ += float(transition.reward[i])
+            if done[i] or decision % stride == 0:
+                paths[i].add(env, int(i), decision * interval)
+            if done[i]:
+                paths[i].outcome = str(transition.outcome[i]) if transition.done[i] else TIMEOUT
+        if on_progress is not None:
+            ended = int(done[active].sum())
+            on_progress(len(active) + ended * (decisions - decision))
+        active = active[~done[active]]
+        if not active.size:
+            break
+    return paths

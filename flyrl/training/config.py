@@ -1,0 +1,130 @@
+"""What a training run is made of."""
+
+import dataclasses
+import datetime
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from flyrl.envs.core import EnvConfig
+from flyrl.training.algorithms import AlgorithmConfig, PPOConfig
+from flyrl.validation import at_least, within
+
+LARGEST_SEED: Final = 2**31 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScheduleConfig:
+    """How long to train, on how many flies, and how often to look at the result.
+
+    Attributes
+    ----------
+    total_decisions
+        Decisions to collect, over all environments; the last update may go a little beyond.
+    num_envs
+        Flies that walk at the same time.
+    num_threads
+        Native threads for the physics; 0 takes one per CPU. Does not change the result.
+    torch_threads
+        Threads of torch. Another number can change the result in its last digits.
+    evaluation_interval
+        Decisions between two evaluations on the held-out episodes.
+    evaluation_episodes
+        Number of held-out episodes; the same ones at every evaluation.
+    evaluation_seed
+        Picks the held-out episodes, which no training run ever draws.
+    progress_bar
+        Whether to draw one on stderr.
+    """
+
+    total_decisions: int = 120_000
+    num_envs: int = 32
+    num_threads: int = 0
+    torch_threads: int = 1
+    evaluation_interval: int = 20_000
+    evaluation_episodes: int = 32
+    evaluation_seed: int = 0
+    progress_bar: bool = True
+
+    def __post_init__(self) -> None:
+        at_least("training.total_decisions", self.total_decisions, 1)
+        at_least("training.num_envs", self.num_envs, 1)
+        at_least("training.num_threads", self.num_threads, 0)
+        at_least("training.torch_threads", self.torch_threads, 1)
+        at_least("training.evaluation_interval", self.evaluation_interval, 1)
+        at_least("training.evaluation_episodes", self.evaluation_episodes, 1)
+        at_least("training.evaluation_seed", self.evaluation_seed, 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """A training run, in full: two runs of the same config end with the same policy.
+
+    Attributes
+    ----------
+    env
+        What to train in; a task with a flat observation.
+    algo
+        What to train with.
+    training
+        How long, and on how many flies.
+    seed
+        Of the network, the exploration and the episodes.
+    """
+
+    env: EnvConfig = field(default_factory=EnvConfig)
+    algo: AlgorithmConfig = field(default_factory=PPOConfig)
+    training: ScheduleConfig = field(default_factory=ScheduleConfig)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        within("seed", self.seed, 0, LARGEST_SEED)
+        task = self.env.resolved_task
+        if not task.is_flat:
+            raise ValueError(
+                f"task must be one with a flat observation, got {task.name!r} with a Dict"
+            )
+        self.algo.check_num_envs(self.training.num_envs)
+
+    def name(self, now: datetime.datetime) -> str:
+        """Name of a run that starts now: date, time, task, terrain, algorithm, seed."""
+        parts = (
+            now.strftime("%Y-%m-%d_%H%M%S"),
+            self.env.resolved_task.name,
+            self.env.scene.terrain.name,
+            self.algo.name,
+            str(self.seed),
+        )
+        return "_".join(parts)
+
+
+def env_record(env: EnvConfig) -> dict[str, Any]:
+    """Everything about an environment as plain JSON values, keyed like the groups of `configs/`."""
+    scene = env.scene
+    return {
+        "task": {
+            "name": env.resolved_task.name,
+            "decision_interval": env.decision_interval_s,
+        },
+        **{
+            part: _plain(dataclasses.asdict(getattr(scene, part)))
+            for part in ("body", "terrain", "controller", "physics")
+        },
+    }
+
+
+def training_record(config: TrainingConfig) -> dict[str, Any]:
+    """Everything about a run as plain JSON values, keyed like `configs/train.yaml`."""
+    return {
+        **env_record(config.env),
+        "algo": {"name": config.algo.name, **_plain(dataclasses.asdict(config.algo))},
+        "training": _plain(dataclasses.asdict(config.training)),
+        "seed": config.seed,
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value

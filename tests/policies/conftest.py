@@ -1,0 +1,43 @@
+"""A small bundle, and small SB3 models, to save, break and compare."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from flyrl.policies.bundle import PolicyBundle, TermLayout
+from flyrl.policies.mlp import MLP, Layer
+
+LAYOUT = (TermLayout("bearing", 2), TermLayout("speed", 1))
+
+
+@pytest.fixture
+def bundle() -> PolicyBundle:
+    """Three inputs, two hidden units, two outputs, with weights that are easy to follow by hand."""
+    layers = (
+        Layer(np.array([[1, 0, 0], [0, 2, 0]], np.float32), np.array([0, 1], np.float32)),
+        Layer(np.array([[1, 0], [1, -1]], np.float32), np.array([0.5, 0], np.float32)),
+    )
+    return PolicyBundle(
+        network=MLP(layers, "relu"),
+        squashing="clip",
+        observation=LAYOUT,
+        action_low=(-1.0, -1.0),
+        action_high=(1.0, 1.0),
+        env={"task": "target"},
+        training={"decisions": 7},
+    )
+
+
+class Bandit(gymnasium.Env):
+    """One-step problem with a flat observation and a bounded action; only there to build models."""
+
+    def __init__(self, size: int = 40, low: float = -1.0, high: float = 1.0) -> None:
+        self.observation_space = gymnasium.spaces.Box(-10, 10, (size,), np.float32)
+        self.action_space = gymnasium.spaces.Box(low, high, (2,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self.observation_space.sample(), {}
+
+    def step(self, action):
+        return self.observation_space.sample(), 0.0, True, False, {}

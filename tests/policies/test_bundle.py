@@ -1,0 +1,150 @@
+import json
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file, save_file
+
+from flyrl.policies import PolicyFileError, load_policy
+from flyrl.policies.bundle import load_bundle, save_bundle
+
+
+@pytest.fixture
+def file(bundle, tmp_path):
+    path = tmp_path / "policy.safetensors"
+    save_bundle(bundle, path)
+    return path
+
+
+def test_everything_comes_back(bundle, file):
+    loaded = load_bundle(file)
+    for layer, original in zip(loaded.network.layers, bundle.network.layers, strict=True):
+        np.testing.assert_array_equal(layer.weight, original.weight)
+        np.testing.assert_array_equal(layer.bias, original.bias)
+    assert loaded.network.activation == "relu"
+    assert loaded.squashing == "clip"
+    assert loaded.observation == bundle.observation
+    assert (loaded.action_low, loaded.action_high) == ((-1, -1), (1, 1))
+    assert loaded.env == {"task": "target"}
+    assert loaded.training == {"decisions": 7}
+
+
+def test_same_policy_same_bytes(bundle, file, tmp_path):
+    save_bundle(bundle, tmp_path / "again.safetensors")
+    assert (tmp_path / "again.safetensors").read_bytes() == file.read_bytes()
+
+
+def test_saving_leaves_only_the_file(file):
+    assert [path.name for path in file.parent.iterdir()] == ["policy.safetensors"]
+
+
+def test_run_folder_gives_best_else_last(bundle, tmp_path):
+    save_bundle(bundle, tmp_path / "last.safetensors")
+    assert load_bundle(tmp_path).training == {"decisions": 7}
+    (tmp_path / "best.safetensors").write_bytes(b"x" * 100)
+    with pytest.raises(PolicyFileError, match=r"best\.safetensors"):
+        load_bundle(tmp_path)
+
+
+def test_missing_path(tmp_path):
+    with pytest.raises(PolicyFileError, match=r"nowhere: there is no such file or folder"):
+        load_policy(tmp_path / "nowhere")
+
+
+def test_folder_without_policy(tmp_path):
+    with pytest.raises(PolicyFileError, match=r"a run folder holds best\.safetensors"):
+        load_policy(tmp_path)
+
+
+def test_every_truncation(file):
+    data = file.read_bytes()
+    for length in range(len(data)):
+        file.write_bytes(data[:length])
+        with pytest.raises(PolicyFileError):
+            load_policy(file)
+
+
+def test_bytes_appended(file):
+    file.write_bytes(file.read_bytes() + b"\0")
+    with pytest.raises(PolicyFileError):
+        load_policy(file)
+
+
+def test_every_changed_byte(file):
+    data = bytearray(file.read_bytes())
+    for i in range(len(data)):
+        data[i] ^= 1
+        file.write_bytes(data)
+        with pytest.raises(PolicyFileError):
+            load_policy(file)
+        data[i] ^= 1
+
+
+def test_changed_weight_is_named_as_changed(file):
+    data = bytearray(file.read_bytes())
+    data[-1] ^= 0x40
+    file.write_bytes(data)
+    with pytest.raises(PolicyFileError, match="changed after it was written"):
+        load_policy(file)
+
+
+def test_random_bytes(tmp_path):
+    path = tmp_path / "policy.safetensors"
+    path.write_bytes(np.random.default_rng(0).bytes(10_000))
+    with pytest.raises(PolicyFileError, match="no safetensors file"):
+        load_policy(path)
+
+
+def test_pickle_is_refused_unopened(tmp_path):
+    path = tmp_path / "policy.safetensors"
+
+    class Trap:
+        def __reduce__(self):
+            return (path.with_name("sprung").touch, ())
+
+    path.write_bytes(pickle.dumps(Trap()))
+    with pytest.raises(PolicyFileError):
+        load_policy(path)
+    assert not path.with_name("sprung").exists()
+
+
+def test_zip_is_refused(tmp_path):
+    path = tmp_path / "model.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("data", "{}")
+    with pytest.raises(PolicyFileError):
+        load_policy(path)
+
+
+def test_foreign_safetensors_file(tmp_path):
+    path = tmp_path / "other.safetensors"
+    save_file({"weight": np.zeros(3, np.float32)}, path)
+    with pytest.raises(PolicyFileError, match="no flyrl policy"):
+        load_policy(path)
+
+
+def test_other_schema(file):
+    record = {"schema": "flyrl.policy/99", "sha256": "0" * 64}
+    save_file(load_file(file), file, {"flyrl": json.dumps(record)})
+    with pytest.raises(PolicyFileError, match=r"'flyrl\.policy/99'.*reads 'flyrl\.policy/1'"):
+        load_policy(file)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"observation": (("bearing", 5),)}, "5 values, the network takes 3"),
+        ({"action_low": (-1.0,)}, "the network gives 2"),
+        ({"squashing": "fold"}, "squashing: 'fold'; allowed: clip, tanh"),
+    ],
+)
+def test_bundle_checks_itself(bundle, changes, message):
+    from dataclasses import replace
+
+    from flyrl.policies import TermLayout
+
+    if "observation" in changes:
+        changes = {"observation": tuple(TermLayout(*term) for term in changes["observation"])}
+    with pytest.raises(ValueError, match=message):
+        replace(bundle, **changes)

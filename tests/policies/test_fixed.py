@@ -1,0 +1,37 @@
+import numpy as np
+import pytest
+
+from flyrl.policies import ConstantDrive, Pursuit
+
+
+def _normalised(drive):
+    return drive - 0.5
+
+
+def test_constant_drive_single_and_batch():
+    policy = ConstantDrive(1.0, 0.25, _normalised)
+    np.testing.assert_array_equal(policy.predict(np.zeros(7))[0], [0.5, -0.25])
+    np.testing.assert_array_equal(policy.predict(np.zeros((3, 7)))[0], [[0.5, -0.25]] * 3)
+
+
+@pytest.mark.parametrize(
+    ("forward", "left", "drive"),
+    [
+        (1.0, 0.0, (1.0, 1.0)),
+        (np.cos(0.1), np.sin(0.1), (0.9, 1.1)),
+        (np.cos(0.1), -np.sin(0.1), (1.1, 0.9)),
+        (0.0, 1.0, (0.2, 1.2)),
+        (0.0, -1.0, (1.2, 0.2)),
+    ],
+)
+def test_pursuit_turns_towards_the_target(forward, left, drive):
+    policy = Pursuit(slice(1, 3), lambda drive: drive, gain=1.0)
+    action, _ = policy.predict([99.0, forward, left])
+    np.testing.assert_allclose(action, drive, rtol=1e-6)
+
+
+def test_pursuit_in_batches():
+    policy = Pursuit(slice(0, 2), _normalised)
+    observations = np.random.default_rng(0).normal(size=(20, 5))
+    singles = [policy.predict(observation)[0] for observation in observations]
+    np.testing.assert_array_equal(policy.predict(observations)[0], singles)

@@ -1,0 +1,74 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flyrl.policies import LearnedPolicy, PolicyFileError
+from flyrl.tasks import TASKS, ObservationTerm, Task
+
+
+def test_action_by_hand(bundle):
+    # hidden = relu([0.25, 2*0.1 + 1]) = [0.25, 1.2]; output = [0.25 + 0.5, 0.25 - 1.2]
+    action, state = LearnedPolicy(bundle).predict([0.25, 0.1, 9.0], state="kept")
+    np.testing.assert_allclose(action, [0.75, -0.95], rtol=1e-6)
+    assert action.dtype == np.float32
+    assert state == "kept"
+
+
+def test_action_is_clipped(bundle):
+    action, _ = LearnedPolicy(bundle).predict([5.0, 50.0, 0.0])
+    np.testing.assert_array_equal(action, [1, -1])
+
+
+def test_squashed_action_by_hand(bundle):
+    policy = LearnedPolicy(
+        replace(bundle, squashing="tanh", action_low=(-0.5, -0.5), action_high=(1.5, 1.5))
+    )
+    action, _ = policy.predict([0.25, 0.1, 9.0])
+    np.testing.assert_allclose(action, 0.5 + np.tanh([0.75, -0.95]), rtol=1e-6)
+
+
+def test_single_and_batch_give_the_same_bits(bundle):
+    policy = LearnedPolicy(bundle)
+    observations = np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32)
+    batch, _ = policy.predict(observations)
+    singles = [policy.predict(observation)[0] for observation in observations]
+    assert batch.shape == (50, 2)
+    np.testing.assert_array_equal(batch, singles)
+
+
+@pytest.mark.parametrize("shape", [(4,), (2, 4), (1, 1, 3), ()])
+def test_other_shapes_are_refused(bundle, shape):
+    with pytest.raises(ValueError, match=r"allowed: \(3,\) or \(n, 3\)"):
+        LearnedPolicy(bundle).predict(np.zeros(shape))
+
+
+def test_noise_is_refused(bundle):
+    with pytest.raises(ValueError, match="deterministic: False"):
+        LearnedPolicy(bundle).predict(np.zeros(3), deterministic=False)
+
+
+def _task(*terms: tuple[str, int]) -> Task:
+    observation = tuple(
+        ObservationTerm(name, (size,), -1.0, 1.0, lambda state: state.goal, "")
+        for name, size in terms
+    )
+    return replace(TASKS["target"], name="other", observation=observation)
+
+
+def test_fitting_layout_passes(bundle):
+    LearnedPolicy(bundle).check_task(_task(("bearing", 2), ("speed", 1)))
+
+
+@pytest.mark.parametrize(
+    ("terms", "message"),
+    [
+        ([("bearing", 2), ("height", 1)], r"term 1 was speed \(1 values\).*height \(1 values\)"),
+        ([("bearing", 2), ("speed", 3)], r"term 1 was speed \(1 values\).*speed \(3 values\)"),
+        ([("bearing", 2)], r"of other: term 1 was speed \(1 values\), here it is missing"),
+        ([("bearing", 2), ("speed", 1), ("tilt", 2)], r"term 2 was missing"),
+    ],
+)
+def test_other_layouts_are_refused(bundle, terms, message):
+    with pytest.raises(PolicyFileError, match=message):
+        LearnedPolicy(bundle).check_task(_task(*terms))
