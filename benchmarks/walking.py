@@ -75,7 +75,9 @@ def literature() -> None:
     for controller in ("cpg", "rule_based"):
         positions, _ = walk((1, 1), 0.5, body="classic", controller=controller, physics="reference")
         final = positions[-1, :, 0] - positions[0, :, 0]
-        print(f"  {controller:10} {np.median(final):6.2f}  (quartiles {np.percentile(final, [25, 75]).round(2)})")
+        print(
+            f"  {controller:10} {np.median(final):6.2f}  (quartiles {np.percentile(final, [25, 75]).round(2)})"
+        )
 
 
 def rest() -> None:
@@ -83,7 +85,9 @@ def rest() -> None:
     for body in ("classic", "current"):
         positions, _ = walk((0, 0), 0.5, magnitude=0.0, settle=0.5, body=body)
         moved = np.linalg.norm(positions[-1, :, :2] - positions[0, :, :2], axis=1)
-        print(f"zero drive, {body}: median {np.median(moved):.3f} mm in 0.5 s, largest {moved.max():.3f}")
+        print(
+            f"zero drive, {body}: median {np.median(moved):.3f} mm in 0.5 s, largest {moved.max():.3f}"
+        )
 
 
 def turning(**config: object) -> None:
@@ -104,14 +108,17 @@ def rough(seconds: float = 1.5, conditions: int = 20, **config: object) -> None:
     for terrain in ("flat", "gapped", "blocks", "mixed"):
         speeds = {
             name: speed(
-                walk((1, 1), seconds, conditions, terrain=terrain, controller=name, **config)[0], seconds
+                walk((1, 1), seconds, conditions, terrain=terrain, controller=name, **config)[0],
+                seconds,
             )
             for name in ("cpg", "rule_based", "hybrid")
         }
         medians = "  ".join(f"{name} {np.median(values):5.2f}" for name, values in speeds.items())
         low, high = paired_interval(speeds["hybrid"] - speeds["cpg"])
         ratio = np.median(speeds["cpg"]) / np.median(speeds["hybrid"])
-        print(f"  {terrain:7} {medians}  cpg/hybrid {ratio:4.2f}  hybrid - cpg [{low:5.2f}, {high:5.2f}]")
+        print(
+            f"  {terrain:7} {medians}  cpg/hybrid {ratio:4.2f}  hybrid - cpg [{low:5.2f}, {high:5.2f}]"
+        )
 
 
 STUDIES = {"literature": literature, "rest": rest, "turning": turning, "rough": rough}

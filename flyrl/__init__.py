@@ -7,6 +7,9 @@ from flyrl.controllers import (
     construct_rules_graph,
     filter_edges,
 )
+from flyrl.envs.registration import register_envs
+
+register_envs()
 
 __all__ = [
     "CPGNetwork",

@@ -37,3 +37,25 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` as UTF-8, whole or not at all."""
     write_bytes(path, text.encode())
+
+
+def new_folder(parent: Path, name: str) -> Path:
+    """Make a folder that did not exist: `parent/name`, or `name_2`, `name_3`, … if that is taken.
+
+    Parameters
+    ----------
+    parent
+        Made if missing.
+    name
+        Wanted name.
+    """
+    parent.mkdir(parents=True, exist_ok=True)
+    path, copies = parent / name, 1
+    while True:
+        try:
+            path.mkdir()
+        except FileExistsError:
+            copies += 1
+            path = parent / f"{name}_{copies}"
+        else:
+            return path

@@ -1,4 +1,4 @@
-"""Where assets and configs lie: beside flyrl in a checkout, inside it when installed."""
+"""Where flyrl's assets and configs lie: beside the package, or inside it when installed."""
 
 from pathlib import Path
 

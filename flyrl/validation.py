@@ -50,6 +50,20 @@ def not_negative(name: str, value: float) -> float:
     return float(value)
 
 
+def at_least(name: str, value: float, minimum: float) -> float:
+    """Return `value` if it is a finite number no smaller than `minimum`, else raise ValueError."""
+    if not _is_number(value) or not minimum <= value < math.inf:
+        raise ValueError(f"{name} must be at least {minimum}, got {value!r}")
+    return value
+
+
+def within(name: str, value: float, low: float, high: float) -> float:
+    """Return `value` if it is a number from `low` to `high`, else raise ValueError."""
+    if not _is_number(value) or not low <= value <= high:
+        raise ValueError(f"{name} must lie within {low} and {high}, got {value!r}")
+    return value
+
+
 def one_of(name: str, value: T, allowed: Iterable[Any]) -> T:
     """Return `value` if it is among `allowed`, else raise ValueError with the closest match."""
     choices = tuple(allowed)

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from flyrl.anatomy import LEG_DOFS, LEGS
 from flyrl.controllers.compilation import kernel
-from flyrl.validation import FloatArray, not_negative, one_of, positive, random_seed
 from flyrl.controllers.cpg import (
     TRIPOD_AMPLITUDE,
     TRIPOD_CONVERGENCE_RATE,
@@ -45,6 +44,7 @@ from flyrl.controllers.walknet import (
     rule_matrices,
     walknet_step,
 )
+from flyrl.validation import FloatArray, not_negative, one_of, positive, random_seed
 
 ControllerName = Literal["cpg", "hybrid", "rule_based"]
 

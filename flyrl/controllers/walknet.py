@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from flyrl.anatomy import LEGS
 from flyrl.controllers.compilation import kernel
-from flyrl.validation import FloatArray, not_negative, one_of, positive
 from flyrl.controllers.random import legacy_choice, seeded_stream
+from flyrl.validation import FloatArray, not_negative, one_of, positive
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FlyConfig
-from flyrl.controllers.leg_controller import ControllerConfig, initial_state
+from flyrl.bodies.table import BodyName
+from flyrl.controllers.leg_controller import ControllerConfig, ControllerName, initial_state
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
-from flyrl.terrains import TerrainConfig, terrain_bounds
+from flyrl.terrains import TerrainConfig, TerrainName, terrain_bounds
 from flyrl.validation import one_of
 
 Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
@@ -38,9 +39,9 @@ class EnvConfig:
     """
 
     task: str | Task = "target"
-    body: str | FlyConfig = "current"
-    terrain: str | TerrainConfig = "flat"
-    controller: str | ControllerConfig | None = None
+    body: BodyName | FlyConfig = "current"
+    terrain: TerrainName | TerrainConfig = "flat"
+    controller: ControllerName | ControllerConfig | None = None
     physics: str | PhysicsConfig = "balanced"
     decision_interval: float | None = None
 
@@ -217,9 +218,7 @@ class BatchedEnv:
             seed = int(rng.integers(2**31))
         return self.task.sample_episode(self.config.scene.terrain, seed)
 
-    def step(
-        self, action: NDArray[np.floating], ids: NDArray[np.intp] | None = None
-    ) -> Transition:
+    def step(self, action: NDArray[np.floating], ids: NDArray[np.intp] | None = None) -> Transition:
         """Hold one action per simulation, (n, 2), for a decision interval.
 
         With `ids`, only these simulations move; of the others the result repeats what is.
@@ -229,16 +228,16 @@ class BatchedEnv:
         ValueError
             If the actions have the wrong shape or are not finite.
         """
-        action = np.asarray(action, dtype=np.float64)
-        if action.shape != (self.num_envs, 2):
-            raise ValueError(f"action has shape {action.shape}; it must be ({self.num_envs}, 2)")
-        if not np.isfinite(action).all():
-            raise ValueError(f"action must be finite; got {action[~np.isfinite(action)][0]}")
+        actions = np.asarray(action, dtype=np.float64)
+        if actions.shape != (self.num_envs, 2):
+            raise ValueError(f"action has shape {actions.shape}; it must be ({self.num_envs}, 2)")
+        if not np.isfinite(actions).all():
+            raise ValueError(f"action must be finite; got {actions[~np.isfinite(actions)][0]}")
         if self._goal is None:
             raise RuntimeError("step() was called before reset()")
         previous = self.fly_state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
-        self.flies.set_drive(self.task.drive(action[moved]), moved)
+        self.flies.set_drive(self.task.drive(actions[moved]), moved)
         self.flies.step(self.config.steps_per_decision, ids)
         self._decisions[moved] += 1
         fly_state = self.flies.state()
@@ -264,9 +263,7 @@ class BatchedEnv:
         if self._max_decisions is not None:
             truncated = ~terminated & (self._decisions >= self._max_decisions)
             outcome[truncated] = TIMEOUT
-        return Transition(
-            self._observe(state), reward, terminated, truncated, outcome, is_success
-        )
+        return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""

@@ -44,9 +44,7 @@ class FlyVecEnv(VecEnv):
         self.config = config
         self.core = BatchedEnv(config, num_envs, num_threads)
         self.render_mode = None
-        super().__init__(
-            num_envs, observation_space(self.core.task), action_space(self.core.task)
-        )
+        super().__init__(num_envs, observation_space(self.core.task), action_space(self.core.task))
         self._actions = np.zeros((num_envs, 2), dtype=np.float32)
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
@@ -79,9 +77,7 @@ class FlyVecEnv(VecEnv):
         self._lengths += 1
         infos: list[dict[str, Any]] = [
             {"outcome": str(outcome), "is_success": bool(is_success)}
-            for outcome, is_success in zip(
-                transition.outcome, transition.is_success, strict=True
-            )
+            for outcome, is_success in zip(transition.outcome, transition.is_success, strict=True)
         ]
         ended = np.flatnonzero(transition.done)
         for i in ended:
@@ -114,7 +110,9 @@ class FlyVecEnv(VecEnv):
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the whole batch; single environments have none of their own."""
         if indices is not None:
-            raise ValueError("a fly of the batch has no attributes of its own; indices must be None")
+            raise ValueError(
+                "a fly of the batch has no attributes of its own; indices must be None"
+            )
         setattr(self, attr_name, value)
 
     def env_method(
@@ -128,7 +126,9 @@ class FlyVecEnv(VecEnv):
         raise NotImplementedError(f"a fly of the batch has no method {method_name!r} of its own")
 
     def env_is_wrapped(
-        self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
+        self,
+        wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]],
+        indices: VecEnvIndices = None,
     ) -> list[bool]:
         """No environment is wrapped; but episodes are monitored here, as SB3's Monitor does."""
         from stable_baselines3.common.monitor import Monitor  # noqa: PLC0415

@@ -1,6 +1,6 @@
 """One fly as a Gymnasium environment."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -13,7 +13,7 @@ from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.rendering import FlyRenderer
 
 
-class FlyEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+class FlyEnv(gymnasium.Env[Any, Any]):
     """One fly; the arguments are those of `EnvConfig`.
 
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
@@ -28,7 +28,10 @@ class FlyEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         None or "rgb_array".
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+    metadata: dict[str, Any] = {  # noqa: RUF012 (declared so by Gymnasium)
+        "render_modes": ["rgb_array"],
+        "render_fps": 50,
+    }
 
     def __init__(self, render_mode: str | None = None, **config: Any) -> None:
         if render_mode not in (None, "rgb_array"):
@@ -51,9 +54,7 @@ class FlyEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         observation = self.core.reset(episodes=[episode_with_options(episode, options)])
         return _first(observation), {"outcome": "running", "is_success": False, "time_s": 0.0}
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Hold a drive for one decision interval."""
         transition = self.core.step(np.asarray(action)[None])
         return (
@@ -68,7 +69,7 @@ class FlyEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             },
         )
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Picture of the fly, (480, 640, 3), or None without a render mode."""
         if self.render_mode is None:
             return None

@@ -13,7 +13,7 @@ from flyrl.envs.options import episode_with_options
 from flyrl.envs.spaces import action_space, observation_space
 
 
-class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[np.bool_]]):
+class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
     """`num_envs` flies on native threads; the other arguments are those of `EnvConfig`.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
@@ -84,7 +84,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[np.bool_]]):
 
     def step(
         self, actions: NDArray[np.float32]
-    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Hold one drive per fly for a decision interval."""
         if self.autoreset_mode == AutoresetMode.NEXT_STEP:
             return self._step_next(actions)
@@ -114,7 +114,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[np.bool_]]):
 
     def _step_next(
         self, actions: NDArray[np.float32]
-    ) -> tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Reset the flies that were done, with a reward of 0, and step the others."""
         starting = self._done
         if not starting.any():
@@ -132,9 +132,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[np.bool_]]):
             self._info(transition.outcome, transition.is_success),
         )
 
-    def _info(
-        self, outcome: NDArray[np.str_], is_success: NDArray[np.bool_]
-    ) -> dict[str, Any]:
+    def _info(self, outcome: NDArray[np.str_], is_success: NDArray[np.bool_]) -> dict[str, Any]:
         everyone = np.ones(self.num_envs, dtype=bool)
         return {
             "outcome": outcome.astype(object),
@@ -170,5 +168,3 @@ def _mask(transition: Transition, starting: NDArray[np.bool_]) -> Transition:
         outcome=np.where(starting, "running", transition.outcome),
         is_success=transition.is_success & ~starting,
     )
-
-

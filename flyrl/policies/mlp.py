@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from flyrl.controllers.compilation import kernel
 
 Activation = Literal["tanh", "relu"]
 ACTIVATIONS: Final[tuple[Activation, ...]] = get_args(Activation)
@@ -78,7 +79,7 @@ def check_layers(layers: Sequence[Layer]) -> None:
             )
 
 
-@njit(cache=True)
+@kernel
 def evaluate(
     inputs: NDArray[np.float64],
     sizes: NDArray[np.int64],

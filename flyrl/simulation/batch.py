@@ -60,7 +60,7 @@ class FlyBatch:
     @property
     def num_threads(self) -> int:
         """Number of native threads in use."""
-        return self._batch.nthread
+        return int(self._batch.nthread)
 
     def reset(
         self,

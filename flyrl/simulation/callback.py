@@ -19,12 +19,12 @@ from typing import Any
 import mujoco
 import numba
 import numpy as np
-from numba import carray, types
+from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 
 from flyrl.controllers.compilation import kernel, native_callback
 from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
-from flyrl.simulation.layout import layout
+from flyrl.simulation.layout import Layout, layout
 
 MAGIC = 20_261_121.0
 """Marks a model as flyrl's; a number that no other model's first numeric begins with."""
@@ -70,7 +70,7 @@ def _pointer_cast(element: types.Type) -> Any:
 
     @intrinsic
     def cast(_typing_context, _address):  # type: ignore[no-untyped-def]
-        signature = types.CPointer(element)(types.int64)
+        signature = types.CPointer(element)(types.int64)  # type: ignore[no-untyped-call]
 
         def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
             return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
@@ -99,51 +99,45 @@ def _int32(address):  # type: ignore[no-untyped-def]
     return carray(_as_int32(address), (1,))[0]
 
 
-@functools.cache
-def _callbacks() -> tuple[Any, Any]:
-    """Compile both callbacks for this MuJoCo's layout.
+# Numba captures a variable of an enclosing function by value and keys its cache on disk on it; so
+# the offsets below, unlike constants of this module, may change with MuJoCo.
 
-    The offsets are captured variables, so that Numba's cache on disk keys on their values.
-    """
-    found = layout()
-    model_userdata_size = found.model["nuserdata"]
-    model_numeric_size = found.model["nnumericdata"]
-    model_numeric = found.model["numeric_data"]
-    model_geom_body = found.model["geom_bodyid"]
-    data_time = found.data["time"]
-    data_num_contacts = found.data["ncon"]
-    data_ctrl = found.data["ctrl"]
-    data_userdata = found.data["userdata"]
-    data_positions = found.data["xpos"]
-    data_rotations = found.data["xmat"]
-    data_contacts = found.data["contact"]
-    data_constraint_force = found.data["efc_force"]
-    contact_size = found.contact_size
-    contact_frame = found.contact["frame"]
-    contact_friction = found.contact["friction"]
-    contact_dim = found.contact["dim"]
-    contact_geom1 = found.contact["geom1"]
-    contact_geom2 = found.contact["geom2"]
-    contact_row = found.contact["efc_address"]
-    sensor_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
-    engine_bytes = ENGINE.itemsize
-    header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
-    state_bytes = STATE.itemsize
+
+def _engine_finder(found: Layout) -> Any:
+    """Compile a function that gives the address of a model's ENGINE record."""
+    userdata_size_at = found.model["nuserdata"]
+    numeric_size_at = found.model["nnumericdata"]
+    numeric_at = found.model["numeric_data"]
     userdata_size = USERDATA_SIZE
     min_numeric_size = ENGINE_SIZE + PARAMETERS_SIZE
 
     @kernel
     def engine_address(model):  # type: ignore[no-untyped-def]
-        """Address of the model's ENGINE record, or 0 where the model is not flyrl's."""
+        """Address, or 0 where the model is not flyrl's."""
         if (
-            _int64(model + model_userdata_size) != userdata_size
-            or _int64(model + model_numeric_size) < min_numeric_size
+            _int64(model + userdata_size_at) != userdata_size
+            or _int64(model + numeric_size_at) < min_numeric_size
         ):
             return 0
-        address = _int64(model + model_numeric)
+        address = _int64(model + numeric_at)
         if carray(_as_float64(address), (1,))[0] != MAGIC:
             return 0
         return address
+
+    return engine_address
+
+
+def _control_callback(found: Layout) -> Any:
+    """Compile the callback that advances the leg controller."""
+    engine_address = _engine_finder(found)
+    time_at = found.data["time"]
+    ctrl_at = found.data["ctrl"]
+    userdata_at = found.data["userdata"]
+    positions_at = found.data["xpos"]
+    rotations_at = found.data["xmat"]
+    engine_bytes = ENGINE.itemsize
+    header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
+    state_bytes = STATE.itemsize
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
@@ -152,18 +146,16 @@ def _callbacks() -> tuple[Any, Any]:
             return
         engine = carray(_as_engine(address), (1,))[0]
         parameters = carray(_as_parameters(address + engine_bytes), (1,))[0]
-        userdata = _int64(data + data_userdata)
+        userdata = _int64(data + userdata_at)
         state = carray(_as_state(userdata), (1,))[0]
-        time = carray(_as_float64(data + data_time), (1,))[0]
+        time = carray(_as_float64(data + time_at), (1,))[0]
         # mj_forward at the same time must not advance the controller a second time
         if time != state.last_time:
             state.last_time = time
             scratch = carray(_as_scratch(userdata + state_bytes), (1,))[0]
             thorax = int(engine.thorax_body)
-            positions = _int64(data + data_positions)
-            rotation = carray(
-                _as_float64(_int64(data + data_rotations) + 72 * thorax), (3, 3)
-            )
+            positions = _int64(data + positions_at)
+            rotation = carray(_as_float64(_int64(data + rotations_at) + 72 * thorax), (3, 3))
             for axis in range(3):
                 scratch.heading[axis] = rotation[axis, 0]
             for leg in range(NUM_LEGS):
@@ -176,73 +168,100 @@ def _callbacks() -> tuple[Any, Any]:
             control_step(
                 parameters, coefficients, state, thorax_z, scratch.end_effector_z, scratch.heading
             )
-        ctrl = carray(_as_float64(_int64(data + data_ctrl)), (NUM_SERVOS + NUM_LEGS,))
+        ctrl = carray(_as_float64(_int64(data + ctrl_at)), (NUM_SERVOS + NUM_LEGS,))
         for servo in range(NUM_SERVOS):
             ctrl[servo] = state.targets[servo]
         for leg in range(NUM_LEGS):
             ctrl[NUM_SERVOS + leg] = state.adhesion[leg]
 
-    @kernel
-    def segment_of(engine, body):  # type: ignore[no-untyped-def]
-        """Index of a body among the 36 contact segments, or -1."""
-        for leg in range(NUM_LEGS):
-            segment = body - int(engine.tibia_bodies[leg])
-            if 0 <= segment < NUM_SENSED_SEGMENTS:
-                return leg * NUM_SENSED_SEGMENTS + segment
-        return -1
+    return control
+
+
+@kernel
+def _segment_of(engine, body):  # type: ignore[no-untyped-def]
+    """Index of a body among the 36 contact segments, or -1."""
+    for leg in range(NUM_LEGS):
+        segment = body - int(engine.tibia_bodies[leg])
+        if 0 <= segment < NUM_SENSED_SEGMENTS:
+            return leg * NUM_SENSED_SEGMENTS + segment
+    return -1
+
+
+@kernel
+def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim, is_elliptic):  # type: ignore[no-untyped-def]
+    """Add one contact's force to the sums of the segments it touches.
+
+    `rows` are the contact's constraint forces: along normal and tangents for an elliptic friction
+    cone, along the cone's edges, normal ± friction · tangent, for a pyramidal one.
+    """
+    normal, tangent1, tangent2 = rows[0], 0.0, 0.0
+    if dim > 1:
+        if is_elliptic:
+            tangent1, tangent2 = rows[1], rows[2]
+        else:
+            normal = 0.0
+            for edge in range(2 * (dim - 1)):
+                normal += rows[edge]
+            tangent1 = (rows[0] - rows[1]) * friction[0]
+            tangent2 = (rows[2] - rows[3]) * friction[1]
+    # the frame's rows are normal and tangents; the force acts on the second geom
+    for axis in range(3):
+        force = normal * frame[0, axis] + tangent1 * frame[1, axis] + tangent2 * frame[2, axis]
+        if segment1 >= 0:
+            forces_w[segment1, axis] -= force
+        if segment2 >= 0:
+            forces_w[segment2, axis] += force
+
+
+def _sensor_callback(found: Layout) -> Any:
+    """Compile the callback that sums contact forces per segment."""
+    engine_address = _engine_finder(found)
+    geom_body_at = found.model["geom_bodyid"]
+    userdata_at = found.data["userdata"]
+    num_contacts_at = found.data["ncon"]
+    contacts_at = found.data["contact"]
+    constraint_forces_at = found.data["efc_force"]
+    contact_size = found.contact_size
+    frame_at = found.contact["frame"]
+    friction_at = found.contact["friction"]
+    dim_at = found.contact["dim"]
+    geom1_at = found.contact["geom1"]
+    geom2_at = found.contact["geom2"]
+    row_at = found.contact["efc_address"]
+    acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
-        if stage != sensor_stage:
+        if stage != acceleration_stage:
             return
         address = engine_address(model)
         if address == 0:
             return
         engine = carray(_as_engine(address), (1,))[0]
-        state = carray(_as_state(_int64(data + data_userdata)), (1,))[0]
-        forces_w = state.contact_forces_w
-        forces_w[:, :] = 0.0
-        geom_bodies = _int64(model + model_geom_body)
-        contacts = _int64(data + data_contacts)
-        constraint_forces = _int64(data + data_constraint_force)
-        for i in range(_int32(data + data_num_contacts)):
+        state = carray(_as_state(_int64(data + userdata_at)), (1,))[0]
+        state.contact_forces_w[:, :] = 0.0
+        bodies = _int64(model + geom_body_at)
+        contacts = _int64(data + contacts_at)
+        constraint_forces = _int64(data + constraint_forces_at)
+        for i in range(_int32(data + num_contacts_at)):
             contact = contacts + i * contact_size
-            row = _int32(contact + contact_row)
-            if row < 0:
+            row = _int32(contact + row_at)
+            segment1 = _segment_of(engine, _int32(bodies + 4 * _int32(contact + geom1_at)))
+            segment2 = _segment_of(engine, _int32(bodies + 4 * _int32(contact + geom2_at)))
+            if row < 0 or (segment1 < 0 and segment2 < 0):
                 continue
-            segment1 = segment_of(
-                engine, _int32(geom_bodies + 4 * _int32(contact + contact_geom1))
+            _add_contact_force(
+                state.contact_forces_w,
+                segment1,
+                segment2,
+                carray(_as_float64(contact + frame_at), (3, 3)),
+                carray(_as_float64(constraint_forces + 8 * row), (10,)),
+                carray(_as_float64(contact + friction_at), (5,)),
+                _int32(contact + dim_at),
+                engine.is_elliptic != 0.0,
             )
-            segment2 = segment_of(
-                engine, _int32(geom_bodies + 4 * _int32(contact + contact_geom2))
-            )
-            if segment1 < 0 and segment2 < 0:
-                continue
-            dim = _int32(contact + contact_dim)
-            rows = carray(_as_float64(constraint_forces + 8 * row), (10,))
-            normal, tangent1, tangent2 = rows[0], 0.0, 0.0
-            if dim > 1:
-                if engine.is_elliptic != 0.0:
-                    tangent1, tangent2 = rows[1], rows[2]
-                else:
-                    friction = carray(_as_float64(contact + contact_friction), (2,))
-                    normal = 0.0
-                    for edge in range(2 * (dim - 1)):
-                        normal += rows[edge]
-                    tangent1 = (rows[0] - rows[1]) * friction[0]
-                    tangent2 = (rows[2] - rows[3]) * friction[1]
-            # the frame's rows are normal and tangents; the force acts on the second geom
-            frame = carray(_as_float64(contact + contact_frame), (3, 3))
-            for axis in range(3):
-                force = (
-                    normal * frame[0, axis] + tangent1 * frame[1, axis] + tangent2 * frame[2, axis]
-                )
-                if segment1 >= 0:
-                    forces_w[segment1, axis] -= force
-                if segment2 >= 0:
-                    forces_w[segment2, axis] += force
 
-    return control, sense_contacts
+    return sense_contacts
 
 
 _CONTROL_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
@@ -251,8 +270,9 @@ _SENSOR_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c
 
 @functools.cache
 def _c_functions() -> tuple[Any, Any]:
-    control, sense_contacts = _callbacks()
-    return _CONTROL_TYPE(control.address), _SENSOR_TYPE(sense_contacts.address)
+    found = layout()
+    control, sensor = _control_callback(found), _sensor_callback(found)
+    return _CONTROL_TYPE(control.address), _SENSOR_TYPE(sensor.address)
 
 
 def install() -> None:
@@ -282,8 +302,8 @@ def _same_function(present: Any, ours: Any) -> bool:
     if present is ours:
         return True
     try:
-        return ctypes.cast(present, ctypes.c_void_p).value == ctypes.cast(
-            ours, ctypes.c_void_p
-        ).value
+        return (
+            ctypes.cast(present, ctypes.c_void_p).value == ctypes.cast(ours, ctypes.c_void_p).value
+        )
     except (ctypes.ArgumentError, TypeError):
         return False

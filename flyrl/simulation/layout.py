@@ -24,9 +24,9 @@ _C_TYPES: dict[str, Any] = {
     "uintptr_t": ctypes.c_void_p,
 }
 
-MODEL_FIELDS = ("nbody", "nuserdata", "nnumericdata", "numeric_data", "geom_bodyid", "opt")
-DATA_FIELDS = ("time", "ncon", "nefc", "ctrl", "userdata", "xpos", "xmat", "contact", "efc_force")
-CONTACT_FIELDS = ("frame", "mu", "friction", "dim", "geom1", "geom2", "exclude", "efc_address")
+MODEL_FIELDS = ("opt", "nuserdata", "nnumericdata", "numeric_data", "geom_bodyid")
+DATA_FIELDS = ("time", "ncon", "ctrl", "userdata", "xpos", "xmat", "contact", "efc_force")
+CONTACT_FIELDS = ("frame", "friction", "dim", "geom1", "geom2", "efc_address")
 
 
 @dataclass(frozen=True)
@@ -114,56 +114,45 @@ def _check(found: Layout) -> None:
     data.time = 0.25
     mujoco.mj_forward(model, data)
     contact = data.contact[1]
+    contacts = _read(data._address + found.data["contact"], ctypes.c_void_p)
 
-    def read(address: int, c_type: Any) -> Any:
-        return c_type.from_address(address).value
-
-    def pointer(array: Any) -> int:
-        return int(np.asarray(array).ctypes.data)
-
-    model_at = {field: model._address + offset for field, offset in found.model.items()}
-    data_at = {field: data._address + offset for field, offset in found.data.items()}
-    contacts = read(data_at["contact"], ctypes.c_void_p)
-    contact_at = {
-        field: contacts + found.contact_size + offset for field, offset in found.contact.items()
-    }
-    expected: list[tuple[str, Any, Any]] = [
-        ("mjModel.opt", read(model_at["opt"], ctypes.c_double), model.opt.timestep)
+    model_read = functools.partial(_read_field, model._address, found.model)
+    data_read = functools.partial(_read_field, data._address, found.data)
+    contact_read = functools.partial(_read_field, contacts + found.contact_size, found.contact)
+    pairs = [(model_read("opt", ctypes.c_double), model.opt.timestep)]
+    pairs += [
+        (model_read(name, ctypes.c_int64), getattr(model, name))
+        for name in ("nuserdata", "nnumericdata")
     ]
-    for field in ("nbody", "nuserdata", "nnumericdata"):
-        expected.append(
-            (f"mjModel.{field}", read(model_at[field], ctypes.c_int64), getattr(model, field))
-        )
-    for field in ("numeric_data", "geom_bodyid"):
-        expected.append(
-            (
-                f"mjModel.{field}",
-                read(model_at[field], ctypes.c_void_p),
-                pointer(getattr(model, field)),
-            )
-        )
-    expected.append(("mjData.time", read(data_at["time"], ctypes.c_double), data.time))
-    for field in ("ncon", "nefc"):
-        expected.append(
-            (f"mjData.{field}", read(data_at[field], ctypes.c_int), getattr(data, field))
-        )
-    for field in ("ctrl", "userdata", "xpos", "xmat", "efc_force"):
-        expected.append(
-            (f"mjData.{field}", read(data_at[field], ctypes.c_void_p), pointer(getattr(data, field)))
-        )
-    for field in ("dim", "geom1", "geom2", "exclude", "efc_address"):
-        expected.append(
-            (f"mjContact.{field}", read(contact_at[field], ctypes.c_int), getattr(contact, field))
-        )
-    for field, value in (
-        ("frame", contact.frame[0]),
-        ("mu", contact.mu),
-        ("friction", contact.friction[0]),
-    ):
-        expected.append((f"mjContact.{field}", read(contact_at[field], ctypes.c_double), value))
-    for name, offset_says, bindings_say in expected:
+    pairs += [
+        (model_read(name, ctypes.c_void_p), getattr(model, name).ctypes.data)
+        for name in ("numeric_data", "geom_bodyid")
+    ]
+    pairs += [(data_read("time", ctypes.c_double), data.time)]
+    pairs += [(data_read("ncon", ctypes.c_int), data.ncon)]
+    pairs += [
+        (data_read(name, ctypes.c_void_p), getattr(data, name).ctypes.data)
+        for name in ("ctrl", "userdata", "xpos", "xmat", "efc_force")
+    ]
+    pairs += [
+        (contact_read(name, ctypes.c_int), getattr(contact, name))
+        for name in ("dim", "geom1", "geom2", "efc_address")
+    ]
+    pairs += [
+        (contact_read(name, ctypes.c_double), getattr(contact, name)[0])
+        for name in ("frame", "friction")
+    ]
+    for (name, offset_says), bindings_say in pairs:
         if offset_says != bindings_say:
             raise RuntimeError(
-                f"MuJoCo {mujoco.__version__} does not lay out {name} as it describes it: "
+                f"MuJoCo {mujoco.__version__} does not lay out {name!r} as it describes it: "
                 f"found {offset_says!r}, expected {bindings_say!r}"
             )
+
+
+def _read(address: int, c_type: Any) -> Any:
+    return c_type.from_address(address).value
+
+
+def _read_field(address: int, offsets: dict[str, int], name: str, c_type: Any) -> tuple[str, Any]:
+    return name, _read(address + offsets[name], c_type)

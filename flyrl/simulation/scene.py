@@ -1,18 +1,24 @@
 """A scene: one body on one terrain, driven by one leg controller, as a compiled model."""
 
 from dataclasses import dataclass, field
+from typing import Final
 
 import mujoco
 import numpy as np
 
 from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
 from flyrl.bodies.fly import FlyConfig, build_fly
+from flyrl.bodies.table import BodyName
 from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
+from flyrl.controllers.steps import StepsName
 from flyrl.simulation.callback import ENGINE, MAGIC, USERDATA_SIZE, pack_model_data
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.terrains import TerrainConfig, add_terrain
 
-STEPS_OF_BODY = {"current": "untethered", "classic": "tethered"}
+STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
+    "current": "untethered",
+    "classic": "tethered",
+}
 """The recorded step that was made for the order of a body's coxa joints."""
 
 TARGET_MARKER = "target"
@@ -108,7 +114,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
 
 
 def _engine_record(model: mujoco.MjModel) -> np.void:
-    engine = np.zeros((), ENGINE)
+    engine: np.void = np.zeros(1, ENGINE)[0]
     engine["magic"] = MAGIC
     engine["is_elliptic"] = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     engine["thorax_body"] = model.body("Thorax").id

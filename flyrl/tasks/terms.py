@@ -34,7 +34,8 @@ def _to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
 
 def goal_distance(position_w: Array, goal: Array) -> Array:
     """Horizontal distance from the thorax to the target, mm, (n,)."""
-    return np.hypot(*(goal - position_w[:, :2]).T)
+    offset = goal - position_w[:, :2]
+    return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
 
 
 # --- observations --------------------------------------------------------------------------
@@ -44,7 +45,8 @@ def target_direction_b(state: TaskState) -> Array:
     """Unit vector to the target: (cos, sin) of its bearing, left positive, (n, 2)."""
     offset_w = state.goal - state.fly.position_w[:, :2]
     offset_b = _to_yaw_frame(offset_w, state.fly.yaw)
-    return offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9)
+    length = np.linalg.norm(offset_b, axis=1, keepdims=True)
+    return np.asarray(offset_b / np.maximum(length, 1e-9))
 
 
 def target_distance(state: TaskState) -> Array:
@@ -85,7 +87,7 @@ def magnitudes(state: TaskState) -> Array:
 def leg_contacts(state: TaskState) -> Array:
     """1 for each leg that touches the ground, (n, 6)."""
     forces_w = state.fly.contact_forces_w.reshape(-1, 6, 6, 3).sum(axis=2)
-    return (np.linalg.norm(forces_w, axis=2) > CONTACT_THRESHOLD).astype(np.float64)
+    return np.asarray(np.linalg.norm(forces_w, axis=2) > CONTACT_THRESHOLD, dtype=np.float64)
 
 
 def reflexes(state: TaskState) -> Array:
@@ -168,12 +170,12 @@ def lost_time(state: TaskState) -> Array:
 
 def is_at_target(state: TaskState) -> Mask:
     """Whether the thorax is within REACH of the target, (n,)."""
-    return goal_distance(state.fly.position_w, state.goal) < REACH
+    return np.asarray(goal_distance(state.fly.position_w, state.goal) < REACH)
 
 
 def has_fallen(state: TaskState) -> Mask:
     """Whether the thorax is tilted further than FALL_TILT, (n,)."""
-    return state.fly.up_b[:, 2] < np.cos(FALL_TILT)
+    return np.asarray(state.fly.up_b[:, 2] < np.cos(FALL_TILT))
 
 
 def has_left(state: TaskState) -> Mask:
@@ -183,4 +185,4 @@ def has_left(state: TaskState) -> Mask:
     is_inside = (
         (x >= bounds.x_min) & (x <= bounds.x_max) & (y >= bounds.y_min) & (y <= bounds.y_max)
     )
-    return ~is_inside | (z < ARENA_FLOOR)
+    return np.asarray(~is_inside | (z < ARENA_FLOOR))

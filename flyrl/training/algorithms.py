@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from flyrl.policies.mlp import ACTIVATIONS, Activation
-from flyrl.training.checks import at_least, inside, one_of
+from flyrl.validation import at_least, one_of, positive, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +40,9 @@ class AlgorithmConfig:
         for units in self.hidden_layers:
             at_least("algo.hidden_layers", units, 1)
         one_of("algo.activation", self.activation, ACTIVATIONS)
-        inside("algo.learning_rate", self.learning_rate, 0, 1, is_open=True)
+        positive("algo.learning_rate", self.learning_rate)
         at_least("algo.batch_size", self.batch_size, 2)
-        inside("algo.gamma", self.gamma, 0, 1)
+        within("algo.gamma", self.gamma, 0, 1)
 
     def check_num_envs(self, num_envs: int) -> None:
         """Raise ValueError if the settings do not go with this number of environments."""
@@ -85,20 +85,20 @@ class PPOConfig(AlgorithmConfig):
         super().__post_init__()
         at_least("algo.n_steps", self.n_steps, 1)
         at_least("algo.n_epochs", self.n_epochs, 1)
-        inside("algo.gae_lambda", self.gae_lambda, 0, 1)
-        inside("algo.clip_range", self.clip_range, 0, 1, is_open=True)
+        within("algo.gae_lambda", self.gae_lambda, 0, 1)
+        positive("algo.clip_range", self.clip_range)
         at_least("algo.ent_coef", self.ent_coef, 0)
         at_least("algo.vf_coef", self.vf_coef, 0)
         at_least("algo.max_grad_norm", self.max_grad_norm, 0)
-        inside("algo.log_std_init", self.log_std_init, -10, 2)
+        within("algo.log_std_init", self.log_std_init, -10, 2)
 
     def check_num_envs(self, num_envs: int) -> None:
         """Raise ValueError unless an update splits into whole batches."""
         collected = self.n_steps * num_envs
         if collected % self.batch_size:
             raise ValueError(
-                f"algo.batch_size: {self.batch_size}; allowed: a divisor of {collected}, the "
-                f"algo.n_steps ({self.n_steps}) x training.num_envs ({num_envs}) of an update"
+                f"algo.batch_size must divide {collected}, the algo.n_steps ({self.n_steps}) x "
+                f"training.num_envs ({num_envs}) of an update, got {self.batch_size}"
             )
 
 
@@ -131,7 +131,7 @@ class SACConfig(AlgorithmConfig):
         at_least("algo.buffer_size", self.buffer_size, self.batch_size)
         at_least("algo.learning_starts", self.learning_starts, 0)
         at_least("algo.gradient_steps", self.gradient_steps, 1)
-        inside("algo.tau", self.tau, 0, 1, is_open=True)
+        within("algo.tau", positive("algo.tau", self.tau), 0, 1)
 
 
 ALGORITHMS: Final[dict[str, type[AlgorithmConfig]]] = {

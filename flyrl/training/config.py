@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.training.algorithms import AlgorithmConfig, PPOConfig
-from flyrl.training.checks import at_least
+from flyrl.validation import at_least, within
 
 LARGEST_SEED: Final = 2**31 - 1
 
@@ -77,12 +77,11 @@ class TrainingConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seed <= LARGEST_SEED:
-            raise ValueError(f"seed: {self.seed}; allowed: 0 to {LARGEST_SEED}")
+        within("seed", self.seed, 0, LARGEST_SEED)
         task = self.env.resolved_task
         if not task.is_flat:
             raise ValueError(
-                f"task: {task.name!r} has a Dict observation; allowed: a task with a flat one"
+                f"task must be one with a flat observation, got {task.name!r} with a Dict"
             )
         self.algo.check_num_envs(self.training.num_envs)
 

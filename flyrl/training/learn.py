@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -36,8 +36,8 @@ from flyrl.training.run_folder import RunFolder
 
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 
-HELD_OUT_SEEDS = 2**31
-"""Training draws episodes with seeds below this; the held-out ones have seeds from here on."""
+HELD_OUT_SEEDS: Final = range(2**31, 3 * 2**30)
+"""Seeds of the held-out episodes: above those that training draws, below those of evaluations."""
 
 
 @dataclass(frozen=True)
@@ -158,9 +158,11 @@ def build_model(algo: AlgorithmConfig, env: FlyVecEnv, seed: int) -> BaseAlgorit
 
 
 def held_out_episodes(config: TrainingConfig) -> list[Episode]:
-    """Episodes of the evaluation during training; no run draws them to learn from."""
+    """Episodes of the evaluation during training; no run learns from them."""
     rng = np.random.default_rng(config.training.evaluation_seed)
-    seeds = HELD_OUT_SEEDS + rng.integers(2**31, size=config.training.evaluation_episodes)
+    seeds = rng.integers(
+        HELD_OUT_SEEDS.start, HELD_OUT_SEEDS.stop, size=config.training.evaluation_episodes
+    )
     task, terrain = config.env.resolved_task, config.env.scene.terrain
     return [task.sample_episode(terrain, int(seed)) for seed in seeds]
 

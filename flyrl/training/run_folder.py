@@ -24,7 +24,7 @@ from typing import Any
 
 import yaml
 
-from flyrl.files import write_text
+from flyrl.files import new_folder, write_text
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.provenance import provenance
 
@@ -55,16 +55,7 @@ class RunFolder:
             Program and arguments, for `command.txt`.
         """
         started = datetime.datetime.now().astimezone()
-        name = config.name(started)
-        path, copies = runs / name, 1
-        runs.mkdir(parents=True, exist_ok=True)
-        while True:
-            try:
-                path.mkdir()
-                break
-            except FileExistsError:
-                copies += 1
-                path = runs / f"{name}_{copies}"
+        path = new_folder(runs, config.name(started))
         folder = cls(path)
         record = yaml.safe_dump(training_record(config), sort_keys=False)
         write_text(path / "config.yaml", record)

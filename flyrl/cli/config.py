@@ -1,0 +1,145 @@
+"""From the composed config to the dataclasses that the rest of flyrl takes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flyrl.bodies.fly import FlyConfig
+from flyrl.cli.conversion import from_mapping, whole_number
+from flyrl.controllers.leg_controller import ControllerConfig
+from flyrl.envs.core import EnvConfig
+from flyrl.evaluation import EvaluationConfig
+from flyrl.simulation.physics import PhysicsConfig
+from flyrl.simulation.scene import STEPS_OF_BODY
+from flyrl.terrains import TerrainConfig
+from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
+from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.validation import one_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class _TaskSettings:
+    name: str
+    decision_interval: float | None = None
+
+
+def training_config(config: Mapping[str, Any]) -> TrainingConfig:
+    """Settings of a training run.
+
+    Parameters
+    ----------
+    config
+        As `configs/train.yaml` composes it, or as a run folder's `config.yaml` holds it.
+
+    Raises
+    ------
+    ValueError
+        A key or value that is not allowed.
+    """
+    return TrainingConfig(
+        env=env_config(config),
+        algo=algorithm_config(config["algo"]),
+        training=from_mapping(ScheduleConfig, config["training"], "training"),
+        seed=whole_number("seed", config["seed"]),
+    )
+
+
+def env_config(config: Mapping[str, Any]) -> EnvConfig:
+    """Settings of an environment, from the groups task, body, terrain, controller and physics."""
+    body = from_mapping(FlyConfig, config["body"], "body")
+    controller = dict(config["controller"])
+    if controller.get("steps") is None:
+        controller["steps"] = STEPS_OF_BODY[body.name]
+    task = from_mapping(_TaskSettings, config["task"], "task")
+    return EnvConfig(
+        task=task.name,
+        body=body,
+        terrain=from_mapping(TerrainConfig, config["terrain"], "terrain"),
+        controller=from_mapping(ControllerConfig, controller, "controller"),
+        physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
+        decision_interval=task.decision_interval,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationSettings:
+    """The group `evaluation`; see `EvaluationConfig` for what it does not say itself.
+
+    Attributes
+    ----------
+    videos
+        Whether to show videos, where a GL library can be used.
+    folder
+        Where results and report go; None makes a new folder in `reports/`.
+    """
+
+    policies: tuple[str, ...] = ()
+    controllers: tuple[str, ...] = EvaluationConfig.controllers
+    terrains: tuple[Any, ...] = EvaluationConfig.terrains
+    episodes: int = EvaluationConfig.episodes
+    seed: int = EvaluationConfig.seed
+    reference: str | None = EvaluationConfig.reference
+    num_envs: int = EvaluationConfig.num_envs
+    num_threads: int = EvaluationConfig.num_threads
+    progress_bar: bool = True
+    videos: bool = True
+    folder: str | None = None
+
+
+def evaluation_settings(config: Mapping[str, Any]) -> EvaluationSettings:
+    """Settings of the group `evaluation`, wherever its keys stand."""
+    return from_mapping(EvaluationSettings, config, "evaluation")
+
+
+def evaluation_config(
+    config: Mapping[str, Any], settings: EvaluationSettings, command: str
+) -> EvaluationConfig:
+    """Settings of an evaluation.
+
+    Parameters
+    ----------
+    config
+        Holds the groups task, body and physics.
+    settings
+        The group evaluation.
+    command
+        What was typed.
+
+    Raises
+    ------
+    ValueError
+        A key or value that is not allowed.
+    """
+    task = from_mapping(_TaskSettings, config["task"], "task")
+    if task.decision_interval is not None:
+        raise ValueError(
+            "task.decision_interval must be null in an evaluation, where a learned policy brings "
+            f"its own and a fixed one takes the task's, got {task.decision_interval}"
+        )
+    return EvaluationConfig(
+        policies=settings.policies,
+        controllers=settings.controllers,
+        task=task.name,
+        terrains=tuple(
+            from_mapping(TerrainConfig, terrain, f"terrains[{i}]")
+            if isinstance(terrain, Mapping)
+            else terrain
+            for i, terrain in enumerate(settings.terrains)
+        ),
+        episodes=settings.episodes,
+        seed=settings.seed,
+        body=from_mapping(FlyConfig, config["body"], "body"),
+        physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
+        reference=settings.reference,
+        num_envs=settings.num_envs,
+        num_threads=settings.num_threads,
+        progress=settings.progress_bar,
+        command=command,
+    )
+
+
+def algorithm_config(config: Mapping[str, Any]) -> AlgorithmConfig:
+    """Settings of a learning algorithm; `name` picks which."""
+    settings = dict(config)
+    name = one_of("algo.name", settings.pop("name", None), ALGORITHMS)
+    return from_mapping(ALGORITHMS[name], settings, "algo")

@@ -1,0 +1,87 @@
+"""From nested mappings, as YAML gives them, to frozen dataclasses."""
+
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, Literal, TypeVar, cast, get_args, get_origin
+
+from flyrl.cli.arguments import closest
+from flyrl.validation import one_of
+
+T = TypeVar("T")
+
+
+def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
+    """Build a dataclass from a mapping of its fields.
+
+    Parameters
+    ----------
+    cls
+        A dataclass whose fields are numbers, text, literals, tuples or such dataclasses.
+    mapping
+        Field -> value; a field that is missing takes its default.
+    key
+        Where the mapping stands in the config, for messages.
+
+    Raises
+    ------
+    ValueError
+        An unknown field, a value of the wrong type, or one that the dataclass refuses.
+    """
+    hints = typing.get_type_hints(cls)
+    fields = {field.name for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
+    values: dict[str, Any] = {}
+    for name, value in mapping.items():
+        if name not in fields:
+            raise ValueError(
+                f"{key}.{name}: no such key; closest: {key}.{closest(str(name), fields)}"
+            )
+        values[name] = _value(hints[name], value, f"{key}.{name}")
+    return cls(**values)
+
+
+def whole_number(key: str, value: Any) -> int:
+    """The value, if it is an int; else raise ValueError."""
+    number: int = _scalar(int, value, key)
+    return number
+
+
+def _value(hint: Any, value: Any, key: str) -> Any:
+    origin, options = get_origin(hint), get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        given = next(option for option in options if option is not types.NoneType)
+        return None if value is None else _value(given, value, key)
+    if origin is Literal:
+        return one_of(key, value, options)
+    if origin is tuple:
+        return _tuple(options, value, key)
+    if dataclasses.is_dataclass(hint):
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{key} must be a group of keys, got {value!r}")
+        return from_mapping(cast(type, hint), value, key)
+    return value if hint is Any else _scalar(hint, value, key)
+
+
+_NAMES: Final = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
+
+
+def _scalar(hint: type, value: Any, key: str) -> Any:
+    if hint is float and type(value) is int:
+        return float(value)
+    if type(value) is not hint:
+        raise ValueError(f"{key} must be {_NAMES[hint]}, got {value!r}")
+    return value
+
+
+def _tuple(hints: Sequence[Any], value: Any, key: str) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{key} must be a list, got {value!r}")
+    if hints[-1] is Ellipsis:
+        hints = [hints[0]] * len(value)
+    if len(value) != len(hints):
+        raise ValueError(f"{key} must be a list of {len(hints)}, got {value!r}")
+    return tuple(
+        _value(hint, item, f"{key}[{i}]")
+        for i, (hint, item) in enumerate(zip(hints, value, strict=True))
+    )

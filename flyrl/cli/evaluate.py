@@ -1,0 +1,92 @@
+"""flyrl-evaluate: let policies and controllers walk the same episodes, and report."""
+
+from __future__ import annotations
+
+import datetime
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import hydra
+from omegaconf import DictConfig
+
+from flyrl.cli.arguments import HYDRA_VERSION, UsageError, check_arguments, fail, plain_values
+from flyrl.files import new_folder
+from flyrl.resources import configs_folder
+
+if TYPE_CHECKING:
+    from flyrl.cli.config import EvaluationSettings
+    from flyrl.evaluation import EvaluationConfig
+
+CONFIG_NAME = "evaluate"
+
+
+def main() -> None:
+    """Check the command line, then run; the last line printed is `report: <path>`."""
+    try:
+        check_arguments(CONFIG_NAME, sys.argv[1:])
+    except UsageError as error:
+        fail(error)
+    _main()
+
+
+@hydra.main(
+    version_base=HYDRA_VERSION,
+    config_path=str(configs_folder().resolve()),
+    config_name=CONFIG_NAME,
+)
+def _main(config: DictConfig) -> None:
+    run(plain_values(config))
+
+
+def run(record: dict[str, Any]) -> None:
+    """Evaluate as a composed `configs/evaluate.yaml` says.
+
+    Parameters
+    ----------
+    record
+        Plain values, resolved.
+    """
+    from flyrl.cli.config import evaluation_settings  # noqa: PLC0415
+
+    groups = ("task", "body", "physics")
+    try:
+        settings = evaluation_settings(
+            {key: value for key, value in record.items() if key not in groups}
+        )
+        config = comparison(record, settings)
+    except ValueError as error:
+        fail(error)
+    if settings.folder is None:
+        now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
+        folder = new_folder(Path("reports"), f"{now}_{config.task}")
+    else:
+        folder = Path(settings.folder)
+    print(f"report: {compare(config, folder, settings.videos)}")
+
+
+def comparison(record: dict[str, Any], settings: EvaluationSettings) -> EvaluationConfig:
+    """Settings of the evaluation, checked down to the policy files.
+
+    Raises
+    ------
+    ValueError
+        A setting, controller or policy file that cannot be used.
+    """
+    from flyrl.cli.config import evaluation_config  # noqa: PLC0415
+    from flyrl.evaluation import make_entrants  # noqa: PLC0415
+
+    config = evaluation_config(record, settings, shlex.join([sys.executable, *sys.argv]))
+    make_entrants(config)
+    return config
+
+
+def compare(config: EvaluationConfig, folder: Path, with_videos: bool) -> Path:
+    """Evaluate, write results and report to `folder`, and return the report's path."""
+    from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
+    from flyrl.report import write_report  # noqa: PLC0415
+
+    results = evaluate(config)
+    write_results(results, folder)
+    return write_report(results, folder)

@@ -1,0 +1,99 @@
+"""The YAML files and the dataclasses say the same."""
+
+import pytest
+import yaml
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
+
+from flyrl.bodies.fly import FlyConfig
+from flyrl.cli.config import training_config
+from flyrl.envs.core import EnvConfig
+from flyrl.resources import configs_folder
+from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.terrains import TERRAIN_NAMES
+from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.config import TrainingConfig, training_record
+
+
+def _composed(*overrides):
+    with initialize_config_dir(str(configs_folder()), version_base="1.3"):
+        config = compose("train", list(overrides))
+    return OmegaConf.to_container(config, resolve=True)
+
+
+def _names(group):
+    return {path.stem for path in (configs_folder() / group).glob("*.yaml")}
+
+
+def test_defaults():
+    assert training_record(training_config(_composed())) == training_record(TrainingConfig())
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_algorithms(name):
+    config = training_config(_composed(f"algo={name}"))
+    assert config.algo == ALGORITHMS[name]()
+
+
+@pytest.mark.parametrize("name", PHYSICS_PRESETS)
+def test_physics_presets(name):
+    config = training_config(_composed(f"physics={name}"))
+    assert config.env.scene.physics == PHYSICS_PRESETS[name]
+
+
+@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("controller", ["cpg", "rule_based", "hybrid"])
+@pytest.mark.parametrize("body", ["current", "classic"])
+def test_bodies_controllers_and_terrains(body, controller, terrain):
+    config = training_config(
+        _composed(f"body={body}", f"controller={controller}", f"terrain={terrain}")
+    )
+    assert config.env.scene == EnvConfig(body=body, controller=controller, terrain=terrain).scene
+    assert config.env.scene.body == FlyConfig(name=body)
+
+
+def test_every_file_is_tested_above():
+    assert _names("algo") == set(ALGORITHMS)
+    assert _names("physics") == set(PHYSICS_PRESETS)
+    assert _names("terrain") == set(TERRAIN_NAMES)
+    assert _names("controller") == {"cpg", "rule_based", "hybrid"}
+    assert _names("body") == {"current", "classic"}
+
+
+def test_a_key_reaches_the_settings():
+    config = training_config(
+        _composed(
+            "seed=5",
+            "algo.learning_rate=1e-3",
+            "training.num_envs=64",
+            "terrain=blocks",
+            "terrain.height_range=[0.15,0.45]",
+            "task.decision_interval=0.01",
+        )
+    )
+    assert config.seed == 5
+    assert config.algo.learning_rate == 1e-3
+    assert config.training.num_envs == 64
+    assert config.env.scene.terrain.height_range == (0.15, 0.45)
+    assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)
+
+
+def test_config_of_a_run_folder_reads_back():
+    record = training_record(training_config(_composed("algo=sac", "terrain=mixed", "seed=3")))
+    again = training_config(yaml.safe_load(yaml.safe_dump(record)))
+    assert training_record(again) == record
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["algo.name=td3"], r"algo\.name must be one of 'ppo', 'sac', got 'td3'"),
+        (["+terrain.hight=3"], r"terrain\.hight: no such key; closest: terrain\.height_range"),
+        (["seed=x"], "seed must be a whole number, got 'x'"),
+        (["task.name=tarket"], "'tarket'"),
+        (["training.num_envs=-1"], r"training\.num_envs must be at least 1, got -1"),
+    ],
+)
+def test_bad_values(overrides, message):
+    with pytest.raises(ValueError, match=message):
+        training_config(_composed(*overrides))

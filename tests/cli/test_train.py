@@ -1,0 +1,64 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flyrl.policies import load_policy
+
+ROOT = Path(__file__).parents[2]
+TINY = [
+    "training.total_decisions=64",
+    "training.num_envs=4",
+    "training.evaluation_episodes=2",
+    "algo.n_steps=16",
+    "algo.batch_size=32",
+]
+
+
+def _python(folder, *arguments):
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.mark.slow
+def test_train_from_an_empty_folder(tmp_path):
+    result = _python(tmp_path, str(ROOT / "train.py"), "task=target", "terrain=flat", *TINY)
+    assert result.returncode == 0, result.stderr
+    last = result.stdout.splitlines()[-1]
+    assert last.startswith("run: runs/")
+    # the run folder, and no output of Hydra's
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+    folder = tmp_path / last.removeprefix("run: ")
+    assert load_policy(folder).bundle.training["decisions"] == 64
+    assert "train.py task=target" in (folder / "command.txt").read_text()
+
+
+@pytest.mark.slow
+def test_multirun_makes_a_run_per_job(tmp_path):
+    result = _python(tmp_path, str(ROOT / "train.py"), "-m", "seed=0,1", *TINY)
+    assert result.returncode == 0, result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+    runs = sorted(path.name.rsplit("_", 1)[1] for path in (tmp_path / "runs").glob("*_target_*"))
+    assert runs == ["0", "1"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["terain=flat"], "error: terain: no such key; closest: terrain\n"),
+        (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
+    ],
+)
+def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):
+    result = _python(tmp_path, str(ROOT / "train.py"), *arguments)
+    assert result.returncode == 2
+    assert result.stderr == message
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_names_the_choices(tmp_path):
+    result = _python(tmp_path, str(ROOT / "train.py"), "--help")
+    assert result.returncode == 0
+    assert "terrain: blocks, flat, gapped, mixed" in result.stdout

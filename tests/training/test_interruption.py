@@ -1,0 +1,43 @@
+import os
+import signal
+import threading
+
+import pytest
+
+from flyrl.training.interruption import interruption
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_is_remembered(number):
+    with interruption() as interrupted:
+        assert not interrupted
+        os.kill(os.getpid(), number)
+        assert interrupted
+        assert interrupted.signal == number
+
+
+def test_asking_twice_interrupts_at_once():
+    with pytest.raises(KeyboardInterrupt), interruption():
+        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_handlers_are_put_back():
+    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
+    with interruption():
+        assert signal.getsignal(signal.SIGTERM) != before[1]
+    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_in_another_thread_signals_are_left_alone():
+    before = signal.getsignal(signal.SIGTERM)
+    seen = []
+
+    def work():
+        with interruption() as interrupted:
+            seen.append((bool(interrupted), signal.getsignal(signal.SIGTERM)))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert seen == [(False, before)]

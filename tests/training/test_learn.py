@@ -1,0 +1,128 @@
+import csv
+import os
+import signal
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+
+from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.policies import load_policy, observation_layout
+from flyrl.tasks import TASKS
+from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.config import ScheduleConfig, TrainingConfig, env_record
+from flyrl.training.learn import build_model, held_out_episodes, train
+
+SCHEDULE = ScheduleConfig(
+    total_decisions=96,
+    num_envs=4,
+    num_threads=1,
+    evaluation_interval=32,
+    evaluation_episodes=2,
+    progress_bar=False,
+)
+PPO_CONFIG = TrainingConfig(
+    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(16, 16)),
+    training=SCHEDULE,
+)
+SAC_CONFIG = TrainingConfig(
+    algo=SACConfig(learning_starts=16, batch_size=16, gradient_steps=1, hidden_layers=(16,)),
+    training=SCHEDULE,
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return train(PPO_CONFIG, tmp_path_factory.mktemp("runs"), ["train.py"])
+
+
+def _actions(path):
+    observations = np.random.default_rng(0).normal(size=(20, 46)).astype(np.float32)
+    return load_policy(path).predict(observations)[0]
+
+
+def test_run_folder_is_complete(run):
+    assert run.interrupted_by is None
+    assert {path.name for path in run.folder.iterdir()} == {
+        "best.safetensors",
+        "command.txt",
+        "config.yaml",
+        "evaluations.csv",
+        "last.safetensors",
+        "model.zip",
+        "progress.csv",
+        "provenance.json",
+        "status.json",
+        "tensorboard",
+    }
+    assert any((run.folder / "tensorboard").iterdir())
+
+
+def test_policy_knows_where_it_comes_from(run):
+    bundle = load_policy(run.folder).bundle
+    assert bundle.observation == observation_layout(TASKS["target"])
+    assert bundle.env == env_record(PPO_CONFIG.env)
+    assert bundle.training["algo"] == "ppo"
+
+
+def test_last_policy_acts_as_the_sb3_model(run):
+    observations = np.random.default_rng(0).normal(size=(20, 46)).astype(np.float32)
+    expected, _ = PPO.load(run.folder / "model.zip", device="cpu").predict(
+        observations, deterministic=True
+    )
+    actions, _ = load_policy(run.folder / "last.safetensors").predict(observations)
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-6)
+
+
+def test_evaluations_and_best_policy(run):
+    with (run.folder / "evaluations.csv").open(newline="") as file:
+        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    # after the updates at 32 and 64 decisions, and at the end
+    assert [row["decisions"] for row in rows] == [32, 64, 96]
+    best = max(rows, key=lambda row: (row["success_rate"], row["mean_return"]))
+    bundle = load_policy(run.folder / "best.safetensors").bundle
+    assert bundle.training["evaluation"] == best
+
+
+@pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
+def test_same_seed_same_policy_for_any_number_of_threads(config, tmp_path):
+    policies = []
+    for num_threads in (1, 2):
+        schedule = replace(SCHEDULE, num_threads=num_threads)
+        finished = train(replace(config, training=schedule), tmp_path)
+        policies.append((finished.folder / "last.safetensors").read_bytes())
+    assert policies[0] == policies[1]
+
+
+def test_other_seed_other_policy(run, tmp_path):
+    other = train(replace(PPO_CONFIG, seed=1), tmp_path)
+    assert np.abs(_actions(other.folder) - _actions(run.folder)).max() > 1e-3
+
+
+def test_learning_changes_the_policy(run):
+    first = load_policy(run.folder / "last.safetensors").bundle.network.layers
+    # the same seed, so the same start
+    env = FlyVecEnv(PPO_CONFIG.env, SCHEDULE.num_envs, 1)
+    untrained = build_model(PPO_CONFIG.algo, env, PPO_CONFIG.seed).policy.action_net.weight
+    assert np.abs(first[-1].weight - untrained.detach().numpy()).max() > 1e-5
+
+
+def test_no_run_learns_from_held_out_episodes():
+    held_out = held_out_episodes(PPO_CONFIG)
+    assert held_out == held_out_episodes(replace(PPO_CONFIG, seed=5))
+    assert len({episode.seed for episode in held_out}) == 2
+    assert all(2**31 <= episode.seed < 3 * 2**30 for episode in held_out)
+
+
+@pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
+def test_sigterm_saves_the_policy(config, tmp_path):
+    schedule = replace(SCHEDULE, total_decisions=10**7, evaluation_interval=10**7)
+    timer = threading.Timer(3, os.kill, (os.getpid(), signal.SIGTERM))
+    timer.start()
+    finished = train(replace(config, training=schedule), tmp_path)
+    timer.join()
+    assert finished.interrupted_by == signal.SIGTERM
+    assert load_policy(finished.folder).bundle.training["decisions"] > 0
+    assert '"interrupted_by": "SIGTERM"' in (finished.folder / "status.json").read_text()
