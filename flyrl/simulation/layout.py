@@ -114,7 +114,8 @@ def _check(found: Layout) -> None:
     data.time = 0.25
     mujoco.mj_forward(model, data)
     contact = data.contact[1]
-    contacts = _read(data._address + found.data["contact"], ctypes.c_void_p)
+    # the bindings' array of distances begins where the contacts do
+    contacts = data.contact.dist.ctypes.data
 
     model_read = functools.partial(_read_field, model._address, found.model)
     data_read = functools.partial(_read_field, data._address, found.data)
@@ -134,6 +135,7 @@ def _check(found: Layout) -> None:
         (data_read(name, ctypes.c_void_p), getattr(data, name).ctypes.data)
         for name in ("ctrl", "userdata", "xpos", "xmat", "efc_force")
     ]
+    pairs += [(data_read("contact", ctypes.c_void_p), contacts)]
     pairs += [
         (contact_read(name, ctypes.c_int), getattr(contact, name))
         for name in ("dim", "geom1", "geom2", "efc_address")
