@@ -20,9 +20,7 @@ def test_offset_of_userdata_leads_to_the_bindings_array() -> None:
 @pytest.mark.parametrize("struct", ["model", "data", "contact"])
 def test_a_wrong_offset_is_noticed(struct: str) -> None:
     found = layout()
-    for field, offset in getattr(found, struct).items():
-        wrong = dataclasses.replace(
-            found, **{struct: {**getattr(found, struct), field: offset + 8}}
-        )
-        with pytest.raises(RuntimeError, match="does not lay out"):
+    for field in getattr(found, struct):
+        wrong = dataclasses.replace(found, **{struct: {**getattr(found, struct), field: 0}})
+        with pytest.raises(RuntimeError, match=f"'{field}'"):
             layout_module._check(wrong)

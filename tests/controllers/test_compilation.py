@@ -5,11 +5,11 @@ import importlib.util
 import pytest
 from numba import types
 
-from flyrl.controllers import _numba
+from flyrl.controllers import compilation
 
 SOURCE = """
 from numba import types
-from flyrl.controllers._numba import kernel, native_callback
+from flyrl.controllers.compilation import kernel, native_callback
 
 @kernel
 def double(x):
@@ -27,7 +27,7 @@ def load(tmp_path, monkeypatch):
     path.write_text(SOURCE)
 
     def load(digest):
-        monkeypatch.setattr(_numba, "SOURCES_DIGEST", digest)
+        monkeypatch.setattr(compilation, "SOURCES_DIGEST", digest)
         spec = importlib.util.spec_from_file_location("kernels", path)
         module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(module)
@@ -50,7 +50,7 @@ def test_changed_sources_compile_anew(load):
 
 
 def test_division_by_zero_raises_nothing():
-    @_numba.native_callback(types.float64(types.float64))
+    @compilation.native_callback(types.float64(types.float64))
     def invert(x):
         return 1.0 / x
 
