@@ -5,55 +5,62 @@ Run `python benchmarks/walking.py` for every figure, or name some:
 """
 
 import argparse
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, TASKS
+from flyrl.tasks import TASKS
 
 FIRST_SEED = 1000
 
 
-def walk(  # noqa: D417
+def walk(
     drive: tuple[float, float],
     seconds: float,
     conditions: int = 20,
     magnitude: float | None = None,
     settle: float = 0.0,
-    **config: object,
+    **config: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Thorax positions (t, n, 3) in mm and yaws (t, n) in rad, every 5 ms, under a steady drive.
+    """Walk under a steady drive from paired initial conditions.
 
     Parameters
     ----------
+    drive, seconds, conditions
+        Drive (left, right), duration, and number of initial conditions.
     magnitude
         Initial magnitude of the oscillators; None draws it.
     settle
         s of zero drive before the first sample.
     config
         Arguments of `EnvConfig`.
+
+    Returns
+    -------
+    Thorax positions relative to where the fly was placed, mm, (t, n, 3), and yaws, rad, (t, n),
+    every 5 ms. As in the literature, the thorax starts 0.5 mm ahead of that place.
     """
-    assert DRIVE_LOW <= min(drive) and max(drive) <= DRIVE_HIGH
     env = BatchedEnv(
-        EnvConfig(task="hybrid_turning", decision_interval=0.005, **config),  # type: ignore[arg-type]
-        conditions,
+        EnvConfig(task="hybrid_turning", decision_interval=0.005, **config), conditions
     )
     terrain = env.config.scene.terrain
     episodes = [
         TASKS["hybrid_turning"].sample_episode(terrain, FIRST_SEED + i) for i in range(conditions)
     ]
-    env.reset(episodes=episodes)
     if magnitude is not None:
-        env.flies.controllers["magnitudes"] = magnitude
-    still = np.zeros((conditions, 2))
+        episodes = [replace(episode, init_magnitudes=(magnitude,) * 6) for episode in episodes]
+    placed = np.array([episode.spawn_position_w for episode in episodes])
+    env.reset(episodes=episodes)
     for _ in range(round(settle / 0.005)):
-        env.step(still)
+        env.step(np.zeros((conditions, 2)))
     action = np.tile(drive, (conditions, 1))
-    positions, yaws = [env.fly_state.position_w], [env.fly_state.yaw]
+    positions, yaws = [env.fly_state.position_w - placed], [env.fly_state.yaw]
     for _ in range(round(seconds / 0.005)):
         env.step(action)
-        positions.append(env.fly_state.position_w)
+        positions.append(env.fly_state.position_w - placed)
         yaws.append(env.fly_state.yaw)
     return np.array(positions), np.unwrap(np.array(yaws), axis=0)
 
@@ -71,13 +78,11 @@ def paired_interval(difference: np.ndarray) -> tuple[float, float]:
 
 def literature() -> None:
     """Final x after 0.5 s at 1e-4 s, classic body, against FlyGym's tutorial."""
-    print("classic body, flat, 0.5 s at 1e-4 s: median x walked (mm); literature CPG 4.9, rule 2.6")
+    print("classic body, flat, 0.5 s at 1e-4 s: final x (mm); literature: CPG 4.9, rules 2.6")
     for controller in ("cpg", "rule_based"):
         positions, _ = walk((1, 1), 0.5, body="classic", controller=controller, physics="reference")
-        final = positions[-1, :, 0] - positions[0, :, 0]
-        print(
-            f"  {controller:10} {np.median(final):6.2f}  (quartiles {np.percentile(final, [25, 75]).round(2)})"
-        )
+        low, median, high = np.percentile(positions[-1, :, 0], [25, 50, 75])
+        print(f"  {controller:10} {median:5.2f}  (quartiles {low:.2f} and {high:.2f})")
 
 
 def rest() -> None:
@@ -85,39 +90,39 @@ def rest() -> None:
     for body in ("classic", "current"):
         positions, _ = walk((0, 0), 0.5, magnitude=0.0, settle=0.5, body=body)
         moved = np.linalg.norm(positions[-1, :, :2] - positions[0, :, :2], axis=1)
-        print(
-            f"zero drive, {body}: median {np.median(moved):.3f} mm in 0.5 s, largest {moved.max():.3f}"
-        )
+        median, largest = np.median(moved), moved.max()
+        print(f"zero drive, {body}: moved {median:.3f} mm in 0.5 s (largest {largest:.3f})")
 
 
-def turning(**config: object) -> None:
+def turning() -> None:
     """Turning, straight walking and walking backwards of the hybrid controller."""
     for drive in ((1.2, 0.2), (0.2, 1.2), (1.0, 1.0), (-0.5, -0.5)):
-        positions, yaws = walk(drive, 1.0, **config)
+        positions, yaws = walk(drive, 1.0)
         turned = np.rad2deg(yaws[-1] - yaws[0])
-        forward = positions[-1, :, 0] - positions[0, :, 0]
+        way = positions[-1] - positions[0]
+        drift = np.rad2deg(np.arctan2(way[:, 1], way[:, 0]))
         print(
-            f"drive {drive}: median turn {np.median(turned):7.1f} deg (median |turn| "
-            f"{np.median(np.abs(turned)):5.1f}), median x {np.median(forward):6.2f} mm in 1 s"
+            f"drive {drive}: turned {np.median(turned):7.1f} deg in 1 s, x "
+            f"{np.median(way[:, 0]):6.2f} mm, drift {np.median(drift):5.1f} deg "
+            f"(median size {np.median(np.abs(drift)):5.1f})"
         )
 
 
-def rough(seconds: float = 1.5, conditions: int = 20, **config: object) -> None:
+def rough(seconds: float = 1.5, conditions: int = 20, **config: Any) -> None:
     """Speed of the three controllers on the four terrains, paired."""
     print(f"median speed (mm/s) over {seconds} s, {conditions} paired initial conditions")
     for terrain in ("flat", "gapped", "blocks", "mixed"):
+        settings = {"terrain": terrain, **config}
         speeds = {
-            name: speed(
-                walk((1, 1), seconds, conditions, terrain=terrain, controller=name, **config)[0],
-                seconds,
-            )
+            name: speed(walk((1, 1), seconds, conditions, controller=name, **settings)[0], seconds)
             for name in ("cpg", "rule_based", "hybrid")
         }
         medians = "  ".join(f"{name} {np.median(values):5.2f}" for name, values in speeds.items())
         low, high = paired_interval(speeds["hybrid"] - speeds["cpg"])
         ratio = np.median(speeds["cpg"]) / np.median(speeds["hybrid"])
         print(
-            f"  {terrain:7} {medians}  cpg/hybrid {ratio:4.2f}  hybrid - cpg [{low:5.2f}, {high:5.2f}]"
+            f"  {terrain:7} {medians}  cpg / hybrid {ratio:4.2f}  "
+            f"hybrid - cpg [{low:5.2f}, {high:5.2f}]"
         )
 
 

@@ -74,12 +74,12 @@ class FlyConfig:
         (roll, yaw, pitch; goes with the tethered step).
     adhesion_gain : force of a fully gripping leg tip, µN.
     rigid_antennae : weld pedicel, funiculus and arista to the head, which saves 18 joints that have
-        no part in walking. Off in the published models.
+        no part in walking. The published models let them swing.
     """
 
     name: BodyName = "current"
     adhesion_gain: float = 40.0
-    rigid_antennae: bool = False
+    rigid_antennae: bool = True
 
     def __post_init__(self) -> None:
         if self.name not in BODY_NAMES:

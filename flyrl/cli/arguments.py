@@ -101,7 +101,7 @@ def _keys(config: Any, prefix: str = "") -> Iterator[str]:
     plain = OmegaConf.to_container(config, resolve=False) if not prefix else config
     if isinstance(plain, Mapping):
         for key, value in plain.items():
-            name = prefix + cast(str, key)
+            name = prefix + str(key)
             yield name
             yield from _keys(value, f"{name}.")
 

@@ -399,7 +399,7 @@ class Reflexes:
             self.retraction,
             self.stumbling,
             self.persistence,
-            float(thorax_z),
+            float_array("thorax_z", thorax_z, ()).item(),
             float_array("end_effector_z", end_effector_z, (len(LEGS),)),
             float_array("contact_forces_w", contact_forces_w, (len(CONTACT_SEGMENTS), 3)),
             float_array("heading_w", heading_w, (3,)),

@@ -261,7 +261,10 @@ class PreprogrammedSteps:
 
 
 def _finite_vector(name: str, value: ArrayLike) -> FloatArray:
-    array = np.asarray(value, dtype=np.float64)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be numbers, got {value!r}") from None
     if array.ndim > 1:
         raise ValueError(f"{name} must be a number or have shape (n,), got shape {array.shape}")
     if not np.isfinite(array).all():

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,9 +40,9 @@ class EnvConfig:
     """
 
     task: str | Task = "target"
-    body: BodyName | FlyConfig = "current"
-    terrain: TerrainName | TerrainConfig = "flat"
-    controller: ControllerName | ControllerConfig | None = None
+    body: str | FlyConfig = "current"
+    terrain: str | TerrainConfig = "flat"
+    controller: str | ControllerConfig | None = None
     physics: str | PhysicsConfig = "balanced"
     decision_interval: float | None = None
 
@@ -53,14 +54,16 @@ class EnvConfig:
         task = self.task
         if isinstance(task, str):
             task = TASKS[one_of("task", task, TASKS)]
-        body = FlyConfig(name=self.body) if isinstance(self.body, str) else self.body
+        body = (
+            FlyConfig(name=cast(BodyName, self.body)) if isinstance(self.body, str) else self.body
+        )
         terrain = self.terrain
         if isinstance(terrain, str):
-            terrain = TerrainConfig(name=terrain)
+            terrain = TerrainConfig(name=cast(TerrainName, terrain))
         controller = self.controller
         if controller is None or isinstance(controller, str):
             controller = ControllerConfig(
-                name=controller or "hybrid",
+                name=cast(ControllerName, controller or "hybrid"),
                 steps=STEPS_OF_BODY[body.name],
             )
         physics = self.physics

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.floating[Any]]
 DriveToAction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From drives (..., 2), left then right, to the actions (..., 2) that command them."""
 

@@ -1,5 +1,6 @@
 """Results -> figures, videos, one HTML file."""
 
-from flyrl.report.html import Video, write_report
+from flyrl.report.html import write_report
+from flyrl.report.video import Video, record_videos
 
-__all__ = ["Video", "write_report"]
+__all__ = ["Video", "record_videos", "write_report"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +21,7 @@ from flyrl.report.figures import (
     trajectories_figure,
 )
 from flyrl.report.palette import colours, stylesheet
+from flyrl.report.video import Video
 
 REPORT_FILE: Final = "report.html"
 
@@ -32,29 +32,6 @@ _OUTCOME_NAMES: Final = {
     "left_arena": "left arena",
     "unstable": "unstable",
 }
-
-
-@dataclass(frozen=True)
-class Video:
-    """A video of one episode, to stand in the report.
-
-    Attributes
-    ----------
-    controller, terrain
-        Who walked, and where.
-    episode
-        Index of the episode.
-    outcome
-        How it ended.
-    mp4
-        The file.
-    """
-
-    controller: str
-    terrain: str
-    episode: int
-    outcome: str
-    mp4: bytes
 
 
 def write_report(

@@ -99,7 +99,7 @@ _PROBE = """
   <option cone="elliptic"/>
   <worldbody>
     <geom type="plane" size="1 1 1"/>
-    <body pos="0.2 0 0.09"><freejoint/><geom name="ball" size="0.1"/></body>
+    <body pos="0.2 0 0.09"><freejoint/><geom size="0.1" friction="1 0.5 0.1" condim="6"/></body>
     <body pos="-0.2 0 0.09"><joint name="slide" type="slide"/><geom size="0.1"/></body>
   </worldbody>
   <actuator><motor joint="slide"/></actuator>
@@ -114,7 +114,8 @@ def _check(found: Layout) -> None:
     data.time = 0.25
     mujoco.mj_forward(model, data)
     contact = data.contact[1]
-    contacts = _read(data._address + found.data["contact"], ctypes.c_void_p)
+    # the bindings' array of distances begins where the contacts do
+    contacts = data.contact.dist.ctypes.data
 
     model_read = functools.partial(_read_field, model._address, found.model)
     data_read = functools.partial(_read_field, data._address, found.data)
@@ -134,13 +135,15 @@ def _check(found: Layout) -> None:
         (data_read(name, ctypes.c_void_p), getattr(data, name).ctypes.data)
         for name in ("ctrl", "userdata", "xpos", "xmat", "efc_force")
     ]
+    pairs += [(data_read("contact", ctypes.c_void_p), contacts)]
     pairs += [
         (contact_read(name, ctypes.c_int), getattr(contact, name))
         for name in ("dim", "geom1", "geom2", "efc_address")
     ]
     pairs += [
-        (contact_read(name, ctypes.c_double), getattr(contact, name)[0])
+        (contact_read(name, ctypes.c_double, item), getattr(contact, name)[item])
         for name in ("frame", "friction")
+        for item in (0, 2)
     ]
     for (name, offset_says), bindings_say in pairs:
         if offset_says != bindings_say:
@@ -154,5 +157,7 @@ def _read(address: int, c_type: Any) -> Any:
     return c_type.from_address(address).value
 
 
-def _read_field(address: int, offsets: dict[str, int], name: str, c_type: Any) -> tuple[str, Any]:
-    return name, _read(address + offsets[name], c_type)
+def _read_field(
+    address: int, offsets: dict[str, int], name: str, c_type: Any, item: int = 0
+) -> tuple[str, Any]:
+    return name, _read(address + offsets[name] + item * ctypes.sizeof(c_type), c_type)

@@ -12,13 +12,22 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
 from flyrl.terrains import base_height
 
-Camera = Literal["follow", "top"]
+Camera = Literal["follow", "top", "goal"]
 
 _CAMERAS: Final[dict[Camera, tuple[float, float, float]]] = {
     # azimuth and elevation in degrees, distance in mm
     "follow": (120.0, -22.0, 9.0),
     "top": (90.0, -89.0, 22.0),
+    # azimuth from the goal's direction, distance with the fly at the goal
+    "goal": (28.0, -28.0, 7.0),
 }
+_REACH: Final = 14.0
+"""mm; how far a goal may be for the goal camera to keep it in the picture."""
+
+_SMOOTHING: Final = 0.12
+"""Share by which the camera's aim catches up per picture, so that it does not sway with the fly."""
+
+_MAX_GEOMS: Final = 10_000
 
 
 class RenderingUnavailableError(RuntimeError):
@@ -35,7 +44,8 @@ class FlyRenderer:
     width, height
         Size of the picture, px.
     camera
-        "follow" looks from behind and above, "top" straight down.
+        "follow" looks from behind and above, "top" straight down, "goal" from the start towards the
+        goal, with both the fly and a goal that is not far in the picture.
 
     Raises
     ------
@@ -52,24 +62,19 @@ class FlyRenderer:
     ) -> None:
         if camera not in _CAMERAS:
             raise ValueError(f"camera is {camera!r}; it must be one of {tuple(_CAMERAS)}")
+        self._view = camera
         self._model = build_scene(config, visual=True).model
         # software GL draws 5-9 times as fast without multisampling and with small shadow maps
         self._model.vis.quality.offsamples = 0
         self._model.vis.quality.shadowsize = 1024
-        self._model.vis.global_.offwidth = max(width, self._model.vis.global_.offwidth)
-        self._model.vis.global_.offheight = max(height, self._model.vis.global_.offheight)
+        self._model.vis.global_.offwidth = width
+        self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
         self._ground = base_height(config.terrain)
-        try:
-            _prefer_egl_without_screen()
-            self._renderer = mujoco.Renderer(self._model, height, width)
-        except Exception as error:  # whatever a missing GL library raises
-            raise RenderingUnavailableError(
-                f"no GL library can draw here ({error}); install Mesa's EGL (Debian: libegl1 "
-                "libgl1-mesa-dri) or set MUJOCO_GL to one of egl, osmesa, glfw"
-            ) from error
+        self._offscreen = _Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation, self._camera.distance = _CAMERAS[camera]
+        self._aim: tuple[tuple[float, ...], NDArray[np.float64], float] | None = None
 
     def render(
         self, flies: FlyBatch, sim: int = 0, goal: tuple[float, ...] = ()
@@ -82,22 +87,86 @@ class FlyRenderer:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        self._camera.lookat[:] = self._data.body("Thorax").xpos
-        self._renderer.update_scene(self._data, self._camera)
-        return np.asarray(self._renderer.render())
+        thorax = self._data.body("Thorax").xpos
+        if self._view == "goal" and goal:
+            self._aim_at(thorax, goal)
+        else:
+            self._camera.lookat[:] = thorax
+        return self._offscreen.draw(self._data, self._camera)
 
     def close(self) -> None:
         """Free the GL context."""
-        self._renderer.close()
+        self._offscreen.close()
+
+    def _aim_at(self, thorax: NDArray[np.float64], goal: tuple[float, ...]) -> None:
+        """Look past the fly towards the goal; a new goal is a new shot."""
+        offset = np.array([*goal, thorax[2]]) - thorax
+        distance = float(np.linalg.norm(offset))
+        if distance > _REACH:
+            offset *= _REACH / distance
+        angle, _, near = _CAMERAS["goal"]
+        zoom = near + 0.8 * min(distance, _REACH)
+        lookat = thorax + 0.4 * offset
+        if self._aim is None or self._aim[0] != goal:
+            azimuth = np.degrees(np.arctan2(offset[1], offset[0]))
+            self._camera.azimuth = azimuth + angle
+        else:
+            _, last, last_zoom = self._aim
+            lookat = last + _SMOOTHING * (lookat - last)
+            zoom = last_zoom + _SMOOTHING * (zoom - last_zoom)
+        self._aim = (goal, lookat, zoom)
+        self._camera.lookat[:] = lookat
+        self._camera.distance = zoom
 
 
-def _prefer_egl_without_screen() -> None:
-    """Let MuJoCo draw with EGL where there is no screen and nobody chose otherwise.
+class _Offscreen:
+    """A picture in memory, and the GL context that draws it."""
 
-    MuJoCo picks its GL library when it is imported, from MUJOCO_GL; by now that is too late to set.
+    def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        try:
+            self._gl = _gl_context(width, height)
+            self._gl.make_current()
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+            mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
+        except Exception as error:  # whatever a missing GL library raises
+            raise RenderingUnavailableError(
+                f"no GL library can draw here ({error}); install Mesa's EGL (Debian: libegl1 "
+                "libgl1-mesa-dri) or set MUJOCO_GL to one of egl, osmesa, glfw"
+            ) from error
+        self._model = model
+        self._scene = mujoco.MjvScene(model, maxgeom=_MAX_GEOMS)
+        self._option = mujoco.MjvOption()
+        self._viewport = mujoco.MjrRect(0, 0, width, height)
+        self._shape = (height, width, 3)
+
+    def draw(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.uint8]:
+        """Draw what `camera` sees of `data`, (height, width, 3), first row on top."""
+        self._gl.make_current()
+        everything = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(
+            self._model, data, self._option, None, camera, everything, self._scene
+        )
+        mujoco.mjr_render(self._viewport, self._scene, self._context)
+        picture = np.empty(self._shape, dtype=np.uint8)
+        mujoco.mjr_readPixels(picture, None, self._viewport, self._context)
+        return picture[::-1]
+
+    def close(self) -> None:
+        """Free what GL holds."""
+        self._gl.make_current()
+        self._context.free()
+        self._gl.free()
+
+
+def _gl_context(width: int, height: int) -> mujoco.GLContext:
+    """Make a GL context that MuJoCo can draw in.
+
+    MuJoCo settles on a GL library when it is imported: the one that MUJOCO_GL names, else GLFW,
+    which needs a screen. Where there is none, EGL is taken instead.
     """
-    if sys.platform == "linux" and not (os.environ.get("MUJOCO_GL") or os.environ.get("DISPLAY")):
-        from mujoco import egl  # noqa: PLC0415
-        from mujoco.rendering.classic import gl_context  # noqa: PLC0415
+    screen = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in screen):
+        from mujoco.egl import GLContext  # noqa: PLC0415 - loads libEGL, which may be missing
 
-        gl_context.GLContext = egl.GLContext
+        return GLContext(width, height)
+    return mujoco.GLContext(width, height)

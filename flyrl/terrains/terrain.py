@@ -65,7 +65,7 @@ class TerrainConfig:
             raise ValueError(
                 f"terrain name: got {self.name!r}, allowed are {', '.join(TERRAIN_NAMES)}"
             )
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+        if type(self.seed) is not int or self.seed < 0:
             raise ValueError(f"terrain seed: got {self.seed!r}, allowed are integers >= 0")
         heights = tuple(self.height_range)
         if (

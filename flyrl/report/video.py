@@ -1,0 +1,208 @@
+"""Videos of the episodes that were evaluated, walked again to the same bits."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import imageio_ffmpeg
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from tqdm import tqdm
+
+from flyrl.envs.core import BatchedEnv
+from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
+from flyrl.tasks import RUNNING, Episode
+from flyrl.terrains import TerrainConfig
+
+WIDTH: Final = 480
+HEIGHT: Final = 360
+FPS: Final = 25
+FRAME_S: Final = 0.01
+"""Simulated time between two frames, s; at `FPS` a quarter of real time."""
+
+FILM_S: Final = 2.0
+"""Simulated time that is filmed at most, s."""
+
+HOLD_FRAMES: Final = 20
+"""Frames for which the end stands still, so that it can be read."""
+
+MAX_BYTES: Final = 2 * 10**6
+_CRFS: Final = (25, 31, 37)
+"""x264's quality, finest first; a video that is too large is tried again with the next."""
+
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Video:
+    """A video of one episode, to stand in the report.
+
+    Attributes
+    ----------
+    controller, terrain
+        Who walked, and where.
+    episode
+        Index of the episode.
+    outcome
+        How it ended.
+    mp4
+        The file: H.264, yuv420p.
+    """
+
+    controller: str
+    terrain: str
+    episode: int
+    outcome: str
+    mp4: bytes
+
+
+def record_videos(config: EvaluationConfig, episode: int = 0) -> tuple[list[Video], str | None]:
+    """Film one episode of every entrant on every terrain.
+
+    Parameters
+    ----------
+    config
+        Of the evaluation.
+    episode
+        Index of the episode, the same for all.
+
+    Returns
+    -------
+    The videos, and a note that says why there are none. Where pictures or videos cannot be made the
+    note goes to stderr as well, in one line, and nothing is raised.
+    """
+    if not 0 <= episode < config.episodes:
+        raise ValueError(f"episode: {episode}; allowed: 0 to {config.episodes - 1}")
+    entrants = make_entrants(config)
+    jobs = [(terrain, entrant) for terrain in config.terrain_configs for entrant in entrants]
+    videos = []
+    try:
+        imageio_ffmpeg.get_ffmpeg_exe()
+        for terrain, entrant in tqdm(jobs, desc="filming", disable=not config.progress):
+            drawn = config.draw_episodes(terrain)[episode]
+            videos.append(record_video(config, entrant, terrain, drawn, episode))
+    except (RenderingUnavailableError, RuntimeError, OSError) as error:
+        note = f"Videos are left out: {' '.join(str(error).split())}"
+        print(note, file=sys.stderr)
+        return [], note
+    return videos, None
+
+
+def record_video(
+    config: EvaluationConfig,
+    entrant: Entrant,
+    terrain: TerrainConfig,
+    episode: Episode,
+    index: int = 0,
+) -> Video:
+    """Film one entrant on one episode: its first `FILM_S`, and how it ends.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If no GL context can be made.
+    """
+    env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
+    pictures: list[Picture] = []
+    ending = (0.0, RUNNING)
+    with closing(FlyRenderer(env.config.scene, WIDTH, HEIGHT, "goal")) as renderer:
+        for flies, time_s, outcome in _walk(env, entrant, episode):
+            ending = (time_s, outcome)
+            if time_s <= FILM_S:
+                picture = renderer.render(flies, 0, episode.goal)
+                pictures.append(_titled(picture, entrant.name, time_s))
+    time_s, outcome = ending
+    text = f"{outcome.replace('_', ' ')} at {time_s:.2f} s"
+    pictures += [_titled(picture, entrant.name, time_s, text)] * HOLD_FRAMES
+    return Video(entrant.name, terrain.name, index, outcome, encode(pictures))
+
+
+def _walk(
+    env: BatchedEnv, entrant: Entrant, episode: Episode
+) -> Iterator[tuple[FlyBatch, float, str]]:
+    """Walk an episode; every `FRAME_S` and at the end: the fly, the time, how the episode stands.
+
+    The environment walks as in the evaluation. Between two decisions it cannot be looked at: there
+    a second fly, set to the same state before the decision, stands in for it.
+    """
+    stand_in = FlyBatch(env.scene, 1, num_threads=1)
+    steps = env.config.steps_per_decision
+    timestep = env.config.scene.physics.timestep
+    per_frame = max(1, round(FRAME_S / timestep))
+    observation = env.reset(episodes=[episode])
+    yield env.flies, 0.0, RUNNING
+    state, outcome, walked = None, RUNNING, 0
+    while outcome == RUNNING:
+        action, state = entrant.policy.predict(
+            observation, state, np.array([walked == 0]), deterministic=True
+        )
+        inside = [step for step in range(1, steps) if (walked + step) % per_frame == 0]
+        if inside:
+            stand_in.restore(env.flies.integration_state())
+            stand_in.set_drive(env.task.drive(np.asarray(action, dtype=np.float64)))
+        for last, step in itertools.pairwise([0, *inside]):
+            stand_in.step(step - last)
+            yield stand_in, (walked + step) * timestep, RUNNING
+        transition = env.step(action)
+        observation, outcome = transition.observation, str(transition.outcome[0])
+        walked += steps
+        if walked % per_frame == 0 or outcome != RUNNING:
+            yield env.flies, walked * timestep, outcome
+
+
+def _titled(picture: Picture, title: str, time_s: float, ending: str = "") -> Picture:
+    """Write the controller's name and the time onto a picture; in the end, how it ended."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    second = ending or f"{time_s:.2f} s   ({FRAME_S * FPS:g} x real time)"
+    lines = [(title, 22.0), (second, 15.0)]
+    fonts = [ImageFont.load_default(size) for _, size in lines]
+    width = max(draw.textlength(text, font) for (text, _), font in zip(lines, fonts, strict=True))
+    draw.rectangle((10, 10, 34 + width, 68), fill=(10, 14, 20, 150))
+    for (text, size), font, y in zip(lines, fonts, (15, 43), strict=True):
+        shade = (255, 255, 255, 255) if size > 20 or ending else (205, 212, 220, 255)
+        draw.text((22, y), text, fill=shade, font=font)
+    return np.asarray(image)
+
+
+def encode(pictures: list[Picture], fps: int = FPS, max_bytes: int = MAX_BYTES) -> bytes:
+    """Encode pictures (height, width, 3), of even size, as an H.264 MP4 that browsers play.
+
+    Raises
+    ------
+    OSError, RuntimeError
+        If ffmpeg fails.
+    """
+    height, width = pictures[0].shape[:2]
+    for crf in _CRFS:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "video.mp4"
+            writer = imageio_ffmpeg.write_frames(
+                str(path),
+                (width, height),
+                fps=fps,
+                codec="libx264",
+                quality=None,
+                macro_block_size=2,
+                pix_fmt_out="yuv420p",
+                output_params=["-crf", str(crf), "-preset", "veryfast", "-movflags", "+faststart"],
+                ffmpeg_log_level="error",
+            )
+            with closing(writer):
+                writer.send(None)  # starts ffmpeg
+                for picture in pictures:
+                    writer.send(np.ascontiguousarray(picture))
+            data = path.read_bytes()
+        if len(data) <= max_bytes:
+            break
+    return data

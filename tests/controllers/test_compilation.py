@@ -1,0 +1,57 @@
+"""Compiled kernels are cached, and compiled anew when any kernel's source changed."""
+
+import importlib.util
+
+import pytest
+from numba import types
+
+from flyrl.controllers import compilation
+
+SOURCE = """
+from numba import types
+from flyrl.controllers.compilation import kernel, native_callback
+
+@kernel
+def double(x):
+    return 2.0 * x
+
+@native_callback(types.float64(types.float64))
+def quadruple(x):
+    return double(double(x))
+"""
+
+
+@pytest.fixture
+def load(tmp_path, monkeypatch):
+    path = tmp_path / "kernels.py"
+    path.write_text(SOURCE)
+
+    def load(digest):
+        monkeypatch.setattr(compilation, "SOURCES_DIGEST", digest)
+        spec = importlib.util.spec_from_file_location("kernels", path)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert module.double(1.5) == 3.0
+        assert module.quadruple.ctypes(1.5) == 6.0
+        return sum(module.double.stats.cache_hits.values()), module.quadruple.cache_hits
+
+    return load
+
+
+def test_unchanged_sources_load_from_the_cache(load):
+    assert load("a") == (0, 0)
+    assert load("a") == (1, 1)
+
+
+def test_changed_sources_compile_anew(load):
+    load("a")
+    load("a")
+    assert load("b") == (0, 0)
+
+
+def test_division_by_zero_raises_nothing():
+    @compilation.native_callback(types.float64(types.float64))
+    def invert(x):
+        return 1.0 / x
+
+    assert invert.ctypes(0.0) == float("inf")

@@ -1,0 +1,192 @@
+"""Recorded steps."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from flyrl import PreprogrammedSteps
+from flyrl.anatomy import LEG_DOFS, LEGS
+from flyrl.resources import assets_folder
+
+TWO_PI = 2 * np.pi
+NAMES = ["tethered", "untethered"]
+
+
+def recorded_angles(name):
+    with np.load(assets_folder() / "steps" / f"{name}.npz", allow_pickle=False) as recording:
+        return recording["angles"]
+
+
+@pytest.mark.parametrize(("name", "duration"), [("tethered", 0.1278), ("untethered", 0.135)])
+def test_duration(name, duration):
+    assert PreprogrammedSteps(name).duration == pytest.approx(duration, rel=1e-12)
+
+
+def test_orders():
+    steps = PreprogrammedSteps("tethered")
+    assert steps.legs == list(LEGS)
+    assert steps.dofs_per_leg == list(LEG_DOFS)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("leg", LEGS)
+def test_angles_are_those_of_a_periodic_spline(name, leg):
+    angles = recorded_angles(name)[LEGS.index(leg)]
+    spline = CubicSpline(np.linspace(0, TWO_PI, angles.shape[1]), angles, 1, bc_type="periodic")
+    phases = np.random.default_rng(0).uniform(-20, 200, 500)
+    actual = PreprogrammedSteps(name).get_joint_angles(leg, phases)
+    np.testing.assert_allclose(actual, spline(phases % TWO_PI), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_full_magnitude_replays_the_recording(name):
+    angles = recorded_angles(name)
+    steps = PreprogrammedSteps(name)
+    phases = np.linspace(0, TWO_PI, angles.shape[2])
+    for i, leg in enumerate(LEGS):
+        np.testing.assert_allclose(steps.get_joint_angles(leg, phases), angles[i], atol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "neutral_phase"), [("tethered", 0.0), ("untethered", np.pi)])
+def test_zero_magnitude_holds_the_pose_of_the_neutral_phase(name, neutral_phase):
+    steps = PreprogrammedSteps(name)
+    for leg in LEGS:
+        neutral = steps.get_joint_angles(leg, neutral_phase)
+        np.testing.assert_allclose(steps.get_joint_angles(leg, 1.0, 0), neutral, atol=1e-13)
+        np.testing.assert_allclose(steps.neutral_pos[leg][:, 0], neutral, atol=1e-13)
+
+
+def test_magnitude_scales_the_excursion():
+    steps = PreprogrammedSteps("untethered")
+    neutral = steps.get_joint_angles("RM", 1.0, 0)
+    once = steps.get_joint_angles("RM", 1.0, 1) - neutral
+    np.testing.assert_allclose(steps.get_joint_angles("RM", 1.0, 1.5) - neutral, 1.5 * once)
+
+
+def test_default_pose_is_leg_major():
+    steps = PreprogrammedSteps("untethered")
+    assert steps.default_pose.shape == (42,)
+    np.testing.assert_array_equal(steps.default_pose[28:35], steps.neutral_pos["RM"][:, 0])
+
+
+@pytest.mark.parametrize(
+    ("phase", "magnitude", "shape"),
+    [
+        (1.0, 1.0, (7,)),
+        (1, 1, (7,)),
+        (np.float64(1), np.array(1.0), (7,)),
+        (np.zeros(4), 1.0, (7, 4)),
+        (np.zeros(4), np.ones(4), (7, 4)),
+        (0.0, np.ones(4), (7, 4)),
+        ([0.0], 1.0, (7, 1)),
+        (np.zeros(0), 1.0, (7, 0)),
+    ],
+)
+def test_shape_of_angles(phase, magnitude, shape):
+    assert PreprogrammedSteps("tethered").get_joint_angles("LF", phase, magnitude).shape == shape
+
+
+def test_arrays_give_the_angles_of_their_elements():
+    steps = PreprogrammedSteps("untethered")
+    phases, magnitudes = np.array([0.3, 4.0, -1.0]), np.array([0.5, 1.0, 2.0])
+    angles = steps.get_joint_angles("LH", phases, magnitudes)
+    for i in range(3):
+        np.testing.assert_array_equal(
+            angles[:, i], steps.get_joint_angles("LH", phases[i], magnitudes[i])
+        )
+
+
+# Times of spec section 3 over the duration, times 2π, by hand.
+SWINGS = {
+    ("tethered", "LF"): (0.481809, 2.005899),
+    ("tethered", "RM"): (0.058997, 1.563422),
+    ("tethered", "LH"): (0.058997, 1.337266),
+    ("untethered", "RF"): (0.0, 2.373648),
+    ("untethered", "LM"): (0.0, 2.234021),
+    ("untethered", "RH"): (0.0, 1.954769),
+}
+
+
+@pytest.mark.parametrize(("name", "leg"), SWINGS)
+def test_swing_period_by_hand(name, leg):
+    period = PreprogrammedSteps(name).swing_period[leg]
+    np.testing.assert_allclose(period, SWINGS[name, leg], atol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "leg"), SWINGS)
+@pytest.mark.parametrize("turns", [0, 3, -2])
+def test_adhesion_is_off_in_swing_only(name, leg, turns):
+    start, end = SWINGS[name, leg]
+    steps = PreprogrammedSteps(name)
+    phases = np.array([start - 1e-3, start + 1e-3, end - 1e-3, end + 1e-3, 6.0])
+    adhesion = steps.get_adhesion_onoff(leg, phases + turns * TWO_PI)
+    np.testing.assert_array_equal(adhesion, [True, False, False, True, True])
+
+
+def test_adhesion_of_a_number_is_a_bool():
+    assert PreprogrammedSteps("untethered").get_adhesion_onoff("LF", 1.0) is False
+    assert PreprogrammedSteps("untethered").get_adhesion_onoff("LF", 3) is True
+
+
+def test_legs_grip_at_phase_zero():
+    assert PreprogrammedSteps("untethered").get_adhesion_onoff("LF", 0.0) is True
+
+
+def test_playing_slower_changes_no_phase():
+    recorded, slow = PreprogrammedSteps("untethered"), PreprogrammedSteps("untethered", 0.5)
+    assert slow.duration == 0.5
+    np.testing.assert_array_equal(slow.swing_ends, recorded.swing_ends)
+    assert recorded.duration == pytest.approx(0.135)
+
+
+def test_the_recording_cannot_be_changed():
+    steps = PreprogrammedSteps("untethered")
+    for array in (steps.coefficients, steps.swing_period["LF"], steps.neutral_pos["LF"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0
+    with pytest.raises(TypeError):
+        steps.swing_period["LF"] = np.zeros(2)
+
+
+def test_changing_results_changes_no_recording():
+    steps = PreprogrammedSteps("untethered")
+    before = steps.get_joint_angles("LF", 1.0).copy()
+    steps.get_joint_angles("LF", 1.0)[:] = 0
+    steps.default_pose[:] = 0
+    np.testing.assert_array_equal(steps.get_joint_angles("LF", 1.0), before)
+    assert steps.default_pose.all()
+
+
+def test_unknown_recording_is_rejected():
+    with pytest.raises(ValueError, match="steps must be one of 'tethered', 'untethered', got 'x'"):
+        PreprogrammedSteps("x")
+
+
+def test_duration_must_be_positive():
+    with pytest.raises(ValueError, match="duration must be a finite number above 0, got -1"):
+        PreprogrammedSteps("tethered", -1)
+
+
+@pytest.mark.parametrize("method", ["get_joint_angles", "get_adhesion_onoff"])
+@pytest.mark.parametrize(
+    ("leg", "phase", "message"),
+    [
+        ("LX", 0.0, "leg must be one of 'LF', .* got 'LX'"),
+        (0, 0.0, "leg must be one of 'LF', .* got 0"),
+        (
+            "LF",
+            np.zeros((2, 2)),
+            r"phase must be a number or have shape \(n,\), got shape \(2, 2\)",
+        ),
+        ("LF", np.nan, "phase must be finite"),
+        ("LF", "early", "phase must be numbers"),
+    ],
+)
+def test_methods_reject(method, leg, phase, message):
+    with pytest.raises(ValueError, match=message):
+        getattr(PreprogrammedSteps("tethered"), method)(leg, phase)
+
+
+def test_phases_and_magnitudes_must_match():
+    with pytest.raises(ValueError, match=r"must match in length, got shapes \(3,\) and \(2,\)"):
+        PreprogrammedSteps("tethered").get_joint_angles("LF", np.zeros(3), np.ones(2))

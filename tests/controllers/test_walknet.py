@@ -1,0 +1,175 @@
+"""The stepping rules: the graph, and the coordinator's decisions."""
+
+import numpy as np
+import pytest
+
+from flyrl import (
+    PreprogrammedSteps,
+    RuleBasedSteppingCoordinator,
+    construct_rules_graph,
+    filter_edges,
+)
+from tests.controllers import oracle
+
+WEIGHTS = oracle.RULE_WEIGHTS
+
+
+def coordinator(seed=0, steps="untethered", timestep=1e-4, **arguments):
+    arguments = {"rules_graph": construct_rules_graph(), "weights": WEIGHTS, **arguments}
+    return RuleBasedSteppingCoordinator(
+        timestep=timestep, preprogrammed_steps=PreprogrammedSteps(steps), seed=seed, **arguments
+    )
+
+
+@pytest.mark.parametrize(
+    ("rule", "edges"),
+    [
+        ("rule1", {"LM-LF", "LH-LM", "RM-RF", "RH-RM"}),
+        ("rule2_ipsi", {"LM-LF", "LH-LM", "RM-RF", "RH-RM"}),
+        ("rule2_contra", {"LF-RF", "LM-RM", "LH-RH", "RF-LF", "RM-LM", "RH-LH"}),
+        ("rule3_ipsi", {"LF-LM", "LM-LH", "RF-RM", "RM-RH"}),
+        ("rule3_contra", {"LF-RF", "LM-RM", "LH-RH", "RF-LF", "RM-LM", "RH-LH"}),
+    ],
+)
+def test_graph_has_the_edges_of_each_rule(rule, edges):
+    found = filter_edges(construct_rules_graph(), rule)
+    assert len(found) == len(edges)
+    assert {f"{source}-{target}" for source, target in found} == edges
+
+
+def test_graph_has_no_other_edges():
+    assert construct_rules_graph().number_of_edges() == 4 + 4 + 6 + 4 + 6
+
+
+def test_filter_by_source():
+    assert filter_edges(construct_rules_graph(), "rule3_ipsi", src_node="LM") == [("LM", "LH")]
+
+
+def test_front_legs_inhibit_nobody():
+    assert filter_edges(construct_rules_graph(), "rule1", src_node="LF") == []
+
+
+@pytest.mark.parametrize("steps", ["untethered", "tethered"])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_decisions_are_those_of_the_specification(seed, steps):
+    recording = oracle.Steps(steps)
+    expected = oracle.Walknet(1e-4, oracle.DURATION[steps], recording.swing_end, seed)
+    actual = coordinator(seed, steps)
+    for _ in range(30_000):
+        expected.step()
+        actual.step()
+        np.testing.assert_array_equal(actual.leg_phases, expected.phases)
+        np.testing.assert_array_equal(actual.mask_is_stepping, expected.stepping)
+    assert expected.num_steps_started > 20
+
+
+def test_random_choices_are_those_of_the_specification():
+    # Ties after the first step are rare: it takes a wide margin, long time steps and many seeds.
+    recording, num_later_choices = oracle.Steps("untethered"), 0
+    for seed in range(40):
+        expected = oracle.Walknet(5e-3, 0.135, recording.swing_end, seed, margin=1.0)
+        actual = coordinator(seed, timestep=5e-3, margin=1.0)
+        for _ in range(400):
+            expected.step()
+            actual.step()
+            np.testing.assert_array_equal(actual.leg_phases, expected.phases)
+        num_later_choices += expected.num_random_choices - 1
+    assert num_later_choices > 50
+
+
+def test_scores_are_those_of_the_specification():
+    expected = oracle.Walknet(1e-3, 0.135, oracle.Steps("untethered").swing_end, 4)
+    actual = coordinator(4, timestep=1e-3)
+    for _ in range(3000):
+        expected.step()
+        actual.step()
+        np.testing.assert_allclose(actual.rule1_scores, expected.scores[0], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(actual.rule2_scores, expected.scores[1], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(actual.rule3_scores, expected.scores[2], rtol=0, atol=1e-12)
+    assert expected.scores.any()
+
+
+def test_combined_scores_are_the_sum():
+    walk = coordinator()
+    for _ in range(2000):
+        walk.step()
+    assert walk.combined_scores.any()
+    total = walk.rule1_scores + walk.rule2_scores + walk.rule3_scores
+    np.testing.assert_array_equal(walk.combined_scores, total)
+
+
+def test_first_step_is_never_a_hind_leg_and_can_be_any_other():
+    first = set()
+    for seed in range(40):
+        walk = coordinator(seed)
+        walk.step()
+        first.add(int(np.flatnonzero(walk.mask_is_stepping).item()))
+    assert first == {0, 1, 3, 4}
+
+
+def test_a_swinging_hind_leg_inhibits_the_middle_leg():
+    walk = coordinator()
+    while not 0 < walk.leg_phases[2] < 1.9:  # LH's swing ends at 1.95
+        walk.step()
+    assert walk.rule1_scores[1] == -10
+
+
+def test_every_leg_keeps_stepping():
+    walk = coordinator(timestep=1e-3)
+    completed = np.zeros(6)
+    for _ in range(5000):
+        before = walk.leg_phases
+        walk.step()
+        completed += (before > 0) & (walk.leg_phases == 0)
+    assert completed.min() >= 10
+
+
+def test_phases_handed_out_before_do_not_change():
+    walk = coordinator()
+    walk.step()
+    before = walk.leg_phases
+    kept = before.copy()
+    walk.step()
+    np.testing.assert_array_equal(before, kept)
+    assert (walk.leg_phases != kept).any()
+
+
+@pytest.mark.parametrize("rule", ["rule2", "rule4", ""])
+def test_unknown_rule_is_rejected(rule):
+    with pytest.raises(ValueError, match=f"rule must be one of 'rule1', .* got '{rule}'"):
+        filter_edges(construct_rules_graph(), rule)
+
+
+def test_unknown_source_is_rejected():
+    with pytest.raises(ValueError, match=r"src_node must be one of .*'LF'.* got 'LX'"):
+        filter_edges(construct_rules_graph(), "rule1", src_node="LX")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"timestep": -1e-4}, "timestep must be a finite number above 0, got -0.0001"),
+        ({"margin": -0.1}, "margin must be a finite number of at least 0, got -0.1"),
+        ({"seed": 2**32}, "seed must be an integer from 0 to"),
+        ({"weights": {"rule1": -10}}, r"weights must have the keys rule1, .* got \['rule1'\]"),
+        ({"weights": WEIGHTS | {"rule4": 1}}, "weights must have the keys"),
+        ({"weights": WEIGHTS | {"rule1": np.nan}}, r"weights\['rule1'\] must be finite, got nan"),
+    ],
+)
+def test_coordinator_rejects(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        coordinator(**arguments)
+
+
+def test_graph_with_a_stranger_is_rejected():
+    graph = construct_rules_graph()
+    graph.add_edge("LF", "LX", rule="rule1")
+    with pytest.raises(ValueError, match=r"node of rules_graph must be one of .* got 'LX'"):
+        coordinator(rules_graph=graph)
+
+
+def test_graph_with_an_unlabelled_edge_is_rejected():
+    graph = construct_rules_graph()
+    graph.add_edge("LF", "LM")
+    with pytest.raises(ValueError, match=r"rule of edge LF-LM must be one of .* got None"):
+        coordinator(rules_graph=graph)

@@ -1,0 +1,156 @@
+import numpy as np
+import pytest
+
+from flyrl.bodies.fly import ContactConfig
+from flyrl.controllers.leg_controller import ControllerConfig
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.physics import PhysicsConfig
+from flyrl.tasks import TASKS, Episode
+from flyrl.terrains import TERRAIN_NAMES
+
+FAST = PhysicsConfig(timestep=5e-4, contact=ContactConfig(solref=(-1e5, -2e3)))
+
+
+def roll_out(env: BatchedEnv, seeds: list[int], decisions: int = 15) -> list[np.ndarray]:
+    env.reset(seeds=list(seeds))
+    observations = []
+    for decision in range(decisions):
+        actions = np.array(
+            [np.random.default_rng([seed, decision]).uniform(-1, 1, 2) for seed in seeds]
+        )
+        observations.append(np.asarray(env.step(actions).observation))
+    return observations
+
+
+@pytest.mark.parametrize("num_threads", [1, 2, 3])
+def test_a_batch_gives_the_bits_of_single_environments(num_threads: int) -> None:
+    config = EnvConfig(physics=FAST, terrain="mixed")
+    many = roll_out(BatchedEnv(config, 4, num_threads), [11, 12, 13, 14])
+    single = BatchedEnv(config, 1, 1)
+    for i, seed in enumerate([11, 12, 13, 14]):
+        for batched, alone in zip(many, roll_out(single, [seed]), strict=True):
+            np.testing.assert_array_equal(batched[i], alone[0])
+
+
+@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("task", TASKS)
+def test_every_task_runs_on_every_terrain_with_finite_numbers(task: str, terrain: str) -> None:
+    env = BatchedEnv(EnvConfig(task=task, terrain=terrain, physics=FAST, decision_interval=0.02), 3)
+    env.reset(seeds=[0, 1, 2])
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        transition = env.step(rng.uniform(env.task.action_low, env.task.action_high, (3, 2)))
+        observation = transition.observation
+        arrays = observation.values() if isinstance(observation, dict) else [observation]
+        assert all(np.isfinite(array).all() for array in arrays)
+        assert np.isfinite(transition.reward).all()
+        assert not transition.done.any()
+
+
+def test_the_drive_steers() -> None:
+    """A strong left drive turns right, as compared with none."""
+    env = BatchedEnv(EnvConfig(task="hybrid_turning", physics=FAST, decision_interval=0.02), 2)
+    env.reset(seeds=[4, 4])
+    for _ in range(25):
+        env.step(np.array([[1.2, 0.2], [0.0, 0.0]]))
+    turning, still = np.rad2deg(env.fly_state.yaw)
+    assert turning < still - 45
+
+
+def test_time_limit_truncates_after_three_seconds() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 1)
+    env.reset(seeds=[0])
+    still = env.task.action(np.zeros((1, 2)))
+    for _ in range(149):
+        assert not env.step(still).done.any()
+    last = env.step(still)
+    assert last.truncated.tolist() == [True]
+    assert last.terminated.tolist() == [False]
+    assert last.outcome.tolist() == ["timeout"]
+    assert env.fly_state.time[0] == pytest.approx(3.0)
+
+
+def walk_to(goal: tuple[float, float]) -> Episode:
+    return Episode(0, (0.0, 0.0, 0.5), 0.0, goal, (0.0, np.pi, 0.0, np.pi, 0.0, np.pi), (1.0,) * 6)
+
+
+def test_reaching_the_target_ends_in_success_with_its_bonus() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 1)
+    env.reset(episodes=[walk_to((5.0, 0.0))])
+    straight = env.task.action(np.ones((1, 2)))
+    for _ in range(60):
+        transition = env.step(straight)
+        if transition.done[0]:
+            break
+    assert transition.outcome[0] == "success"
+    assert transition.is_success[0]
+    assert transition.terminated[0]
+    assert transition.reward[0] > 2.0
+
+
+def test_a_fly_on_its_back_ends_in_a_fall() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 2)
+    env.reset(seeds=[0, 1])
+    env.flies._qpos[1, 3:7] = [0, 1, 0, 0]
+    transition = env.step(np.zeros((2, 2)))
+    assert transition.outcome.tolist() == ["running", "fall"]
+    assert transition.reward[1] < -0.5 * 2.9
+
+
+def test_leaving_the_terrain_ends_the_episode() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST, terrain="blocks"), 2)
+    env.reset(seeds=[0, 1])
+    env.flies._qpos[0, 1] = 25.0
+    assert env.step(np.zeros((2, 2))).outcome.tolist() == ["left_arena", "running"]
+
+
+def test_a_divergence_ends_its_own_episode_and_earns_nothing() -> None:
+    env, twin = (BatchedEnv(EnvConfig(physics=FAST), 3) for _ in range(2))
+    for each in (env, twin):
+        each.reset(seeds=[0, 1, 2])
+        each.step(np.ones((3, 2)))
+    env.flies._qvel[1, 20] = 1e13
+    transition, expected = env.step(np.ones((3, 2))), twin.step(np.ones((3, 2)))
+    assert transition.outcome.tolist() == ["running", "unstable", "running"]
+    assert transition.terminated.tolist() == [False, True, False]
+    assert transition.reward[1] == 0.0
+    assert np.isfinite(transition.observation).all()
+    np.testing.assert_array_equal(transition.observation[[0, 2]], expected.observation[[0, 2]])
+    env.reset(ids=[1])
+    after = env.step(np.ones((3, 2)))
+    assert after.outcome.tolist() == ["running"] * 3
+
+
+def test_steps_of_some_leave_the_others_where_they_are() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 3)
+    env.reset(seeds=[0, 1, 2])
+    env.step(np.ones((3, 2)), ids=np.array([0, 2]))
+    np.testing.assert_allclose(env.fly_state.time, [0.02, 0.0, 0.02])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"task": "targt"}, "target"),
+        ({"terrain": "sand"}, "gapped"),
+        ({"body": "worm"}, "classic"),
+        ({"controller": "cpq"}, "cpg"),
+        ({"physics": "balancd"}, "balanced"),
+        ({"decision_interval": 0.0203}, "multiple"),
+        ({"body": "classic", "controller": ControllerConfig()}, "tethered"),
+    ],
+)
+def test_bad_settings_are_refused_by_name(arguments: dict[str, object], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        EnvConfig(**arguments)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [(np.ones((2, 3)), "shape"), (np.ones(2), "shape"), (np.full((2, 2), np.nan), "finite")],
+)
+def test_bad_actions_are_refused(action: np.ndarray, message: str) -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 2)
+    env.reset(seeds=[0, 1])
+    with pytest.raises(ValueError, match=message):
+        env.step(action)

@@ -1,0 +1,203 @@
+"""The environments as users of Gymnasium and Stable-Baselines3 meet them."""
+
+import subprocess
+import sys
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env as check_gymnasium
+from gymnasium.wrappers import FlattenObservation
+from stable_baselines3.common.env_checker import check_env as check_sb3
+
+import flyrl  # noqa: F401  (registers the ids)
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.sb3 import FlyVecEnv
+
+
+def warnings_of(check: object, env: gymnasium.Env) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check(env)  # type: ignore[operator]
+    env.close()
+    return [str(warning.message) for warning in caught]
+
+
+@pytest.mark.parametrize("check", [check_gymnasium, check_sb3])
+def test_target_passes_the_checkers_without_a_warning(check: object) -> None:
+    assert warnings_of(check, gymnasium.make("flyrl/Target-v0").unwrapped) == []
+
+
+def test_hybrid_turning_passes_gymnasiums_checker_with_one_warning() -> None:
+    found = warnings_of(check_gymnasium, gymnasium.make("flyrl/HybridTurning-v0").unwrapped)
+    assert len(found) == 1
+    assert "symmetric" in found[0]
+
+
+def test_hybrid_turning_passes_sb3s_checker() -> None:
+    """SB3 also remarks on each of the four 2-D arrays of the literature's observation."""
+    found = warnings_of(check_sb3, gymnasium.make("flyrl/HybridTurning-v0"))
+    assert sum("symmetric" in message for message in found) == 1
+    assert sum("unconventional shape" in message for message in found) == len(found) - 1 == 4
+
+
+def test_flattened_hybrid_turning_passes_sb3s_checker_with_one_warning() -> None:
+    found = warnings_of(check_sb3, FlattenObservation(gymnasium.make("flyrl/HybridTurning-v0")))
+    assert len(found) == 1
+    assert "symmetric" in found[0]
+
+
+def test_hybrid_turning_is_the_mdp_of_the_literature() -> None:
+    env = gymnasium.make("flyrl/HybridTurning-v0", terrain="mixed")
+    assert env.action_space == gymnasium.spaces.Box(-0.5, 1.5, (2,), np.float32)
+    shapes = {name: space.shape for name, space in env.observation_space.spaces.items()}
+    assert shapes == {
+        "joints": (3, 42),
+        "fly": (4, 3),
+        "contact_forces": (36, 3),
+        "end_effectors": (6, 3),
+        "fly_orientation": (3,),
+    }
+    for space in env.observation_space.spaces.values():
+        assert np.isfinite(space.low).all()
+        assert np.isfinite(space.high).all()
+    env.reset(seed=0)
+    *_, info = env.step(np.array([1.0, 1.0], dtype=np.float32))
+    assert info["time_s"] == pytest.approx(env.unwrapped.config.scene.physics.timestep)
+
+
+def test_reset_options_set_the_oscillators() -> None:
+    env = gymnasium.make("flyrl/HybridTurning-v0")
+    phases, magnitudes = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    env.reset(seed=0, options={"init_phases": phases, "init_magnitudes": magnitudes})
+    fly = env.unwrapped.core.fly_state
+    np.testing.assert_array_equal(fly.phases[0], phases)
+    np.testing.assert_array_equal(fly.magnitudes[0], magnitudes)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"init_phases": [0, 1]}, "6 finite numbers"),
+        ({"init_magnitudes": [-1] * 6}, ">= 0"),
+        ({"goal": [1, 2, 3]}, "2 finite numbers"),
+        ({"phases": [0] * 6}, "init_phases"),
+    ],
+)
+def test_bad_reset_options_are_refused(options: dict[str, object], message: str) -> None:
+    env = gymnasium.make("flyrl/Target-v0")
+    with pytest.raises(ValueError, match=message):
+        env.reset(options=options)
+
+
+def test_resets_without_a_seed_go_on_in_the_seeds_own_order() -> None:
+    def goals(seed: int) -> list[tuple[float, ...]]:
+        env = gymnasium.make("flyrl/Target-v0")
+        env.reset(seed=seed)
+        found = [env.unwrapped.core.episodes[0].goal]
+        for _ in range(2):
+            env.reset()
+            found.append(env.unwrapped.core.episodes[0].goal)
+        return found
+
+    assert goals(3) == goals(3)
+    assert len(set(goals(3))) == 3
+    assert goals(3) != goals(4)
+
+
+def drive_all(env: gymnasium.vector.VectorEnv, steps: int) -> list[tuple]:
+    rng = np.random.default_rng(0)
+    return [
+        env.step(rng.uniform(-1, 1, (env.num_envs, 2)).astype(np.float32)) for _ in range(steps)
+    ]
+
+
+def test_the_vector_environment_equals_gymnasiums_over_single_ones() -> None:
+    """Through ends of episodes too: both start the next episode on the step after the last."""
+    env_id = "flyrl/Target-v0"
+    settings = {"decision_interval": 0.1}
+    native = gymnasium.make_vec(env_id, num_envs=3, **settings)
+    assert type(native.unwrapped).__name__ == "FlyVectorEnv"
+    plain = gymnasium.make_vec(env_id, num_envs=3, vectorization_mode="sync", **settings)
+    first, _ = native.reset(seed=7)
+    expected, _ = plain.reset(seed=7)
+    np.testing.assert_array_equal(first, expected)
+    ends = 0
+    for ours, theirs in zip(drive_all(native, 45), drive_all(plain, 45), strict=True):
+        for mine, other in zip(ours[:4], theirs[:4], strict=True):
+            np.testing.assert_array_equal(mine, other)
+        np.testing.assert_array_equal(ours[4]["outcome"], theirs[4]["outcome"])
+        ends += int((ours[2] | ours[3]).sum())
+    assert ends >= 3
+
+
+def test_same_step_autoreset_hands_over_the_final_observation() -> None:
+    native = gymnasium.make_vec("flyrl/Target-v0", num_envs=2, autoreset_mode="SameStep")
+    native.reset(seed=0)
+    for observation, _, terminated, truncated, info in drive_all(native, 150):
+        done = terminated | truncated
+        if done.any():
+            i = int(np.flatnonzero(done)[0])
+            assert info["final_obs"][i].shape == (46,)
+            assert np.any(info["final_obs"][i] != observation[i])
+            assert info["final_info"]["outcome"][i] in ("timeout", "fall", "success")
+            return
+    pytest.fail("no episode ended")
+
+
+def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
+    env = FlyVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
+    env.reset()
+    still = np.tile(env.core.task.action(np.zeros(2)), (2, 1)).astype(np.float32)
+    total = np.zeros(2)
+    for step in range(150):
+        observation, reward, done, infos = env.step(still)
+        total += reward
+        assert done.all() == (step == 149)
+    for i, info in enumerate(infos):
+        assert info["TimeLimit.truncated"]
+        assert info["episode"]["l"] == 150
+        assert info["episode"]["r"] == pytest.approx(total[i], abs=1e-4)
+        assert info["outcome"] == "timeout"
+        assert np.any(info["terminal_observation"] != observation[i])
+
+
+def test_sb3_vec_env_starts_as_the_single_environment_with_its_seed() -> None:
+    batch = FlyVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
+    single = gymnasium.make("flyrl/Target-v0")
+    np.testing.assert_array_equal(np.asarray(batch.reset())[1], single.reset(seed=6)[0])
+
+
+def test_ids_are_found_without_an_import() -> None:
+    code = (
+        "import gymnasium; env = gymnasium.make('flyrl:flyrl/Target-v0', terrain='flat'); "
+        "print(env.reset(seed=0)[0].shape)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "(46,)"
+
+
+def test_importing_flyrl_imports_neither_torch_nor_matplotlib() -> None:
+    heavy = ("torch", "matplotlib", "hydra", "stable_baselines3")
+    code = f"import sys, flyrl; print([m for m in {heavy} if m in sys.modules])"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+def test_unknown_terrain_is_refused_by_make() -> None:
+    with pytest.raises(ValueError, match="gapped"):
+        gymnasium.make("flyrl/Target-v0", terrain="gaped")
+
+
+def test_a_picture_shows_the_fly() -> None:
+    env = gymnasium.make("flyrl/Target-v0", render_mode="rgb_array")
+    env.reset(seed=0)
+    picture = env.render()
+    env.close()
+    assert picture.shape == (480, 640, 3)
+    assert picture.std() > 10

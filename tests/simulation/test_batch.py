@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+from test_callback import make_batch, reset
+
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.state import rotation_matrices
+
+
+def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
+    batch.set_drive(np.tile([1.2, 0.4], (batch.num_sims, 1)))
+    batch.step(steps)
+    return batch.integration_state()
+
+
+def test_number_of_threads_changes_no_bit() -> None:
+    one = make_batch(num_sims=5)
+    two = FlyBatch(one.scene, 5, num_threads=2)
+    reset(two)
+    np.testing.assert_array_equal(advance(one), advance(two))
+
+
+def test_number_of_simulations_changes_no_bit() -> None:
+    many = advance(make_batch(num_sims=4))
+    np.testing.assert_array_equal(advance(make_batch(num_sims=1))[0], many[0])
+
+
+def test_splitting_a_call_changes_no_bit() -> None:
+    whole, split = make_batch(), make_batch()
+    expected = advance(whole, 60)
+    split.set_drive(np.array([[1.2, 0.4]]))
+    for steps in (1, 20, 39):
+        split.step(steps)
+    np.testing.assert_array_equal(split.integration_state(), expected)
+
+
+def test_restoring_a_state_replays_its_future() -> None:
+    batch = make_batch("rule_based")
+    start = batch.integration_state()
+    first = advance(batch, 400)
+    batch.restore(start)
+    np.testing.assert_array_equal(advance(batch, 400), first)
+
+
+def test_reset_leaves_the_others_alone() -> None:
+    batch = make_batch(num_sims=3)
+    before = advance(batch, 100)
+    one = make_batch()
+    batch.reset(np.array([1]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [one.controllers[0]])
+    after = batch.integration_state()
+    np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
+    assert np.any(after[1] != before[1])
+
+
+def test_reset_places_and_turns_the_fly() -> None:
+    batch = make_batch()
+    offset = batch.state().position_w[0] - [0.0, 0.0, 0.5]
+    batch.reset(
+        np.array([0]), np.array([[3.0, -1.0, 0.5]]), np.array([np.pi / 2]), [batch.controllers[0]]
+    )
+    state = batch.state()
+    assert state.yaw[0] == pytest.approx(np.pi / 2)
+    expected = [3.0 - offset[1], -1.0 + offset[0], 0.5 + offset[2]]
+    np.testing.assert_allclose(state.position_w[0], expected, atol=1e-12)
+
+
+def test_a_simulation_that_blows_up_is_marked_and_stays_finite(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    batch = make_batch(num_sims=3)
+    quiet = make_batch(num_sims=3)
+    batch._qvel[1, 10] = 1e12
+    batch.step(5)
+    quiet.step(5)
+    state = batch.state()
+    assert state.is_unstable.tolist() == [False, True, False]
+    assert np.isfinite(batch.integration_state()).all()
+    np.testing.assert_array_equal(
+        batch.integration_state()[[0, 2]], quiet.integration_state()[[0, 2]]
+    )
+
+
+def test_rotation_matrices_of_known_turns() -> None:
+    half = np.sqrt(0.5)
+    matrices = rotation_matrices(np.array([[1.0, 0, 0, 0], [half, 0, 0, half]]))
+    np.testing.assert_allclose(matrices[0], np.eye(3))
+    np.testing.assert_allclose(matrices[1], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+
+
+@pytest.mark.parametrize(("num_sims", "num_threads"), [(0, 1), (1, -1)])
+def test_bad_sizes_are_refused(num_sims: int, num_threads: int) -> None:
+    scene = make_batch().scene
+    with pytest.raises(ValueError, match="num_"):
+        FlyBatch(scene, num_sims, num_threads)

@@ -1,0 +1,178 @@
+"""The controller inside the engine: the same maths as the classes, and exact bookkeeping."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from flyrl.anatomy import CONTACT_SEGMENTS
+from flyrl.bodies.fly import ContactConfig, FlyConfig
+from flyrl.controllers.leg_controller import (
+    ControllerConfig,
+    LegController,
+    LegObservation,
+    initial_state,
+)
+from flyrl.simulation import callback
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.physics import PhysicsConfig
+from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig, build_scene
+from flyrl.terrains import TerrainConfig
+
+
+def make_batch(
+    controller: str = "hybrid", terrain: str = "flat", body: str = "current", num_sims: int = 1
+) -> FlyBatch:
+    config = SceneConfig(
+        body=FlyConfig(name=body),
+        terrain=TerrainConfig(name=terrain),
+        controller=ControllerConfig(name=controller, steps=STEPS_OF_BODY[body]),
+        physics=PhysicsConfig(timestep=2e-4, contact=ContactConfig()),
+    )
+    batch = FlyBatch(build_scene(config), num_sims, num_threads=1)
+    reset(batch)
+    return batch
+
+
+def reset(batch: FlyBatch, seed: int = 3) -> None:
+    n = batch.num_sims
+    height = 1.5 if batch.scene.config.terrain.name == "gapped" else 0.5
+    states = [initial_state(batch.scene.config.controller, seed + i) for i in range(n)]
+    batch.reset(np.arange(n), np.tile([0.0, 0.0, height], (n, 1)), np.zeros(n), states)
+
+
+@pytest.mark.parametrize("controller", ["cpg", "hybrid", "rule_based"])
+@pytest.mark.parametrize("body", ["current", "classic"])
+def test_engine_and_class_agree_over_2000_steps(controller: str, body: str) -> None:
+    """Both are driven by the observations of one simulation on gapped ground."""
+    batch = make_batch(controller, "gapped", body)
+    config = batch.scene.config.controller
+    twin = LegController(config, 2e-4, seed=3)
+    rng = np.random.default_rng(0)
+    corrections = 0
+    for step in range(2000):
+        if step % 250 == 0:
+            drive = rng.uniform(-0.5, 1.5, size=2)
+            batch.set_drive(drive[None])
+        before = batch.state()
+        twin.step(
+            drive,
+            LegObservation(
+                thorax_z=float(before.position_w[0, 2]),
+                end_effector_z=before.end_effectors_w[0, :, 2],
+                contact_forces_w=before.contact_forces_w[0],
+                heading_w=before.heading_w[0],
+            ),
+        )
+        batch.step()
+        record = batch.controllers[0]
+        for name, expected in (
+            ("phases", twin.phases),
+            ("magnitudes", twin.magnitudes),
+            ("net_correction", twin.net_correction),
+            ("targets", twin.targets),
+            ("adhesion", twin.adhesion),
+        ):
+            np.testing.assert_allclose(record[name], expected, rtol=0, atol=1e-12, err_msg=name)
+        corrections += int(np.any(record["net_correction"] != 0))
+    assert (corrections > 100) == (controller == "hybrid")
+
+
+def test_commands_reach_the_actuators() -> None:
+    batch = make_batch()
+    batch.set_drive(np.array([[1.0, 1.0]]))
+    batch.step(50)
+    ctrl = batch._batch.bind("ctrl")[0]
+    np.testing.assert_array_equal(ctrl[:42], batch.controllers["targets"][0])
+    np.testing.assert_array_equal(ctrl[42:], batch.controllers["adhesion"][0])
+    assert 0 < ctrl[42:].sum() <= 6
+
+
+def test_forward_at_the_same_time_does_not_advance_the_controller() -> None:
+    batch = make_batch()
+    batch.set_drive(np.array([[1.0, 1.0]]))
+    batch.step(10)
+    model = batch.scene.model
+    data = batch._batch.get_data(0)
+    mujoco.mj_forward(model, data)
+    once = data.userdata.copy()
+    mujoco.mj_forward(model, data)
+    phases = slice(*_field("phases"))
+    assert np.any(once[phases] != batch.controllers["phases"][0])
+    np.testing.assert_array_equal(data.userdata[phases], once[phases])
+
+
+def _field(name: str) -> tuple[int, int]:
+    dtype, offset = callback.STATE.fields[name][:2]
+    return offset // 8, (offset + dtype.itemsize) // 8
+
+
+def test_contact_forces_carry_the_weight() -> None:
+    """At rest the ground pushes up with the weight plus what the gripping legs pull."""
+    batch = make_batch()
+    batch.step(round(0.5 / 2e-4))
+    upward, pulled = [], []
+    for _ in range(1000):
+        batch.step()
+        upward.append(batch.controllers["contact_forces_w"][0, :, 2].sum())
+        pulled.append(batch.scene.config.body.adhesion_gain * batch.controllers["adhesion"].sum())
+    weight = batch.scene.model.body_mass.sum() * 9810
+    assert np.mean(pulled) > 10 * weight
+    assert np.mean(upward) == pytest.approx(weight + np.mean(pulled), rel=0.01)
+
+
+@pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
+def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
+    """Segment by segment, against mj_contactForce on the same state."""
+    batch = make_batch(terrain="blocks")
+    batch.set_drive(np.array([[1.0, 0.7]]))
+    batch.step(1000)
+    model = batch._batch.get_model(0)
+    model.opt.cone = cone
+    model.numeric_data[1] = float(cone == mujoco.mjtCone.mjCONE_ELLIPTIC)
+    data = batch._batch.get_data(0)
+    mujoco.mj_forward(model, data)
+    expected = np.zeros((36, 3))
+    for i, contact in enumerate(data.contact):
+        force = np.zeros(6)
+        mujoco.mj_contactForce(model, data, i, force)
+        force_w = contact.frame.reshape(3, 3).T @ force[:3]
+        for geom, sign in ((contact.geom1, -1), (contact.geom2, 1)):
+            name = model.body(model.geom_bodyid[geom]).name
+            if name in CONTACT_SEGMENTS:
+                expected[CONTACT_SEGMENTS.index(name)] += sign * force_w
+    start, stop = _field("contact_forces_w")
+    assert np.abs(expected).max() > 1.0
+    np.testing.assert_allclose(
+        data.userdata[start:stop].reshape(36, 3), expected, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_models_of_others_are_left_alone() -> None:
+    callback.install()
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><size nuserdata='{callback.USERDATA_SIZE}'/>"
+        "<custom><numeric name='other' size='2000' data='1 2 3'/></custom>"
+        "<worldbody><body><joint name='a'/><geom size='0.1'/></body></worldbody>"
+        "<actuator><motor joint='a'/></actuator></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 0.5
+    mujoco.mj_step(model, data, 10)
+    assert data.ctrl[0] == 0.5
+    assert not data.userdata.any()
+
+
+def test_somebody_elses_callback_is_not_overwritten() -> None:
+    callback.install()
+    mujoco.set_mjcb_control(None)
+
+    def theirs(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        pass
+
+    mujoco.set_mjcb_control(theirs)
+    try:
+        with pytest.raises(RuntimeError, match="already taken"):
+            callback.install()
+    finally:
+        mujoco.set_mjcb_control(None)
+        callback.install()

@@ -1,0 +1,141 @@
+"""Terms against numbers worked out by hand, on a state made by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.simulation.state import FlyState
+from flyrl.tasks import TASKS, TaskState, terms
+from flyrl.terrains import Bounds
+
+
+def fly_state(n: int = 1, **changes: object) -> FlyState:
+    zeros = {
+        "time": (n,),
+        "position_w": (n, 3),
+        "velocity_w": (n, 3),
+        "angular_velocity_w": (n, 3),
+        "joint_angles": (n, 42),
+        "joint_velocities": (n, 42),
+        "actuator_torques": (n, 42),
+        "contact_forces_w": (n, 36, 3),
+        "end_effectors_w": (n, 6, 3),
+        "drive": (n, 2),
+        "phases": (n, 6),
+        "magnitudes": (n, 6),
+        "retraction": (n, 6),
+        "stumbling": (n, 6),
+        "adhesion": (n, 6),
+    }
+    state = FlyState(
+        **{name: np.zeros(shape) for name, shape in zeros.items()},
+        rotation_w=np.tile(np.eye(3), (n, 1, 1)),
+        is_unstable=np.zeros(n, dtype=bool),
+    )
+    return dataclasses.replace(
+        state, **{name: np.asarray(value, dtype=float) for name, value in changes.items()}
+    )
+
+
+def task_state(
+    fly: FlyState, previous: FlyState | None = None, goal: object = ((0.0, 0.0),)
+) -> TaskState:
+    return TaskState(
+        fly=fly,
+        previous=previous or fly,
+        goal=np.asarray(goal, dtype=float),
+        remaining_s=np.full(len(fly.time), 2.0),
+        bounds=Bounds(-10.0, 25.0, -20.0, 20.0),
+    )
+
+
+def turned(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (np.cos, np.sin))
+    about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return (about_z @ about_y @ about_x)[None]
+
+
+def test_a_target_to_the_left_has_a_positive_sine() -> None:
+    state = task_state(fly_state(position_w=[[1, 1, 1]]), goal=[[1, 6]])
+    np.testing.assert_allclose(terms.target_direction_b(state), [[0, 1]], atol=1e-12)
+    np.testing.assert_allclose(terms.target_distance(state), [[5 / 15]])
+
+
+def test_target_direction_turns_with_the_fly() -> None:
+    state = task_state(fly_state(rotation_w=turned(yaw=np.pi / 2)), goal=[[0, 6]])
+    np.testing.assert_allclose(terms.target_direction_b(state), [[1, 0]], atol=1e-12)
+
+
+def test_velocity_is_in_the_yaw_frame() -> None:
+    state = task_state(fly_state(rotation_w=turned(yaw=np.pi / 2), velocity_w=[[10, 20, 3]]))
+    np.testing.assert_allclose(terms.velocity_b(state), [[1, -0.5]], atol=1e-12)
+
+
+def test_tilt_of_a_fly_pitched_up_and_rolled() -> None:
+    state = task_state(fly_state(rotation_w=turned(pitch=-0.3)))
+    np.testing.assert_allclose(terms.tilt_b(state), [[np.sin(0.3), 0]], atol=1e-12)
+    state = task_state(fly_state(rotation_w=turned(roll=0.2)))
+    np.testing.assert_allclose(terms.tilt_b(state), [[0, np.sin(0.2)]], atol=1e-12)
+
+
+def test_leg_contacts_sum_the_segments_of_a_leg() -> None:
+    forces = np.zeros((1, 36, 3))
+    forces[0, 6 * 2 + 1] = [0, 0, 0.6]
+    forces[0, 6 * 2 + 5] = [0, 0, 0.6]
+    forces[0, 6 * 4] = [0, 0, 0.9]
+    state = task_state(fly_state(contact_forces_w=forces))
+    assert terms.leg_contacts(state).tolist() == [[0, 0, 1, 0, 0, 0]]
+
+
+def test_yaw_pitch_roll_and_their_rates() -> None:
+    """A fly pitched by 60 degrees that spins about the vertical yaws and does nothing else."""
+    rotation = turned(yaw=0.4, pitch=np.pi / 3)
+    state = task_state(fly_state(rotation_w=rotation, angular_velocity_w=[[0, 0, 2.0]]))
+    thorax = terms.thorax(state)[0]
+    np.testing.assert_allclose(thorax[2], [0.4, np.pi / 3, 0.0], atol=1e-12)
+    np.testing.assert_allclose(thorax[3], [2.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_rates_equal_the_finite_differences_of_the_angles() -> None:
+    rates, start, step = np.array([0.7, -0.4, 0.9]), np.array([0.3, 0.5, -0.8]), 1e-6
+    now, later = turned(*start)[0], turned(*(start + step * rates))[0]
+    spin = (later @ now.T - np.eye(3)) / step
+    omega = [spin[2, 1], spin[0, 2], spin[1, 0]]
+    state = task_state(fly_state(rotation_w=now[None], angular_velocity_w=[omega]))
+    np.testing.assert_allclose(terms.thorax(state)[0, 3], rates, atol=1e-5)
+
+
+def test_progress_counts_mm_towards_the_target() -> None:
+    before, after = fly_state(position_w=[[0, 0, 1]]), fly_state(position_w=[[3, 0, 1]])
+    assert terms.progress(task_state(after, before, goal=[[10, 0]])) == pytest.approx(3)
+    assert terms.progress(task_state(after, before, goal=[[-10, 0]])) == pytest.approx(-3)
+
+
+def test_a_fall_costs_as_much_as_waiting_for_the_time_limit() -> None:
+    task = TASKS["target"]
+    weights = {term.name: term.weight for term in task.reward}
+    fallen = task_state(fly_state(rotation_w=turned(roll=np.pi)), goal=[[5, 5]])
+    assert terms.lost_time(fallen) == pytest.approx(2.0)
+    assert weights["lost_time"] == weights["time"] < 0
+
+
+def test_target_is_reached_within_its_radius_whatever_the_height() -> None:
+    state = task_state(fly_state(2, position_w=[[0.9, 0, 5], [1.1, 0, 0]]), goal=[[0, 0], [0, 0]])
+    assert terms.is_at_target(state).tolist() == [True, False]
+
+
+def test_a_fall_is_a_tilt_beyond_75_degrees() -> None:
+    rotations = np.concatenate([turned(roll=np.deg2rad(a)) for a in (74, 76, 180)])
+    assert terms.has_fallen(task_state(fly_state(3, rotation_w=rotations))).tolist() == [
+        False,
+        True,
+        True,
+    ]
+
+
+def test_the_arena_ends_at_its_bounds_and_below() -> None:
+    state = task_state(fly_state(4, position_w=[[24, 19, 0], [26, 0, 0], [0, -21, 0], [0, 0, -6]]))
+    assert terms.has_left(state).tolist() == [False, True, True, True]
