@@ -1,5 +1,6 @@
 """Episode records made up from simple walks, so that results and reports need no physics."""
 
+import json
 from dataclasses import asdict
 
 import numpy as np
@@ -154,4 +155,5 @@ def make_results(controllers=tuple(STYLES), terrains=("flat",), episodes=20, ref
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},
     }
     summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0))
+    protocol = json.loads(json.dumps(protocol))
     return Results(protocol, rows, summary, [trajectory(record) for record in records])

@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from flyrl.bodies.fly import FlyConfig
+from flyrl.bodies.table import BodyName
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import Episode, Task
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import TerrainConfig, TerrainName
+from flyrl.validation import at_least, within
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -34,7 +36,8 @@ class EvaluationConfig:
     controllers
         Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`.
     task
-        A name in `flyrl.tasks.TASKS`, of a task with a flat observation.
+        A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation and a time
+        limit.
     terrains
         Names or configs; the names differ from one another.
     episodes
@@ -63,11 +66,11 @@ class EvaluationConfig:
 
     policies: tuple[str, ...] = ()
     controllers: tuple[str, ...] = ("cpg", "rule_based", "hybrid", "pursuit", "zero")
-    task: str = "target"
-    terrains: tuple[str | TerrainConfig, ...] = ("flat",)
+    task: str | Task = "target"
+    terrains: tuple[TerrainName | TerrainConfig, ...] = ("flat",)
     episodes: int = 50
     seed: int = 0
-    body: str | FlyConfig = "current"
+    body: BodyName | FlyConfig = "current"
     physics: str | PhysicsConfig = "balanced"
     reference: str | None = None
     num_envs: int = 64
@@ -77,24 +80,26 @@ class EvaluationConfig:
 
     def __post_init__(self) -> None:
         if not self.policies and not self.controllers:
-            raise ValueError("policies and controllers: both empty; allowed: at least one of them")
+            raise ValueError("policies or controllers must name at least one, got none")
         if not self.terrains:
-            raise ValueError("terrains: empty; allowed: at least one")
-        if not 1 <= self.episodes <= MAX_EPISODES:
-            raise ValueError(f"episodes: {self.episodes}; allowed: 1 to {MAX_EPISODES}")
-        if not 0 <= self.seed <= MAX_SEED:
-            raise ValueError(f"seed: {self.seed}; allowed: 0 to {MAX_SEED}")
-        if self.num_envs < 1:
-            raise ValueError(f"num_envs: {self.num_envs}; allowed: at least 1")
-        if not self.env(self.terrains[0]).resolved_task.is_flat:
+            raise ValueError("terrains must name at least one, got none")
+        within("episodes", self.episodes, 1, MAX_EPISODES)
+        within("seed", self.seed, 0, MAX_SEED)
+        at_least("num_envs", self.num_envs, 1)
+        at_least("num_threads", self.num_threads, 0)
+        if not self.resolved_task.is_flat:
             raise ValueError(
-                f"task: {self.task!r} has a Dict observation; allowed: a task with a flat one"
+                f"task must be one with a flat observation, got {self.resolved_task.name!r}"
+            )
+        if self.resolved_task.time_limit_s is None:
+            raise ValueError(
+                f"task must be one with a time limit, got {self.resolved_task.name!r}"
             )
         names = [terrain.name for terrain in self.terrain_configs]
         if len(set(names)) < len(names):
-            raise ValueError(f"terrains: {', '.join(names)}; allowed: each name once")
+            raise ValueError(f"terrains must differ in name, got {', '.join(names)}")
 
-    def env(self, terrain: str | TerrainConfig) -> EnvConfig:
+    def env(self, terrain: TerrainName | TerrainConfig) -> EnvConfig:
         """Environment with the controller that goes with the body."""
         return EnvConfig(task=self.task, body=self.body, terrain=terrain, physics=self.physics)
 
@@ -107,6 +112,13 @@ class EvaluationConfig:
     def terrain_configs(self) -> tuple[TerrainConfig, ...]:
         """The terrains."""
         return tuple(self.env(terrain).scene.terrain for terrain in self.terrains)
+
+    @property
+    def horizon_s(self) -> float:
+        """Time limit of the task, s."""
+        limit = self.resolved_task.time_limit_s
+        assert limit is not None  # __post_init__ checked
+        return limit
 
     def seeds(self) -> range:
         """Seeds of the episodes, the same on every terrain; no two values of `seed` share one."""

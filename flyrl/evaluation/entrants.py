@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -19,6 +18,7 @@ from flyrl.policies.bundle import policy_file
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task
 from flyrl.terrains import TerrainConfig
+from flyrl.validation import one_of
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _pursue(task: Task) -> Policy:
     slices = task.slices()
     if "target_direction" not in slices:
         raise ValueError(
-            f"controllers: pursuit needs a task that shows target_direction; {task.name!r} does not"
+            f"controller 'pursuit' needs a task that shows target_direction, got {task.name!r}"
         )
     return Pursuit(slices["target_direction"], task.action)
 
@@ -99,7 +99,7 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     """
     repeated = [name for name, count in Counter(config.controllers).items() if count > 1]
     if repeated:
-        raise ValueError(f"controllers: {repeated[0]} twice; allowed: each name once")
+        raise ValueError(f"controllers must differ from one another, got {repeated[0]!r} twice")
     # Fixed first: a misspelt name shows before any file is read.
     fixed = [_fixed(name, config) for name in config.controllers]
     taken = {entrant.name for entrant in fixed}
@@ -117,23 +117,14 @@ def reference_name(config: EvaluationConfig, entrants: list[Entrant]) -> str:
     """Name of the entrant that the others are compared with; see `EvaluationConfig`."""
     names = [entrant.name for entrant in entrants]
     if config.reference is not None:
-        if config.reference not in names:
-            raise ValueError(
-                f"reference: {config.reference}; allowed: {', '.join(names)}; "
-                f"closest: {_closest(config.reference, names)}"
-            )
-        return config.reference
+        return one_of("reference", config.reference, names)
     if "hybrid" in names:
         return "hybrid"
     return config.controllers[0] if config.controllers else names[0]
 
 
 def _fixed(name: str, config: EvaluationConfig) -> Entrant:
-    if name not in FIXED:
-        raise ValueError(
-            f"controllers: {name}; allowed: {', '.join(FIXED)}; closest: {_closest(name, FIXED)}"
-        )
-    fixed = FIXED[name]
+    fixed = FIXED[one_of("controllers", name, FIXED)]
     legs = config.env(config.terrains[0]).scene.controller
     controller = dataclasses.replace(legs, name=fixed.legs)
     record = {
@@ -179,7 +170,3 @@ def _free_name(name: str, taken: set[str]) -> str:
     if name not in taken:
         return name
     return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)
-
-
-def _closest(given: str, allowed: Mapping[str, Any] | list[str]) -> str:
-    return difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.0)[0]

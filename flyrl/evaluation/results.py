@@ -95,7 +95,7 @@ class Results:
     Attributes
     ----------
     protocol
-        How it was done: see `PROTOCOL_KEYS`.
+        How it was done, as plain JSON values: see `PROTOCOL_KEYS`.
     episodes
         One row per episode: see `ROW_KEYS`.
     summary
@@ -282,7 +282,8 @@ def _load_trajectories(folder: Path, rows: Sequence[Json]) -> list[Trajectory]:
     if not path.exists():
         return []
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        # Opened here: np.load would leave a file that is not whole open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if not np.array_equal(arrays["digest"], _digest(rows)):
                 return []
             cuts = np.cumsum(arrays["lengths"])[:-1]

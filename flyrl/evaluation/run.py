@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
+import json
 import platform
+import sys
 from collections.abc import Callable, Sequence
 from importlib import metadata
 from typing import Final, NoReturn
@@ -42,14 +44,15 @@ def evaluate(config: EvaluationConfig) -> Results:
     ]
     rows: list[Json] = []
     trajectories: list[Trajectory] = []
-    horizon_s = _horizon_s(config)
     with tqdm(
-        total=round(len(envs) * config.episodes * horizon_s, 6),
+        total=round(len(envs) * config.episodes * config.horizon_s, 6),
         unit="s",
         desc="evaluating",
         bar_format="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
         "[{elapsed}<{remaining}, {rate_fmt}]{postfix}",
         disable=not config.progress,
+        # a log file gets a line now and then, a terminal a moving bar
+        mininterval=0.5 if sys.stderr.isatty() else 30,
         dynamic_ncols=True,
     ) as bar:
         for entrant, terrain, env_config in envs:
@@ -69,20 +72,13 @@ def evaluate(config: EvaluationConfig) -> Results:
     return Results(
         protocol=_protocol(config, entrants, reference, list(episodes.values())),
         episodes=rows,
-        summary=summarise(rows, reference, horizon_s, rng),
+        summary=summarise(rows, reference, config.horizon_s, rng),
         trajectories=trajectories,
     )
 
 
 def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
     return lambda decisions: bar.update(decisions * interval_s)
-
-
-def _horizon_s(config: EvaluationConfig) -> float:
-    limit = config.resolved_task.time_limit_s
-    if limit is None:
-        raise ValueError(f"task: {config.task!r} has no time limit; allowed: a task that has one")
-    return limit
 
 
 def _protocol(
@@ -92,13 +88,13 @@ def _protocol(
     episodes: Sequence[Sequence[Episode]],
 ) -> Json:
     scene = config.env(config.terrains[0]).scene
-    return {
+    protocol: Json = {
         "command": config.command,
         "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": {"python": platform.python_version(), **_versions()},
         "seed": config.seed,
-        "task": config.task,
-        "horizon_s": _horizon_s(config),
+        "task": config.resolved_task.name,
+        "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
         "reference": reference,
         "entrants": [dict(entrant.record) for entrant in entrants],
@@ -113,6 +109,9 @@ def _protocol(
         "body": dataclasses.asdict(scene.body),
         "physics": dataclasses.asdict(scene.physics),
     }
+    # As the file holds it: lists, not tuples.
+    plain: Json = json.loads(json.dumps(protocol))
+    return plain
 
 
 def _versions() -> dict[str, str]:

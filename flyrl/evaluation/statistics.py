@@ -61,7 +61,7 @@ class Distribution:
 def success_rate(successes: int, n: int) -> Interval:
     """Success rate with its score interval (Wilson 1927, doi 10.1080/01621459.1927.10502953)."""
     if not 0 <= successes <= n:
-        raise ValueError(f"successes: {successes}; allowed: 0 to n = {n}")
+        raise ValueError(f"successes must lie within 0 and n = {n}, got {successes}")
     if n == 0:
         return Interval(None, None, None, 0, "no episodes")
     bounds = stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="wilson")
@@ -144,13 +144,13 @@ def summarise(
         episodes = groups.setdefault((row["terrain"], row["controller"]), {})
         if row["episode"] in episodes:
             raise ValueError(
-                f"episodes: {row['controller']} has episode {row['episode']} on {row['terrain']} "
-                "twice; allowed: once"
+                f"episodes must be walked once, got {row['episode']} twice by {row['controller']} "
+                f"on {row['terrain']}"
             )
         episodes[row["episode"]] = row
     names = list(dict.fromkeys(name for _, name in groups))
     if reference not in names:
-        raise ValueError(f"reference: {reference!r}; allowed: {', '.join(names)}")
+        raise ValueError(f"reference must be one of {', '.join(names)}, got {reference!r}")
     terrains = list(dict.fromkeys(terrain for terrain, _ in groups))
     summary = []
     for terrain in terrains:

@@ -49,6 +49,7 @@ _STYLE: Final[Any] = {
     "axes.labelcolor": marker("muted"),
     "axes.titlesize": 10,
     "axes.facecolor": "none",
+    "figure.facecolor": "none",
     "axes.linewidth": 1,
     "xtick.color": marker("line"),
     "xtick.labelcolor": marker("muted"),

@@ -23,6 +23,7 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import TerrainConfig
+from flyrl.validation import within
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
@@ -81,8 +82,7 @@ def record_videos(config: EvaluationConfig, episode: int = 0) -> tuple[list[Vide
     The videos, and a note that says why there are none. Where pictures or videos cannot be made the
     note goes to stderr as well, in one line, and nothing is raised.
     """
-    if not 0 <= episode < config.episodes:
-        raise ValueError(f"episode: {episode}; allowed: 0 to {config.episodes - 1}")
+    within("episode", episode, 0, config.episodes - 1)
     entrants = make_entrants(config)
     jobs = [(terrain, entrant) for terrain in config.terrain_configs for entrant in entrants]
     videos = []

@@ -78,7 +78,7 @@ class EpisodeRecord:
 
     def __post_init__(self) -> None:
         if self.outcome not in OUTCOMES:
-            raise ValueError(f"outcome: {self.outcome!r}; allowed: {', '.join(OUTCOMES)}")
+            raise ValueError(f"outcome must be one of {OUTCOMES}, got {self.outcome!r}")
         samples = len(self.time_s)
         shapes = {
             "time_s": (samples,),
@@ -90,10 +90,10 @@ class EpisodeRecord:
             values = getattr(self, name)
             if np.shape(values) != shape or samples == 0:
                 raise ValueError(
-                    f"{name}: shape {np.shape(values)}; allowed: {shape}, at least one sample"
+                    f"{name} must have shape {shape} and a sample, got {np.shape(values)}"
                 )
             if not np.isfinite(values).all():
-                raise ValueError(f"{name}: values that are not finite; allowed: finite ones")
+                raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
 
     @property
     def seed(self) -> int:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flyrl.rollouts.records import SAMPLING_S, EpisodeRecord
 from flyrl.tasks import TIMEOUT, Episode
+from flyrl.validation import positive
 
 if TYPE_CHECKING:  # reading records takes no physics engine
     from flyrl.envs.core import BatchedEnv
@@ -90,10 +91,10 @@ def num_decisions(env: BatchedEnv, num_episodes: int, horizon_s: float | None = 
     limits = [limit for limit in (env.task.time_limit_s, horizon_s) if limit is not None]
     if not limits:
         raise ValueError(
-            f"horizon_s: None; allowed: a duration in s, since task {env.task.name!r} has no limit"
+            f"horizon_s must be a duration in s, since task {env.task.name!r} has no time limit"
         )
-    if min(limits) <= 0:
-        raise ValueError(f"horizon_s: {horizon_s}; allowed: a duration in s, > 0")
+    if horizon_s is not None:
+        positive("horizon_s", horizon_s)
     return num_episodes * max(1, round(min(limits) / env.config.decision_interval_s))
 
 

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import mujoco
 import numpy as np
@@ -158,7 +158,7 @@ class _Offscreen:
         self._gl.free()
 
 
-def _gl_context(width: int, height: int) -> mujoco.GLContext:
+def _gl_context(width: int, height: int) -> Any:
     """Make a GL context that MuJoCo can draw in.
 
     MuJoCo settles on a GL library when it is imported: the one that MUJOCO_GL names, else GLFW,

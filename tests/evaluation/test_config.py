@@ -1,0 +1,56 @@
+import dataclasses
+
+import pytest
+
+from flyrl.evaluation import EvaluationConfig
+from flyrl.evaluation.config import FIRST_SEED, MAX_EPISODES, MAX_SEED
+from flyrl.tasks import TASKS
+from flyrl.terrains import TerrainConfig
+
+
+def test_no_two_seeds_share_an_episode():
+    first = set(EvaluationConfig(seed=3, episodes=MAX_EPISODES).seeds())
+    assert first.isdisjoint(EvaluationConfig(seed=4, episodes=MAX_EPISODES).seeds())
+
+
+def test_episodes_lie_beyond_every_seed_that_training_draws():
+    assert EvaluationConfig(seed=0).seeds()[0] == FIRST_SEED > 2**31
+
+
+def test_the_last_seed_is_still_a_seed():
+    assert EvaluationConfig(seed=MAX_SEED, episodes=MAX_EPISODES).seeds()[-1] == 2**32 - 1
+
+
+def test_more_episodes_begin_with_the_same_ones():
+    few = EvaluationConfig(episodes=3).draw_episodes(TerrainConfig())
+    assert EvaluationConfig(episodes=5).draw_episodes(TerrainConfig())[:3] == few
+
+
+def test_terrains_by_name_and_by_config():
+    blocks = TerrainConfig("blocks", height_range=(0.1, 0.4))
+    config = EvaluationConfig(terrains=("flat", blocks))
+    assert config.terrain_configs == (TerrainConfig("flat"), blocks)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"policies": (), "controllers": ()}, "policies or controllers"),
+        ({"terrains": ()}, "terrains"),
+        ({"terrains": ("flat", TerrainConfig("flat", seed=1))}, "terrains must differ"),
+        ({"terrains": ("lava",)}, "lava"),
+        ({"episodes": 0}, "episodes"),
+        ({"episodes": MAX_EPISODES + 1}, "episodes"),
+        ({"seed": -1}, "seed"),
+        ({"seed": MAX_SEED + 1}, "seed"),
+        ({"num_envs": 0}, "num_envs"),
+        ({"num_threads": -1}, "num_threads"),
+        ({"task": "targt"}, "target"),
+        ({"task": "hybrid_turning"}, "flat observation"),
+        ({"task": dataclasses.replace(TASKS["target"], time_limit_s=None)}, "time limit"),
+        ({"physics": "balancd"}, "balanced"),
+    ],
+)
+def test_what_is_not_allowed_is_named(changes, message):
+    with pytest.raises(ValueError, match=message):
+        EvaluationConfig(**changes)

@@ -1,0 +1,153 @@
+import dataclasses
+import hashlib
+
+import numpy as np
+import pytest
+
+from flyrl.controllers import ControllerConfig
+from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
+from flyrl.evaluation.entrants import reference_name
+from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
+from flyrl.policies.bundle import save_bundle
+from flyrl.policies.mlp import MLP, Layer
+from flyrl.tasks import TASKS
+
+TARGET = TASKS["target"]
+
+
+def save_policy(path, *, training=None, env=None, observation=None):
+    """A policy that always answers (0.5, -0.5)."""
+    layout = observation_layout(TARGET) if observation is None else observation
+    size = sum(term.size for term in layout)
+    bias = np.array([0.5, -0.5], np.float32)
+    bundle = PolicyBundle(
+        network=MLP((Layer(np.zeros((2, size), np.float32), bias),), "tanh"),
+        squashing="clip",
+        observation=layout,
+        action_low=(-1.0, -1.0),
+        action_high=(1.0, 1.0),
+        env={"controller": dataclasses.asdict(ControllerConfig())} if env is None else env,
+        training={"algo": "ppo"} if training is None else training,
+    )
+    save_bundle(bundle, path)
+    return str(path)
+
+
+def names(config):
+    return [entrant.name for entrant in make_entrants(config)]
+
+
+def test_learned_policies_come_first(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors")
+    config = EvaluationConfig(policies=(path,), controllers=("cpg", "zero"))
+    assert names(config) == ["ppo", "cpg", "zero"]
+
+
+def test_namesakes_are_numbered(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors")
+    config = EvaluationConfig(policies=(path, path, path), controllers=())
+    assert names(config) == ["ppo", "ppo-2", "ppo-3"]
+
+
+def test_a_policy_without_training_record_is_called_by_its_file(tmp_path):
+    path = save_policy(tmp_path / "mine.safetensors", training={})
+    assert names(EvaluationConfig(policies=(path,), controllers=())) == ["mine"]
+
+
+def test_a_learned_entrant_records_file_and_hash(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors")
+    (entrant,) = make_entrants(EvaluationConfig(policies=(path,), controllers=()))
+    assert entrant.record["source"] == path
+    digest = hashlib.sha256((tmp_path / "a.safetensors").read_bytes()).hexdigest()
+    assert entrant.record["sha256"] == digest
+
+
+def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
+    legs = ControllerConfig("cpg", frequency_hz=10.0)
+    env = {"controller": dataclasses.asdict(legs), "task": {"decision_interval": 0.05}}
+    path = save_policy(tmp_path / "a.safetensors", env=env)
+    config = EvaluationConfig(policies=(path,), controllers=())
+    (entrant,) = make_entrants(config)
+    env_config = entrant.env(config, config.terrain_configs[0])
+    assert env_config.scene.controller == legs
+    assert env_config.decision_interval_s == pytest.approx(0.05)
+
+
+def test_a_policy_for_other_observations_is_refused(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors", observation=observation_layout(TARGET)[1:])
+    with pytest.raises(PolicyFileError, match="other observations"):
+        make_entrants(EvaluationConfig(policies=(path,)))
+
+
+def test_a_policy_on_legs_that_do_not_exist_is_refused(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors", env={"controller": {"wheels": 4}})
+    with pytest.raises(PolicyFileError, match="leg controller"):
+        make_entrants(EvaluationConfig(policies=(path,)))
+
+
+def test_no_such_policy(tmp_path):
+    with pytest.raises(PolicyFileError, match="nowhere"):
+        make_entrants(EvaluationConfig(policies=(str(tmp_path / "nowhere"),)))
+
+
+def test_an_unknown_controller_lists_the_known_and_the_closest():
+    with pytest.raises(ValueError, match=r"rule_based.*'rule_basd'.*did you mean 'rule_based'"):
+        make_entrants(EvaluationConfig(controllers=("cpg", "rule_basd")))
+
+
+def test_a_controller_named_twice():
+    with pytest.raises(ValueError, match="'cpg' twice"):
+        make_entrants(EvaluationConfig(controllers=("cpg", "hybrid", "cpg")))
+
+
+@pytest.mark.parametrize(
+    ("name", "legs", "drive"),
+    [
+        ("cpg", "cpg", (1, 1)),
+        ("rule_based", "rule_based", (1, 1)),
+        ("hybrid", "hybrid", (1, 1)),
+        ("zero", "hybrid", (0, 0)),
+    ],
+)
+def test_constant_drives(name, legs, drive):
+    (entrant,) = make_entrants(EvaluationConfig(controllers=(name,)))
+    assert entrant.controller.name == legs
+    size = sum(term.size for term in TARGET.observation)
+    action, _ = entrant.policy.predict(np.zeros((3, size), np.float32))
+    np.testing.assert_allclose(TARGET.drive(action), [drive] * 3, atol=1e-6)
+
+
+def test_pursuit_turns_left_towards_a_target_on_the_left():
+    (entrant,) = make_entrants(EvaluationConfig(controllers=("pursuit",)))
+    observation = np.zeros((1, sum(term.size for term in TARGET.observation)), np.float32)
+    observation[0, TARGET.slices()["target_direction"]] = (0, 1)
+    action, _ = entrant.policy.predict(observation)
+    left, right = TARGET.drive(action)[0]
+    assert left < right
+
+
+def test_every_fixed_controller_can_be_made():
+    assert names(EvaluationConfig(controllers=tuple(FIXED))) == list(FIXED)
+
+
+def test_the_classic_body_gets_its_own_recorded_step():
+    (entrant,) = make_entrants(EvaluationConfig(controllers=("cpg",), body="classic"))
+    assert entrant.controller.steps == "tethered"
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, "hybrid"),
+        ({"controllers": ("zero", "cpg")}, "zero"),
+        ({"reference": "cpg"}, "cpg"),
+    ],
+)
+def test_reference(changes, expected):
+    config = EvaluationConfig(**changes)
+    assert reference_name(config, make_entrants(config)) == expected
+
+
+def test_a_reference_that_does_not_take_part():
+    with pytest.raises(ValueError, match="reference"):
+        make_entrants(EvaluationConfig(controllers=("cpg",), reference="hybrid"))

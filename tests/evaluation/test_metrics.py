@@ -1,0 +1,101 @@
+import math
+
+import numpy as np
+import pytest
+
+from flyrl.evaluation.metrics import METRICS, episode_metrics
+from tests.synthetic import make_record
+
+
+def test_every_metric_is_there_in_order():
+    assert list(episode_metrics(make_record([(0, 0), (1, 0)]))) == list(METRICS)
+
+
+def test_path_length_adds_up_the_legs_of_a_path():
+    metrics = episode_metrics(make_record([(0, 0), (3, 4), (3, 0)]))
+    assert metrics["path_length_mm"] == pytest.approx(9)
+
+
+def test_displacement_is_as_the_crow_flies():
+    metrics = episode_metrics(make_record([(1, 1), (9, 9), (4, 5)]))
+    assert metrics["displacement_mm"] == pytest.approx(5)
+
+
+def test_height_does_not_count():
+    metrics = episode_metrics(make_record([(0, 0, 0), (3, 4, 7)]))
+    assert metrics["displacement_mm"] == pytest.approx(5)
+    assert metrics["path_length_mm"] == pytest.approx(5)
+
+
+def test_path_efficiency_of_a_right_angle():
+    metrics = episode_metrics(make_record([(0, 0), (3, 0), (3, 4)]))
+    assert metrics["path_efficiency"] == pytest.approx(5 / 7)
+
+
+def test_a_fly_at_rest_has_no_path_efficiency_and_no_drift():
+    metrics = episode_metrics(make_record([(2, 2), (2, 2)]))
+    assert metrics["path_efficiency"] is None
+    assert metrics["drift_deg"] is None
+
+
+def test_drift_is_relative_to_the_heading_and_positive_to_the_left():
+    record = make_record([(0, 0), (0, 2)], yaw=[math.pi / 4, math.pi / 4])
+    assert episode_metrics(record)["drift_deg"] == pytest.approx(45)
+
+
+def test_drift_wraps_around():
+    # Heading 170 deg, walking towards -170 deg: 20 deg to the left, not 340 to the right.
+    angle = math.radians(-170)
+    record = make_record([(0, 0), (math.cos(angle), math.sin(angle))], yaw=[math.radians(170)] * 2)
+    assert episode_metrics(record)["drift_deg"] == pytest.approx(20)
+
+
+def test_yaw_change_counts_whole_turns():
+    record = make_record([(0, 0), (1, 0)], yaw=[0, -2.5 * math.pi])
+    assert episode_metrics(record)["yaw_change_deg"] == pytest.approx(-450)
+
+
+def test_success_is_fast_over_its_own_duration():
+    record = make_record([(0, 0), (6, 0)], outcome="success", duration_s=0.5, horizon_s=3)
+    assert episode_metrics(record)["speed_mm_s"] == pytest.approx(12)
+
+
+def test_time_out_is_scored_over_the_whole_episode():
+    record = make_record([(0, 0), (6, 0)], outcome="timeout", duration_s=3, horizon_s=3)
+    assert episode_metrics(record)["speed_mm_s"] == pytest.approx(2)
+
+
+@pytest.mark.parametrize("outcome", ["fall", "left_arena", "unstable"])
+def test_a_failure_is_scored_over_the_full_horizon(outcome):
+    record = make_record([(0, 0), (6, 0)], outcome=outcome, duration_s=0.5, horizon_s=3)
+    assert episode_metrics(record)["speed_mm_s"] == pytest.approx(2)
+
+
+def test_falling_early_never_raises_the_speed():
+    # The same walk at 10 mm/s, cut short by a fall at every possible sample.
+    path = np.column_stack([np.linspace(0, 30, 151), np.zeros(151)])
+    walked = episode_metrics(make_record(path))["speed_mm_s"]
+    fallen = [
+        episode_metrics(make_record(path[:end], outcome="fall"))["speed_mm_s"]
+        for end in range(2, 151)
+    ]
+    assert max(fallen) < walked
+
+
+def test_time_to_goal_is_only_for_success():
+    reached = make_record([(0, 0), (6, 0)], outcome="success", duration_s=0.5)
+    fallen = make_record([(0, 0), (6, 0)], outcome="fall", duration_s=0.5)
+    assert episode_metrics(reached)["time_to_goal_s"] == 0.5
+    assert episode_metrics(fallen)["time_to_goal_s"] is None
+
+
+def test_distance_and_progress_to_a_goal():
+    metrics = episode_metrics(make_record([(0, 0), (7, 4)], goal=(10, 0)))
+    assert metrics["goal_distance_mm"] == pytest.approx(5)
+    assert metrics["goal_progress_mm"] == pytest.approx(5)
+
+
+def test_no_goal_no_goal_metrics():
+    metrics = episode_metrics(make_record([(0, 0), (7, 4)]))
+    assert metrics["goal_distance_mm"] is None
+    assert metrics["goal_progress_mm"] is None

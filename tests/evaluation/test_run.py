@@ -1,0 +1,76 @@
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
+from flyrl.tasks import TASKS
+
+SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
+CONFIG = EvaluationConfig(
+    task=SHORT, controllers=("cpg", "zero"), episodes=3, reference="zero", num_threads=1
+)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return evaluate(CONFIG)
+
+
+def test_everyone_walks_the_same_episodes(results):
+    def of(name):
+        return [
+            (row["episode"], row["seed"]) for row in results.episodes if row["controller"] == name
+        ]
+
+    assert of("cpg") == of("zero") == list(enumerate(CONFIG.seeds()))
+
+
+def test_everyone_starts_at_the_same_place(results):
+    starts = np.array([path.position_w[0] for path in results.trajectories])
+    np.testing.assert_array_equal(starts[:3], starts[3:])
+
+
+def test_the_protocol_holds_the_episodes(results):
+    (terrain,) = results.protocol["terrains"]
+    drawn = CONFIG.draw_episodes(CONFIG.terrain_configs[0])
+    assert terrain["episodes"] == [
+        json.loads(json.dumps(dataclasses.asdict(episode))) for episode in drawn
+    ]
+
+
+def test_walking_beats_standing(results):
+    cpg, zero = results.summary
+    assert cpg["metrics"]["path_length_mm"]["median"] > 1.0
+    assert zero["metrics"]["path_length_mm"]["median"] < 0.5
+
+
+def test_results_come_back_from_their_files(results, tmp_path):
+    write_results(results, tmp_path)
+    assert load_results(tmp_path).to_json() == results.to_json()
+
+
+def test_batches_and_threads_do_not_change_the_result(results):
+    other = evaluate(dataclasses.replace(CONFIG, num_envs=2, num_threads=2))
+    assert other.episodes == results.episodes
+    assert other.summary == results.summary
+
+
+def test_the_command_is_kept():
+    config = dataclasses.replace(
+        CONFIG, controllers=("zero",), episodes=1, command="flyrl-evaluate episodes=1"
+    )
+    assert evaluate(config).protocol["command"] == "flyrl-evaluate episodes=1"
+
+
+def test_evaluation_needs_neither_training_nor_matplotlib_nor_sb3():
+    code = (
+        "import sys, flyrl.evaluation\n"
+        "unwanted = {'flyrl.training', 'flyrl.report', 'matplotlib', 'stable_baselines3'}\n"
+        "print(sorted(unwanted & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

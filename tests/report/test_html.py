@@ -1,0 +1,193 @@
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from flyrl.report import Video, write_report
+from flyrl.report.html import format_number, format_report, headline
+from tests.synthetic import make_results
+
+NAMES = ("target-ppo", "cpg", "hybrid", "pursuit", "zero")
+VOID = {"meta", "link", "br", "hr", "img", "input", "source"}
+
+
+class Page(HTMLParser):
+    """Collects what a test asks for, and checks that every tag is closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.texts = [], [], []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append(data)
+
+    def count(self, tag):
+        return sum(name == tag for name, _ in self.tags)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return make_results(NAMES, terrains=("flat", "gapped"), episodes=8)
+
+
+@pytest.fixture(scope="module")
+def text(results):
+    return format_report(results, note="Videos are left out: no GL.")
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def test_every_tag_is_closed(page):
+    assert page.count("html") == 1
+
+
+def test_every_controller_is_in_the_summary_table(page):
+    values = [attrs.get("data-value") for tag, attrs in page.tags if tag == "td"]
+    assert set(NAMES) <= set(values)
+
+
+def test_every_terrain_has_its_section(page):
+    sections = [attrs.get("id") for tag, attrs in page.tags if tag == "section"]
+    assert sections == ["flat", "gapped", "reading", "provenance"]
+
+
+def test_every_link_has_its_target(page):
+    ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
+    links = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
+    assert links
+    assert all(link.startswith("#") and link[1:] in ids for link in links)
+
+
+def test_figures_stand_inside_the_page(page):
+    # success once, then distributions, pairs and paths per terrain
+    assert page.count("svg") == 1 + 3 * 2
+    assert page.count("img") == 0
+
+
+def test_nothing_comes_from_elsewhere(page, text):
+    for _, attrs in page.tags:
+        for key in ("src", "href", "xlink:href", "action", "data", "poster"):
+            assert not re.match(r"(https?:)?//", attrs.get(key) or "")
+    assert "@import" not in text
+    assert not re.search(r"url\(\s*['\"]?(https?:)?//", text)
+
+
+def test_ids_are_unique(page):
+    ids = [attrs["id"] for _, attrs in page.tags if "id" in attrs]
+    defined_twice = {name for name in ids if ids.count(name) > 1}
+    # Matplotlib defines a marker once per panel, each time the same.
+    assert all(re.search(r"-m[0-9a-f]{10}$", name) for name in defined_twice)
+
+
+def test_the_headline_counts_targets(results):
+    sentence, detail = headline(results.summary, results.protocol)
+    flat, gapped = (
+        next(
+            row
+            for row in results.summary
+            if row["controller"] == "target-ppo" and row["terrain"] == terrain
+        )
+        for terrain in ("flat", "gapped")
+    )
+    assert sentence == (
+        f"target-ppo reaches {flat['successes']} of 8 targets on flat "
+        f"and {gapped['successes']} of 8 targets on gapped."
+    )
+    assert "95\u00a0% interval" in detail
+    assert "Best of the others, pursuit" in detail
+
+
+def test_without_a_learned_policy_the_best_controller_leads():
+    results = make_results(("cpg", "hybrid", "pursuit"), episodes=8)
+    sentence, _ = headline(results.summary, results.protocol)
+    assert sentence.startswith("pursuit reaches")
+
+
+def test_the_command_is_shown_and_escaped(page, text):
+    assert "flyrl-evaluate policies=[runs/target-ppo] episodes=20 note='<b>&'" in page.texts
+    assert "<b>&'" not in text
+
+
+def test_names_are_escaped():
+    results = make_results(("cpg", "hybrid"), episodes=2)
+    evil = "<script>alert(1)</script>"
+    for row in (*results.episodes, *results.summary):
+        row["controller"] = row["controller"].replace("cpg", evil)
+    for entrant in results.protocol["entrants"]:
+        entrant["name"] = entrant["name"].replace("cpg", evil)
+    text = format_report(results)
+    assert evil not in text
+    assert evil in Page(text).texts
+
+
+def test_policies_are_named_with_their_hashes(page):
+    titles = [attrs.get("title") for tag, attrs in page.tags if tag == "code"]
+    assert "0123456789abcdef" * 4 in titles
+
+
+def test_a_missing_interval_is_explained():
+    results = make_results(("cpg", "hybrid"), episodes=3)
+    assert "3 pairs: an interval needs at least 5" in format_report(results)
+
+
+def test_without_videos_the_note_says_why(page):
+    assert page.count("video") == 0
+    assert any("no GL" in text for text in page.texts)
+
+
+def test_videos_are_carried_along():
+    results = make_results(("cpg", "hybrid"), episodes=2)
+    videos = [Video("cpg", "flat", 1, "left_arena", b"film"), Video("x", "mixed", 1, "fall", b"")]
+    page = Page(format_report(results, videos=videos))
+    sources = [attrs["src"] for tag, attrs in page.tags if tag == "video"]
+    assert sources == ["data:video/mp4;base64,ZmlsbQ=="]
+    assert any("left arena" in text for text in page.texts)
+
+
+def test_results_without_paths_give_a_report_without_them(results):
+    bare = type(results)(results.protocol, results.episodes, results.summary)
+    assert Page(format_report(bare)).count("svg") == 1 + 2 * 2
+
+
+def test_one_controller_alone_gives_a_report():
+    text = format_report(make_results(("hybrid",), episodes=1))
+    assert "Compared with" not in text
+
+
+def test_the_report_lies_in_its_folder(results, tmp_path):
+    path = write_report(results, tmp_path / "new")
+    assert path == tmp_path / "new" / "report.html"
+    assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "\u2013"),
+        (0, "0"),
+        (1.23456, "1.23"),
+        (-12.3456, "\u221212.3"),
+        (0.04567, "0.05"),
+        (1234.5, "1234"),
+        (3.0, "3.00"),
+    ],
+)
+def test_numbers_are_short(value, text):
+    assert format_number(value) == text

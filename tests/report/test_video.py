@@ -1,0 +1,102 @@
+import dataclasses
+import os
+import re
+import subprocess
+import sys
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+
+from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
+from flyrl.report.video import FPS, HOLD_FRAMES, encode, record_video, record_videos
+from flyrl.simulation.rendering import RenderingUnavailableError
+from flyrl.tasks import TASKS
+
+CONFIG = EvaluationConfig(
+    task=dataclasses.replace(TASKS["target"], time_limit_s=0.1),
+    controllers=("cpg",),
+    episodes=2,
+    num_threads=1,
+)
+
+
+def read(mp4, tmp_path):
+    """What ffmpeg says about a video, and its frames."""
+    path = tmp_path / "video.mp4"
+    path.write_bytes(mp4)
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    done = subprocess.run([*command, "-"], capture_output=True, check=True)
+    facts = done.stderr.decode()
+    width, height = map(int, re.search(r"Video: .*?, (\d+)x(\d+)", facts).groups())
+    return facts, np.frombuffer(done.stdout, np.uint8).reshape(-1, height, width, 3)
+
+
+@pytest.fixture(scope="module")
+def video():
+    (entrant,) = make_entrants(CONFIG)
+    terrain = CONFIG.terrain_configs[0]
+    try:
+        return record_video(CONFIG, entrant, terrain, CONFIG.draw_episodes(terrain)[1], 1)
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+
+
+def test_pictures_come_back(tmp_path):
+    shades = (40, 120, 200)
+    pictures = [np.full((48, 64, 3), shade, np.uint8) for shade in shades]
+    facts, frames = read(encode(pictures), tmp_path)
+    assert re.search(rf"Video: h264 .*yuv420p.*, {FPS} fps", facts)
+    assert [int(frame.mean()) for frame in frames] == pytest.approx(shades, abs=3)
+
+
+def test_a_video_starts_playing_before_it_is_loaded():
+    data = encode([np.zeros((48, 64, 3), np.uint8)] * 3)
+    assert data.index(b"moov") < data.index(b"mdat")
+
+
+def test_a_video_that_is_too_large_is_made_coarser():
+    rng = np.random.default_rng(0)
+    noise = list(rng.integers(0, 255, (8, 96, 128, 3), np.uint8))
+    fine = encode(noise)
+    assert len(encode(noise, max_bytes=len(fine) - 1)) < len(fine)
+
+
+def test_a_video_shows_the_evaluated_episode(video):
+    row = evaluate(CONFIG).episodes[1]
+    assert (video.controller, video.terrain, video.episode) == ("cpg", "flat", 1)
+    assert video.outcome == row["outcome"]
+
+
+def test_a_video_has_a_frame_every_10_ms_and_holds_the_end(video, tmp_path):
+    _, frames = read(video.mp4, tmp_path)
+    assert len(frames) == 11 + HOLD_FRAMES
+
+
+def test_a_video_shows_something_that_moves(video, tmp_path):
+    _, frames = read(video.mp4, tmp_path)
+    first, last = frames[0].astype(float), frames[10].astype(float)
+    assert first.std() > 10
+    assert np.abs(first - last)[100:].mean() > 1
+
+
+def test_an_episode_that_was_not_walked():
+    with pytest.raises(ValueError, match="episode"):
+        record_videos(CONFIG, 2)
+
+
+def test_without_gl_one_line_says_so_and_work_goes_on():
+    code = (
+        "from flyrl.evaluation import EvaluationConfig\n"
+        "from flyrl.report import record_videos\n"
+        "print(record_videos(EvaluationConfig(controllers=('zero',), episodes=1)))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "MUJOCO_GL": "disable"},
+    )
+    assert re.match(r"\(\[\], .Videos are left out: no GL library", done.stdout)
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,45 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.rollouts import FAILURES, OUTCOMES
+from tests.synthetic import make_record
+
+
+@pytest.mark.parametrize("outcome", OUTCOMES)
+def test_success_and_failure_follow_the_outcome(outcome):
+    record = make_record([(0, 0), (1, 0)], outcome=outcome)
+    assert record.success == (outcome == "success")
+    assert record.failed == (outcome in FAILURES)
+
+
+def test_the_seed_is_the_episodes():
+    assert make_record([(0, 0)], seed=17).seed == 17
+
+
+def test_an_unknown_outcome_is_refused():
+    with pytest.raises(ValueError, match=r"outcome.*'won'"):
+        make_record([(0, 0)], outcome="won")
+
+
+def test_samples_of_different_number_are_refused():
+    with pytest.raises(ValueError, match=r"yaw must have shape \(2,\)"):
+        make_record([(0, 0), (1, 1)], yaw=[0, 0, 0])
+
+
+def test_positions_that_are_not_finite_are_refused():
+    with pytest.raises(ValueError, match="position_w must be finite"):
+        make_record([(0, 0), (np.nan, 1)])
+
+
+def test_no_samples_are_refused():
+    record = make_record([(0, 0)])
+    with pytest.raises(ValueError, match="a sample"):
+        dataclasses.replace(
+            record,
+            time_s=record.time_s[:0],
+            position_w=record.position_w[:0],
+            yaw=record.yaw[:0],
+            drive=record.drive[:0],
+        )

@@ -1,0 +1,139 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.policies import ConstantDrive
+from flyrl.rollouts import num_decisions, run_episodes
+from flyrl.tasks import TASKS, Termination
+from flyrl.terrains import TerrainConfig
+
+# Ends after 0.02, 0.04 … s, as the seed says, or after 0.1 s.
+INTERVAL_S, LIMIT_S = 0.02, 0.1
+
+
+def _is_over(state):
+    return state.fly.time >= INTERVAL_S * state.goal[:, 0] - 1e-9
+
+
+TASK = dataclasses.replace(
+    TASKS["target"],
+    name="countdown",
+    time_limit_s=LIMIT_S,
+    terminations=(Termination("success", _is_over, is_success=True),),
+)
+WALK = ConstantDrive(1.0, 1.0, TASK.action)
+
+
+def countdown(decisions):
+    """An episode that ends with success after so many decisions."""
+    episode = TASK.sample_episode(TerrainConfig(), decisions)
+    return dataclasses.replace(episode, goal=(float(decisions), 0.0))
+
+
+def make_env(num_envs, task=TASK, **changes):
+    return BatchedEnv(EnvConfig(task=task, **changes), num_envs, num_threads=1)
+
+
+@pytest.fixture(scope="module")
+def env():
+    return make_env(2)
+
+
+@pytest.fixture(scope="module")
+def records(env):
+    return run_episodes(env, WALK, [countdown(n) for n in (3, 99, 1, 2, 99)], controller="walk")
+
+
+def test_a_partial_last_batch_is_walked(records):
+    assert [record.index for record in records] == [0, 1, 2, 3, 4]
+
+
+def test_records_come_in_the_order_of_the_episodes(records):
+    assert [record.seed for record in records] == [3, 99, 1, 2, 99]
+
+
+def test_outcomes_and_durations(records):
+    assert [record.outcome for record in records] == [
+        "success", "timeout", "success", "success", "timeout",
+    ]  # fmt: skip
+    durations = [record.duration_s for record in records]
+    assert durations == pytest.approx([0.06, 0.1, 0.02, 0.04, 0.1])
+
+
+def test_a_sample_at_the_start_and_after_every_decision(records):
+    assert [len(record.time_s) for record in records] == [4, 6, 2, 3, 6]
+    np.testing.assert_allclose(records[0].time_s, [0, 0.02, 0.04, 0.06])
+
+
+def test_names_and_horizon(records):
+    record = records[0]
+    assert (record.controller, record.task, record.terrain) == ("walk", "countdown", "flat")
+    assert record.horizon_s == pytest.approx(LIMIT_S)
+
+
+def test_a_record_starts_where_its_episode_spawns(records):
+    # The thorax stands a fixed offset from the spawn, which is where the published body has its
+    # origin.
+    offsets = [record.position_w[0] - record.episode.spawn_position_w for record in records]
+    np.testing.assert_allclose(offsets, offsets[:1] * 5, atol=1e-12)
+    np.testing.assert_allclose([record.yaw[0] for record in records], 0, atol=1e-12)
+
+
+def test_the_drive_is_the_one_that_was_held(records):
+    np.testing.assert_allclose(records[1].drive[1:], 1.0, atol=1e-6)
+
+
+def test_an_episode_gives_the_same_record_in_any_batch(records):
+    (alone,) = run_episodes(make_env(1), WALK, [countdown(3)])
+    np.testing.assert_array_equal(alone.position_w, records[0].position_w)
+    np.testing.assert_array_equal(alone.yaw, records[0].yaw)
+    assert alone.return_ == records[0].return_
+
+
+def test_what_has_ended_stands_still_and_earns_nothing():
+    env = make_env(2)
+    short, long = run_episodes(env, WALK, [countdown(1), countdown(99)])
+    assert env.fly_state.time == pytest.approx([0.02, 0.1])
+    (alone,) = run_episodes(make_env(1), WALK, [countdown(1)])
+    assert short.return_ == alone.return_
+    assert long.outcome == "timeout"
+
+
+def test_progress_adds_up_whatever_ends_early(env):
+    settled = []
+    run_episodes(env, WALK, [countdown(n) for n in (3, 99, 1)], on_progress=settled.append)
+    assert sum(settled) == num_decisions(env, 3) == 15
+
+
+def test_a_horizon_shorter_than_the_task(env):
+    (record,) = run_episodes(env, WALK, [countdown(99)], horizon_s=0.04)
+    assert record.outcome == "timeout"
+    assert record.duration_s == pytest.approx(0.04)
+    assert record.horizon_s == pytest.approx(0.04)
+
+
+def test_a_task_without_a_limit_needs_a_horizon():
+    env = make_env(1, dataclasses.replace(TASK, time_limit_s=None))
+    with pytest.raises(ValueError, match="horizon_s"):
+        run_episodes(env, WALK, [countdown(99)])
+
+
+def test_fine_decisions_are_sampled_at_the_floor_and_at_the_end():
+    env = make_env(1, decision_interval=0.005)
+    (record,) = run_episodes(env, WALK, [countdown(99)], horizon_s=0.05)
+    np.testing.assert_allclose(record.time_s, [0, 0.02, 0.04, 0.05])
+
+
+def test_no_episodes_no_records(env):
+    assert run_episodes(env, WALK, []) == []
+
+
+def test_a_simulation_that_diverges_is_recorded_where_it_was_last_sound(env):
+    # Oscillators this strong command angles that no physics can follow.
+    broken = dataclasses.replace(countdown(99), init_magnitudes=(1e12,) * 6)
+    unstable, other = run_episodes(env, WALK, [broken, countdown(99)])
+    assert unstable.outcome == "unstable"
+    assert np.isfinite(unstable.position_w).all()
+    assert other.outcome == "timeout"
