@@ -85,8 +85,9 @@ def comparison(record: dict[str, Any], settings: EvaluationSettings) -> Evaluati
 def compare(config: EvaluationConfig, folder: Path, with_videos: bool) -> Path:
     """Evaluate, write results and report to `folder`, and return the report's path."""
     from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
-    from flyrl.report import write_report  # noqa: PLC0415
+    from flyrl.report import record_videos, write_report  # noqa: PLC0415
 
     results = evaluate(config)
     write_results(results, folder)
-    return write_report(results, folder)
+    videos, note = record_videos(config) if with_videos else ([], None)
+    return write_report(results, folder, videos=videos, note=note)
