@@ -8,6 +8,7 @@ from flyrl.controllers import (
     filter_edges,
 )
 from flyrl.envs.registration import register_envs
+from flyrl.policies import load_policy
 
 register_envs()
 
@@ -17,4 +18,5 @@ __all__ = [
     "RuleBasedSteppingCoordinator",
     "construct_rules_graph",
     "filter_edges",
+    "load_policy",
 ]

@@ -1,0 +1,108 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flyrl.cli.arguments import check_arguments
+from flyrl.cli.config import evaluation_config, evaluation_settings
+from flyrl.evaluation import EvaluationConfig
+
+ROOT = Path(__file__).parents[2]
+TINY = [
+    "training.total_decisions=64",
+    "training.num_envs=4",
+    "training.evaluation_episodes=2",
+    "algo.n_steps=16",
+    "algo.batch_size=32",
+]
+GROUPS = {"task": {"name": "target"}, "body": {}, "physics": {}}
+
+
+def _python(folder, *arguments):
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def test_the_command_of_the_readme_is_fine():
+    check_arguments(
+        "evaluate",
+        [
+            "policies=[runs/a]",
+            "controllers=[cpg,rule_based,hybrid]",
+            "task=target",
+            "terrains=[flat]",
+            "episodes=50",
+        ],
+    )
+
+
+def test_terrains_by_name_and_by_settings():
+    terrains = ["flat", {"name": "blocks", "height_range": [0.15, 0.45]}]
+    config = evaluation_config(GROUPS, evaluation_settings({"terrains": terrains}), "")
+    assert [terrain.name for terrain in config.terrain_configs] == ["flat", "blocks"]
+    assert config.terrain_configs[1].height_range == (0.15, 0.45)
+
+
+def test_defaults():
+    assert evaluation_config(GROUPS, evaluation_settings({}), "").episodes == 50
+    assert EvaluationConfig().controllers == evaluation_settings({}).controllers
+
+
+def test_decision_interval_is_refused():
+    groups = {**GROUPS, "task": {"name": "target", "decision_interval": 0.01}}
+    with pytest.raises(ValueError, match=r"task\.decision_interval must be null"):
+        evaluation_config(groups, evaluation_settings({}), "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["policies=[nowhere]"], "error: no policy at nowhere"),
+        (["controllers=[cgp]"], "closest: cpg"),
+        (["terrains=[flat,blokcs]"], "blocks"),
+        (["episdes=3"], "error: episdes: no such key; closest: episodes"),
+    ],
+)
+def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):
+    result = _python(tmp_path, str(ROOT / "evaluate.py"), *arguments)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_train_then_evaluate_end_to_end(tmp_path):
+    trained = _python(
+        tmp_path,
+        str(ROOT / "train.py"),
+        "experiment=main",
+        "evaluation.episodes=2",
+        "evaluation.controllers=[zero]",
+        "evaluation.videos=false",
+        *TINY,
+    )
+    assert trained.returncode == 0, trained.stderr
+    *_, first, last = trained.stdout.splitlines()
+    run = last.removeprefix("run: ")
+    assert first == f"report: {run}/evaluation/report.html"
+    assert (tmp_path / run / "evaluation" / "report.html").is_file()
+
+    compared = _python(
+        tmp_path,
+        str(ROOT / "evaluate.py"),
+        f"policies=[{run}]",
+        "controllers=[cpg,hybrid]",
+        "task=target",
+        "terrains=[flat]",
+        "episodes=2",
+        "videos=false",
+    )
+    assert compared.returncode == 0, compared.stderr
+    report = tmp_path / compared.stdout.splitlines()[-1].removeprefix("report: ")
+    results = json.loads((report.parent / "results.json").read_text())
+    assert {row["controller"] for row in results["episodes"]} == {"ppo", "cpg", "hybrid"}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["reports", "runs"]
