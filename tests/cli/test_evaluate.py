@@ -61,7 +61,7 @@ def test_decision_interval_is_refused():
     ("arguments", "message"),
     [
         (["policies=[nowhere]"], "error: no policy at nowhere"),
-        (["controllers=[cgp]"], "closest: cpg"),
+        (["controllers=[cgp]"], "did you mean 'cpg'?"),
         (["terrains=[flat,blokcs]"], "blocks"),
         (["episdes=3"], "error: episdes: no such key; closest: episodes"),
     ],
