@@ -47,7 +47,7 @@ def test_multirun_makes_a_run_per_job(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["terain=flat"], "error: terain: no such key; closest: terrain\n"),
+        (["terain=flat"], "error: there is no key 'terain'; did you mean 'terrain'?\n"),
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
     ],
 )
