@@ -14,7 +14,7 @@ from scipy import stats
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.tasks import TASKS
 
-FIRST_SEED = 1000
+FIRST_SEED = 0
 
 
 def walk(
