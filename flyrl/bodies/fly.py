@@ -301,8 +301,12 @@ def _add_cameras(spec: mujoco.MjSpec) -> None:
 
 
 def _add_light(spec: mujoco.MjSpec) -> None:
-    """A sun that moves with the fly, since MuJoCo draws shadows only near its aim."""
-    direction = np.array((0.35, 0.45, -1.0))
+    """A sun that moves with the fly, since MuJoCo draws shadows only near its aim.
+
+    It stands overhead: under a slanting one the ground shadows itself in speckles, where the drawn
+    shadows end.
+    """
+    direction = np.array((0.0, 0.0, -1.0))
     spec.body(ROOT_BODY).add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,

@@ -92,9 +92,7 @@ class EvaluationConfig:
                 f"task must be one with a flat observation, got {self.resolved_task.name!r}"
             )
         if self.resolved_task.time_limit_s is None:
-            raise ValueError(
-                f"task must be one with a time limit, got {self.resolved_task.name!r}"
-            )
+            raise ValueError(f"task must be one with a time limit, got {self.resolved_task.name!r}")
         names = [terrain.name for terrain in self.terrain_configs]
         if len(set(names)) < len(names):
             raise ValueError(f"terrains must differ in name, got {', '.join(names)}")

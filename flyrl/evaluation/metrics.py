@@ -17,12 +17,19 @@ import numpy as np
 
 from flyrl.rollouts.records import EpisodeRecord, FloatArray
 
+PATH_SAMPLING_S: Final = 0.1
+"""A path is measured from point to point at least this far apart, s.
+
+The thorax sways with every stride (1/12 s); measured more finely, straight walking is 20 % longer
+than the way it covers.
+"""
+
 METRICS: Final[dict[str, str]] = {
     "return": "sum of rewards",
     "duration_s": "simulated time until the episode ended, s",
     "time_to_goal_s": "time until success, s; none without success",
     "displacement_mm": "distance from start to end, as the crow flies, mm",
-    "path_length_mm": "length of the path walked, mm",
+    "path_length_mm": "length of the path walked, from point to point every 0.1 s, mm",
     "path_efficiency": "displacement ÷ path length",
     "speed_mm_s": "displacement ÷ time, mm/s; failures over the full horizon",
     "drift_deg": "direction of displacement against the heading at the start, deg, left positive",
@@ -37,7 +44,7 @@ def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
     """All metrics of `METRICS` for one episode, in that order."""
     position = record.position_w[:, :2]
     displacement = displacement_mm(position)
-    path = path_length_mm(position)
+    path = path_length_mm(position, record.time_s)
     goal = np.array(record.episode.goal)
     distances = np.linalg.norm(position[[0, -1]] - goal, axis=1) if goal.size else None
     return {
@@ -61,9 +68,12 @@ def displacement_mm(position: FloatArray) -> float:
     return float(np.linalg.norm(position[-1] - position[0]))
 
 
-def path_length_mm(position: FloatArray) -> float:
-    """Length of the path through `position` (T, 2), mm."""
-    return float(np.linalg.norm(np.diff(position, axis=0), axis=1).sum())
+def path_length_mm(position: FloatArray, time_s: FloatArray) -> float:
+    """Length of the path through `position` (T, 2) every `PATH_SAMPLING_S`, and its end, mm."""
+    due = np.arange(0.0, time_s[-1], PATH_SAMPLING_S)
+    # Times are sums of decisions: a hair's breadth late is in time.
+    kept = np.append(np.searchsorted(time_s, due - 1e-9), len(time_s) - 1)
+    return float(np.linalg.norm(np.diff(position[kept], axis=0), axis=1).sum())
 
 
 def speed_mm_s(record: EpisodeRecord, displacement: float) -> float:

@@ -191,12 +191,17 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
                 "controller": video.controller,
                 "episode": video.episode,
                 "outcome": _OUTCOME_NAMES[video.outcome],
-                "source": "data:video/mp4;base64," + base64.b64encode(video.mp4).decode(),
+                "source": _data_url("video/mp4", video.mp4),
+                "poster": _data_url("image/jpeg", video.poster),
             }
             for video in videos
             if video.terrain == terrain
         ],
     }
+
+
+def _data_url(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def _differences(summary: Sequence[Json]) -> list[Json]:

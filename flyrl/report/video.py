@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import sys
 import tempfile
@@ -58,6 +59,8 @@ class Video:
         How it ended.
     mp4
         The file: H.264, yuv420p.
+    poster
+        Its last picture, a JPEG file, to be shown until it plays.
     """
 
     controller: str
@@ -65,6 +68,7 @@ class Video:
     episode: int
     outcome: str
     mp4: bytes
+    poster: bytes
 
 
 def record_videos(config: EvaluationConfig, episode: int = 0) -> tuple[list[Video], str | None]:
@@ -124,7 +128,9 @@ def record_video(
     time_s, outcome = ending
     text = f"{outcome.replace('_', ' ')} at {time_s:.2f} s"
     pictures += [_titled(picture, entrant.name, time_s, text)] * HOLD_FRAMES
-    return Video(entrant.name, terrain.name, index, outcome, encode(pictures))
+    poster = io.BytesIO()
+    Image.fromarray(pictures[-1]).save(poster, "JPEG", quality=80)
+    return Video(entrant.name, terrain.name, index, outcome, encode(pictures), poster.getvalue())
 
 
 def _walk(

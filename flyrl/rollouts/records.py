@@ -19,11 +19,7 @@ FAILURES: Final = ("fall", "left_arena", UNSTABLE)
 OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
 
 SAMPLING_S: Final = 0.02
-"""Least spacing of a record's samples, s.
-
-The thorax sways with every step, so the length of a path grows with the sampling rate; a floor
-makes paths of tasks with finer decisions comparable.
-"""
+"""Least spacing of a record's samples, s: a quarter of a stride."""
 
 
 @dataclass(frozen=True, eq=False)

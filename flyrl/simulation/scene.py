@@ -130,11 +130,14 @@ def _engine_record(model: mujoco.MjModel) -> np.void:
 
 def _add_target_marker(spec: mujoco.MjSpec) -> None:
     marker = spec.worldbody.add_body(name=TARGET_MARKER, mocap=True, pos=[0.0, 0.0, -100.0])
-    marker.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        size=[1.0, 0.02, 0.0],
-        rgba=[0.85, 0.2, 0.2, 0.6],
-        contype=0,
-        conaffinity=0,
-        group=1,
-    )
+    # a disc on the ground, and a pole that shows above rough ground
+    for size, height in (([1.0, 0.02, 0.0], 0.0), ([0.05, 1.0, 0.0], 1.0)):
+        marker.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+            size=size,
+            pos=[0.0, 0.0, height],
+            rgba=[0.85, 0.2, 0.2, 0.6],
+            contype=0,
+            conaffinity=0,
+            group=1,
+        )

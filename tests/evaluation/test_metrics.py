@@ -12,8 +12,21 @@ def test_every_metric_is_there_in_order():
 
 
 def test_path_length_adds_up_the_legs_of_a_path():
-    metrics = episode_metrics(make_record([(0, 0), (3, 4), (3, 0)]))
+    metrics = episode_metrics(make_record([(0, 0), (3, 4), (3, 0)], interval_s=0.1))
     assert metrics["path_length_mm"] == pytest.approx(9)
+
+
+def test_path_length_ends_at_the_end_of_the_path():
+    # 0, 0.1 and 0.2 s, then the end at 0.24 s.
+    path = [(0.5 * sample, 0) for sample in range(13)]
+    metrics = episode_metrics(make_record(path, interval_s=0.02))
+    assert metrics["path_length_mm"] == pytest.approx(6)
+
+
+def test_swaying_within_a_stride_does_not_lengthen_the_path():
+    swaying = [(0.1 * sample, 0.3 if sample % 5 else 0) for sample in range(16)]
+    metrics = episode_metrics(make_record(swaying, interval_s=0.02))
+    assert metrics["path_length_mm"] == pytest.approx(1.5)
 
 
 def test_displacement_is_as_the_crow_flies():
@@ -28,7 +41,7 @@ def test_height_does_not_count():
 
 
 def test_path_efficiency_of_a_right_angle():
-    metrics = episode_metrics(make_record([(0, 0), (3, 0), (3, 4)]))
+    metrics = episode_metrics(make_record([(0, 0), (3, 0), (3, 4)], interval_s=0.1))
     assert metrics["path_efficiency"] == pytest.approx(5 / 7)
 
 

@@ -154,10 +154,14 @@ def test_without_videos_the_note_says_why(page):
 
 def test_videos_are_carried_along():
     results = make_results(("cpg", "hybrid"), episodes=2)
-    videos = [Video("cpg", "flat", 1, "left_arena", b"film"), Video("x", "mixed", 1, "fall", b"")]
+    videos = [
+        Video("cpg", "flat", 1, "left_arena", b"film", b"still"),
+        Video("cpg", "mixed", 1, "fall", b"another", b"one"),
+    ]
     page = Page(format_report(results, videos=videos))
-    sources = [attrs["src"] for tag, attrs in page.tags if tag == "video"]
-    assert sources == ["data:video/mp4;base64,ZmlsbQ=="]
+    (attrs,) = (attrs for tag, attrs in page.tags if tag == "video")
+    assert attrs["src"] == "data:video/mp4;base64,ZmlsbQ=="
+    assert attrs["poster"] == "data:image/jpeg;base64,c3RpbGw="
     assert any("left arena" in text for text in page.texts)
 
 
