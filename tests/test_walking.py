@@ -20,9 +20,7 @@ def test_cpg_on_the_classic_body_covers_the_published_distance() -> None:
     assert np.median(final_x("cpg")) == pytest.approx(4.9, rel=0.15)
 
 
-def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_first() -> (
-    None
-):
+def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_first() -> None:
     """Which leg the first draw picks decides the first half second, here as in flygym 0.2.5.
 
     flygym 0.2.5, run with seeds 0 to 3: 2.75, 3.23, 2.75, 2.87 mm; a foreleg steps first in all but
