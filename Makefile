@@ -1,7 +1,7 @@
 # make train   set up .venv; train a steering policy, compare it with the fixed controllers, write the report
 # make test    set up .venv; run the tests
 # make check   lint, format, types, import contracts (what CI and pre-commit run before the tests)
-# make bench   speed of the engine on this machine
+# make bench   speed of the engine on this machine, and how the fly walks beside the literature
 # make format  let ruff rewrite what make check complains about
 # make clean   remove .venv and caches; runs/ and reports/ stay
 

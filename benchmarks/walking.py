@@ -67,7 +67,8 @@ def walk(
 
 def speed(positions: np.ndarray, seconds: float) -> np.ndarray:
     """Straight-line speed from start to end, mm/s, (n,)."""
-    return np.linalg.norm(positions[-1, :, :2] - positions[0, :, :2], axis=1) / seconds
+    displacement = positions[-1, :, :2] - positions[0, :, :2]
+    return np.hypot(displacement[:, 0], displacement[:, 1]) / seconds
 
 
 def paired_interval(difference: np.ndarray) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from flyrl.resources import configs_folder
+from flyrl.validation import one_of
 
 HYDRA_VERSION = "1.3"
 """Hydra's behaviour that the configs are written for."""
@@ -40,9 +41,10 @@ def plain_values(config: DictConfig) -> dict[str, Any]:
     return cast(dict[str, Any], values)
 
 
-def closest(given: str, allowed: Iterable[str]) -> str:
-    """The one of `allowed` that looks most like `given`."""
-    return difflib.get_close_matches(given, list(allowed), n=1, cutoff=0.0)[0]
+def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
+    """The error for a key that is not among `keys`; it names the closest one."""
+    closest = difflib.get_close_matches(given, list(keys), n=1, cutoff=0.0)[0]
+    return UsageError(f"there is no key {given!r}; did you mean {closest!r}?")
 
 
 def check_arguments(config_name: str, arguments: Sequence[str]) -> None:
@@ -81,7 +83,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> None:
                 _check_key(override, keys)
             plain = [str(o.input_line) for o in overrides if not o.is_sweep_override()]
             compose(config_name, plain, return_hydra_config=True)
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise UsageError(str(error).partition("\nSee http")[0]) from error
 
 
@@ -112,16 +114,12 @@ def _check_choice(override: Override, choices: list[str]) -> None:
     if override.is_delete() or is_expanded_by_hydra:
         return
     given = value.list if isinstance(value, ChoiceSweep) else [value]
-    for choice in map(str, given):
-        if choice not in choices:
-            raise UsageError(
-                f"{override.key_or_group}: {choice}; allowed: {', '.join(choices)}; "
-                f"closest: {closest(choice, choices)}"
-            )
+    for choice in given:
+        one_of(override.key_or_group, choice, choices)
 
 
 def _check_key(override: Override, keys: set[str]) -> None:
     key = override.key_or_group
     is_ours = not key.startswith("hydra") and override.package is None
     if is_ours and not override.is_add() and not override.is_force_add() and key not in keys:
-        raise UsageError(f"{key}: no such key; closest: {closest(key, keys)}")
+        raise unknown_key(key, keys)

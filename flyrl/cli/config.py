@@ -86,9 +86,9 @@ class EvaluationSettings:
     folder: str | None = None
 
 
-def evaluation_settings(config: Mapping[str, Any]) -> EvaluationSettings:
-    """Settings of the group `evaluation`, wherever its keys stand."""
-    return from_mapping(EvaluationSettings, config, "evaluation")
+def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettings:
+    """Settings of the group `evaluation`, which stands at `key` (empty: at the top)."""
+    return from_mapping(EvaluationSettings, config, key)
 
 
 def evaluation_config(

@@ -6,7 +6,7 @@ import typing
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal, TypeVar, cast, get_args, get_origin
 
-from flyrl.cli.arguments import closest
+from flyrl.cli.arguments import unknown_key
 from flyrl.validation import one_of
 
 T = TypeVar("T")
@@ -22,7 +22,7 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     mapping
         Field -> value; a field that is missing takes its default.
     key
-        Where the mapping stands in the config, for messages.
+        Where the mapping stands in the config, for messages; empty at the top.
 
     Raises
     ------
@@ -30,14 +30,13 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
         An unknown field, a value of the wrong type, or one that the dataclass refuses.
     """
     hints = typing.get_type_hints(cls)
+    prefix = f"{key}." if key else ""
     fields = {field.name for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for name, value in mapping.items():
         if name not in fields:
-            raise ValueError(
-                f"{key}.{name}: no such key; closest: {key}.{closest(str(name), fields)}"
-            )
-        values[name] = _value(hints[name], value, f"{key}.{name}")
+            raise unknown_key(f"{prefix}{name}", [f"{prefix}{field}" for field in fields])
+        values[name] = _value(hints[name], value, f"{prefix}{name}")
     return cls(**values)
 
 

@@ -53,7 +53,7 @@ def run(record: dict[str, Any]) -> None:
     groups = ("task", "body", "physics")
     try:
         settings = evaluation_settings(
-            {key: value for key, value in record.items() if key not in groups}
+            {key: value for key, value in record.items() if key not in groups}, ""
         )
         config = comparison(record, settings)
     except ValueError as error:

@@ -48,7 +48,7 @@ def run(record: dict[str, Any]) -> None:
     is_compared = bool(record["evaluate_after"])
     try:
         config = training_config(record)
-        settings = evaluation_settings(record["evaluation"])
+        settings = evaluation_settings(record["evaluation"], "evaluation")
         if is_compared:
             comparison(record, settings)  # a mistake in it shows before the training, not after
     except ValueError as error:

@@ -44,7 +44,7 @@ class FlyRenderer:
     width, height
         Size of the picture, px.
     camera
-        "follow" looks from behind and above, "top" straight down, "goal" from the start towards the
+        "follow" looks from ahead and above, "top" straight down, "goal" from the start towards the
         goal, with both the fly and a goal that is not far in the picture.
 
     Raises

@@ -88,7 +88,10 @@ def test_config_of_a_run_folder_reads_back():
     ("overrides", "message"),
     [
         (["algo.name=td3"], r"algo\.name must be one of 'ppo', 'sac', got 'td3'"),
-        (["+terrain.hight=3"], r"terrain\.hight: no such key; closest: terrain\.height_range"),
+        (
+            ["+terrain.hight=3"],
+            r"there is no key 'terrain\.hight'; did you mean 'terrain\.height_range'.",
+        ),
         (["seed=x"], "seed must be a whole number, got 'x'"),
         (["task.name=tarket"], "'tarket'"),
         (["training.num_envs=-1"], r"training\.num_envs must be at least 1, got -1"),

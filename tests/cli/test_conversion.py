@@ -44,8 +44,11 @@ def test_missing_keys_take_defaults():
 @pytest.mark.parametrize(
     ("mapping", "message"),
     [
-        ({"cout": 1}, r"x\.cout: no such key; closest: x\.count"),
-        ({"inner": {"ration": 1}}, r"x\.inner\.ration: no such key; closest: x\.inner\.ratio"),
+        ({"cout": 1}, r"there is no key 'x\.cout'; did you mean 'x\.count'."),
+        (
+            {"inner": {"ration": 1}},
+            r"there is no key 'x\.inner\.ration'; did you mean 'x\.inner\.ratio'.",
+        ),
         ({"name": "c"}, r"x\.name must be one of 'a', 'b', got 'c'"),
         ({"count": 1.5}, r"x\.count must be a whole number, got 1\.5"),
         ({"count": True}, r"x\.count must be a whole number, got True"),

@@ -41,20 +41,20 @@ def test_the_command_of_the_readme_is_fine():
 
 def test_terrains_by_name_and_by_settings():
     terrains = ["flat", {"name": "blocks", "height_range": [0.15, 0.45]}]
-    config = evaluation_config(GROUPS, evaluation_settings({"terrains": terrains}), "")
+    config = evaluation_config(GROUPS, evaluation_settings({"terrains": terrains}, ""), "")
     assert [terrain.name for terrain in config.terrain_configs] == ["flat", "blocks"]
     assert config.terrain_configs[1].height_range == (0.15, 0.45)
 
 
 def test_defaults():
-    assert evaluation_config(GROUPS, evaluation_settings({}), "").episodes == 50
-    assert EvaluationConfig().controllers == evaluation_settings({}).controllers
+    assert evaluation_config(GROUPS, evaluation_settings({}, ""), "").episodes == 50
+    assert EvaluationConfig().controllers == evaluation_settings({}, "").controllers
 
 
 def test_decision_interval_is_refused():
     groups = {**GROUPS, "task": {"name": "target", "decision_interval": 0.01}}
     with pytest.raises(ValueError, match=r"task\.decision_interval must be null"):
-        evaluation_config(groups, evaluation_settings({}), "")
+        evaluation_config(groups, evaluation_settings({}, ""), "")
 
 
 @pytest.mark.parametrize(
@@ -62,8 +62,9 @@ def test_decision_interval_is_refused():
     [
         (["policies=[nowhere]"], "error: no policy at nowhere"),
         (["controllers=[cgp]"], "did you mean 'cpg'?"),
+        (["terrains=flat"], "error: terrains must be a list, got 'flat'"),
         (["terrains=[flat,blokcs]"], "blocks"),
-        (["episdes=3"], "error: episdes: no such key; closest: episodes"),
+        (["episdes=3"], "error: there is no key 'episdes'; did you mean 'episodes'?"),
     ],
 )
 def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):

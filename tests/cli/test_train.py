@@ -1,5 +1,7 @@
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -47,7 +49,7 @@ def test_multirun_makes_a_run_per_job(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["terain=flat"], "error: terain: no such key; closest: terrain\n"),
+        (["terain=flat"], "error: there is no key 'terain'; did you mean 'terrain'?\n"),
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
     ],
 )
@@ -62,3 +64,19 @@ def test_help_names_the_choices(tmp_path):
     result = _python(tmp_path, str(ROOT / "train.py"), "--help")
     assert result.returncode == 0
     assert "terrain: blocks, flat, gapped, mixed" in result.stdout
+
+
+@pytest.mark.slow
+def test_sigterm_ends_a_run_in_order(tmp_path):
+    command = [sys.executable, str(ROOT / "train.py"), *TINY, "training.total_decisions=1000000"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not any(file.stat().st_size for file in tmp_path.glob("runs/*/progress.csv")):
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.2)
+    process.send_signal(signal.SIGTERM)
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM
+    folder = tmp_path / output.splitlines()[-1].removeprefix("run: ")
+    assert load_policy(folder).bundle.training["decisions"] >= 64
