@@ -68,7 +68,8 @@ def walk(
 def speed(positions: np.ndarray, seconds: float) -> np.ndarray:
     """Straight-line speed from start to end, mm/s, (n,)."""
     displacement = positions[-1, :, :2] - positions[0, :, :2]
-    return np.hypot(displacement[:, 0], displacement[:, 1]) / seconds
+    speeds: np.ndarray = np.hypot(displacement[:, 0], displacement[:, 1]) / seconds
+    return speeds
 
 
 def paired_interval(difference: np.ndarray) -> tuple[float, float]:
