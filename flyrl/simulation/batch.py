@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flyrl.bodies.fly import spawn_offset, stretch_pose
 from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import STATE_SIZE, install
-from flyrl.simulation.scene import TARGET_MARKER, Scene
+from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, rotation_matrices
 
 Ids = NDArray[np.intp]
@@ -159,5 +159,3 @@ class FlyBatch:
         data.time = self._time[sim]
         mujoco.mj_kinematics(model, data)
 
-
-__all__ = ["TARGET_MARKER", "FlyBatch"]
