@@ -155,7 +155,7 @@ def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
         "name": name,
         "kind": "learned",
         "leg_controller": controller.name,
-        "policy": f"learned with {training['algo']}" if "algo" in training else "learned",
+        "policy": _how_learned(env, training),
         "source": str(file),
         "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
         "controller_config": dataclasses.asdict(controller),
@@ -163,6 +163,15 @@ def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
         "training": dict(training),
     }
     return Entrant(name, controller, policy, interval, record)
+
+
+def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
+    text = "learned"
+    if "algo" in training:
+        text += f" with {training['algo']}"
+    if isinstance(env.get("terrain"), dict) and "name" in env["terrain"]:
+        text += f" on {env['terrain']['name']}"
+    return text
 
 
 def _free_name(name: str, taken: set[str]) -> str:

@@ -17,6 +17,12 @@ def test_episodes_lie_beyond_every_seed_that_training_draws():
     assert EvaluationConfig(seed=0).seeds()[0] == FIRST_SEED > 2**31
 
 
+def test_no_policy_is_chosen_on_an_episode_that_it_is_compared_on():
+    from flyrl.training.learn import HELD_OUT_SEEDS
+
+    assert HELD_OUT_SEEDS.stop <= FIRST_SEED
+
+
 def test_the_last_seed_is_still_a_seed():
     assert EvaluationConfig(seed=MAX_SEED, episodes=MAX_EPISODES).seeds()[-1] == 2**32 - 1
 

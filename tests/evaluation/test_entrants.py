@@ -62,6 +62,12 @@ def test_a_learned_entrant_records_file_and_hash(tmp_path):
     assert entrant.record["sha256"] == digest
 
 
+def test_the_record_says_how_a_policy_was_learned(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors", env={"terrain": {"name": "mixed"}})
+    (entrant,) = make_entrants(EvaluationConfig(policies=(path,), controllers=()))
+    assert entrant.record["policy"] == "learned with ppo on mixed"
+
+
 def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
     legs = ControllerConfig("cpg", frequency_hz=10.0)
     env = {"controller": dataclasses.asdict(legs), "task": {"decision_interval": 0.05}}
