@@ -36,11 +36,11 @@ class ScheduleConfig:
         Whether to draw one on stderr.
     """
 
-    total_decisions: int = 100_000
+    total_decisions: int = 60_000
     num_envs: int = 32
     num_threads: int = 0
     torch_threads: int = 1
-    evaluation_interval: int = 20_000
+    evaluation_interval: int = 10_000
     evaluation_episodes: int = 32
     evaluation_seed: int = 0
     progress_bar: bool = True
