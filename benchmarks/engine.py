@@ -57,7 +57,7 @@ def measure(physics: str, terrain: str, flies: int, seconds: float, repeats: int
     full, base = total / np.median(full_times), total / np.median(bare_times)
     ratio = np.median(np.array(bare_times) / np.array(full_times))
     print(
-        f"{physics:10} {terrain:7} {timestep:.0e} s  with controller {full:8,.0f} steps/s = "
+        f"{physics:10} {terrain:7} {timestep:g} s  with controller {full:8,.0f} steps/s = "
         f"{full * timestep:5.2f} x real time, bare {base:8,.0f} steps/s, ratio {ratio:.3f}"
     )
 
