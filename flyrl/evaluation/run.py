@@ -45,7 +45,9 @@ def evaluate(config: EvaluationConfig) -> Results:
     rows: list[Json] = []
     trajectories: list[Trajectory] = []
     with tqdm(
-        total=round(len(envs) * config.episodes * config.horizon_s, 6),
+        # whole ms, shown in s: a sum of many small floats could pass the total
+        total=round(len(envs) * config.episodes * config.horizon_s * 1000),
+        unit_scale=1e-3,
         unit="s",
         desc="evaluating",
         bar_format="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
@@ -78,7 +80,7 @@ def evaluate(config: EvaluationConfig) -> Results:
 
 
 def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
-    return lambda decisions: bar.update(decisions * interval_s)
+    return lambda decisions: bar.update(round(decisions * interval_s * 1000))
 
 
 def _protocol(

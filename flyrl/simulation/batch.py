@@ -158,4 +158,3 @@ class FlyBatch:
         data.qvel[:] = self._qvel[sim]
         data.time = self._time[sim]
         mujoco.mj_kinematics(model, data)
-
