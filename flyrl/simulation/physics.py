@@ -57,8 +57,10 @@ class PhysicsConfig:
 
 
 PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
-    # the literature's step, integrator and contact (flygym 1.2.1)
-    "reference": PhysicsConfig(timestep=1e-4, integrator="euler", contact=ContactConfig()),
+    # the published models' step, integrator, no-slip pass and contact (flygym 0.2.5 and 1.2.1)
+    "reference": PhysicsConfig(
+        timestep=1e-4, integrator="euler", noslip_iterations=100, contact=ContactConfig()
+    ),
     # The contact stops a foot within one step, as the literature's does, and takes 1/20 s to push
     # it back out: pushed out at once, even the CPG alone glides over gaps; never, and the coarser
     # step traps the hybrid controller too. Chosen with benchmarks/walking.py.
