@@ -1,8 +1,7 @@
 """The one environment under every interface: a task on a batch of flies, without Python loops."""
 
-import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import cast
 
 import numpy as np
@@ -246,14 +245,16 @@ class BatchedEnv:
         fly_state = self.flies.state()
         is_unstable = fly_state.is_unstable
         if is_unstable.any():
-            # what blew up is shown as it was before; it earns nothing and ends below
-            fly_state = _where(is_unstable, previous, fly_state)
+            # what blew up is shown as it was before the decision, which then ends its episode
+            time = np.where(
+                is_unstable, previous.time + self.config.decision_interval_s, fly_state.time
+            )
+            fly_state = replace(_where(is_unstable, previous, fly_state), time=time)
         self.fly_state = fly_state
         state = self._task_state(previous)
         reward = np.zeros(self.num_envs)
         for term in self.task.reward:
             reward += term.weight * term.compute(state)
-        reward[is_unstable] = 0.0
         outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype("<U16")
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
@@ -307,7 +308,7 @@ def _where(mask: NDArray[np.bool_], chosen: FlyState, other: FlyState) -> FlySta
             getattr(chosen, item.name),
             getattr(other, item.name),
         )
-        for item in dataclasses.fields(other)
+        for item in fields(other)
         if item.name != "is_unstable"
     }
-    return dataclasses.replace(other, **mixed)
+    return replace(other, **mixed)

@@ -91,8 +91,8 @@ TARGET: Final = Task(
         RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
         RewardTerm("success", 2.0, terms.reached, "the target is reached"),
         RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-        # a fall must not save the time that it cuts off
-        RewardTerm("lost_time", -0.5, terms.lost_time, "s left at a fall or outside the arena"),
+        # no failure may save the time that it cuts off
+        RewardTerm("lost_time", -0.5, terms.lost_time, "s left when the fly fails"),
     ),
     terminations=(
         Termination("success", terms.is_at_target, is_success=True),

@@ -161,8 +161,9 @@ def reached(state: TaskState) -> Array:
 
 
 def lost_time(state: TaskState) -> Array:
-    """Time left, s, where the fly fell or left the arena, else 0, (n,)."""
-    return np.where(has_fallen(state) | has_left(state), state.remaining_s, 0.0)
+    """Time left, s, where the fly fell, left the arena or blew up, else 0, (n,)."""
+    is_lost = has_fallen(state) | has_left(state) | state.fly.is_unstable
+    return np.where(is_lost, state.remaining_s, 0.0)
 
 
 # --- terminations --------------------------------------------------------------------------

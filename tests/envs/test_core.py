@@ -104,7 +104,7 @@ def test_leaving_the_terrain_ends_the_episode() -> None:
     assert env.step(np.zeros((2, 2))).outcome.tolist() == ["left_arena", "running"]
 
 
-def test_a_divergence_ends_its_own_episode_and_earns_nothing() -> None:
+def test_a_divergence_ends_its_own_episode_alone() -> None:
     env, twin = (BatchedEnv(EnvConfig(physics=FAST), 3) for _ in range(2))
     for each in (env, twin):
         each.reset(seeds=[0, 1, 2])
@@ -113,12 +113,28 @@ def test_a_divergence_ends_its_own_episode_and_earns_nothing() -> None:
     transition, expected = env.step(np.ones((3, 2))), twin.step(np.ones((3, 2)))
     assert transition.outcome.tolist() == ["running", "unstable", "running"]
     assert transition.terminated.tolist() == [False, True, False]
-    assert transition.reward[1] == 0.0
     assert np.isfinite(transition.observation).all()
     np.testing.assert_array_equal(transition.observation[[0, 2]], expected.observation[[0, 2]])
     env.reset(ids=[1])
     after = env.step(np.ones((3, 2)))
     assert after.outcome.tolist() == ["running"] * 3
+
+
+def test_a_divergence_costs_as_much_as_standing_still_to_the_end() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 2)
+    env.reset(seeds=[3, 3])
+    still = env.task.action(np.zeros((2, 2)))
+    returns = env.step(still).reward
+    env.flies._qvel[1, 20] = 1e13
+    first = env.step(still)
+    assert first.outcome.tolist() == ["running", "unstable"]
+    returns += first.reward
+    waiting = returns[0]
+    for _ in range(148):
+        waiting += env.step(still, ids=np.array([0])).reward[0]
+    time_spent = -0.5 * 3.0
+    assert returns[1] == pytest.approx(time_spent, abs=0.05)
+    assert returns[1] <= waiting + 0.05
 
 
 def test_steps_of_some_leave_the_others_where_they_are() -> None:
