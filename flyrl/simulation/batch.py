@@ -11,7 +11,7 @@ from flyrl.bodies.fly import spawn_offset, stretch_pose
 from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import STATE_SIZE, install
 from flyrl.simulation.scene import Scene
-from flyrl.simulation.state import FlyState, rotation_matrices
+from flyrl.simulation.state import FlyState
 
 Ids = NDArray[np.intp]
 
@@ -51,6 +51,7 @@ class FlyBatch:
         self._time = self._batch.bind("time")
         self._userdata = self._batch.bind("userdata")
         self._xpos = self._batch.bind("xpos")
+        self._xmat = self._batch.bind("xmat")
         self._actuator_force = self._batch.bind("actuator_force")
         self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
         self._stretch_pose = stretch_pose()
@@ -117,7 +118,7 @@ class FlyBatch:
     def state(self) -> FlyState:
         """Copy what the simulations look like now."""
         scene, controllers = self.scene, self.controllers
-        rotation_w = rotation_matrices(self._qpos[:, 3:7])
+        rotation_w = self._xmat[:, scene.thorax_body].reshape(-1, 3, 3).copy()
         return FlyState(
             time=self._time.copy(),
             position_w=self._qpos[:, :3].copy(),

@@ -73,19 +73,3 @@ class FlyState:
     def up_b(self) -> Array:
         """The world's up direction in the thorax frame, (n, 3); (0, 0, 1) when level."""
         return self.rotation_w[:, 2, :]
-
-
-def rotation_matrices(quaternions: Array) -> Array:
-    """Unit quaternions (n, 4), scalar first, as rotation matrices (n, 3, 3)."""
-    w, x, y, z = quaternions.T
-    matrices = np.empty((len(quaternions), 3, 3))
-    matrices[:, 0, 0] = 1 - 2 * (y * y + z * z)
-    matrices[:, 0, 1] = 2 * (x * y - w * z)
-    matrices[:, 0, 2] = 2 * (x * z + w * y)
-    matrices[:, 1, 0] = 2 * (x * y + w * z)
-    matrices[:, 1, 1] = 1 - 2 * (x * x + z * z)
-    matrices[:, 1, 2] = 2 * (y * z - w * x)
-    matrices[:, 2, 0] = 2 * (x * z - w * y)
-    matrices[:, 2, 1] = 2 * (y * z + w * x)
-    matrices[:, 2, 2] = 1 - 2 * (x * x + y * y)
-    return matrices

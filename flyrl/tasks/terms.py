@@ -108,16 +108,22 @@ def thorax(state: TaskState) -> Array:
     """
     fly = state.fly
     rotation_w = fly.rotation_w
-    pitch = np.arcsin(np.clip(-rotation_w[:, 2, 0], -1.0, 1.0))
-    roll = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
-    angles = np.stack([fly.yaw, pitch, roll], axis=1)
+    sin_pitch = np.clip(-rotation_w[:, 2, 0], -1.0, 1.0)
+    cos_pitch = np.maximum(np.sqrt(1.0 - sin_pitch**2), 1e-6)
+    yaw = fly.yaw
     # rates of the angles from the angular velocity in the frame after yaw
-    along, left = _to_yaw_frame(fly.angular_velocity_w[:, :2], fly.yaw).T
-    cos_pitch = np.cos(pitch)
-    roll_rate = along / np.where(np.abs(cos_pitch) > 1e-6, cos_pitch, 1e-6)
-    yaw_rate = fly.angular_velocity_w[:, 2] + np.sin(pitch) * roll_rate
-    rates = np.stack([yaw_rate, left, roll_rate], axis=1)
-    return np.stack([fly.position_w, fly.velocity_w, angles, rates], axis=1)
+    spin = _to_yaw_frame(fly.angular_velocity_w[:, :2], yaw)
+    roll_rate = spin[:, 0] / cos_pitch
+    table = np.empty((len(yaw), 4, 3))
+    table[:, 0] = fly.position_w
+    table[:, 1] = fly.velocity_w
+    table[:, 2, 0] = yaw
+    table[:, 2, 1] = np.arcsin(sin_pitch)
+    table[:, 2, 2] = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
+    table[:, 3, 0] = fly.angular_velocity_w[:, 2] + sin_pitch * roll_rate
+    table[:, 3, 1] = spin[:, 1]
+    table[:, 3, 2] = roll_rate
+    return table
 
 
 def contact_forces(state: TaskState) -> Array:

@@ -1,9 +1,9 @@
+import mujoco
 import numpy as np
 import pytest
 from test_callback import make_batch, reset
 
 from flyrl.simulation.batch import FlyBatch
-from flyrl.simulation.state import rotation_matrices
 
 
 def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
@@ -79,11 +79,15 @@ def test_a_simulation_that_blows_up_is_marked_and_stays_finite(
     )
 
 
-def test_rotation_matrices_of_known_turns() -> None:
-    half = np.sqrt(0.5)
-    matrices = rotation_matrices(np.array([[1.0, 0, 0, 0], [half, 0, 0, half]]))
-    np.testing.assert_allclose(matrices[0], np.eye(3))
-    np.testing.assert_allclose(matrices[1], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+def test_orientation_is_that_of_the_state_after_the_step() -> None:
+    batch = make_batch()
+    batch.set_drive(np.array([[1.2, 0.2]]))
+    batch.step(777)
+    expected = np.zeros(9)
+    mujoco.mju_quat2Mat(expected, batch._qpos[0, 3:7] / np.linalg.norm(batch._qpos[0, 3:7]))
+    state = batch.state()
+    np.testing.assert_allclose(state.rotation_w[0], expected.reshape(3, 3), atol=1e-12)
+    assert abs(state.yaw[0]) > 0.1
 
 
 @pytest.mark.parametrize(("num_sims", "num_threads"), [(0, 1), (1, -1)])
