@@ -116,15 +116,20 @@ class SACConfig(AlgorithmConfig):
         Updates after each decision of all environments.
     tau
         Share by which the target networks follow in each update.
+    initial_ent_coef
+        Entropy weight at the start. Stable-Baselines3's own, 1, drowns the rewards of a decision,
+        which are of the order of 0.05, for thousands of updates.
     """
 
     name: ClassVar[str] = "sac"
 
     activation: Activation = "relu"
+    learning_rate: float = 1e-3
     buffer_size: int = 200_000
     learning_starts: int = 2_000
-    gradient_steps: int = 8
+    gradient_steps: int = 16
     tau: float = 0.005
+    initial_ent_coef: float = 0.02
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -132,6 +137,7 @@ class SACConfig(AlgorithmConfig):
         at_least("algo.learning_starts", self.learning_starts, 0)
         at_least("algo.gradient_steps", self.gradient_steps, 1)
         within("algo.tau", positive("algo.tau", self.tau), 0, 1)
+        positive("algo.initial_ent_coef", self.initial_ent_coef)
 
 
 ALGORITHMS: Final[dict[str, type[AlgorithmConfig]]] = {

@@ -151,6 +151,7 @@ def build_model(algo: AlgorithmConfig, env: FlyVecEnv, seed: int) -> BaseAlgorit
             train_freq=1,
             gradient_steps=algo.gradient_steps,
             tau=algo.tau,
+            ent_coef=f"auto_{algo.initial_ent_coef}",
             policy_kwargs=network,
             **common,
         )
