@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from flyrl.bodies.fly import FlyConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.tasks import TASKS
 
@@ -82,7 +83,8 @@ def literature() -> None:
     print("  published single runs: CPG 4.9, rules 2.6")
     print("  flygym 0.2.5, median of seeds 0-19: rules 3.23")
     for controller in ("cpg", "rule_based"):
-        positions, _ = walk((1, 1), 0.5, body="classic", controller=controller, physics="reference")
+        body = FlyConfig("classic", symmetric=False)
+        positions, _ = walk((1, 1), 0.5, body=body, controller=controller, physics="reference")
         low, median, high = np.percentile((positions[-1] - positions[0])[:, 0], [25, 50, 75])
         print(f"  {controller:10} {median:5.2f}  (quartiles {low:.2f} and {high:.2f})")
 

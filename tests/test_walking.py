@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from benchmarks.walking import paired_interval, speed, walk
+from flyrl.bodies.fly import FlyConfig
 
 pytestmark = pytest.mark.slow
 
 
 def final_x(controller: str) -> np.ndarray:
-    positions, _ = walk((1, 1), 0.5, body="classic", controller=controller, physics="reference")
+    body = FlyConfig("classic", symmetric=False)
+    positions, _ = walk((1, 1), 0.5, body=body, controller=controller, physics="reference")
     return (positions[-1] - positions[0])[:, 0]
 
 

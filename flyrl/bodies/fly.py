@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEGS
+from flyrl.bodies.symmetry import symmetric_table
 from flyrl.bodies.table import (
     BODY_NAMES,
     BodyName,
@@ -75,11 +76,14 @@ class FlyConfig:
     adhesion_gain : force of a fully gripping leg tip, µN.
     rigid_antennae : weld pedicel, funiculus and arista to the head, which saves 18 joints that have
         no part in walking. The published models let them swing.
+    symmetric : make left and right exact mirror images (see `symmetry.symmetric_table`). The
+        published models are slightly lopsided; take False to have them as they are.
     """
 
     name: BodyName = "current"
     adhesion_gain: float = 40.0
     rigid_antennae: bool = True
+    symmetric: bool = True
 
     def __post_init__(self) -> None:
         if self.name not in BODY_NAMES:
@@ -152,7 +156,7 @@ def build_fly(
     """
     config = config or FlyConfig()
     contact = contact or ContactConfig()
-    table = body_table(config.name)
+    table = _table(config)
     spec = mujoco.MjSpec()
     spec.modelname = f"fly_{config.name}"
     spec.compiler.degree = False
@@ -187,7 +191,12 @@ def spawn_offset(config: FlyConfig) -> NDArray[np.float64]:
     The published packages place a frame on the ground below the fly's tail, not the thorax. Add
     this to their spawn positions to get the same start.
     """
-    return np.array(body_table(config.name).thorax_in_spawn_frame)
+    return np.array(_table(config).thorax_in_spawn_frame)
+
+
+def _table(config: FlyConfig) -> BodyTable:
+    table = body_table(config.name)
+    return symmetric_table(table) if config.symmetric else table
 
 
 def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_antennae: bool) -> mujoco.MjsBody:

@@ -22,7 +22,7 @@ def name(request):
 
 @pytest.fixture(scope="module")
 def model(name):
-    return build_fly(FlyConfig(name), visual=False).compile()
+    return build_fly(FlyConfig(name, symmetric=False), visual=False).compile()
 
 
 def recorded_step(name):
@@ -32,14 +32,14 @@ def recorded_step(name):
 
 def standing_on(terrain, name="current", seconds=0.1):
     """A fly that was put down in the stretch pose and has held the neutral pose since."""
-    spec = build_fly(FlyConfig(name), visual=False)
+    spec = build_fly(FlyConfig(name, symmetric=False), visual=False)
     add_terrain(spec, terrain)
     model = spec.compile()
     model.opt.timestep = 1e-4
     data = mujoco.MjData(model)
     for joint, angle in zip(JOINTS, stretch_pose(), strict=True):
         data.joint(joint).qpos = angle
-    data.joint("root").qpos[:3] = spawn_offset(FlyConfig(name))
+    data.joint("root").qpos[:3] = spawn_offset(FlyConfig(name, symmetric=False))
     data.joint("root").qpos[2] += base_height(terrain) + SPAWN_CLEARANCE
     step = recorded_step(name)
     middle = round(float(step["neutral_phase"]) / (2 * np.pi) * (step["angles"].shape[2] - 1))
@@ -90,7 +90,7 @@ def test_forward_kinematics_equals_the_published_model(name, model):
     ("name", "order"), [("classic", "roll yaw pitch"), ("current", "yaw pitch roll")]
 )
 def test_coxa_joints_follow_from_thorax_to_femur(name, order):
-    model = build_fly(FlyConfig(name), visual=False).compile()
+    model = build_fly(FlyConfig(name, symmetric=False), visual=False).compile()
     axes = {"pitch": (0, 1, 0), "roll": (0, 0, 1), "yaw": (1, 0, 0)}
     for leg in LEGS:
         coxa = [
@@ -124,7 +124,7 @@ def test_every_mass_and_inertia_is_the_tables(name, model):
 @pytest.mark.parametrize(("name", "milligrams"), [("classic", 1.0645), ("current", 1.0245)])
 @pytest.mark.parametrize("visual", [True, False])
 def test_a_fly_weighs_about_a_milligram(name, milligrams, visual):
-    model = build_fly(FlyConfig(name), visual=visual).compile()
+    model = build_fly(FlyConfig(name, symmetric=False), visual=visual).compile()
     assert model.body_mass.sum() * 1e3 == pytest.approx(milligrams, abs=5e-5)
 
 
@@ -139,7 +139,7 @@ def test_actuators_are_the_servos_then_the_grips(model):
 
 @pytest.mark.parametrize(("name", "gain"), [("classic", 30.0), ("current", 45.0)])
 def test_servos_pull_towards_their_control(name, gain):
-    model = build_fly(FlyConfig(name), visual=False).compile()
+    model = build_fly(FlyConfig(name, symmetric=False), visual=False).compile()
     np.testing.assert_array_equal(model.actuator_gainprm[:42, 0], gain)
     np.testing.assert_array_equal(model.actuator_biasprm[:42, :3], [[0, -gain, 0]] * 42)
     data = mujoco.MjData(model)
@@ -150,7 +150,7 @@ def test_servos_pull_towards_their_control(name, gain):
 
 def test_only_the_current_servos_have_a_force_limit():
     classic = build_fly(FlyConfig("classic"), visual=False).compile()
-    current = build_fly(FlyConfig("current"), visual=False).compile()
+    current = build_fly(FlyConfig("current", symmetric=False), visual=False).compile()
     assert not classic.actuator_forcelimited[:42].any()
     assert current.actuator_forcelimited[:42].all()
     np.testing.assert_array_equal(current.actuator_forcerange[:42], [[-65, 65]] * 42)
@@ -168,7 +168,7 @@ def test_adhesion_pulls_a_leg_tip_with_its_gain(model):
     ("name", "stiffness", "damping"), [("classic", 2.2, 0.05), ("current", 7.5, 0.01)]
 )
 def test_passive_tarsi_are_springs(name, stiffness, damping):
-    model = build_fly(FlyConfig(name), visual=False).compile()
+    model = build_fly(FlyConfig(name, symmetric=False), visual=False).compile()
     for joint in PASSIVE_TARSUS_JOINTS:
         index = model.joint(joint).id
         assert model.jnt_stiffness[index].flat[0] == stiffness
@@ -246,7 +246,7 @@ def test_capsules_reach_as_far_as_the_meshes_they_stand_for():
 
 
 def test_only_legs_and_ground_can_touch():
-    spec = build_fly(FlyConfig("current"))
+    spec = build_fly(FlyConfig("current", symmetric=False))
     add_terrain(spec, TerrainConfig("mixed"))
     model = spec.compile()
     names = np.array([model.geom(index).name for index in range(model.ngeom)])
@@ -263,7 +263,7 @@ def test_contact_figures_are_those_of_the_leg():
     contact = ContactConfig(
         friction=(0.7, 0.01, 0.001), solref=(-1e5, -2e3), solimp=(0.9, 0.95, 0.002, 0.4, 1.0)
     )
-    spec = build_fly(FlyConfig("current"), contact, visual=False)
+    spec = build_fly(FlyConfig("current", symmetric=False), contact, visual=False)
     add_terrain(spec, TerrainConfig("flat"))
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -316,8 +316,8 @@ def test_the_fly_stands_on_rough_ground(terrain):
 
 
 def test_visual_meshes_touch_nothing_and_change_no_joint():
-    seen = build_fly(FlyConfig("current")).compile()
-    bare = build_fly(FlyConfig("current"), visual=False).compile()
+    seen = build_fly(FlyConfig("current", symmetric=False)).compile()
+    bare = build_fly(FlyConfig("current", symmetric=False), visual=False).compile()
     assert (seen.ngeom, bare.ngeom) == (48 + 69, 48)
     assert (seen.nq, seen.nu, seen.nbody) == (bare.nq, bare.nu, bare.nbody)
     meshes = seen.geom_type == mujoco.mjtGeom.mjGEOM_MESH

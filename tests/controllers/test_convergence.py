@@ -1,0 +1,98 @@
+"""A controller means the same at every time step: all steps follow one continuous solution."""
+
+import functools
+
+import numpy as np
+import pytest
+
+from flyrl.controllers.leg_controller import (
+    ControllerConfig,
+    control_step,
+    initial_state,
+    pack_parameters,
+)
+
+TIMESTEPS = (1e-4, 2e-4, 5e-4)
+FINE = 2e-5
+SAMPLE_INTERVAL = 1e-3
+"""s; a multiple of every time step."""
+NUM_SAMPLES = 500
+NUM_COURSES = 4
+"""Courses of events, each 0.5 s, over which errors are averaged."""
+
+FIELDS = ("phases", "magnitudes", "retraction", "stumbling", "net_correction", "targets")
+
+
+def drive(t: float) -> tuple[float, float]:
+    """Both sides, the left backwards at times."""
+    return 0.5 + np.sin(7.1 * t), 0.9 + 0.4 * np.cos(11.3 * t)
+
+
+def observe(t: float, course: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights of the legs' tips below a thorax at 0, contact forces, and heading."""
+    legs = np.arange(6)
+    heights = -1 - 0.2 * np.sin(2 * np.pi * (2.3 + 0.71 * legs) * t + 1.9 * legs + course)
+    heading = np.array([np.cos(3.3 * t), np.sin(3.3 * t), 0.0])
+    forces = np.zeros((36, 3))
+    pushes = np.sin(2 * np.pi * (4.7 + 0.83 * legs) * t + 0.7 * legs + 1.3 * course)
+    forces[6 * legs + legs % 3] = 2.0 * pushes[:, None] * heading
+    return heights, forces, heading
+
+
+@functools.cache
+def trajectory(reflexes: str, timestep: float) -> dict[str, np.ndarray]:
+    steps = {"current": "untethered", "classic": "tethered"}[reflexes]
+    config = ControllerConfig("hybrid", steps)
+    parameters, coefficients = pack_parameters(config, timestep)
+    steps_per_sample = round(SAMPLE_INTERVAL / timestep)
+    samples: dict[str, list[np.ndarray]] = {name: [] for name in FIELDS}
+    for course in range(NUM_COURSES):
+        state = initial_state(
+            config, init_phases=np.arange(6.0), init_magnitudes=np.linspace(0, 0.5, 6)
+        )
+        for step in range(NUM_SAMPLES * steps_per_sample):
+            t = step * timestep
+            heights, state["contact_forces_w"], heading = observe(t, course)
+            state["drive"] = drive(t)
+            control_step(parameters, coefficients, state, 0.0, heights, heading)
+            if (step + 1) % steps_per_sample == 0:
+                for name in FIELDS:
+                    samples[name].append(state[name].copy())
+    return {name: np.array(values) for name, values in samples.items()}
+
+
+def errors(reflexes: str, name: str) -> np.ndarray:
+    """Mean distance from the fine solution at each of `TIMESTEPS`."""
+    fine = trajectory(reflexes, FINE)[name]
+    return np.array([np.abs(trajectory(reflexes, step)[name] - fine).mean() for step in TIMESTEPS])
+
+
+@pytest.mark.parametrize("reflexes", ["current", "classic"])
+def test_the_reflexes_are_at_work(reflexes):
+    fine = trajectory(reflexes, FINE)
+    for name in ("retraction", "stumbling"):
+        assert np.all((fine[name] > 5).any(axis=0)), name
+        assert np.all((fine[name] == 0).any(axis=0)), name
+
+
+# The fine solution is off by what its own step brings, so an error of first order is proportional
+# to the difference between the steps.
+EXPECTED = (np.array(TIMESTEPS) - FINE) / (TIMESTEPS[0] - FINE)
+
+
+@pytest.mark.parametrize("reflexes", ["current", "classic"])
+@pytest.mark.parametrize("name", ["phases", "magnitudes"])
+def test_oscillators_converge_with_the_time_step(reflexes, name):
+    found = errors(reflexes, name)
+    assert found[0] < 2e-3
+    np.testing.assert_allclose(found / found[0], EXPECTED, rtol=0.03)
+
+
+@pytest.mark.parametrize("reflexes", ["current", "classic"])
+@pytest.mark.parametrize("name", ["retraction", "stumbling", "net_correction", "targets"])
+def test_corrections_converge_with_the_time_step(reflexes, name):
+    """Less evenly: a reflex switches at the first step after its condition turns."""
+    found = errors(reflexes, name)
+    np.testing.assert_allclose(found / found[0], EXPECTED, rtol=0.4)
+    scale = np.abs(trajectory(reflexes, FINE)[name]).mean()
+    assert found[0] < 0.02 * scale
