@@ -1,0 +1,1 @@
+"""Walking statistics of flyrl beside those of flygym-gymnasium."""

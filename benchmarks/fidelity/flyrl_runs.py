@@ -1,0 +1,65 @@
+"""Runs of flyrl, started and sampled as the reference's are."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from benchmarks.fidelity.statistics import Trajectory, trajectory
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.state import FlyState
+from flyrl.tasks.terms import leg_contacts
+
+SAMPLING_S: Final = 1e-3
+"""s; a multiple of every preset's time step, and as in `reference.py`."""
+
+
+def walk_straight(
+    config: EnvConfig, seeds: list[int], seconds: float, num_threads: int = 0
+) -> list[Trajectory]:
+    """Walk at the drive (1, 1), one fly per seed, from oscillators at magnitude 0.
+
+    Spawn and phases are those that the task draws for the seed; so starts the reference. A fly
+    that falls walks on, as the reference's does; one that blows up ends there.
+    """
+    env = BatchedEnv(config, len(seeds), num_threads)
+    episodes = [env.draw_episode(i, seed) for i, seed in enumerate(seeds)]
+    env.reset(episodes=[replace(episode, init_magnitudes=(0.0,) * 6) for episode in episodes])
+    drive = np.ones((len(seeds), 2))
+    samples = [_sample(env)]
+    unstable_from = np.full(len(seeds), np.iinfo(np.int64).max)
+    for k in range(1, round(seconds / config.decision_interval_s) + 1):
+        env.step(drive)
+        unstable_from[env.fly_state.is_unstable & (unstable_from > k)] = k
+        samples.append(_sample(env))
+    series = {name: np.array([each[name] for each in samples]) for name in samples[0]}
+    series["time"] = np.tile(
+        config.decision_interval_s * np.arange(len(samples))[:, None], len(seeds)
+    )
+    return [
+        trajectory({name: values[: unstable_from[i], i] for name, values in series.items()})
+        for i in range(len(seeds))
+    ]
+
+
+def config(controller: str, terrain: str, physics: str) -> EnvConfig:
+    """Environment of one cell of the comparison: the current body, sampled every `SAMPLING_S`."""
+    return EnvConfig(
+        task="hybrid_turning",
+        controller=controller,
+        terrain=terrain,
+        physics=physics,
+        decision_interval=SAMPLING_S,
+    )
+
+
+def _sample(env: BatchedEnv) -> dict[str, np.ndarray]:
+    fly: FlyState = env.fly_state
+    return {
+        "position_w": fly.position_w,
+        "yaw": fly.yaw,
+        "upright": fly.up_b[:, 2],
+        "end_effectors_w": fly.end_effectors_w,
+        "contact": leg_contacts(env.task_state()) > 0,
+        "power": np.maximum(fly.actuator_torques * fly.joint_velocities, 0.0).sum(axis=1),
+    }

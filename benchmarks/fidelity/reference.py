@@ -1,0 +1,246 @@
+"""Run flygym-gymnasium 1.3.2 and keep what it did, to set flyrl beside it.
+
+A script for an interpreter of its own, in which flyrl is not installed:
+
+    python3.11 -m venv /tmp/flygym
+    /tmp/flygym/bin/pip install flygym-gymnasium==1.3.2 numpy==2.0.2 scipy==1.17.1 \
+        gymnasium==1.4.0 networkx==3.6.1
+    /tmp/flygym/bin/python benchmarks/fidelity/reference.py runs/flygym --seeds 0 1 2 3
+
+One file per run, `TERRAIN-CONTROLLER-SEED.npz`, of half a minute to some minutes; what is there is
+not run again. `python -m benchmarks.fidelity --collect runs/flygym` then makes `reference.json`.
+"""
+
+import argparse
+import json
+import os
+import platform
+import time
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from dm_control.rl.control import PhysicsError
+from flygym_gymnasium import Fly, SingleFlySimulation
+from flygym_gymnasium.arena import (
+    BaseArena,
+    BlocksTerrain,
+    FlatTerrain,
+    GappedTerrain,
+    MixedTerrain,
+)
+from flygym_gymnasium.examples.locomotion import (
+    CPGNetwork,
+    HybridTurningController,
+    PreprogrammedSteps,
+    RuleBasedController,
+)
+from flygym_gymnasium.examples.locomotion.rule_based_controller import construct_rules_graph
+from numpy.typing import NDArray
+
+TERRAINS: Final[dict[str, type[BaseArena]]] = {
+    "flat": FlatTerrain,
+    "gapped": GappedTerrain,
+    "blocks": BlocksTerrain,
+    "mixed": MixedTerrain,
+}
+CONTROLLERS: Final = ("cpg", "rule_based", "hybrid")
+PACKAGES: Final = ("flygym-gymnasium", "mujoco", "dm_control", "numpy", "scipy", "gymnasium")
+
+TIMESTEP_S: Final = 1e-4
+SAMPLING_S: Final = 1e-3
+CONTACT_THRESHOLD: Final = 1.0
+"""µN; as flyrl's."""
+
+RULE_BASED_STEP_DURATION_S: Final = 1.0 / 12.0
+RULE_WEIGHTS: Final = {
+    "rule1": -10.0,
+    "rule2_ipsi": 2.5,
+    "rule2_contra": 1.0,
+    "rule3_ipsi": 3.0,
+    "rule3_contra": 2.0,
+}
+SENSED: Final = ("Tibia", "Tarsus1", "Tarsus2", "Tarsus3", "Tarsus4", "Tarsus5")
+
+
+class Cpg:
+    """The tripod CPG alone, on the recorded steps."""
+
+    def __init__(self, phases: NDArray[np.float64]) -> None:
+        self.steps = PreprogrammedSteps()
+        legs = np.arange(6)
+        differs = (legs[:, None] + legs) % 2 == 1
+        self.network = CPGNetwork(
+            timestep=TIMESTEP_S,
+            intrinsic_freqs=np.full(6, 12.0),
+            intrinsic_amps=np.ones(6),
+            coupling_weights=10.0 * differs,
+            phase_biases=np.pi * differs,
+            convergence_coefs=np.full(6, 20.0),
+            init_phases=phases.copy(),
+        )
+
+    def action(self) -> dict[str, NDArray[Any]]:
+        """Advance by one time step; target angles and adhesion."""
+        self.network.step()
+        return _leg_action(self.steps, self.network.curr_phases, self.network.curr_magnitudes)
+
+
+class RuleBased:
+    """The rule-based controller, with steps as long as the CPG's cycle."""
+
+    def __init__(self, seed: int) -> None:
+        self.steps = PreprogrammedSteps()
+        self.steps.duration = RULE_BASED_STEP_DURATION_S
+        self.rules = RuleBasedController(
+            timestep=TIMESTEP_S,
+            rules_graph=construct_rules_graph(),
+            weights=RULE_WEIGHTS,
+            preprogrammed_steps=self.steps,
+            seed=seed,
+        )
+
+    def action(self) -> dict[str, NDArray[Any]]:
+        """Advance by one time step; target angles and adhesion."""
+        self.rules.step()
+        return _leg_action(self.steps, self.rules.leg_phases, np.ones(6))
+
+
+class Straight:
+    """The drive for walking straight ahead, for the controller that is its own simulation."""
+
+    def action(self) -> NDArray[np.float64]:
+        """Drive (left, right)."""
+        return np.ones(2)
+
+
+def _leg_action(
+    steps: Any, phases: NDArray[np.float64], magnitudes: NDArray[np.float64]
+) -> dict[str, NDArray[Any]]:
+    angles = [
+        steps.get_joint_angles(leg, phase, magnitude)
+        for leg, phase, magnitude in zip(steps.legs, phases, magnitudes, strict=True)
+    ]
+    adhesion = [
+        steps.get_adhesion_onoff(leg, phase) for leg, phase in zip(steps.legs, phases, strict=True)
+    ]
+    return {"joints": np.concatenate(angles), "adhesion": np.array(adhesion, dtype=int)}
+
+
+def start(terrain: str, controller: str, seed: int) -> tuple[Any, Any, Any]:
+    """Start a run from the spawn and phases that flyrl's `hybrid_turning` draws for a seed.
+
+    The oscillators start at magnitude 0, as the package lets them.
+
+    Returns
+    -------
+    Simulation, what gives its actions, and its first observation.
+    """
+    x, y = np.random.default_rng(seed).uniform(-2.0, 2.0, size=2)
+    phases = np.random.RandomState(seed).uniform(0.0, 2 * np.pi, size=6)
+    fly = Fly(
+        spawn_pos=(x, y, 0.5),
+        contact_sensor_placements=[
+            f"{leg}{segment}" for leg in PreprogrammedSteps.legs for segment in SENSED
+        ],
+        enable_adhesion=True,
+    )
+    world = {"fly": fly, "cameras": [], "arena": TERRAINS[terrain](), "timestep": TIMESTEP_S}
+    if controller == "hybrid":
+        hybrid = HybridTurningController(**world)
+        observation, _ = hybrid.reset(seed=seed, init_phases=phases.copy())
+        return hybrid, Straight(), observation
+    sim = SingleFlySimulation(**world)
+    observation, _ = sim.reset(seed=seed)
+    driver = Cpg(phases) if controller == "cpg" else RuleBased(seed)
+    return sim, driver, observation
+
+
+def sample(sim: Any, observation: dict[str, NDArray[np.float32]]) -> dict[str, Any]:
+    """What is kept of one moment; as `statistics.Trajectory` has it."""
+    # 3 torques, then 3 forces; by contact alone, the grip of adhesion included, as in flyrl
+    forces = sim.physics.named.data.cfrc_ext[sim.fly.contact_sensor_placements][:, 3:]
+    leg_forces = forces.reshape(6, len(SENSED), 3).sum(axis=1)
+    _, velocities, torques = observation["joints"].astype(float)
+    heading = observation["fly_orientation"]
+    return {
+        "position_w": observation["fly"][0],
+        "yaw": np.arctan2(heading[1], heading[0]),
+        "upright": observation["cardinal_vectors"][2, 2],
+        "end_effectors_w": observation["end_effectors"],
+        "contact": np.linalg.norm(leg_forces, axis=1) > CONTACT_THRESHOLD,
+        # the package gives N·m for what it calls mm and g; in µN·mm, as ours
+        "power": np.maximum(torques * 1e9 * velocities, 0.0).sum(),
+    }
+
+
+def run(terrain: str, controller: str, seed: int, seconds: float) -> dict[str, Any]:
+    """Walk straight for some seconds; samples by name, and how it went."""
+    sim, driver, observation = start(terrain, controller, seed)
+    samples = [sample(sim, observation)]
+    outcome = "timeout"
+    every = round(SAMPLING_S / TIMESTEP_S)
+    began = time.perf_counter()
+    try:
+        for k in range(1, round(seconds / TIMESTEP_S) + 1):
+            observation = sim.step(driver.action())[0]
+            if k % every == 0:
+                samples.append(sample(sim, observation))
+    except PhysicsError:
+        outcome = "unstable"
+    about = {
+        "terrain": terrain,
+        "controller": controller,
+        "seed": seed,
+        "outcome": outcome,
+        "wall_s": round(time.perf_counter() - began, 1),
+    }
+    series = {name: np.array([each[name] for each in samples]) for name in samples[0]}
+    return {"time": SAMPLING_S * np.arange(len(samples)), **series, "about": about}
+
+
+def machine() -> dict[str, Any]:
+    """Describe what runs this: versions, processor, date."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        cpu = names[0].partition(":")[2].strip() if names else cpu
+    return {
+        "versions": {"python": platform.python_version()}
+        | {package: version(package) for package in PACKAGES},
+        "cpu": cpu,
+        "cores": os.cpu_count(),
+        "date": date.today().isoformat(),
+    }
+
+
+def main() -> None:
+    """Run what is not there yet, seed by seed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path, help="where the runs are kept")
+    parser.add_argument("--terrains", nargs="+", choices=TERRAINS, default=list(TERRAINS))
+    parser.add_argument("--controllers", nargs="+", choices=CONTROLLERS, default=CONTROLLERS)
+    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2, 3])
+    parser.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
+    chosen = parser.parse_args()
+    chosen.folder.mkdir(parents=True, exist_ok=True)
+    for seed in chosen.seeds:
+        for terrain in chosen.terrains:
+            for controller in chosen.controllers:
+                path = chosen.folder / f"{terrain}-{controller}-{seed}.npz"
+                if path.exists():
+                    continue
+                result = run(terrain, controller, seed, chosen.seconds)
+                result["about"] = json.dumps(result["about"] | {"machine": machine()})
+                partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
+                np.savez_compressed(partial, **result)
+                partial.replace(path)
+                way = np.linalg.norm((result["position_w"][-1] - result["position_w"][0])[:2])
+                print(f"{path.stem}: {way / result['time'][-1]:.2f} mm/s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

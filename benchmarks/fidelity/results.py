@@ -1,0 +1,104 @@
+"""Results as JSON: one row per run, with the walking statistics of its trajectory."""
+
+import json
+import os
+import platform
+from collections.abc import Iterable
+from datetime import date
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.fidelity.statistics import STATISTICS, Trajectory, trajectory, walking_statistics
+from flyrl.files import write_text
+
+REFERENCE: Final = Path(__file__).with_name("reference.json")
+"""What `collect` made of the runs of `reference.py`."""
+
+TERRAINS: Final = ("flat", "gapped", "blocks", "mixed")
+CONTROLLERS: Final = ("cpg", "rule_based", "hybrid")
+PACKAGES: Final = ("mujoco", "numpy", "numba")
+
+Row = dict[str, Any]
+
+
+def row(walk: Trajectory, **about: Any) -> Row:
+    """What is stored of a run: which it was, then its statistics to four digits."""
+    figures = {
+        name: None if value is None else float(f"{value:.4g}")
+        for name, value in walking_statistics(walk).items()
+    }
+    return {**about, "seconds": round(float(walk.time[-1]), 4), "statistics": figures}
+
+
+def collect(folder: Path) -> dict[str, Any]:
+    """Results of the runs that `reference.py` has finished in `folder`.
+
+    Raises
+    ------
+    ValueError
+        If there is no run.
+    """
+    rows, machines = [], []
+    for path in folder.glob("*.npz"):
+        if path.name.startswith("."):
+            continue  # being written
+        with np.load(path, allow_pickle=False) as samples:
+            about = json.loads(str(samples["about"]))
+            machine = about.pop("machine")
+            rows.append(row(trajectory(dict(samples)), **about))
+        if machine not in machines:
+            machines.append(machine)
+    if not rows:
+        raise ValueError(f"folder is {str(folder)!r}; it must hold runs of reference.py")
+    rows.sort(key=lambda each: (*cell(each), each["seed"]))
+    return {"machines": machines, "statistics": STATISTICS, "runs": rows}
+
+
+def cell(run: Row) -> tuple[int, int]:
+    """Place of a run's terrain and controller in a table."""
+    return TERRAINS.index(run["terrain"]), CONTROLLERS.index(run["controller"])
+
+
+def summary(runs: Iterable[Row]) -> dict[str, float | None]:
+    """Medians of the statistics over those runs that have them; of falls the share."""
+    figures = [run["statistics"] for run in runs]
+    result: dict[str, float | None] = {}
+    for name in STATISTICS:
+        values = [each[name] for each in figures if each[name] is not None]
+        middle = np.mean if name == "fall" else np.median
+        result[name] = float(middle(values)) if values else None
+    return result
+
+
+def machine() -> dict[str, Any]:
+    """Describe what runs this: versions, processor, date."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        cpu = names[0].partition(":")[2].strip() if names else cpu
+    return {
+        "versions": {"python": platform.python_version()}
+        | {package: version(package) for package in PACKAGES},
+        "cpu": cpu,
+        "cores": os.cpu_count(),
+        "date": date.today().isoformat(),
+    }
+
+
+def write(path: Path, results: dict[str, Any]) -> None:
+    """Write results as JSON, one run per line, whole or not at all."""
+    head = {name: value for name, value in results.items() if name != "runs"}
+    runs = ",\n".join("  " + json.dumps(run) for run in results["runs"])
+    text = json.dumps(head, indent=1)[:-2] + f',\n "runs": [\n{runs}\n ]\n}}\n'
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, text)
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Results that `write` wrote."""
+    results: dict[str, Any] = json.loads(path.read_text())
+    return results
