@@ -12,6 +12,7 @@ from benchmarks.fidelity.compare import table
 from benchmarks.fidelity.flyrl_runs import config, walk_straight
 from benchmarks.fidelity.statistics import STATISTICS
 from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.tasks import TIMEOUT, UNSTABLE
 
 
 def _arguments() -> argparse.Namespace:
@@ -56,7 +57,7 @@ def _run(chosen: argparse.Namespace) -> list[results.Row]:
                 )
                 for seed, walk in zip(seeds, walks, strict=True):
                     is_whole = walk.time[-1] > chosen.seconds - 1e-6
-                    outcome = "timeout" if is_whole else "unstable"
+                    outcome = TIMEOUT if is_whole else UNSTABLE
                     rows.append(results.row(walk, **about, seed=seed, outcome=outcome))
                 found = {"machines": [results.machine()], "statistics": STATISTICS, "runs": rows}
                 results.write(chosen.output, found)

@@ -6,6 +6,7 @@ from typing import Final
 
 from benchmarks.fidelity.results import Row, cell, summary
 from benchmarks.fidelity.statistics import STATISTICS
+from flyrl.tasks import UNSTABLE
 
 REFERENCE_NAME: Final = "flygym"
 
@@ -25,10 +26,15 @@ DIGITS: Final = {
 
 
 def table(reference: Sequence[Row], runs: Sequence[Row]) -> str:
-    """Medians of all statistics (of falls the share) and speed against the reference's, as text."""
+    """Medians of all statistics (of falls the share) and speed against the reference's, as text.
+
+    Runs that blew up are named below the table and count for nothing in it.
+    """
     lines = [_line("terrain", "controller", "source", "n", STATISTICS, "speed ratio")]
     found = [(cell(run), REFERENCE_NAME, run) for run in reference]
     found += [(cell(run), run["physics"], run) for run in runs]
+    unstable = [(source, run) for _, source, run in found if run["outcome"] == UNSTABLE]
+    found = [each for each in found if each[2]["outcome"] != UNSTABLE]
     sources = [REFERENCE_NAME, *dict.fromkeys(run["physics"] for run in runs)]
     found.sort(key=lambda each: (each[0], sources.index(each[1])))
     for _, in_cell in groupby(found, key=lambda each: each[0]):
@@ -50,6 +56,11 @@ def table(reference: Sequence[Row], runs: Sequence[Row]) -> str:
                     ratio,
                 )
             )
+    lines += [
+        f"blew up: {run['terrain']} {run['controller']} {source}, seed {run['seed']}, after "
+        f"{run['seconds']} s"
+        for source, run in unstable
+    ]
     return "\n".join(lines)
 
 

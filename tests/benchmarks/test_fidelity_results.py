@@ -15,7 +15,8 @@ from benchmarks.fidelity.statistics import STATISTICS
 
 def run(speed: float | None, fall: float = 0.0, **about: Any) -> results.Row:
     figures = dict.fromkeys(STATISTICS, 1.0) | {"speed": speed, "fall": fall}
-    return {"terrain": "flat", "controller": "cpg", **about, "statistics": figures}
+    place = {"terrain": "flat", "controller": "cpg", "seed": 7, "outcome": "timeout"}
+    return {**place, "seconds": 1.5, **about, "statistics": figures}
 
 
 def keep(folder: Path, seed: int, **machine: Any) -> None:
@@ -68,6 +69,14 @@ def test_table_puts_the_reference_first_and_speeds_over_its() -> None:
     assert reference.split()[-1] == "1.00"
     assert balanced.split()[:5] == ["flat", "cpg", "balanced", "1", "9.00"]
     assert balanced.split()[-1] == "0.75"
+
+
+def test_a_run_that_blew_up_is_named_and_counts_for_nothing() -> None:
+    lost = run(99.0, physics="balanced", outcome="unstable", seconds=0.3)
+    text = table([run(10.0)], [run(9.0, physics="balanced"), lost])
+    *_, balanced, last = text.splitlines()
+    assert balanced.split()[3:5] == ["1", "9.00"]
+    assert last == "blew up: flat cpg balanced, seed 7, after 0.3 s"
 
 
 def test_flies_are_sampled_every_ms_from_the_spawn_of_their_seed() -> None:
