@@ -26,14 +26,17 @@ def _perturbed(model):
 def test_same_actions_as_sb3(algorithm, activation, low, high):
     kwargs = {"net_arch": [64, 64], "activation_fn": activation}
     model = _perturbed(
-        algorithm("MlpPolicy", Bandit(low=low, high=high), policy_kwargs=kwargs, device="cpu")
+        algorithm(
+            "MlpPolicy", Bandit(low=low, high=high), policy_kwargs=kwargs, device="cpu", seed=0
+        )
     )
     policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
     observations = np.random.default_rng(0).normal(size=(500, 40)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
     actions, _ = policy.predict(observations)
     assert np.ptp(expected) > 1
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-6)
+    # ours are computed in float64; torch rounds to float32 in every layer
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
 
 
 def test_later_training_does_not_change_the_bundle():
