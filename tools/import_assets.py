@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
+from scipy.spatial import ConvexHull
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -139,6 +140,9 @@ MESH_TRIANGLES = {
     "Tarsus": 240,
 }
 """Triangles kept per mesh, by the ending of its name."""
+
+HULL_VERTICES = 12
+"""Per collision hull; with more, the fly walks the same and slower."""
 
 REFERENCE_PHASES = 20
 
@@ -271,7 +275,7 @@ def import_meshes(wheel: zipfile.ZipFile, names: list[str]) -> Files:
     return files
 
 
-# --------------------------------------------------------------------------- collision capsules
+# --------------------------------------------------------------------------- collision shapes
 
 
 def sphere_directions(count: int = 4000) -> Array:
@@ -284,13 +288,37 @@ def sphere_directions(count: int = 4000) -> Array:
     )
 
 
-def fit_capsule(points: Array) -> tuple[Array, Array, float, float, float]:
+def coarse_hull(points: Array, count: int = HULL_VERTICES) -> Array:
+    """Vertices of a convex shape inside the convex hull of `points` and close to it.
+
+    Starts with the extreme points along the axes of the body's frame; then takes, one by one, the
+    point that lies furthest outside the hull of those it has.
+
+    Parameters
+    ----------
+    points : (n, 3) mesh vertices, mm.
+    count : how many vertices the shape has.
+
+    Returns
+    -------
+    (count, 3) of `points`, mm.
+    """
+    corners = points[ConvexHull(points).vertices]
+    chosen = list(np.unique([*corners.argmin(axis=0), *corners.argmax(axis=0)]))
+    while len(chosen) < count:
+        planes = ConvexHull(corners[chosen]).equations
+        outside = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        chosen.append(int(outside.argmax()))
+    return corners[chosen]
+
+
+def fit_capsule(points: Array) -> tuple[Array, Array, float]:
     """Capsule that meets planes where the convex hull of `points` meets them.
 
-    The published models collide the convex hull of each mesh with boxes and planes, so what counts
-    is how far the shape reaches in each direction (its support function). The fit is least squares
-    over directions spread evenly on the sphere; the ends are then moved along the axis so that the
-    capsule is exactly as long as the mesh.
+    The published models collide the convex hull of each mesh, so what counts is how far the shape
+    reaches in each direction (its support function). The fit is least squares over directions
+    spread evenly on the sphere; the ends are then moved along the axis so that the capsule is
+    exactly as long as the mesh.
 
     Parameters
     ----------
@@ -300,15 +328,11 @@ def fit_capsule(points: Array) -> tuple[Array, Array, float, float, float]:
     -------
     start, end : (3,) centres of the two caps, mm; `start` is the end nearer to the origin.
     radius : mm.
-    rms, worst : root mean square and largest difference in reach over all directions, mm.
     """
-    directions = sphere_directions()
-    reach = (points @ directions.T).max(axis=0)
+    wanted = reach(points)
 
     def difference(parameters: Array) -> Array:
-        ends = parameters[:6].reshape(2, 3)
-        result: Array = (directions @ ends.T).max(axis=1) + parameters[6] - reach
-        return result
+        return reach(parameters[:6].reshape(2, 3)) + parameters[6] - wanted
 
     centre = points.mean(axis=0)
     axis = np.linalg.svd(points - centre, full_matrices=False)[2][0]
@@ -324,36 +348,48 @@ def fit_capsule(points: Array) -> tuple[Array, Array, float, float, float]:
     ends[1] += axis * ((points @ axis).max() - radius - ends[1] @ axis)
     if np.linalg.norm(ends[1]) < np.linalg.norm(ends[0]):
         ends = ends[::-1]
-    ends, radius = np.round(ends, 6), round(radius, 6)
-    error = difference(np.append(ends.ravel(), radius))
-    rms = float(np.sqrt(np.mean(error**2)))
-    return ends[0], ends[1], radius, rms, float(np.abs(error).max())
+    ends = np.round(ends, 6)
+    return ends[0], ends[1], round(radius, 6)
+
+
+def reach(points: Array) -> Array:
+    """How far points reach in each of `sphere_directions` (their support function), mm."""
+    result: Array = (points @ sphere_directions().T).max(axis=0)
+    return result
+
+
+def fit_errors(difference: Array) -> dict[str, float]:
+    """Root mean square and largest difference in reach, mm."""
+    rms, worst = np.sqrt(np.mean(difference**2)), np.abs(difference).max()
+    return {"fit_rms": round(float(rms), 4), "fit_worst": round(float(worst), 4)}
 
 
 def import_collision(wheel: zipfile.ZipFile) -> Files:
-    """Capsules of all 48 leg segments, fitted on the right side and mirrored to the left."""
-    rows: dict[str, list[dict[str, Any]]] = {"L": [], "R": []}
+    """Capsules and coarse hulls of the 24 leg segments of the right side."""
+    rows: list[dict[str, Any]] = []
     for position in "FMH":
         for segment in LEG_SEGMENTS:
             name = f"R{position}{segment}"
             corners = read_stl(wheel.read(f"{MESH_FOLDER}/{name}.stl")) * METRES_TO_MM
-            start, end, radius, rms, worst = fit_capsule(np.unique(corners.reshape(-1, 3), axis=0))
-            for side, mirror in (("L", [1, -1, 1]), ("R", [1, 1, 1])):
-                rows[side].append(
-                    {
-                        "segment": f"{side}{position}{segment}",
-                        "from": figures(start * mirror),
-                        "to": figures(end * mirror),
-                        "radius": radius,
-                        "fit_rms": round(rms, 4),
-                        "fit_worst": round(worst, 4),
-                    }
-                )
+            points = np.unique(corners.reshape(-1, 3), axis=0)
+            start, end, radius = fit_capsule(points)
+            capsule = {"from": figures(start), "to": figures(end), "radius": radius}
+            hull = np.round(coarse_hull(points), 6)
+            rows.append(
+                {
+                    "segment": name,
+                    "capsule": capsule
+                    | fit_errors(reach(np.stack([start, end])) + radius - reach(points)),
+                    "hull": {"vertices": [figures(vertex) for vertex in hull]}
+                    | fit_errors(reach(hull) - reach(points)),
+                }
+            )
     table = {
-        "schema": "flyrl.collision/1",
-        "about": "Capsules in the frame of their body, mm. fit_rms, fit_worst: difference in reach "
-        "(support function) between capsule and convex hull of the published mesh.",
-        "capsules": rows["L"] + rows["R"],
+        "schema": "flyrl.collision/2",
+        "about": "Collision shapes of the right leg segments in the frame of their body, mm; left "
+        "ones are reflections. fit_rms, fit_worst: difference in reach (support function) from the "
+        "convex hull of the published mesh.",
+        "segments": rows,
     }
     return {"collision/legs.json": to_json(table)}
 
@@ -606,10 +642,12 @@ def main() -> None:
         if not check:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
-    capsules = json.loads(files["collision/legs.json"])["capsules"]
-    for row in capsules[len(capsules) // 2 :]:
-        errors = f"{row['fit_rms']:.4f} mm rms, {row['fit_worst']:.4f} mm at most"
-        print(f"{row['segment']:10} radius {row['radius']:.4f} mm, reach off by {errors}")
+    for row in json.loads(files["collision/legs.json"])["segments"]:
+        for shape in ("capsule", "hull"):
+            rms, worst = row[shape]["fit_rms"], row[shape]["fit_worst"]
+            print(
+                f"{row['segment']:10} {shape:7} reach off by {rms:.4f} mm rms, {worst:.4f} at most"
+            )
     size = sum(map(len, files.values())) / 1e6
     print(f"{len(files)} files, {size:.2f} MB, {len(changed)} changed")
     if check and changed:

@@ -68,13 +68,20 @@ class BodyTable:
 
 
 @dataclass(frozen=True)
-class CapsuleRow:
-    """Collision shape of a leg segment: cap centres in the body's frame, and radius, mm."""
+class CollisionRow:
+    """Collision shapes of a leg segment, in the body's frame, mm.
+
+    Attributes
+    ----------
+    start, end, radius : of the capsule: centres of its caps, and radius.
+    vertices : of the convex hull.
+    """
 
     segment: str
     start: Vector
     end: Vector
     radius: float
+    vertices: tuple[Vector, ...]
 
 
 def _read(path: str) -> dict[str, Any]:
@@ -122,11 +129,17 @@ def body_table(name: BodyName) -> BodyTable:
 
 
 @functools.cache
-def leg_capsules() -> tuple[CapsuleRow, ...]:
-    """Collision capsules of the 48 leg segments; both bodies have the same."""
+def leg_collision() -> tuple[CollisionRow, ...]:
+    """Collision shapes of the 24 leg segments of the right side; both bodies have the same."""
     return tuple(
-        CapsuleRow(row["segment"], tuple(row["from"]), tuple(row["to"]), row["radius"])
-        for row in _read("collision/legs.json")["capsules"]
+        CollisionRow(
+            segment=row["segment"],
+            start=tuple(row["capsule"]["from"]),
+            end=tuple(row["capsule"]["to"]),
+            radius=row["capsule"]["radius"],
+            vertices=tuple(tuple(vertex) for vertex in row["hull"]["vertices"]),
+        )
+        for row in _read("collision/legs.json")["segments"]
     )
 
 

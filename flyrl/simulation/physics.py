@@ -8,11 +8,19 @@ import mujoco
 from flyrl.bodies.fly import ContactConfig
 
 Integrator = Literal["euler", "implicitfast", "discrete"]
+Cone = Literal["pyramidal", "elliptic"]
+CollisionDetection = Literal["libccd", "native"]
 
 _INTEGRATORS: Final = {
     "euler": mujoco.mjtIntegrator.mjINT_EULER,
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
     "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+}
+
+
+_CONES: Final = {
+    "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
+    "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
 }
 
 
@@ -30,16 +38,29 @@ class PhysicsConfig:
         Bounds on Newton's iterations per step.
     noslip_iterations
         Post-processing that suppresses slip of feet in contact.
+    cone
+        Shape of the friction cone. With the "discrete" integrator, take "elliptic": there, the
+        pyramid's edges are not treated alike, and left and right walk differently.
+    collision_detection
+        How MuJoCo finds where a leg touches a box: "libccd" as all versions before 3.3, by
+        Minkowski portal refinement; or "native", its exact successor. On the edge of a box the
+        former's normals are slanted, on which a leg glides off, where the exact ones hold it. The
+        literature walked on the former.
+    multiccd
+        Whether to look for more than one point where a leg touches a box.
     contact
         How legs touch the ground.
     """
 
-    timestep: float = 2.5e-4
+    timestep: float = 5e-4
     integrator: Integrator = "discrete"
     solver_iterations: int = 100
     solver_tolerance: float = 1e-8
     noslip_iterations: int = 0
-    contact: ContactConfig = field(default_factory=lambda: ContactConfig(solref=(-8e4, -4e3)))
+    cone: Cone = "pyramidal"
+    collision_detection: CollisionDetection = "libccd"
+    multiccd: bool = False
+    contact: ContactConfig = field(default_factory=ContactConfig)
 
     def __post_init__(self) -> None:
         if not 0 < self.timestep <= 2e-3:
@@ -48,6 +69,12 @@ class PhysicsConfig:
             raise ValueError(
                 f"integrator is {self.integrator!r}; it must be one of {get_args(Integrator)}"
             )
+        for key, allowed in (
+            ("cone", get_args(Cone)),
+            ("collision_detection", get_args(CollisionDetection)),
+        ):
+            if getattr(self, key) not in allowed:
+                raise ValueError(f"{key} is {getattr(self, key)!r}; it must be one of {allowed}")
         if self.solver_iterations < 1:
             raise ValueError(f"solver_iterations is {self.solver_iterations}; it must be >= 1")
         if self.noslip_iterations < 0:
@@ -57,14 +84,10 @@ class PhysicsConfig:
 
 
 PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
-    # the published models' step, integrator, no-slip pass and contact (flygym 0.2.5 and 1.2.1)
-    "reference": PhysicsConfig(
-        timestep=1e-4, integrator="euler", noslip_iterations=100, contact=ContactConfig()
-    ),
-    # The contact stops a foot within one step, as the literature's does, and takes 1/20 s to push
-    # it back out: pushed out at once, even the CPG alone glides over gaps; never, and the coarser
-    # step traps the hybrid controller too. Chosen with benchmarks/walking.py.
+    # the step and integrator of the published models (flygym 0.2.5 and 1.2.1)
+    "reference": PhysicsConfig(timestep=1e-4, integrator="euler"),
     "balanced": PhysicsConfig(),
+    "fast": PhysicsConfig(timestep=1e-3),
 }
 
 
@@ -74,8 +97,12 @@ def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:
     option.timestep = config.timestep
     option.integrator = _INTEGRATORS[config.integrator]
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    option.cone = _CONES[config.cone]
     option.iterations = config.solver_iterations
     option.tolerance = config.solver_tolerance
     option.noslip_iterations = config.noslip_iterations
     option.gravity = [0.0, 0.0, -9810.0]
+    if config.collision_detection == "libccd":
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_NATIVECCD
+    if not config.multiccd:
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD

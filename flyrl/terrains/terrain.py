@@ -12,6 +12,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.bodies.fly import BOXES, PLANES
+
 Array = NDArray[np.float64]
 
 TerrainName = Literal["flat", "gapped", "blocks", "mixed"]
@@ -141,8 +143,8 @@ def terrain_boxes(config: TerrainConfig) -> Boxes:
 def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
     """Add the ground, its materials and a sky to `spec`.
 
-    Ground geoms are called `ground_…` and have contype 1, conaffinity 0: they touch what asks to be
-    touched (conaffinity 1), and not each other.
+    Ground geoms are called `ground_…` and have contype `bodies.fly.PLANES` or `BOXES`, conaffinity
+    0: they touch what asks to be touched, and not each other.
     """
     _add_sky(spec)
     if config.name == "flat":
@@ -159,6 +161,7 @@ def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
             size=half_size,
             material="ground_block",
             rgba=_shade(index, boxes.tops[index], boxes.tops),
+            contype=BOXES,
             **_GROUND,
         )
     if config.name in ("blocks", "mixed"):
@@ -174,7 +177,6 @@ def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
 
 
 _GROUND: Final = {
-    "contype": 1,
     "conaffinity": 0,
     "group": 0,
     "friction": GROUND_FRICTION,
@@ -253,6 +255,7 @@ def _add_plane(
     spec.worldbody.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_PLANE,
+        contype=PLANES,
         pos=centre,
         size=(*half_size, 1.0),
         material=material,

@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from flyrl.anatomy import JOINTS, LEG_DOFS, LEG_SEGMENTS, LEGS, PASSIVE_TARSUS_JOINTS
 from flyrl.bodies.fly import ContactConfig, FlyConfig, build_fly, spawn_offset, stretch_pose
-from flyrl.bodies.table import BODY_NAMES, body_table, leg_capsules
+from flyrl.bodies.table import BODY_NAMES, body_table, leg_collision
 from flyrl.resources import assets_folder
 from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, add_terrain, base_height
 
@@ -51,7 +51,7 @@ def standing_on(terrain, name="current", seconds=0.1):
 
 def touching(model, data):
     names = {model.geom(geom).name for contact in data.contact for geom in contact.geom}
-    return {item.removesuffix("_collision") for item in names if item.endswith("_collision")}
+    return {item.rpartition("_")[0] for item in names if item.endswith(("_capsule", "_hull"))}
 
 
 # ------------------------------------------------------------------ kinematics
@@ -209,8 +209,8 @@ def test_stretch_pose_is_the_published_one():
 
 def test_capsules_of_left_and_right_mirror_each_other(model):
     for segment in LEG_BODIES[:24]:
-        left = model.geom(f"{segment}_collision")
-        right = model.geom(f"R{segment[1:]}_collision")
+        left = model.geom(f"{segment}_capsule")
+        right = model.geom(f"R{segment[1:]}_capsule")
         np.testing.assert_allclose(left.size, right.size, rtol=1e-12)
         np.testing.assert_allclose(left.pos, right.pos * [1, -1, 1], atol=1e-12)
         axes = np.zeros((2, 9))
@@ -224,7 +224,7 @@ def test_each_leg_segment_has_a_capsule_about_as_long_as_the_way_to_the_next(mod
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     for leg, (segment, following) in itertools.product(LEGS, itertools.pairwise(LEG_SEGMENTS)):
-        capsule = model.geom(f"{leg}{segment}_collision")
+        capsule = model.geom(f"{leg}{segment}_capsule")
         reach = data.body(f"{leg}{following}").xpos - data.body(f"{leg}{segment}").xpos
         length = 2 * (capsule.size[0] + capsule.size[1])
         assert length == pytest.approx(np.linalg.norm(reach), abs=0.15)
@@ -232,9 +232,7 @@ def test_each_leg_segment_has_a_capsule_about_as_long_as_the_way_to_the_next(mod
 
 def test_capsules_reach_as_far_as_the_meshes_they_stand_for():
     """Along its axis a capsule ends where the mesh ends."""
-    for capsule in leg_capsules():
-        if capsule.segment.startswith("L"):
-            continue
+    for capsule in leg_collision():
         content = (assets_folder() / "meshes" / f"{capsule.segment}.stl").read_bytes()
         records = np.frombuffer(content, np.uint8, offset=84).reshape(-1, 50)
         points = records[:, 12:48].copy().view("<f4").reshape(-1, 3)
@@ -245,17 +243,58 @@ def test_capsules_reach_as_far_as_the_meshes_they_stand_for():
         assert end @ axis + capsule.radius == pytest.approx(along.max(), abs=0.015)
 
 
+def _hull_points(model, segment):
+    """Vertices of a segment's hull in the frame of its body, (n, 3) mm, sorted."""
+    geom = model.geom(f"{segment}_hull")
+    mesh = model.mesh(int(geom.dataid[0]))
+    start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, geom.quat)
+    points = model.mesh_vert[start : start + count] @ rotation.reshape(3, 3).T + geom.pos
+    return _sorted(points)
+
+
+def _sorted(points):
+    return points[np.lexsort(np.round(points, 5).T)]
+
+
+def test_hulls_have_the_imported_vertices(model):
+    for row in leg_collision():
+        expected = _sorted(np.array(row.vertices))
+        # MuJoCo keeps vertices in single precision
+        np.testing.assert_allclose(_hull_points(model, row.segment), expected, atol=2e-7)
+
+
+def test_hulls_of_left_and_right_mirror_each_other(model):
+    for segment in LEG_BODIES[:24]:
+        right = _sorted(_hull_points(model, f"R{segment[1:]}") * [1, -1, 1])
+        np.testing.assert_allclose(_hull_points(model, segment), right, atol=2e-7)
+
+
+def test_hulls_reach_as_far_as_the_meshes_they_stand_for():
+    """Along the body's axes a hull ends where the decimated mesh ends."""
+    for row in leg_collision():
+        content = (assets_folder() / "meshes" / f"{row.segment}.stl").read_bytes()
+        records = np.frombuffer(content, np.uint8, offset=84).reshape(-1, 50)
+        points = records[:, 12:48].copy().view("<f4").reshape(-1, 3)
+        vertices = np.array(row.vertices)
+        np.testing.assert_allclose(vertices.min(axis=0), points.min(axis=0), atol=0.015)
+        np.testing.assert_allclose(vertices.max(axis=0), points.max(axis=0), atol=0.015)
+
+
 def test_only_legs_and_ground_can_touch():
     spec = build_fly(FlyConfig("current", symmetric=False))
     add_terrain(spec, TerrainConfig("mixed"))
     model = spec.compile()
     names = np.array([model.geom(index).name for index in range(model.ngeom)])
     ground = np.char.startswith(names, "ground_")
-    legs = np.isin(names, [f"{body}_collision" for body in LEG_BODIES])
-    assert legs.sum() == 48
+    capsules = np.isin(names, [f"{body}_capsule" for body in LEG_BODIES])
+    hulls = np.isin(names, [f"{body}_hull" for body in LEG_BODIES])
+    assert (capsules.sum(), hulls.sum()) == (48, 48)
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     meets = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
     meets |= meets.T
-    expected = ground[:, None] & legs
+    expected = (planes[:, None] & capsules) | ((ground & ~planes)[:, None] & hulls)
     np.testing.assert_array_equal(meets, expected | expected.T)
 
 
@@ -318,12 +357,12 @@ def test_the_fly_stands_on_rough_ground(terrain):
 def test_visual_meshes_touch_nothing_and_change_no_joint():
     seen = build_fly(FlyConfig("current", symmetric=False)).compile()
     bare = build_fly(FlyConfig("current", symmetric=False), visual=False).compile()
-    assert (seen.ngeom, bare.ngeom) == (48 + 69, 48)
+    assert (seen.ngeom, bare.ngeom) == (96 + 69, 96)
     assert (seen.nq, seen.nu, seen.nbody) == (bare.nq, bare.nu, bare.nbody)
-    meshes = seen.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    meshes = seen.geom_group == 1
     assert not seen.geom_contype[meshes].any()
     assert not seen.geom_conaffinity[meshes].any()
-    assert set(seen.geom_group[meshes]) == {1}
+    assert meshes.sum() == 69
 
 
 # ------------------------------------------------------------------ bad input

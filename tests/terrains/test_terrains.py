@@ -191,7 +191,8 @@ def test_ground_geoms_are_slippery_and_touchable_as_specified(name):
     model = compiled(TerrainConfig(name))
     assert all(model.geom(index).name.startswith("ground") for index in range(model.ngeom))
     np.testing.assert_array_equal(model.geom_friction, [[1, 0.005, 0.0001]] * model.ngeom)
-    assert set(model.geom_contype) == {1}
+    is_plane = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_array_equal(model.geom_contype, np.where(is_plane, 1, 2))
     assert set(model.geom_conaffinity) == {0}
     assert set(model.geom_group) == {0}
 
