@@ -303,13 +303,14 @@ def coarse_hull(points: Array, count: int = HULL_VERTICES) -> Array:
     -------
     (count, 3) of `points`, mm.
     """
-    corners = points[ConvexHull(points).vertices]
+    corners: Array = points[ConvexHull(points).vertices]
     chosen = list(np.unique([*corners.argmin(axis=0), *corners.argmax(axis=0)]))
     while len(chosen) < count:
         planes = ConvexHull(corners[chosen]).equations
         outside = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         chosen.append(int(outside.argmax()))
-    return corners[chosen]
+    vertices: Array = corners[chosen]
+    return vertices
 
 
 def fit_capsule(points: Array) -> tuple[Array, Array, float]:
@@ -332,7 +333,8 @@ def fit_capsule(points: Array) -> tuple[Array, Array, float]:
     wanted = reach(points)
 
     def difference(parameters: Array) -> Array:
-        return reach(parameters[:6].reshape(2, 3)) + parameters[6] - wanted
+        result: Array = reach(parameters[:6].reshape(2, 3)) + parameters[6] - wanted
+        return result
 
     centre = points.mean(axis=0)
     axis = np.linalg.svd(points - centre, full_matrices=False)[2][0]

@@ -1,16 +1,19 @@
-"""Walk flyrl straight ahead and print how it walked beside flygym-gymnasium.
+"""Is it true? Walking beside flygym-gymnasium, turning of the presets, and whether they blow up.
 
-Run `python -m benchmarks.fidelity` from the root of the repository.
+Run `python -m benchmarks.fidelity walking|turning|stability` from the root of the repository.
 """
 
 import argparse
 import sys
 from pathlib import Path
 
-from benchmarks.fidelity import results
+import numpy as np
+
+from benchmarks.fidelity import results, stability, turning
 from benchmarks.fidelity.compare import table
 from benchmarks.fidelity.flyrl_runs import config, walk_straight
 from benchmarks.fidelity.statistics import STATISTICS
+from benchmarks.fidelity.verdict import verdict
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TIMEOUT, UNSTABLE
 
@@ -19,38 +22,72 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.fidelity", description=(__doc__ or "").splitlines()[0]
     )
-    parser.add_argument("--terrains", nargs="+", choices=results.TERRAINS, default=results.TERRAINS)
-    parser.add_argument(
-        "--controllers", nargs="+", choices=results.CONTROLLERS, default=results.CONTROLLERS
-    )
-    parser.add_argument(
+    common = argparse.ArgumentParser(add_help=False)
+    common.add_argument(
         "--physics", nargs="+", choices=PHYSICS_PRESETS, default=list(PHYSICS_PRESETS)
     )
-    parser.add_argument(
+    common.add_argument("--threads", type=int, default=0, help="0 takes one per CPU")
+    grounds = argparse.ArgumentParser(add_help=False)
+    grounds.add_argument(
+        "--terrains", nargs="+", choices=results.TERRAINS, default=results.TERRAINS
+    )
+    studies = parser.add_subparsers(dest="study", required=True)
+
+    walking = studies.add_parser(
+        "walking", parents=[common, grounds], help="straight ahead, beside flygym-gymnasium"
+    )
+    walking.add_argument(
+        "--controllers", nargs="+", choices=results.CONTROLLERS, default=results.CONTROLLERS
+    )
+    walking.add_argument(
         "--conditions", type=int, default=20, help="initial conditions: seeds 0 to this - 1"
     )
-    parser.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
-    parser.add_argument("--threads", type=int, default=0, help="0 takes one per CPU")
-    parser.add_argument(
+    walking.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
+    walking.add_argument(
         "--output", type=Path, default=Path("runs/fidelity.json"), help="where the runs are written"
     )
-    parser.add_argument(
+    walking.add_argument(
         "--show", action="store_true", help="run nothing, print what is in --output"
     )
-    parser.add_argument(
+    walking.add_argument(
         "--collect", type=Path, metavar="FOLDER",
         help="run nothing, make reference.json from the runs of reference.py in FOLDER",
     )  # fmt: skip
+
+    turn = studies.add_parser(
+        "turning", parents=[common], help="yaw rate over a grid of drives; the first preset is 1"
+    )
+    turn.add_argument("--size", type=int, default=9, help="levels of drive of each side")
+    turn.add_argument("--conditions", type=int, default=8, help="flies per pair of drives")
+    turn.add_argument("--seconds", type=float, default=1.3, help="simulated time, 0.3 s to settle")
+
+    stable = studies.add_parser(
+        "stability", parents=[common, grounds], help="random drives until a fall or time is up"
+    )
+    stable.add_argument("--episodes", type=int, default=500, help="per preset and terrain")
+    stable.add_argument("--seconds", type=float, default=3.0, help="simulated time of an episode")
     return parser.parse_args()
+
+
+def _walk(chosen: argparse.Namespace) -> None:
+    if chosen.collect is not None:
+        results.write(results.REFERENCE, results.collect(chosen.collect))
+        return
+    rows = results.read(chosen.output)["runs"] if chosen.show else _run(chosen)
+    reference = results.read(results.REFERENCE)["runs"]
+    print(table(reference, rows))
+    for name, meaning in STATISTICS.items():
+        print(f"  {name:16} {meaning}")
+    print(verdict(reference, rows))
 
 
 def _run(chosen: argparse.Namespace) -> list[results.Row]:
     rows = []
     seeds = list(range(chosen.conditions))
-    for terrain in chosen.terrains:
-        for controller in chosen.controllers:
-            for physics in chosen.physics:
-                print(f"{terrain} {controller} {physics}", file=sys.stderr)
+    for physics in chosen.physics:
+        for terrain in chosen.terrains:
+            for controller in chosen.controllers:
+                print(f"{physics} {terrain} {controller}", file=sys.stderr)
                 about = {"terrain": terrain, "controller": controller, "physics": physics}
                 walks = walk_straight(
                     config(controller, terrain, physics), seeds, chosen.seconds, chosen.threads
@@ -64,17 +101,43 @@ def _run(chosen: argparse.Namespace) -> list[results.Row]:
     return rows
 
 
+def _turn(chosen: argparse.Namespace) -> None:
+    first = None
+    levels = turning.drives(chosen.size)
+    for physics in chosen.physics:
+        rates, falls = turning.yaw_rates(
+            physics, chosen.size, chosen.conditions, chosen.seconds, chosen.threads
+        )
+        print(f"{physics}: yaw rate (deg/s); rows: left drive, columns: right drive")
+        print("        " + "".join(f"{level:8.2f}" for level in levels))
+        for level, row in zip(levels, rates, strict=True):
+            print(f"{level:8.2f}" + "".join(f"{rate:8.0f}" for rate in row))
+        print(f"  largest share of falls {falls.max():.2f}")
+        if first is None:
+            first = rates
+            continue
+        difference = turning.relative_difference(rates, first)
+        worst = np.abs(rates - first).max()
+        print(
+            f"  against {chosen.physics[0]}: rms difference {difference:.3f} of its rms, slope "
+            f"{turning.slope(rates, first):.3f}, largest difference {worst:.0f} deg/s"
+        )
+
+
+def _stay_stable(chosen: argparse.Namespace) -> None:
+    for physics in chosen.physics:
+        for terrain in chosen.terrains:
+            ended, warned = stability.outcomes(
+                physics, terrain, chosen.episodes, chosen.seconds, chosen.threads
+            )
+            warnings = ", ".join(f"{name} {number}" for name, number in warned.items()) or "none"
+            print(f"{physics} {terrain}: {dict(ended)}; MuJoCo's warnings: {warnings}", flush=True)
+
+
 def main() -> None:
-    """Run, or read, then print the table."""
+    """Run a study, or read it, and print it."""
     chosen = _arguments()
-    if chosen.collect is not None:
-        results.write(results.REFERENCE, results.collect(chosen.collect))
-        return
-    rows = results.read(chosen.output)["runs"] if chosen.show else _run(chosen)
-    reference = results.read(results.REFERENCE)["runs"]
-    print(table(reference, rows))
-    for name, meaning in STATISTICS.items():
-        print(f"  {name:16} {meaning}")
+    {"walking": _walk, "turning": _turn, "stability": _stay_stable}[chosen.study](chosen)
 
 
 if __name__ == "__main__":

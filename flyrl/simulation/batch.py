@@ -104,12 +104,12 @@ class FlyBatch:
 
         A simulation that diverges is marked unstable and keeps a finite state; the others go on.
         """
-        before = self._batch.warning[:, :, 1].sum(axis=1)
+        before = self.warnings().sum(axis=1)
         try:
             self._batch.step(ids, num_steps, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         except SimulationError as error:
             self._is_unstable[error.ids] = True
-        self._is_unstable |= self._batch.warning[:, :, 1].sum(axis=1) > before
+        self._is_unstable |= self.warnings().sum(axis=1) > before
 
     def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
         """Set the descending drive (left, right), (n, 2), from the next physics step on."""
@@ -138,6 +138,10 @@ class FlyBatch:
             adhesion=controllers["adhesion"].copy(),
             is_unstable=self._is_unstable.copy(),
         )
+
+    def warnings(self) -> NDArray[np.intp]:
+        """How often MuJoCo warned of each simulation since its reset, (n, mjNWARNING)."""
+        return np.array(self._batch.warning[:, :, 1], dtype=np.intp)
 
     def integration_state(self) -> NDArray[np.float64]:
         """Everything that determines the future of each simulation, one row each (a copy)."""
