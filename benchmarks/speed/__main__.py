@@ -76,10 +76,10 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
         help="for environment; an episode has up to 150, at whose end resets come",
     )  # fmt: skip
     parser.add_argument("--rollouts", type=_positive, default=3, help="for ppo")
-    for key, (package, _) in peers.PEERS.items():
+    for key, (package, needed, _) in peers.PEERS.items():
         parser.add_argument(
             f"--{key}", type=_interpreter, metavar="PYTHON",
-            help=f"interpreter that has {package}, for peers",
+            help=f"interpreter that has {package}{needed}, for peers",
         )  # fmt: skip
     parser.add_argument(
         "--peer-warm-up", type=_positive, default=300,

@@ -19,10 +19,10 @@ FLYRL_PRESETS: Final = ("reference", "balanced")
 FLIES: Final = 64
 
 PEERS: Final = {
-    "flygym": ("flygym-gymnasium", "benchmarks.speed.flygym_speed"),
-    "flygym2": ("flygym", "benchmarks.speed.flygym2_speed"),
+    "flygym": ("flygym-gymnasium", "==1.3.2", "benchmarks.speed.flygym_speed"),
+    "flygym2": ("flygym", ">=2", "benchmarks.speed.flygym2_speed"),
 }
-"""Option that gives the interpreter -> package, and the module that runs there."""
+"""Option that gives the interpreter -> package, its version, and the module that runs there."""
 
 
 def measure(
@@ -62,7 +62,7 @@ def measure(
             )
         # `own` is now that of the default preset, the last
         for key, python in interpreters.items():
-            package, module = PEERS[key]
+            package, _, module = PEERS[key]
             found = _run(python, module, terrain, warm_up, steps)
             rows += [
                 {
@@ -76,8 +76,8 @@ def measure(
                 for each in found["rows"]
             ]
     rows += [
-        {"simulator": package, "note": f"not measured: pass --{key} PYTHON"}
-        for key, (package, _) in PEERS.items()
+        {"simulator": package + needed, "note": f"not measured: pass --{key} PYTHON"}
+        for key, (package, needed, _) in PEERS.items()
         if key not in interpreters
     ]
     return rows
