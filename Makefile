@@ -1,7 +1,7 @@
 # make train   set up .venv; train a steering policy, compare it with the fixed controllers, write the report
 # make test    set up .venv; run the tests
 # make check   lint, format, types, import contracts (what CI and pre-commit run before the tests)
-# make bench   speed of the engine on this machine, and how the fly walks beside the literature
+# make bench   speed of every part on this machine, and how the fly walks beside the literature
 # make format  let ruff rewrite what make check complains about
 # make clean   remove .venv and caches; runs/ and reports/ stay
 
@@ -29,7 +29,8 @@ check: $(INSTALLED_DEV)
 	$(BIN)/lint-imports
 
 bench: $(INSTALLED)
-	set -e; for benchmark in benchmarks/*.py; do $(BIN)/python $$benchmark; done
+	$(BIN)/python -m benchmarks.speed $(ARGS)
+	$(BIN)/python benchmarks/walking.py
 
 format: $(INSTALLED_DEV)
 	$(BIN)/ruff check --fix

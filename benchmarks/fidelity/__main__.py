@@ -14,6 +14,7 @@ from benchmarks.fidelity.compare import table
 from benchmarks.fidelity.flyrl_runs import config, walk_straight
 from benchmarks.fidelity.statistics import STATISTICS
 from benchmarks.fidelity.verdict import verdict
+from benchmarks.machine import machine
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TIMEOUT, UNSTABLE
 
@@ -96,7 +97,7 @@ def _run(chosen: argparse.Namespace) -> list[results.Row]:
                     is_whole = walk.time[-1] > chosen.seconds - 1e-6
                     outcome = TIMEOUT if is_whole else UNSTABLE
                     rows.append(results.row(walk, **about, seed=seed, outcome=outcome))
-                found = {"machines": [results.machine()], "statistics": STATISTICS, "runs": rows}
+                found = {"machines": [machine()], "statistics": STATISTICS, "runs": rows}
                 results.write(chosen.output, found)
     return rows
 

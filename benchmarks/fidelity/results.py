@@ -1,11 +1,7 @@
 """Results as JSON: one row per run, with the walking statistics of its trajectory."""
 
 import json
-import os
-import platform
 from collections.abc import Iterable
-from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +15,6 @@ REFERENCE: Final = Path(__file__).with_name("reference.json")
 
 TERRAINS: Final = ("flat", "gapped", "blocks", "mixed")
 CONTROLLERS: Final = ("cpg", "rule_based", "hybrid")
-PACKAGES: Final = ("mujoco", "numpy", "numba")
 
 Row = dict[str, Any]
 
@@ -71,22 +66,6 @@ def summary(runs: Iterable[Row]) -> dict[str, float | None]:
         middle = np.mean if name == "fall" else np.median
         result[name] = float(middle(values)) if values else None
     return result
-
-
-def machine() -> dict[str, Any]:
-    """Describe what runs this: versions, processor, date."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
-        cpu = names[0].partition(":")[2].strip() if names else cpu
-    return {
-        "versions": {"python": platform.python_version()}
-        | {package: version(package) for package in PACKAGES},
-        "cpu": cpu,
-        "cores": os.cpu_count(),
-        "date": date.today().isoformat(),
-    }
 
 
 def write(path: Path, results: dict[str, Any]) -> None:

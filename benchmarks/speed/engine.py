@@ -1,0 +1,134 @@
+"""Physics steps per second of walking flies, controller included."""
+
+import time
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from benchmarks.speed.results import Row, significant
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.scene import Scene
+
+SETTLING_S: Final = 0.2
+"""s of simulated time before anything is measured: the fly drops and gets going."""
+
+WINDOW_S: Final = 0.3
+"""s of simulated time that are measured at once; then the flies are put back to their start, lest
+they walk off the terrain."""
+
+MAX_SETTLED: Final = 64
+"""Flies that are settled, at most; a larger batch repeats them."""
+
+MIN_STEPS: Final = 3
+
+States = NDArray[np.float64]
+
+
+def settle(env: BatchedEnv) -> States:
+    """States of the flies of seeds 0, 1, 2, … that have walked straight for `SETTLING_S`."""
+    env.reset(seeds=list(range(env.num_envs)))
+    env.flies.set_drive(np.ones((env.num_envs, 2)))
+    env.flies.step(round(SETTLING_S / env.config.scene.physics.timestep))
+    return env.flies.integration_state()
+
+
+def settled_scene(
+    physics: str, terrain: str, flies: int, most: int = MAX_SETTLED
+) -> tuple[Scene, States]:
+    """Scene of one row of the table, and `flies` states in it to start from.
+
+    Only the first `most` are settled; the others repeat them.
+    """
+    config = EnvConfig(task="hybrid_turning", physics=physics, terrain=terrain)
+    env = BatchedEnv(config, min(flies, most))
+    states = settle(env)
+    return env.scene, np.resize(states, (flies, states.shape[1]))
+
+
+def steps_per_second(flies: FlyBatch, start: States, seconds: float) -> float:
+    """Physics steps of all flies together per second of wall time.
+
+    Parameters
+    ----------
+    flies
+        To be stepped.
+    start
+        States that a window of walking begins with.
+    seconds
+        Wall time to spend, s. At least one window of `MIN_STEPS` is measured.
+    """
+    most = round(WINDOW_S / flies.scene.config.physics.timestep)
+    steps = MIN_STEPS
+    pace = _window(flies, start, steps) / steps
+    while pace * steps < 0.05 * seconds and steps < most:
+        steps = min(2 * steps, most)
+        pace = _window(flies, start, steps) / steps
+    steps = min(max(round(seconds / pace), MIN_STEPS), most)
+    taken, windows = _window(flies, start, steps), 1
+    while taken < seconds:
+        taken += _window(flies, start, steps)
+        windows += 1
+    return flies.num_sims * steps * windows / taken
+
+
+def measure(
+    presets: Sequence[str],
+    terrains: Sequence[str],
+    threads: Sequence[int],
+    batches: Sequence[int],
+    seconds: float,
+) -> list[Row]:
+    """One row per preset, terrain, number of threads and number of flies."""
+    rows = []
+    total = len(presets) * len(terrains) * len(threads) * len(batches)
+    with tqdm(total=total, unit="cell", desc="engine") as bar:
+        for physics in presets:
+            for terrain in terrains:
+                scene, start = settled_scene(physics, terrain, max(batches))
+                timestep = scene.config.physics.timestep
+                for num_threads in threads:
+                    for num_flies in batches:
+                        flies = FlyBatch(scene, num_flies, num_threads)
+                        speed = steps_per_second(flies, start[:num_flies], seconds)
+                        rows.append(
+                            {
+                                "physics": physics,
+                                "terrain": terrain,
+                                "threads": num_threads,
+                                "flies": num_flies,
+                                "steps_per_s": significant(speed),
+                                "real_time": significant(speed * timestep),
+                                "unstable": int(flies.state().is_unstable.sum()),
+                            }
+                        )
+                        bar.update()
+    return rows
+
+
+def measure_threads(seconds: float, repeats: int, flies: int = 64) -> list[Row]:
+    """Two threads over one, balanced physics on flat ground, measured in turns."""
+    scene, start = settled_scene("balanced", "flat", flies)
+    one, two = FlyBatch(scene, flies, 1), FlyBatch(scene, flies, 2)
+    ratios = []
+    for _ in tqdm(range(repeats), desc="threads"):
+        slow = steps_per_second(one, start, seconds)
+        ratios.append(steps_per_second(two, start, seconds) / slow)
+    return [
+        {
+            "flies": flies,
+            "ratio": significant(float(np.median(ratios))),
+            "ratios": [significant(ratio) for ratio in ratios],
+        }
+    ]
+
+
+def _window(flies: FlyBatch, start: States, steps: int) -> float:
+    """Wall time of some steps from the start on, s."""
+    flies.restore(start)
+    began = time.perf_counter()
+    flies.step(steps)
+    return time.perf_counter() - began

@@ -1,0 +1,113 @@
+"""Where the time goes above the engine: the vector environment, PPO, and the single environment.
+
+Methods are timed by wrapping them here, from outside; flyrl itself carries no clock.
+"""
+
+import time
+from collections.abc import Sequence
+
+import gymnasium
+import numpy as np
+import torch
+from tqdm import tqdm
+
+import flyrl  # noqa: F401 (registers the environments)
+from benchmarks.speed.results import Row, significant
+from benchmarks.speed.stopwatch import Stopwatch
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.training.algorithms import PPOConfig
+from flyrl.training.config import TrainingConfig
+from flyrl.training.learn import build_model
+
+
+def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64) -> list[Row]:
+    """Shares of the engine, of resets and of the rest in `FlyVecEnv.step`, per number of threads.
+
+    Task `target`, balanced physics, flat ground, random actions; resets are those of the episodes
+    that end.
+    """
+    rows = []
+    for num_threads in threads:
+        env = FlyVecEnv(EnvConfig(), flies, num_threads, seed=0)
+        rng = np.random.default_rng(0)
+        env.reset()
+        watch = Stopwatch()
+        watch.wrap(env, "step", "rest")
+        watch.wrap(env.core, "reset", "resets")
+        watch.wrap(env.core.flies, "step", "engine")
+        for _ in tqdm(range(decisions), desc=f"environment, threads: {num_threads}"):
+            env.step(rng.uniform(-1.0, 1.0, (flies, 2)).astype(np.float32))
+        rows.append(
+            {
+                "threads": num_threads,
+                "flies": flies,
+                "ms_per_step": significant(1e3 * sum(watch.seconds.values()) / decisions),
+                **_shares(watch, ("engine", "resets", "rest")),
+            }
+        )
+    return rows
+
+
+def measure_ppo(rollouts: int) -> list[Row]:
+    """Shares of physics, environment, policy and update in some rollouts of the default training.
+
+    One rollout and its update go before, to warm up.
+    """
+    config = TrainingConfig()
+    if not isinstance(config.algo, PPOConfig):
+        raise TypeError(f"the default algorithm is {config.algo.name}, not PPO")
+    torch.set_num_threads(config.training.torch_threads)
+    env = FlyVecEnv(config.env, config.training.num_envs, config.training.num_threads)
+    env.seed(config.seed)
+    model = build_model(config.algo, env, config.seed)
+    decisions = config.algo.n_steps * config.training.num_envs
+    with tqdm(total=rollouts + 1, desc="ppo") as bar:
+        model.learn(decisions)
+        bar.update()
+        watch = Stopwatch()
+        watch.wrap(env.core.flies, "step", "physics")
+        for method in ("reset", "step"):
+            watch.wrap(env, method, "environment")
+        for method in ("forward", "predict_values"):
+            watch.wrap(model.policy, method, "policy")
+        watch.wrap(model, "train", "update")
+        with watch.timing("rest"):
+            model.learn(rollouts * decisions)
+        bar.update(rollouts)
+    return [
+        {
+            "flies": config.training.num_envs,
+            "decisions": rollouts * decisions,
+            "decisions_per_s": significant(rollouts * decisions / sum(watch.seconds.values())),
+            **_shares(watch, ("physics", "environment", "policy", "update", "rest")),
+        }
+    ]
+
+
+def measure_single(presets: Sequence[str], steps: int = 5_000, warm_up: int = 500) -> list[Row]:
+    """Physics steps per second of `flyrl/HybridTurning-v0`, one per call from Python."""
+    rows = []
+    action = np.ones(2, dtype=np.float32)
+    for physics in tqdm(presets, desc="single"):
+        env = gymnasium.make("flyrl/HybridTurning-v0", physics=physics)
+        env.reset(seed=0)
+        for _ in range(warm_up):
+            env.step(action)
+        began = time.perf_counter()
+        for _ in range(steps):
+            env.step(action)
+        rows.append(
+            {
+                "physics": physics,
+                "steps": steps,
+                "steps_per_s": significant(steps / (time.perf_counter() - began)),
+            }
+        )
+        env.close()
+    return rows
+
+
+def _shares(watch: Stopwatch, names: Sequence[str]) -> dict[str, float]:
+    shares = watch.shares()
+    return {name: significant(shares.get(name, 0.0)) for name in names}

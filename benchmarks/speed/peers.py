@@ -1,0 +1,99 @@
+"""Other simulators of the same fly on one core, each in an interpreter of its own."""
+
+import json
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from tqdm import tqdm
+
+from benchmarks.speed.engine import settled_scene, steps_per_second
+from benchmarks.speed.results import Row, significant
+from flyrl.simulation.batch import FlyBatch
+
+FLYRL_PRESETS: Final = ("reference", "balanced")
+"""Measured beside the peers: the preset with their time step, and the default one."""
+
+FLIES: Final = 64
+
+PEERS: Final = {
+    "flygym": ("flygym-gymnasium", "==1.3.2", "benchmarks.speed.flygym_speed"),
+    "flygym2": ("flygym", ">=2", "benchmarks.speed.flygym2_speed"),
+}
+"""Option that gives the interpreter -> package, its version, and the module that runs there."""
+
+
+def measure(
+    interpreters: Mapping[str, str],
+    terrains: Sequence[str],
+    seconds: float,
+    warm_up: int,
+    steps: int,
+) -> list[Row]:
+    """Rows of flyrl and of every peer, terrain by terrain; a note for a peer that is not there.
+
+    Parameters
+    ----------
+    interpreters
+        Path of Python by key of `PEERS`.
+    terrains
+        On which to walk.
+    seconds
+        Wall time for each figure of flyrl.
+    warm_up, steps
+        Steps of a peer before and while it is timed.
+    """
+    rows: list[Row] = []
+    for terrain in tqdm(terrains, desc="peers"):
+        for physics in FLYRL_PRESETS:
+            scene, start = settled_scene(physics, terrain, FLIES)
+            speed = steps_per_second(FlyBatch(scene, FLIES, 1), start, seconds)
+            own = speed * scene.config.physics.timestep
+            rows.append(
+                {
+                    "simulator": f"flyrl {physics}",
+                    "terrain": terrain,
+                    "what": "hybrid",
+                    "steps_per_s": significant(speed),
+                    "real_time": significant(own),
+                }
+            )
+        # `own` is now that of the default preset, the last
+        for key, python in interpreters.items():
+            package, _, module = PEERS[key]
+            found = _run(python, module, terrain, warm_up, steps)
+            rows += [
+                {
+                    "simulator": f"{package} {found['versions'][package]}",
+                    "terrain": each["terrain"],
+                    "what": each["what"],
+                    "steps_per_s": significant(each["steps_per_s"]),
+                    "real_time": significant(each["real_time"]),
+                    "ratio": significant(own / each["real_time"]),
+                }
+                for each in found["rows"]
+            ]
+    rows += [
+        {"simulator": package + needed, "note": f"not measured: pass --{key} PYTHON"}
+        for key, (package, needed, _) in PEERS.items()
+        if key not in interpreters
+    ]
+    return rows
+
+
+def _run(python: str, module: str, terrain: str, warm_up: int, steps: int) -> dict[str, Any]:
+    """What the module prints, run by another interpreter on one thread."""
+    command = [python, "-m", module, "--terrains", terrain]
+    command += ["--warm-up", str(warm_up), "--steps", str(steps)]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        command, cwd=root, env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)} failed:\n{done.stderr}")
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result

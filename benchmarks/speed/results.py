@@ -1,0 +1,50 @@
+"""Results as JSON: per part what was measured, with the machine that ran it."""
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+from flyrl.files import write_text
+
+Row = dict[str, Any]
+Part = dict[str, Any]
+"""`machine`, `settings` and `rows`, the cells of the part's table."""
+
+Results = dict[str, Part]
+
+PARTS: Final[dict[str, str]] = {
+    "engine": "physics steps/s of all flies together (simulated s per wall s), hybrid controller",
+    "threads": "two threads over one",
+    "overhead": "speed with controller, and with environment too, over bare MuJoCo's; one thread",
+    "environment": "where a step of the vector environment spends its time",
+    "scale": "many flies",
+    "single": "one fly from Python, one physics step per step",
+    "ppo": "where PPO's training spends its time",
+    "peers": "simulated s per wall s on one core, beside other simulators of the fly",
+}
+"""What can be measured, in the order of the table, and what each is."""
+
+
+def merged(stored: Results, measured: Results) -> Results:
+    """Results with the parts just measured in place of those stored; in the order of PARTS."""
+    both = stored | measured
+    return {name: both[name] for name in PARTS if name in both}
+
+
+def read(path: Path) -> Results:
+    """Results that `write` wrote; none where there is no file."""
+    if not path.exists():
+        return {}
+    results: Results = json.loads(path.read_text())
+    return results
+
+
+def write(path: Path, results: Results) -> None:
+    """Write results as JSON, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(results, indent=1) + "\n")
+
+
+def significant(value: float, digits: int = 4) -> float:
+    """A measured value, rounded to what is worth storing."""
+    return float(f"{value:.{digits}g}")

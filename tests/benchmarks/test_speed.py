@@ -1,0 +1,151 @@
+"""Merging, timing and printing of the speed benchmark; no speeds."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.speed import engine, overhead, results
+from benchmarks.speed.__main__ import main
+from benchmarks.speed.stopwatch import Stopwatch
+from benchmarks.speed.table import aligned, engine_table, peers_table, table
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.batch import FlyBatch
+
+MACHINE = {"date": "2000-01-02", "cpu": "abacus", "cores": 3, "versions": {"mujoco": "4.0"}}
+
+
+def part(**row: Any) -> results.Part:
+    return {"machine": MACHINE, "settings": {}, "rows": [row]}
+
+
+def cell(flies: int, speed: float, threads: int = 1, unstable: int = 0) -> results.Row:
+    return {
+        "physics": "fast",
+        "terrain": "flat",
+        "threads": threads,
+        "flies": flies,
+        "steps_per_s": speed,
+        "real_time": speed * 1e-3,
+        "unstable": unstable,
+    }
+
+
+def test_a_new_part_takes_the_place_of_the_old_and_keeps_the_others() -> None:
+    stored = {"single": part(physics="old"), "scale": part(flies=1)}
+    merged = results.merged(stored, {"single": part(physics="new"), "engine": part(flies=2)})
+    assert list(merged) == ["engine", "scale", "single"]
+    assert merged["single"]["rows"] == [{"physics": "new"}]
+    assert merged["scale"] == stored["scale"]
+
+
+def test_results_are_read_back_and_none_where_there_is_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "speed.json"
+    assert results.read(path) == {}
+    results.write(path, {"scale": part(flies=1)})
+    assert results.read(path) == {"scale": part(flies=1)}
+
+
+def test_columns_are_aligned() -> None:
+    text = aligned(["name", "n"], [["a", "1"], ["longer", "1,000"]])
+    assert text.splitlines() == ["  name        n", "  a           1", "  longer  1,000"]
+
+
+def test_engine_table_has_a_column_per_number_of_flies() -> None:
+    text = engine_table([cell(64, 4000.0), cell(1, 1500.0), cell(64, 9000.0, threads=2)])
+    head, one, two = text.splitlines()
+    assert head.split() == ["physics", "terrain", "threads", "1", "fly", "64", "flies"]
+    assert one.split() == ["fast", "flat", "1", "1,500", "(1.50)", "4,000", "(4.00)"]
+    assert two.split() == ["fast", "flat", "2", "-", "9,000", "(9.00)"]
+
+
+def test_engine_table_marks_where_a_fly_blew_up() -> None:
+    text = engine_table([cell(1, 1500.0), cell(64, 4000.0, unstable=1)])
+    assert "(1.50) " in text
+    assert "(4.00)!" in text
+    assert text.splitlines()[-1].strip().startswith("!")
+
+
+def test_peers_table_says_what_was_not_measured() -> None:
+    text = peers_table(
+        [
+            {
+                "simulator": "flygym 2",
+                "terrain": "flat",
+                "what": "replay",
+                "steps_per_s": 1000.0,
+                "real_time": 0.1,
+                "ratio": 52.04,
+            },
+            {"simulator": "flygym-gymnasium", "note": "not measured: pass --flygym PYTHON"},
+        ]
+    )
+    _, measured, note = text.splitlines()
+    assert measured.split() == ["flat", "flygym", "2", "replay", "1,000", "0.100", "52.0"]
+    assert note.strip() == "flygym-gymnasium: not measured: pass --flygym PYTHON"
+
+
+def test_machine_is_named_where_it_changes() -> None:
+    row = {"physics": "fast", "steps_per_s": 10.0}
+    other = {**part(**cell(1, 5.0)), "machine": MACHINE | {"date": "2000-01-03"}}
+    same = table({"engine": part(**cell(1, 5.0)), "single": part(**row)})
+    assert same.count("2000-01-02, abacus, cores: 3, mujoco 4.0") == 1
+    changed = table({"engine": other, "single": part(**row)})
+    assert [changed.count(f"2000-01-0{day}") for day in (2, 3)] == [1, 1]
+
+
+def test_show_prints_what_is_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "speed.json"
+    main(["--show", "--output", str(path)])
+    assert capsys.readouterr().out == "nothing measured yet\n"
+    results.write(path, {"single": part(physics="fast", steps_per_s=1234.0)})
+    main(["--show", "--output", str(path)])
+    assert "1,234" in capsys.readouterr().out
+
+
+def test_a_part_that_does_not_exist_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["engin"])
+    assert "unknown part 'engin'" in capsys.readouterr().err
+
+
+def test_stopwatch_counts_inner_time_for_itself_alone() -> None:
+    """Outer runs from 0 to 10, and from 3 to 7 in it, inner."""
+    times = iter([0.0, 3.0, 7.0, 10.0])
+    watch = Stopwatch(clock=lambda: next(times))
+
+    class Worker:
+        def inner(self, x: int) -> int:
+            return x + 1
+
+        def outer(self) -> int:
+            return self.inner(1)
+
+    worker = Worker()
+    watch.wrap(worker, "inner", "inner")
+    watch.wrap(worker, "outer", "outer")
+    assert worker.outer() == 2
+    assert watch.seconds == {"outer": 6.0, "inner": 4.0}
+    assert watch.shares() == {"outer": 0.6, "inner": 0.4}
+
+
+def test_a_larger_batch_repeats_the_settled_flies() -> None:
+    scene, start = engine.settled_scene("fast", "flat", 5, most=2)
+    np.testing.assert_array_equal(start[[0, 1, 0]], start[[2, 3, 4]])
+    assert np.any(start[0] != start[1])
+    flies = FlyBatch(scene, 5, 1)
+    flies.restore(start)
+    np.testing.assert_allclose(flies.state().time, engine.SETTLING_S)
+    assert engine.steps_per_second(flies, start, 0.01) > 0
+    assert flies.state().time[0] <= engine.SETTLING_S + engine.WINDOW_S + 1e-9
+
+
+def test_the_bare_replay_must_end_where_the_recording_did() -> None:
+    env = BatchedEnv(EnvConfig(physics="fast"), 2, num_threads=1)
+    recording = overhead.record(env, np.ones((2, 2)), 20)
+    bare = overhead.Batch(env.scene.model, 2, 1)
+    assert overhead.replay(bare, env.scene, recording) > 0
+    recording.controls[1, 5, :3] += 0.1
+    with pytest.raises(RuntimeError, match="left the recorded trajectory"):
+        overhead.replay(bare, env.scene, recording)
