@@ -59,7 +59,7 @@ class PhysicsConfig:
     cone: Cone = "pyramidal"
     collision_detection: CollisionDetection = "native"
     multiccd: bool = False
-    contact: ContactConfig = field(default_factory=lambda: ContactConfig(margin=0.065))
+    contact: ContactConfig = field(default_factory=lambda: ContactConfig(margin=0.055))
 
     def __post_init__(self) -> None:
         if not 0 < self.timestep <= 2e-3:
@@ -89,6 +89,7 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
         integrator="euler",
         collision_detection="libccd",
         multiccd=True,
+        noslip_iterations=5,
         contact=ContactConfig(),
     ),
     # The margin was calibrated with benchmarks/fidelity: it stands for the foot's braking before
