@@ -6,7 +6,7 @@ Medians over 20 initial conditions. `benchmarks/walking.py` prints the figures.
 import numpy as np
 import pytest
 
-from benchmarks.walking import paired_interval, speed, walk
+from benchmarks.walking import PUBLISHED, paired_interval, speed, walk
 from flyrl.bodies.fly import FlyConfig
 
 pytestmark = pytest.mark.slow
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 def final_x(controller: str) -> np.ndarray:
     body = FlyConfig("classic", symmetric=False)
-    positions, _ = walk((1, 1), 0.5, body=body, controller=controller, physics="reference")
+    positions, _ = walk((1, 1), 0.5, body=body, controller=controller, physics=PUBLISHED)
     return (positions[-1] - positions[0])[:, 0]
 
 

@@ -109,6 +109,9 @@ class ContactConfig:
     ----------
     friction : sliding, torsional (mm), rolling (mm).
     solref : time constant (s) and damping ratio, or -stiffness and -damping, both negative.
+    box_solref : the same where a leg touches a box; None takes `solref` there too. A foot that has
+        sunk into the wall of a box holds the fly unless it is pushed out again; how fast decides
+        who gets stuck on rough ground.
     solimp : impedance: minimum, maximum, width (mm), midpoint, power.
     condim : 3 for sliding friction, 4 with torsional, 6 with rolling friction as well, 1 for none.
     margin : distance at which contacts become active, mm.
@@ -116,22 +119,28 @@ class ContactConfig:
 
     friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
     solref: tuple[float, float] = (2e-4, 1e3)
+    box_solref: tuple[float, float] | None = None
     solimp: tuple[float, float, float, float, float] = (0.999, 0.9999, 0.001, 0.5, 2.0)
     condim: int = 3
     margin: float = 0.0
 
     def __post_init__(self) -> None:
-        for key, length in (("friction", 3), ("solref", 2), ("solimp", 5)):
+        lengths = {"friction": 3, "solref": 2, "box_solref": 2, "solimp": 5}
+        for key, length in lengths.items():
             value = getattr(self, key)
+            if key == "box_solref" and value is None:
+                continue
             if len(value) != length or not all(math.isfinite(item) for item in value):
                 raise ValueError(f"{key}: got {value!r}, allowed are {length} finite numbers")
         if min(self.friction) < 0:
             raise ValueError(f"friction: got {self.friction!r}, allowed are numbers >= 0")
-        if (self.solref[0] > 0) != (self.solref[1] > 0) or 0 in self.solref:
-            raise ValueError(
-                f"solref: got {self.solref!r}, allowed are two positive numbers (time constant, "
-                "damping ratio) or two negative ones (-stiffness, -damping)"
-            )
+        for key in ("solref", "box_solref"):
+            value = getattr(self, key)
+            if value is not None and ((value[0] > 0) != (value[1] > 0) or 0 in value):
+                raise ValueError(
+                    f"{key}: got {value!r}, allowed are two positive numbers (time constant, "
+                    "damping ratio) or two negative ones (-stiffness, -damping)"
+                )
         if self.condim not in (1, 3, 4, 6):
             raise ValueError(f"condim: got {self.condim!r}, allowed are 1, 3, 4, 6")
         if not (math.isfinite(self.margin) and self.margin >= 0):
@@ -243,7 +252,6 @@ def _add_collision(
         "priority": 1,
         "condim": contact.condim,
         "friction": contact.friction,
-        "solref": contact.solref,
         "solimp": contact.solimp,
         "margin": contact.margin,
         "rgba": (0.2, 0.5, 0.9, 0.5),
@@ -254,6 +262,7 @@ def _add_collision(
         fromto=np.concatenate([shape.start * sign, shape.end * sign]),
         size=(shape.radius, 0, 0),
         conaffinity=PLANES,
+        solref=contact.solref,
         **common,
     )
     spec.add_mesh(
@@ -266,6 +275,7 @@ def _add_collision(
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=f"{body.name}_hull",
         conaffinity=BOXES,
+        solref=contact.box_solref or contact.solref,
         **common,
     )
 
