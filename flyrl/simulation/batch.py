@@ -57,6 +57,7 @@ class FlyBatch:
         self._stretch_pose = stretch_pose()
         self._spawn_offset = spawn_offset(scene.config.body)
         self._is_unstable = np.zeros(num_sims, dtype=bool)
+        self._warned = self.warnings().sum(axis=1)
 
     @property
     def num_threads(self) -> int:
@@ -97,6 +98,7 @@ class FlyBatch:
         self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._stretch_pose
         self.controllers[ids] = np.stack(controllers)
         self._is_unstable[ids] = False
+        self._warned = self.warnings().sum(axis=1)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
 
     def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:
@@ -104,12 +106,13 @@ class FlyBatch:
 
         A simulation that diverges is marked unstable and keeps a finite state; the others go on.
         """
-        before = self.warnings().sum(axis=1)
         try:
             self._batch.step(ids, num_steps, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         except SimulationError as error:
             self._is_unstable[error.ids] = True
-        self._is_unstable |= self.warnings().sum(axis=1) > before
+        warned = self.warnings().sum(axis=1)
+        self._is_unstable |= warned > self._warned
+        self._warned = warned
 
     def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
         """Set the descending drive (left, right), (n, 2), from the next physics step on."""

@@ -88,8 +88,6 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
         timestep=1e-4,
         integrator="euler",
         collision_detection="libccd",
-        multiccd=True,
-        noslip_iterations=5,
         contact=ContactConfig(),
     ),
     # A box stops a foot within one step, as the literature's contact does, and takes 1/45 s to push
@@ -111,6 +109,8 @@ def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:
     option.tolerance = config.solver_tolerance
     option.noslip_iterations = config.noslip_iterations
     option.gravity = [0.0, 0.0, -9810.0]
+    # a fly on the ground is one island: looking for more costs up to a tenth
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     if config.collision_detection == "libccd":
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_NATIVECCD
     if not config.multiccd:

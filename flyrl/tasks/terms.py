@@ -12,6 +12,8 @@ from flyrl.tasks.task import Array, Mask, TaskState
 FALL_TILT = np.deg2rad(75.0)
 """rad; a thorax tilted further than this from level has fallen over."""
 
+_COS_FALL_TILT = float(np.cos(FALL_TILT))
+
 ARENA_FLOOR = -5.0
 """mm; below this a fly has dropped off the terrain."""
 
@@ -29,7 +31,10 @@ def _to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
     """Rotate horizontal vectors (n, 2) from the world into the fly's yaw frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = vector_w[:, 0], vector_w[:, 1]
-    return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1)
+    vector_b = np.empty((len(yaw), 2))
+    vector_b[:, 0] = cos * x + sin * y
+    vector_b[:, 1] = cos * y - sin * x
+    return vector_b
 
 
 def goal_distance(position_w: Array, goal: Array) -> Array:
@@ -98,7 +103,11 @@ def reflexes(state: TaskState) -> Array:
 def joints(state: TaskState) -> Array:
     """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
     fly = state.fly
-    return np.stack([fly.joint_angles, fly.joint_velocities, fly.actuator_torques], axis=1)
+    table = np.empty((len(fly.time), 3, 42))
+    table[:, 0] = fly.joint_angles
+    table[:, 1] = fly.joint_velocities
+    table[:, 2] = fly.actuator_torques
+    return table
 
 
 def thorax(state: TaskState) -> Array:
@@ -108,7 +117,7 @@ def thorax(state: TaskState) -> Array:
     """
     fly = state.fly
     rotation_w = fly.rotation_w
-    sin_pitch = np.clip(-rotation_w[:, 2, 0], -1.0, 1.0)
+    sin_pitch = np.minimum(np.maximum(-rotation_w[:, 2, 0], -1.0), 1.0)
     cos_pitch = np.maximum(np.sqrt(1.0 - sin_pitch**2), 1e-6)
     yaw = fly.yaw
     # rates of the angles from the angular velocity in the frame after yaw
@@ -182,7 +191,7 @@ def is_at_target(state: TaskState) -> Mask:
 
 def has_fallen(state: TaskState) -> Mask:
     """Whether the thorax is tilted further than FALL_TILT, (n,)."""
-    return np.asarray(state.fly.up_b[:, 2] < np.cos(FALL_TILT))
+    return np.asarray(state.fly.up_b[:, 2] < _COS_FALL_TILT)
 
 
 def has_left(state: TaskState) -> Mask:
