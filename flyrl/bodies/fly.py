@@ -7,7 +7,7 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal, get_args
 
 import mujoco
 import numpy as np
@@ -42,6 +42,8 @@ COLLISION_GROUP: Final = 3
 
 _VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
 """Middle of the fly in the thorax frame, mm."""
+
+PlaneShape = Literal["capsule", "hull"]
 
 Colour = tuple[float, float, float, float]
 
@@ -115,6 +117,9 @@ class ContactConfig:
     solimp : impedance: minimum, maximum, width (mm), midpoint, power.
     condim : 3 for sliding friction, 4 with torsional, 6 with rolling friction as well, 1 for none.
     margin : distance at which contacts become active, mm.
+    plane_shape : what a leg segment is to planes: a "hull", as to boxes and as in the published
+        models; or a "capsule", which takes fewer contacts, and of which MuJoCo's "discrete"
+        integrator treats left and right alike.
     """
 
     friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
@@ -123,6 +128,7 @@ class ContactConfig:
     solimp: tuple[float, float, float, float, float] = (0.999, 0.9999, 0.001, 0.5, 2.0)
     condim: int = 3
     margin: float = 0.0
+    plane_shape: PlaneShape = "capsule"
 
     def __post_init__(self) -> None:
         lengths = {"friction": 3, "solref": 2, "box_solref": 2, "solimp": 5}
@@ -141,6 +147,11 @@ class ContactConfig:
                     f"{key}: got {value!r}, allowed are two positive numbers (time constant, "
                     "damping ratio) or two negative ones (-stiffness, -damping)"
                 )
+        if self.plane_shape not in get_args(PlaneShape):
+            raise ValueError(
+                f"plane_shape: got {self.plane_shape!r}, allowed are "
+                f"{', '.join(get_args(PlaneShape))}"
+            )
         if self.condim not in (1, 3, 4, 6):
             raise ValueError(f"condim: got {self.condim!r}, allowed are 1, 3, 4, 6")
         if not (math.isfinite(self.margin) and self.margin >= 0):
@@ -160,8 +171,7 @@ def build_fly(
     Only leg segments can touch something, and only the ground (planes with contype `PLANES`, boxes
     with contype `BOXES`, conaffinity 0): the published models let the legs, and nothing else of the
     fly, collide with the floor. (They also let legs collide with each other; here legs pass through
-    each other.) A segment is a convex hull to boxes, as in the published models, and a capsule to
-    planes: that takes fewer contacts, and left and right are treated exactly alike.
+    each other.)
 
     Parameters
     ----------
@@ -242,7 +252,7 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_antennae: bool) -> mujoco
 def _add_collision(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: CollisionRow, contact: ContactConfig
 ) -> None:
-    """Add the two shapes of a leg segment: a capsule for planes, and a hull for boxes."""
+    """Add the shapes of a leg segment: a hull for boxes, and what `contact` says for planes."""
     sign = np.array(REFLECTION if body.name.startswith("L") else (1.0, 1.0, 1.0))
     common = {
         "mass": 0,
@@ -256,27 +266,33 @@ def _add_collision(
         "margin": contact.margin,
         "rgba": (0.2, 0.5, 0.9, 0.5),
     }
-    body.add_geom(
-        name=f"{body.name}_capsule",
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=np.concatenate([shape.start * sign, shape.end * sign]),
-        size=(shape.radius, 0, 0),
-        conaffinity=PLANES,
-        solref=contact.solref,
-        **common,
-    )
+    planes = {"conaffinity": PLANES, "solref": contact.solref}
+    if contact.plane_shape == "capsule":
+        body.add_geom(
+            name=f"{body.name}_capsule",
+            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+            fromto=np.concatenate([shape.start * sign, shape.end * sign]),
+            size=(shape.radius, 0, 0),
+            **planes,
+            **common,
+        )
     spec.add_mesh(
         name=f"{body.name}_hull",
         uservert=(np.array(shape.vertices) * sign).ravel(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
     )
+    hull = {
+        "type": mujoco.mjtGeom.mjGEOM_MESH,
+        "meshname": f"{body.name}_hull",
+        **common,
+    }
+    if contact.plane_shape == "hull":
+        body.add_geom(name=f"{body.name}_plane", **planes, **hull)
     body.add_geom(
         name=f"{body.name}_hull",
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=f"{body.name}_hull",
         conaffinity=BOXES,
         solref=contact.box_solref or contact.solref,
-        **common,
+        **hull,
     )
 
 

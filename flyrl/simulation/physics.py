@@ -88,7 +88,7 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
         timestep=1e-4,
         integrator="euler",
         collision_detection="libccd",
-        contact=ContactConfig(),
+        contact=ContactConfig(plane_shape="hull"),
     ),
     # A box stops a foot within one step, as the literature's contact does, and takes 1/45 s to push
     # it out again: pushed out at once, even the CPG alone glides over gaps; never, and a coarse
