@@ -59,7 +59,9 @@ class PhysicsConfig:
     cone: Cone = "pyramidal"
     collision_detection: CollisionDetection = "native"
     multiccd: bool = False
-    contact: ContactConfig = field(default_factory=lambda: ContactConfig(box_solref=(-9e4, -2e3)))
+    contact: ContactConfig = field(
+        default_factory=lambda: ContactConfig(solref=(-4e4, -1e4), box_solref=(-9e4, -2e3))
+    )
 
     def __post_init__(self) -> None:
         if not 0 < self.timestep <= 2e-3:
@@ -92,7 +94,8 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
     ),
     # A box stops a foot within one step, as the literature's contact does, and takes 1/45 s to push
     # it out again: pushed out at once, even the CPG alone glides over gaps; never, and a coarse
-    # step traps the hybrid and the rules too. Calibrated with benchmarks/fidelity.
+    # step traps the hybrid and the rules too. Calibrated with benchmarks/fidelity. A plane takes
+    # 1/4 s: never, and a standing fly creeps; sooner, and the rules walk too fast.
     "balanced": PhysicsConfig(),
     "fast": PhysicsConfig(timestep=1e-3, contact=ContactConfig(box_solref=(-4.5e4, -1e3))),
 }
