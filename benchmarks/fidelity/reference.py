@@ -1,23 +1,21 @@
 """Run flygym-gymnasium 1.3.2 and keep what it did, to set flyrl beside it.
 
-A script for an interpreter of its own, in which flyrl is not installed:
+For an interpreter of its own, in which flyrl is not installed, from the root of the repository:
 
     python3.11 -m venv /tmp/flygym
     /tmp/flygym/bin/pip install flygym-gymnasium==1.3.2 numpy==2.0.2 scipy==1.17.1 \
         gymnasium==1.4.0 networkx==3.6.1
-    /tmp/flygym/bin/python benchmarks/fidelity/reference.py runs/flygym --seeds 0 1 2 3
+    /tmp/flygym/bin/python -m benchmarks.fidelity.reference runs/flygym --seeds 0 1 2 3
 
 One file per run, `TERRAIN-CONTROLLER-SEED.npz`, of half a minute to some minutes; what is there is
-not run again. `python -m benchmarks.fidelity --collect runs/flygym` then makes `reference.json`.
+not run again. `python -m benchmarks.fidelity walking --collect runs/flygym` then makes
+`reference.json`.
 """
 
 import argparse
 import json
 import os
-import platform
 import time
-from datetime import date
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,6 +37,8 @@ from flygym_gymnasium.examples.locomotion import (
 )
 from flygym_gymnasium.examples.locomotion.rule_based_controller import construct_rules_graph
 from numpy.typing import NDArray
+
+from benchmarks.machine import machine
 
 TERRAINS: Final[dict[str, type[BaseArena]]] = {
     "flat": FlatTerrain,
@@ -201,22 +201,6 @@ def run(terrain: str, controller: str, seed: int, seconds: float) -> dict[str, A
     return {"time": SAMPLING_S * np.arange(len(samples)), **series, "about": about}
 
 
-def machine() -> dict[str, Any]:
-    """Describe what runs this: versions, processor, date."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [line for line in info.read_text().splitlines() if line.startswith("model name")]
-        cpu = names[0].partition(":")[2].strip() if names else cpu
-    return {
-        "versions": {"python": platform.python_version()}
-        | {package: version(package) for package in PACKAGES},
-        "cpu": cpu,
-        "cores": os.cpu_count(),
-        "date": date.today().isoformat(),
-    }
-
-
 def main() -> None:
     """Run what is not there yet, seed by seed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -234,7 +218,7 @@ def main() -> None:
                 if path.exists():
                     continue
                 result = run(terrain, controller, seed, chosen.seconds)
-                result["about"] = json.dumps(result["about"] | {"machine": machine()})
+                result["about"] = json.dumps(result["about"] | {"machine": machine(PACKAGES)})
                 partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
                 np.savez_compressed(partial, **result)
                 partial.replace(path)

@@ -10,7 +10,8 @@ import time
 
 import numpy as np
 
-from benchmarks.fidelity.reference import TERRAINS, TIMESTEP_S, machine, start
+from benchmarks.fidelity.reference import PACKAGES, TERRAINS, TIMESTEP_S, start
+from benchmarks.machine import machine
 
 
 def main() -> None:
@@ -38,7 +39,7 @@ def main() -> None:
                 "real_time": speed * TIMESTEP_S,
             }
         )
-    print(json.dumps({"versions": machine()["versions"], "rows": rows}))
+    print(json.dumps({"versions": machine(PACKAGES)["versions"], "rows": rows}))
 
 
 if __name__ == "__main__":

@@ -5,11 +5,11 @@ import tracemalloc
 from collections.abc import Callable
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from test_callback import make_batch
 
+from benchmarks.speed.scale import counted_compilations
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.simulation.physics import PHYSICS_PRESETS
@@ -40,24 +40,17 @@ def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: 
         np.testing.assert_allclose(advance, expected, rtol=0, atol=1e-9)
 
 
-def test_models_are_compiled_in_construction_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_models_are_compiled_in_construction_alone() -> None:
     """Six decisions for each of which a third of the episodes begin anew."""
-    compiled = []
-    compile_spec = mujoco.MjSpec.compile
-
-    def counting(spec: Any) -> Any:
-        compiled.append(spec)
-        return compile_spec(spec)
-
-    monkeypatch.setattr(mujoco.MjSpec, "compile", counting)
-    env = FlyVecEnv(EnvConfig(terrain="mixed"), 6, num_threads=1, seed=0)
-    assert 1 <= len(compiled) <= 2
-    compiled.clear()
-    env.reset()
-    for k in range(6):
-        env.step(np.ones((6, 2), dtype=np.float32))
-        env.core.reset(ids=[k % 3, 3 + k % 3])
-    assert compiled == []
+    with counted_compilations() as in_construction:
+        env = FlyVecEnv(EnvConfig(terrain="mixed"), 6, num_threads=1, seed=0)
+    assert 1 <= len(in_construction) <= 2
+    with counted_compilations() as afterwards:
+        env.reset()
+        for k in range(6):
+            env.step(np.ones((6, 2), dtype=np.float32))
+            env.core.reset(ids=[k % 3, 3 + k % 3])
+    assert afterwards == []
 
 
 def calls_during(run: Callable[[], None]) -> int:
