@@ -7,13 +7,14 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Any, Final
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEGS
+from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.symmetry import REFLECTION, symmetric_table
 from flyrl.bodies.table import (
     BODY_NAMES,
@@ -42,8 +43,6 @@ COLLISION_GROUP: Final = 3
 
 _VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
 """Middle of the fly in the thorax frame, mm."""
-
-PlaneShape = Literal["capsule", "hull"]
 
 Colour = tuple[float, float, float, float]
 
@@ -98,64 +97,6 @@ class FlyConfig:
             raise ValueError(
                 f"adhesion_gain: got {self.adhesion_gain!r}, allowed is a finite number >= 0"
             )
-
-
-@dataclass(frozen=True)
-class ContactConfig:
-    """How leg segments touch the ground; MuJoCo's contact parameters.
-
-    The defaults are the literature's (doi:10.1038/s41592-024-02497-y): so stiff and overdamped that
-    a foot stops within a step of 1e-4 s and sinks in by next to nothing.
-
-    Attributes
-    ----------
-    friction : sliding, torsional (mm), rolling (mm).
-    solref : time constant (s) and damping ratio, or -stiffness and -damping, both negative.
-    box_solref : the same where a leg touches a box; None takes `solref` there too. A foot that has
-        sunk into the wall of a box holds the fly unless it is pushed out again; how fast decides
-        who gets stuck on rough ground.
-    solimp : impedance: minimum, maximum, width (mm), midpoint, power.
-    condim : 3 for sliding friction, 4 with torsional, 6 with rolling friction as well, 1 for none.
-    margin : distance at which contacts become active, mm.
-    plane_shape : what a leg segment is to planes: a "hull", as to boxes and as in the published
-        models; or a "capsule", which takes fewer contacts, and of which MuJoCo's "discrete"
-        integrator treats left and right alike.
-    """
-
-    friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
-    solref: tuple[float, float] = (2e-4, 1e3)
-    box_solref: tuple[float, float] | None = None
-    solimp: tuple[float, float, float, float, float] = (0.999, 0.9999, 0.001, 0.5, 2.0)
-    condim: int = 3
-    margin: float = 0.0
-    plane_shape: PlaneShape = "capsule"
-
-    def __post_init__(self) -> None:
-        lengths = {"friction": 3, "solref": 2, "box_solref": 2, "solimp": 5}
-        for key, length in lengths.items():
-            value = getattr(self, key)
-            if key == "box_solref" and value is None:
-                continue
-            if len(value) != length or not all(math.isfinite(item) for item in value):
-                raise ValueError(f"{key}: got {value!r}, allowed are {length} finite numbers")
-        if min(self.friction) < 0:
-            raise ValueError(f"friction: got {self.friction!r}, allowed are numbers >= 0")
-        for key in ("solref", "box_solref"):
-            value = getattr(self, key)
-            if value is not None and ((value[0] > 0) != (value[1] > 0) or 0 in value):
-                raise ValueError(
-                    f"{key}: got {value!r}, allowed are two positive numbers (time constant, "
-                    "damping ratio) or two negative ones (-stiffness, -damping)"
-                )
-        if self.plane_shape not in get_args(PlaneShape):
-            raise ValueError(
-                f"plane_shape: got {self.plane_shape!r}, allowed are "
-                f"{', '.join(get_args(PlaneShape))}"
-            )
-        if self.condim not in (1, 3, 4, 6):
-            raise ValueError(f"condim: got {self.condim!r}, allowed are 1, 3, 4, 6")
-        if not (math.isfinite(self.margin) and self.margin >= 0):
-            raise ValueError(f"margin: got {self.margin!r}, allowed is a finite number >= 0")
 
 
 def build_fly(
@@ -254,46 +195,38 @@ def _add_collision(
 ) -> None:
     """Add the shapes of a leg segment: a hull for boxes, and what `contact` says for planes."""
     sign = np.array(REFLECTION if body.name.startswith("L") else (1.0, 1.0, 1.0))
-    common = {
-        "mass": 0,
-        "group": COLLISION_GROUP,
-        "contype": 0,
-        # A higher priority than the ground's makes these figures those of the contact.
-        "priority": 1,
-        "condim": contact.condim,
-        "friction": contact.friction,
-        "solimp": contact.solimp,
-        "margin": contact.margin,
-        "rgba": (0.2, 0.5, 0.9, 0.5),
-    }
-    planes = {"conaffinity": PLANES, "solref": contact.solref}
-    if contact.plane_shape == "capsule":
-        body.add_geom(
-            name=f"{body.name}_capsule",
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-            fromto=np.concatenate([shape.start * sign, shape.end * sign]),
-            size=(shape.radius, 0, 0),
-            **planes,
-            **common,
-        )
     spec.add_mesh(
         name=f"{body.name}_hull",
         uservert=(np.array(shape.vertices) * sign).ravel(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
     )
-    hull = {
-        "type": mujoco.mjtGeom.mjGEOM_MESH,
-        "meshname": f"{body.name}_hull",
-        **common,
+    hull = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": f"{body.name}_hull"}
+    capsule = {
+        "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "fromto": np.concatenate([shape.start * sign, shape.end * sign]),
+        "size": (shape.radius, 0, 0),
     }
-    if contact.plane_shape == "hull":
-        body.add_geom(name=f"{body.name}_plane", **planes, **hull)
-    body.add_geom(
-        name=f"{body.name}_hull",
-        conaffinity=BOXES,
-        solref=contact.box_solref or contact.solref,
-        **hull,
-    )
+    to_planes = {"capsule": capsule, "hull": hull}[contact.plane_shape]
+    body.add_geom(name=f"{body.name}_plane", **to_planes, **_touching(PLANES, contact.plane))
+    body.add_geom(name=f"{body.name}_box", **hull, **_touching(BOXES, contact.box))
+
+
+def _touching(ground: int, contact: SurfaceContact) -> dict[str, Any]:
+    """Properties of a shape of a leg that meets the ground's shapes of one contact bit."""
+    return {
+        "mass": 0,
+        "group": COLLISION_GROUP,
+        "contype": 0,
+        "conaffinity": ground,
+        # A higher priority than the ground's makes these figures those of the contact.
+        "priority": 1,
+        "condim": contact.condim,
+        "friction": contact.friction,
+        "solref": contact.solref,
+        "solimp": contact.solimp,
+        "margin": contact.margin,
+        "rgba": (0.2, 0.5, 0.9, 0.5),
+    }
 
 
 def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:

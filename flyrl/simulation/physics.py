@@ -5,7 +5,7 @@ from typing import Final, Literal, get_args
 
 import mujoco
 
-from flyrl.bodies.fly import ContactConfig
+from flyrl.bodies.contact import ContactConfig, SurfaceContact
 
 Integrator = Literal["euler", "implicitfast", "discrete"]
 Cone = Literal["pyramidal", "elliptic"]
@@ -22,6 +22,29 @@ _CONES: Final = {
     "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
     "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
 }
+
+
+# Calibrated with benchmarks/fidelity. A box stops a foot within one step, as the literature's
+# contact does, and takes 1/45 s to push it out again: pushed out at once, even the CPG alone glides
+# over gaps; never, and a coarse step traps the hybrid and the rules too. A plane is slippery to a
+# foot that has just touched down and grips it once it has sunk in, as the literature's integrator
+# makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners.
+_BALANCED_CONTACT: Final = ContactConfig(
+    plane=SurfaceContact(
+        friction=(1.3, 0.005, 0.0001),
+        solref=(-4e4, -1e4),
+        solimp=(0.5, 0.993, 0.08, 0.5, 2.0),
+    ),
+    box=SurfaceContact(solref=(-9e4, -2e3)),
+)
+_FAST_CONTACT: Final = ContactConfig(
+    plane=SurfaceContact(
+        friction=(1.35, 0.005, 0.0001),
+        solref=(-2e4, -5e3),
+        solimp=(0.5, 0.995, 0.2, 0.5, 2.0),
+    ),
+    box=SurfaceContact(solref=(-4.5e4, -1e3)),
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +67,7 @@ class PhysicsConfig:
         How MuJoCo finds where a leg touches a box: "libccd", as the literature's versions, by
         Minkowski portal refinement; or "native", its exact successor. On the edge of a box the
         former's normals are slanted, so that a leg glides off, where the exact ones hold it: with
-        these, `contact.box_solref` has to push it out.
+        these, the contact with boxes has to push it out.
     multiccd
         Whether to look for more than one point where a leg touches a box.
     contact
@@ -59,9 +82,7 @@ class PhysicsConfig:
     cone: Cone = "pyramidal"
     collision_detection: CollisionDetection = "native"
     multiccd: bool = False
-    contact: ContactConfig = field(
-        default_factory=lambda: ContactConfig(solref=(-4e4, -1e4), box_solref=(-9e4, -2e3))
-    )
+    contact: ContactConfig = field(default_factory=lambda: _BALANCED_CONTACT)
 
     def __post_init__(self) -> None:
         if not 0 < self.timestep <= 2e-3:
@@ -92,12 +113,8 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
         collision_detection="libccd",
         contact=ContactConfig(plane_shape="hull"),
     ),
-    # A box stops a foot within one step, as the literature's contact does, and takes 1/45 s to push
-    # it out again: pushed out at once, even the CPG alone glides over gaps; never, and a coarse
-    # step traps the hybrid and the rules too. Calibrated with benchmarks/fidelity. A plane takes
-    # 1/4 s: never, and a standing fly creeps; sooner, and the rules walk too fast.
     "balanced": PhysicsConfig(),
-    "fast": PhysicsConfig(timestep=1e-3, contact=ContactConfig(box_solref=(-4.5e4, -1e3))),
+    "fast": PhysicsConfig(timestep=1e-3, contact=_FAST_CONTACT),
 }
 
 

@@ -1,14 +1,15 @@
 import numpy as np
 import pytest
 
-from flyrl.bodies.fly import ContactConfig
+from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.controllers.leg_controller import ControllerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import TASKS, Episode
 from flyrl.terrains import TERRAIN_NAMES
 
-FAST = PhysicsConfig(timestep=5e-4, contact=ContactConfig(solref=(-1e5, -2e3)))
+STIFF = SurfaceContact(solref=(-1e5, -2e3))
+FAST = PhysicsConfig(timestep=5e-4, contact=ContactConfig(plane=STIFF, box=STIFF))
 
 
 def roll_out(env: BatchedEnv, seeds: list[int], decisions: int = 15) -> list[np.ndarray]:

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from flyrl.anatomy import CONTACT_SEGMENTS
-from flyrl.bodies.fly import ContactConfig, FlyConfig
+from flyrl.bodies.contact import ContactConfig
+from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers.leg_controller import (
     ControllerConfig,
     LegController,
