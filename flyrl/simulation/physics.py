@@ -39,9 +39,9 @@ _BALANCED_CONTACT: Final = ContactConfig(
 )
 _FAST_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
-        friction=(1.35, 0.005, 0.0001),
+        friction=(1.3, 0.005, 0.0001),
         solref=(-2e4, -5e3),
-        solimp=(0.5, 0.995, 0.2, 0.5, 2.0),
+        solimp=(0.5, 0.995, 0.17, 0.5, 2.0),
     ),
     box=SurfaceContact(solref=(-4.5e4, -1e3)),
 )
