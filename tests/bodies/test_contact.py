@@ -21,4 +21,4 @@ def test_surface_contact_names_what_is_allowed(arguments, message):
 
 def test_contact_config_names_the_shapes_it_allows():
     with pytest.raises(ValueError, match="plane_shape: got 'box', allowed are capsule, hull"):
-        ContactConfig(plane_shape="box")  # type: ignore[arg-type]
+        ContactConfig(plane_shape="box")
