@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from flyrl.anatomy import LEG_SEGMENTS
+
 PlaneShape = Literal["capsule", "hull"]
 
 
@@ -59,15 +61,24 @@ class ContactConfig:
     plane_shape : what a leg segment is to planes: a "hull", as to boxes and as in the published
         models; or a "capsule", which takes fewer contacts, and of which MuJoCo's "discrete"
         integrator treats left and right alike.
+    plane_segments : the leg segments that touch planes, of anatomy.LEG_SEGMENTS; all of them touch
+        boxes. On stiff flat ground a fly stands on its Tarsus5 alone; on a soft one, into which
+        those sink, the other tarsus segments would touch too, and grip.
     """
 
     plane: SurfaceContact = field(default_factory=SurfaceContact)
     box: SurfaceContact = field(default_factory=SurfaceContact)
     plane_shape: PlaneShape = "capsule"
+    plane_segments: tuple[str, ...] = LEG_SEGMENTS
 
     def __post_init__(self) -> None:
         if self.plane_shape not in get_args(PlaneShape):
             raise ValueError(
                 f"plane_shape: got {self.plane_shape!r}, allowed are "
                 f"{', '.join(get_args(PlaneShape))}"
+            )
+        unknown = [name for name in self.plane_segments if name not in LEG_SEGMENTS]
+        if unknown:
+            raise ValueError(
+                f"plane_segments: got {unknown[0]!r}, allowed are {', '.join(LEG_SEGMENTS)}"
             )

@@ -206,8 +206,9 @@ def _add_collision(
         "fromto": np.concatenate([shape.start * sign, shape.end * sign]),
         "size": (shape.radius, 0, 0),
     }
-    to_planes = {"capsule": capsule, "hull": hull}[contact.plane_shape]
-    body.add_geom(name=f"{body.name}_plane", **to_planes, **_touching(PLANES, contact.plane))
+    if body.name.endswith(contact.plane_segments):
+        to_planes = {"capsule": capsule, "hull": hull}[contact.plane_shape]
+        body.add_geom(name=f"{body.name}_plane", **to_planes, **_touching(PLANES, contact.plane))
     body.add_geom(name=f"{body.name}_box", **hull, **_touching(BOXES, contact.box))
 
 

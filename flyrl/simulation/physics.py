@@ -28,21 +28,26 @@ _CONES: Final = {
 # contact does, and takes 1/45 s to push it out again: pushed out at once, even the CPG alone glides
 # over gaps; never, and a coarse step traps the hybrid and the rules too. A plane is slippery to a
 # foot that has just touched down and grips it once it has sunk in, as the literature's integrator
-# makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners.
+# makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners. The
+# tarsus segments above the foot, which would sink in with it, bear next to nothing in the literature's
+# model, and are left out.
+_SEGMENTS_ON_SOFT_PLANES: Final = ("Coxa", "Femur", "Tibia", "Tarsus5")
 _BALANCED_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
         friction=(1.3, 0.005, 0.0001),
-        solref=(-4e4, -1e4),
-        solimp=(0.5, 0.993, 0.08, 0.5, 2.0),
+        solref=(-1e5, -1e4),
+        solimp=(0.5, 0.99, 0.08, 0.5, 2.0),
     ),
+    plane_segments=_SEGMENTS_ON_SOFT_PLANES,
     box=SurfaceContact(solref=(-9e4, -2e3)),
 )
 _FAST_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
         friction=(1.3, 0.005, 0.0001),
-        solref=(-2e4, -5e3),
-        solimp=(0.5, 0.995, 0.17, 0.5, 2.0),
+        solref=(-5e4, -5e3),
+        solimp=(0.5, 0.985, 0.12, 0.5, 2.0),
     ),
+    plane_segments=_SEGMENTS_ON_SOFT_PLANES,
     box=SurfaceContact(solref=(-4.5e4, -1e3)),
 )
 

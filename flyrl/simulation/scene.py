@@ -12,6 +12,7 @@ from flyrl.bodies.table import BodyName
 from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
 from flyrl.controllers.steps import StepsName
 from flyrl.simulation.callback import ENGINE, MAGIC, USERDATA_SIZE, pack_model_data
+from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.terrains import TerrainConfig, add_terrain
 
@@ -83,7 +84,11 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     """
     spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
     add_terrain(spec, config.terrain)
+    drop_idle_shapes(spec)
+    pair_with_planes(spec)
     apply_physics(spec, config.physics)
+    # wings, abdomen and whatever else has no joint become parts of the body that carries them
+    spec.compiler.fusestatic = True
     spec.nuserdata = USERDATA_SIZE
     # a user sensor makes MuJoCo call the sensor callback
     spec.add_sensor(

@@ -22,3 +22,8 @@ def test_surface_contact_names_what_is_allowed(arguments, message):
 def test_contact_config_names_the_shapes_it_allows():
     with pytest.raises(ValueError, match="plane_shape: got 'box', allowed are capsule, hull"):
         ContactConfig(plane_shape="box")
+
+
+def test_contact_config_names_the_segments_it_allows():
+    with pytest.raises(ValueError, match="plane_segments: got 'Tarsus6', allowed are Coxa, "):
+        ContactConfig(plane_segments=("Tibia", "Tarsus6"))

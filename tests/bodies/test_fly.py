@@ -318,6 +318,14 @@ def test_contact_figures_are_those_of_the_leg(surface, terrain):
         np.testing.assert_array_equal(item.solimp, [0.9, 0.95, 0.002, 0.4, 1.0])
 
 
+def test_only_the_named_segments_have_a_shape_for_planes():
+    model = build_fly(contact=ContactConfig(plane_segments=("Tibia", "Tarsus5"))).compile()
+    names = {model.geom(index).name for index in range(model.ngeom)}
+    assert {name for name in names if name.endswith("_plane")} == {
+        f"{leg}{segment}_plane" for leg in LEGS for segment in ("Tibia", "Tarsus5")
+    }
+
+
 def test_default_contact_is_the_literatures():
     spec = build_fly(visual=False)
     add_terrain(spec, TerrainConfig("flat"))
