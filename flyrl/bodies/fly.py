@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.anatomy import END_EFFECTORS, JOINTS, LEGS
+from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.symmetry import REFLECTION, symmetric_table
 from flyrl.bodies.table import (
@@ -34,12 +34,24 @@ ROOT_JOINT: Final = "root"
 GRAVITY: Final = (0.0, 0.0, -9810.0)
 """mm/s²."""
 
+SERVO_ARMATURE: Final = 2e-8
+"""Inertia of a servo about its joint, g mm²: a thousandth of a leg's about its coxa.
+
+The published models have none. There a coxa whose pitch lines up the axes of yaw and roll (gimbal
+lock) has a singular inertia matrix, and a tarsus weighs so little that its servo can accelerate it
+beyond 1e10 rad/s², which MuJoCo takes for an explosion. Damping, which counts for 300 times as much
+in a step of 1e-4 s, decides how the joints move either way.
+"""
+
 PLANES: Final = 1
 BOXES: Final = 2
 """Contact bits of the ground's planes and boxes; each leg segment has a shape for either."""
 
 VISUAL_GROUP: Final = 1
 COLLISION_GROUP: Final = 3
+
+_LEG_BODIES: Final = tuple(f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS)
+"""How the names of the bodies of legs begin; the classic coxa is three bodies."""
 
 _VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
 """Middle of the fly in the thorax frame, mm."""
@@ -79,15 +91,15 @@ class FlyConfig:
     name : "current" (coxa joints yaw, pitch, roll; goes with the untethered step) or "classic"
         (roll, yaw, pitch; goes with the tethered step).
     adhesion_gain : force of a fully gripping leg tip, µN.
-    rigid_antennae : weld pedicel, funiculus and arista to the head, which saves 18 joints that have
-        no part in walking. The published models let them swing.
+    rigid_head : weld the head to the thorax, and the antennae to the head, which saves 21 joints
+        that have no part in walking. The published models let them swing.
     symmetric : make left and right exact mirror images (see `symmetry.symmetric_table`). The
         published models are slightly lopsided; take False to have them as they are.
     """
 
     name: BodyName = "current"
     adhesion_gain: float = 40.0
-    rigid_antennae: bool = True
+    rigid_head: bool = True
     symmetric: bool = True
 
     def __post_init__(self) -> None:
@@ -131,7 +143,7 @@ def build_fly(
 
     shapes = {row.segment: row for row in leg_collision()}
     for row in table.bodies:
-        body = _add_body(spec, row, config.rigid_antennae)
+        body = _add_body(spec, row, config.rigid_head)
         if (shape := shapes.get(f"R{row.name[1:]}")) is not None:
             _add_collision(spec, body, shape, contact)
         if visual and row.mesh is not None:
@@ -165,7 +177,7 @@ def _table(config: FlyConfig) -> BodyTable:
     return symmetric_table(table) if config.symmetric else table
 
 
-def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_antennae: bool) -> mujoco.MjsBody:
+def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool) -> mujoco.MjsBody:
     parent = spec.worldbody if row.parent is None else spec.body(row.parent)
     body = parent.add_body(
         name=row.name,
@@ -179,7 +191,7 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_antennae: bool) -> mujoco
     )
     if row.parent is None:
         body.add_freejoint(name=ROOT_JOINT)
-    if rigid_antennae and any(part in row.name for part in ("Pedicel", "Funiculus", "Arista")):
+    if rigid_head and not row.name.startswith(_LEG_BODIES):
         return body
     for joint in row.joints:
         hinge = body.add_joint(
@@ -187,6 +199,8 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_antennae: bool) -> mujoco
         )
         hinge.stiffness[0] = joint.stiffness
         hinge.damping[0] = joint.damping
+        if joint.name in JOINTS:
+            hinge.armature = SERVO_ARMATURE
     return body
 
 

@@ -29,8 +29,8 @@ _CONES: Final = {
 # over gaps; never, and a coarse step traps the hybrid and the rules too. A plane is slippery to a
 # foot that has just touched down and grips it once it has sunk in, as the literature's integrator
 # makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners. The
-# tarsus segments above the foot, which would sink in with it, bear next to nothing in the literature's
-# model, and are left out.
+# tarsus segments above the foot would sink in with it; in the literature's model they bear next to
+# nothing, so they are left out.
 _SEGMENTS_ON_SOFT_PLANES: Final = ("Coxa", "Femur", "Tibia", "Tarsus5")
 _BALANCED_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
@@ -116,7 +116,7 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
         contact=ContactConfig(plane_shape="hull"),
     ),
     "balanced": PhysicsConfig(),
-    "fast": PhysicsConfig(timestep=1e-3, contact=_FAST_CONTACT),
+    "fast": PhysicsConfig(timestep=1e-3, solver_iterations=4, contact=_FAST_CONTACT),
 }
 
 

@@ -36,7 +36,7 @@ GAP_FLOOR: Final = -1.0
 
 BLOCK_PITCH: Final = 1.3
 BLOCK_OVERSIZE: Final = 1.1
-"""Side of a block over the pitch: neighbours overlap, so that no leg falls between them."""
+"""Side of a block over the pitch."""
 BLOCK_BASE: Final = 0.1
 
 MIXED_START: Final = -4.0
@@ -212,18 +212,25 @@ def _blocks(
     height_range: tuple[float, float],
     lower: float,
 ) -> Boxes:
-    """Chequerboard of blocks, column by column in x; `lower` sinks all of it."""
-    rows = _pitches(2 * HALF_WIDTH)
-    column, row = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
-    x = x_min + BLOCK_PITCH * (column + 0.5)
-    y = -HALF_WIDTH + BLOCK_PITCH * (row + 0.5)
-    is_high = (column + row) % 2 == 0
-    height = np.full(is_high.shape, BLOCK_BASE)
-    height[is_high] += rng.uniform(*height_range, size=int(is_high.sum()))
+    """Chequerboard of blocks; `lower` sinks all of it.
+
+    The low blocks are level: they are one box here, the first, which gives the same surface with
+    half the boxes. Then the high ones, column by column in x.
+    """
+    corner = np.array((x_min, -HALF_WIDTH))
+    cells = np.array((columns, _pitches(2 * HALF_WIDTH)))
+    high = np.argwhere(np.add.outer(*map(np.arange, cells)) % 2 == 0)
+    heights = rng.uniform(*height_range, size=len(high))
+    tops = BLOCK_BASE + np.append(0.0, heights)
     bottom = -BLOCK_PITCH
-    centres = np.stack([x, y, (height + bottom) / 2 - lower], axis=-1).reshape(-1, 3)
-    half_sizes = np.full_like(centres, BLOCK_OVERSIZE * BLOCK_PITCH / 2)
-    half_sizes[:, 2] = ((height - bottom) / 2).ravel()
+    overhang = (BLOCK_OVERSIZE - 1) * BLOCK_PITCH / 2
+    centres, half_sizes = np.empty((2, len(tops), 3))
+    centres[0, :2] = corner + BLOCK_PITCH * cells / 2
+    centres[1:, :2] = corner + BLOCK_PITCH * (high + 0.5)
+    centres[:, 2] = (tops + bottom) / 2 - lower
+    half_sizes[0, :2] = BLOCK_PITCH * cells / 2 + overhang
+    half_sizes[1:, :2] = BLOCK_PITCH / 2 + overhang
+    half_sizes[:, 2] = (tops - bottom) / 2
     return Boxes(centres, half_sizes)
 
 

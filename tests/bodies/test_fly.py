@@ -184,15 +184,15 @@ def test_driven_joints_have_a_weak_spring_and_damper(model):
 
 
 def test_current_neck_is_stiffer_than_its_antennae():
-    model = build_fly(FlyConfig("current", rigid_antennae=False), visual=False).compile()
+    model = build_fly(FlyConfig("current", rigid_head=False), visual=False).compile()
     assert model.jnt_stiffness[model.joint("joint_Head").id].flat[0] == 10.0
     assert model.jnt_stiffness[model.joint("joint_LArista").id].flat[0] == 1.0
 
 
-def test_rigid_antennae_take_18_joints_away_and_no_mass():
-    free = build_fly(FlyConfig("current", rigid_antennae=False), visual=False).compile()
-    rigid = build_fly(FlyConfig("current", rigid_antennae=True), visual=False).compile()
-    assert free.nv - rigid.nv == 18
+def test_a_rigid_head_takes_21_joints_away_and_no_mass():
+    free = build_fly(FlyConfig("current", rigid_head=False), visual=False).compile()
+    rigid = build_fly(FlyConfig("current", rigid_head=True), visual=False).compile()
+    assert free.nv - rigid.nv == 21
     assert rigid.body_mass.sum() == pytest.approx(free.body_mass.sum(), rel=1e-12)
 
 

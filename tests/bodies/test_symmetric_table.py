@@ -13,7 +13,7 @@ REFLECTION = np.diag([1.0, -1.0, 1.0])
 
 
 def posed(name, angles, symmetric=True):
-    config = FlyConfig(name, rigid_antennae=False, symmetric=symmetric)
+    config = FlyConfig(name, rigid_head=False, symmetric=symmetric)
     model = build_fly(config, visual=False).compile()
     data = mujoco.MjData(model)
     for joint, angle in zip(JOINTS, angles, strict=True):

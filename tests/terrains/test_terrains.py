@@ -1,3 +1,5 @@
+import math
+
 import mujoco
 import numpy as np
 import pytest
@@ -96,7 +98,7 @@ def test_blocks_alternate_in_height():
 
 def test_blocks_are_a_tenth_larger_than_their_pitch():
     model = compiled(TerrainConfig("blocks"))
-    np.testing.assert_allclose(model.geom_size[:, :2], 1.3 * 1.1 / 2)
+    np.testing.assert_allclose(model.geom_size[1:, :2], 1.3 * 1.1 / 2)
     # High blocks at the corner reach 0.065 over the edge at -8.7.
     y = -20 + 0.65
     assert surface(model, -8.7 + 0.06, y) == pytest.approx(0.45)
@@ -104,18 +106,28 @@ def test_blocks_are_a_tenth_larger_than_their_pitch():
 
 
 def test_blocks_are_27_columns_of_31():
-    model = compiled(TerrainConfig("blocks"))
-    assert model.ngeom == 27 * 31
-    assert model.geom_pos[:, 0].max() == pytest.approx(-10 + 26.5 * 1.3)
-    assert model.geom_pos[:, 1].max() == pytest.approx(-20 + 30.5 * 1.3)
+    boxes = terrain_boxes(TerrainConfig("blocks"))
+    # every other one is high; the low ones are one box
+    assert len(boxes.centres) == 1 + math.ceil(27 * 31 / 2)
+    assert boxes.centres[1:, 0].max() == pytest.approx(-10 + 26.5 * 1.3)
+    assert boxes.centres[1:, 1].max() == pytest.approx(-20 + 30.5 * 1.3)
 
 
-def test_random_heights_stay_in_range_and_low_blocks_stay_low():
+def test_low_blocks_cover_what_single_ones_would():
+    boxes = terrain_boxes(TerrainConfig("blocks"))
+    low_corner = (boxes.centres - boxes.half_sizes)[0]
+    high_corner = (boxes.centres + boxes.half_sizes)[0]
+    np.testing.assert_allclose(low_corner, [-10 - 0.065, -20 - 0.065, -1.3])
+    np.testing.assert_allclose(
+        high_corner, [-10 + 27 * 1.3 + 0.065, -20 + 31 * 1.3 + 0.065, 0.1], atol=1e-12
+    )
+
+
+def test_random_heights_stay_in_range():
     tops = terrain_boxes(TerrainConfig("blocks", seed=3, height_range=(0.15, 0.45))).tops
-    low = np.isclose(tops, 0.1)
-    assert low.sum() == 27 * 31 // 2
-    assert np.all((tops[~low] >= 0.25) & (tops[~low] <= 0.55))
-    assert np.ptp(tops[~low]) > 0.25
+    assert tops[0] == pytest.approx(0.1)
+    assert np.all((tops[1:] >= 0.25) & (tops[1:] <= 0.55))
+    assert np.ptp(tops[1:]) > 0.25
 
 
 def test_random_heights_are_drawn_block_by_block_from_the_seed():
@@ -164,17 +176,15 @@ def test_mixed_segment_from_end_to_end():
 def test_mixed_is_lowered_by_the_mean_height():
     config = TerrainConfig("mixed", height_range=(0.1, 0.5))
     boxes = terrain_boxes(config)
-    is_block = np.isclose(boxes.half_sizes[:, 0], 0.715)
-    tops = boxes.tops[is_block]
     # low: 0.1 - (0.1 + 0.3); high: 0.1 + U(0.1, 0.5) - (0.1 + 0.3)
-    assert tops.min() == pytest.approx(-0.3)
-    high = tops[~np.isclose(tops, -0.3)]
+    assert boxes.tops.min() == pytest.approx(-0.3)
+    high = boxes.tops[np.isclose(boxes.half_sizes[:, 0], 0.715)]
     assert np.all((high >= -0.2) & (high <= 0.2))
 
 
-def test_mixed_is_three_segments_of_93_blocks_and_3_slabs():
+def test_mixed_is_three_segments_of_47_high_blocks_a_low_one_and_3_slabs():
     model = compiled(TerrainConfig("mixed"))
-    assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).sum() == 3 * (3 * 31 + 3)
+    assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).sum() == 3 * (47 + 1 + 3)
 
 
 def test_mixed_has_one_floor_at_minus_one():
