@@ -56,7 +56,8 @@ class Scene:
     Attributes
     ----------
     model
-        Compiled model; its first custom numeric carries the controller (see `callback`).
+        Compiled model; its first custom numeric carries the controller (see `callback`). Bodies
+        without joints (head, wings, abdomen) are merged into the thorax.
     joint_qpos, joint_dofs
         Addresses of the 42 actuated joints in qpos and qvel, (42,), ordered as anatomy.JOINTS.
     thorax_body, end_effector_bodies
@@ -87,7 +88,6 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     drop_idle_shapes(spec)
     pair_with_planes(spec)
     apply_physics(spec, config.physics)
-    # wings, abdomen and whatever else has no joint become parts of the body that carries them
     spec.compiler.fusestatic = True
     spec.nuserdata = USERDATA_SIZE
     # a user sensor makes MuJoCo call the sensor callback
