@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.optimize import minimize_scalar
 
 from flyrl.anatomy import JOINTS, LEG_DOFS, LEG_SEGMENTS, LEGS, PASSIVE_TARSUS_JOINTS
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
@@ -194,6 +195,25 @@ def test_a_rigid_head_takes_21_joints_away_and_no_mass():
     rigid = build_fly(FlyConfig("current", rigid_head=True), visual=False).compile()
     assert free.nv - rigid.nv == 21
     assert rigid.body_mass.sum() == pytest.approx(free.body_mass.sum(), rel=1e-12)
+
+
+def test_gimbal_lock_leaves_a_coxa_its_servos_inertia():
+    model = build_fly(FlyConfig("current"), visual=False).compile()
+    data = mujoco.MjData(model)
+    joints = [model.joint(f"joint_LFCoxa{axis}") for axis in ("_yaw", "", "_roll")]
+    dofs = [joint.dofadr[0] for joint in joints]
+
+    def misalignment(pitch):
+        data.qpos[joints[1].qposadr[0]] = pitch
+        mujoco.mj_forward(model, data)
+        yaw, roll = data.xaxis[joints[0].id], data.xaxis[joints[2].id]
+        return np.linalg.norm(np.cross(yaw, roll))
+
+    best = minimize_scalar(misalignment, bounds=(-np.pi, np.pi), options={"xatol": 1e-9})
+    assert misalignment(best.x) < 1e-6
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    assert np.linalg.eigvalsh(inertia[np.ix_(dofs, dofs)])[0] == pytest.approx(2e-8, rel=1e-3)
 
 
 def test_stretch_pose_is_the_published_one():
