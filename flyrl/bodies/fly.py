@@ -45,7 +45,7 @@ in a step of 1e-4 s, decides how the joints move either way.
 
 PLANES: Final = 1
 BOXES: Final = 2
-"""Contact bits of the ground's planes and boxes; each leg segment has a shape for either."""
+"""Contact bits of the ground's planes and boxes; a leg segment has a shape per kind it touches."""
 
 VISUAL_GROUP: Final = 1
 COLLISION_GROUP: Final = 3

@@ -3,13 +3,16 @@
 import itertools
 
 import mujoco
+import numpy as np
+
+from flyrl.bodies.fly import PLANES
 
 
 def drop_idle_shapes(spec: mujoco.MjSpec) -> None:
     """Delete the shapes of legs for a kind of ground that the scene does not have."""
-    grounds = {ground.contype for ground in spec.worldbody.geoms}
-    for shape in _touching_shapes(spec):
-        if not any(_touch(ground, shape.conaffinity) for ground in grounds):
+    ground = np.bitwise_or.reduce([geom.contype for geom in spec.worldbody.geoms])
+    for shape in list(spec.geoms):
+        if shape.conaffinity and not shape.conaffinity & ground:
             spec.delete(shape)
 
 
@@ -19,12 +22,9 @@ def pair_with_planes(spec: mujoco.MjSpec) -> None:
     Every leg is always near a plane, as MuJoCo's search for neighbours sees it: the search costs a
     twentieth of a step and leaves nothing out. Boxes are many and stay with their contact bits.
     """
-    planes = [
-        ground for ground in spec.worldbody.geoms if ground.type == mujoco.mjtGeom.mjGEOM_PLANE
-    ]
-    for plane, shape in itertools.product(planes, _touching_shapes(spec)):
-        if not _touch(plane.contype, shape.conaffinity):
-            continue
+    planes = [geom for geom in spec.geoms if geom.contype & PLANES]
+    shapes = [geom for geom in spec.geoms if geom.conaffinity & PLANES]
+    for plane, shape in itertools.product(planes, shapes):
         sliding, torsional, rolling = shape.friction
         # the shape's own figures, as its higher priority had it
         spec.add_pair(
@@ -36,14 +36,7 @@ def pair_with_planes(spec: mujoco.MjSpec) -> None:
             solimp=shape.solimp,
             margin=shape.margin,
         )
-        shape.conaffinity &= ~plane.contype
     for plane in planes:
-        plane.contype = 0
-
-
-def _touching_shapes(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
-    return [shape for shape in spec.geoms if shape.conaffinity != 0]
-
-
-def _touch(contype: int, conaffinity: int) -> bool:
-    return contype & conaffinity != 0
+        plane.contype &= ~PLANES
+    for shape in shapes:
+        shape.conaffinity &= ~PLANES

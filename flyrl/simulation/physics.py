@@ -1,6 +1,6 @@
 """Settings of the physics engine, and the presets that were measured."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
 import mujoco
@@ -31,23 +31,20 @@ _CONES: Final = {
 # makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners. The
 # tarsus segments above the foot would sink in with it; in the literature's model they bear next to
 # nothing, so they are left out.
-_SEGMENTS_ON_SOFT_PLANES: Final = ("Coxa", "Femur", "Tibia", "Tarsus5")
 _BALANCED_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
         friction=(1.3, 0.005, 0.0001),
         solref=(-1e5, -1e4),
         solimp=(0.5, 0.99, 0.08, 0.5, 2.0),
     ),
-    plane_segments=_SEGMENTS_ON_SOFT_PLANES,
+    plane_segments=("Coxa", "Femur", "Tibia", "Tarsus5"),
     box=SurfaceContact(solref=(-9e4, -2e3)),
 )
-_FAST_CONTACT: Final = ContactConfig(
-    plane=SurfaceContact(
-        friction=(1.3, 0.005, 0.0001),
-        solref=(-5e4, -5e3),
-        solimp=(0.5, 0.985, 0.12, 0.5, 2.0),
+_FAST_CONTACT: Final = replace(
+    _BALANCED_CONTACT,
+    plane=replace(
+        _BALANCED_CONTACT.plane, solref=(-5e4, -5e3), solimp=(0.5, 0.985, 0.12, 0.5, 2.0)
     ),
-    plane_segments=_SEGMENTS_ON_SOFT_PLANES,
     # at this step even boxes have to let a foot slip at first, or the hybrid gets stuck too
     box=SurfaceContact(solref=(-6e4, -1e3), solimp=(0.7, 0.99, 0.03, 0.5, 2.0)),
 )

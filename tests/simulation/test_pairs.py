@@ -64,3 +64,12 @@ def test_planes_are_left_to_pairs():
     assert len(spec.pairs) == 48
     assert spec.geom("ground").contype == 0
     assert {geom.conaffinity for geom in spec.geoms} == {0, 2}
+
+
+def test_every_plane_gets_its_pairs():
+    spec = fly_on("flat")
+    spec.worldbody.add_geom(
+        name="ledge", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(1, 1, 1), contype=1, conaffinity=0
+    )
+    pair_with_planes(spec)
+    assert len(spec.pairs) == 2 * 48
