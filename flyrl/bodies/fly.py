@@ -34,13 +34,13 @@ ROOT_JOINT: Final = "root"
 GRAVITY: Final = (0.0, 0.0, -9810.0)
 """mm/s²."""
 
-SERVO_ARMATURE: Final = 2e-8
-"""Inertia of a servo about its joint, g mm²: a thousandth of a leg's about its coxa.
+JOINT_ARMATURE: Final = 2e-8
+"""Inertia of a joint about its axis, g mm²: a thousandth of a leg's about its coxa.
 
 The published models have none. There a coxa whose pitch lines up the axes of yaw and roll (gimbal
-lock) has a singular inertia matrix, and a tarsus weighs so little that its servo can accelerate it
-beyond 1e10 rad/s², which MuJoCo takes for an explosion. Damping, which counts for 300 times as much
-in a step of 1e-4 s, decides how the joints move either way.
+lock) has a singular inertia matrix, and a tarsus weighs so little that it can be accelerated beyond
+1e10 rad/s², which MuJoCo takes for an explosion. Damping, which in a step of 1e-4 s counts for 300
+times as much at a servo and 50 times at a passive tarsus joint, decides how they move either way.
 """
 
 PLANES: Final = 1
@@ -199,8 +199,7 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool) -> mujoco.Mjs
         )
         hinge.stiffness[0] = joint.stiffness
         hinge.damping[0] = joint.damping
-        if joint.name in JOINTS:
-            hinge.armature = SERVO_ARMATURE
+        hinge.armature = JOINT_ARMATURE
     return body
 
 

@@ -197,7 +197,12 @@ def test_a_rigid_head_takes_21_joints_away_and_no_mass():
     assert rigid.body_mass.sum() == pytest.approx(free.body_mass.sum(), rel=1e-12)
 
 
-def test_gimbal_lock_leaves_a_coxa_its_servos_inertia():
+def test_every_joint_has_an_armature():
+    model = build_fly(FlyConfig("current", rigid_head=False), visual=False).compile()
+    np.testing.assert_array_equal(model.dof_armature, [0.0] * 6 + [2e-8] * (model.nv - 6))
+
+
+def test_gimbal_lock_leaves_a_coxa_its_joints_armature():
     model = build_fly(FlyConfig("current"), visual=False).compile()
     data = mujoco.MjData(model)
     joints = [model.joint(f"joint_LFCoxa{axis}") for axis in ("_yaw", "", "_roll")]
