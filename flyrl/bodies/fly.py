@@ -34,13 +34,13 @@ ROOT_JOINT: Final = "root"
 GRAVITY: Final = (0.0, 0.0, -9810.0)
 """mm/s²."""
 
-JOINT_ARMATURE: Final = 2e-8
-"""Inertia of a joint about its axis, g mm²: a thousandth of a leg's about its coxa.
+ARMATURE_PER_DAMPING: Final = 1e-6 / 3
+"""A joint's own inertia, of a servo 2e-8 g mm², ÷ its damping, s.
 
 The published models have none. There a coxa whose pitch lines up the axes of yaw and roll (gimbal
-lock) has a singular inertia matrix, and a tarsus weighs so little that it can be accelerated beyond
-1e10 rad/s², which MuJoCo takes for an explosion. Damping, which in a step of 1e-4 s counts for 300
-times as much at a servo and 50 times at a passive tarsus joint, decides how they move either way.
+lock) has a singular inertia matrix, and the tip of a tarsus weighs so little that it can be
+accelerated beyond 1e10 rad/s², which MuJoCo takes for an explosion. Damping, which in a step of
+1e-4 s counts for 300 times as much, decides how the joints move either way.
 """
 
 PLANES: Final = 1
@@ -199,7 +199,7 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool) -> mujoco.Mjs
         )
         hinge.stiffness[0] = joint.stiffness
         hinge.damping[0] = joint.damping
-        hinge.armature = JOINT_ARMATURE
+        hinge.armature = joint.damping * ARMATURE_PER_DAMPING
     return body
 
 
