@@ -8,36 +8,18 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import hydra
-from omegaconf import DictConfig
-
-from flyrl.cli.arguments import HYDRA_VERSION, UsageError, check_arguments, fail, plain_values
+from flyrl.cli.arguments import fail
+from flyrl.cli.entry import run_command
 from flyrl.files import new_folder
-from flyrl.resources import configs_folder
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
     from flyrl.evaluation import EvaluationConfig
 
-CONFIG_NAME = "evaluate"
-
 
 def main() -> None:
     """Check the command line, then run; the last line printed is `report: <path>`."""
-    try:
-        check_arguments(CONFIG_NAME, sys.argv[1:])
-    except UsageError as error:
-        fail(error)
-    _main()
-
-
-@hydra.main(
-    version_base=HYDRA_VERSION,
-    config_path=str(configs_folder().resolve()),
-    config_name=CONFIG_NAME,
-)
-def _main(config: DictConfig) -> None:
-    run(plain_values(config))
+    run_command("evaluate", run)
 
 
 def run(record: dict[str, Any]) -> None:

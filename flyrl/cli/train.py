@@ -5,31 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import hydra
-from omegaconf import DictConfig
-
-from flyrl.cli.arguments import HYDRA_VERSION, UsageError, check_arguments, fail, plain_values
-from flyrl.resources import configs_folder
-
-CONFIG_NAME = "train"
+from flyrl.cli.arguments import fail
+from flyrl.cli.entry import run_command
 
 
 def main() -> None:
     """Check the command line, then run; the last line printed is `run: <folder>`."""
-    try:
-        check_arguments(CONFIG_NAME, sys.argv[1:])
-    except UsageError as error:
-        fail(error)
-    _main()
-
-
-@hydra.main(
-    version_base=HYDRA_VERSION,
-    config_path=str(configs_folder().resolve()),
-    config_name=CONFIG_NAME,
-)
-def _main(config: DictConfig) -> None:
-    run(plain_values(config))
+    run_command("train", run)
 
 
 def run(record: dict[str, Any]) -> None:
