@@ -1,8 +1,8 @@
 """The one environment under every interface: a task on a batch of flies, without Python loops."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import cast
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -269,6 +269,33 @@ class BatchedEnv:
             outcome[truncated] = TIMEOUT
         return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
+    def snapshot(self) -> dict[str, Any]:
+        """Copy everything that the future depends on: physics, controllers, episodes, generators.
+
+        Returns
+        -------
+        Nested dicts and lists of arrays, numbers and text, for `restore`.
+        """
+        return {
+            "physics": self.flies.integration_state(),
+            "fly_state": {
+                item.name: getattr(self.fly_state, item.name) for item in fields(FlyState)
+            },
+            "goal": None if self._goal is None else self._goal.copy(),
+            "decisions": self._decisions.copy(),
+            "episodes": [episode and asdict(episode) for episode in self.episodes],
+            "generators": [rng and rng.bit_generator.state for rng in self._rngs],
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Put back what `snapshot` returned, in an environment of the same settings."""
+        self.flies.restore(snapshot["physics"])
+        self.fly_state = FlyState(**snapshot["fly_state"])
+        self._goal = snapshot["goal"]
+        self._decisions[:] = snapshot["decisions"]
+        self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
+        self._rngs = [state and _generator(state) for state in snapshot["generators"]]
+
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
         return self._observe(self._task_state(self.fly_state))
@@ -301,6 +328,12 @@ class BatchedEnv:
         return np.concatenate(
             [values.reshape(self.num_envs, -1) for values in terms.values()], axis=1
         )
+
+
+def _generator(state: Mapping[str, Any]) -> np.random.Generator:
+    rng = np.random.default_rng()
+    rng.bit_generator.state = state
+    return rng
 
 
 def _where(mask: NDArray[np.bool_], chosen: FlyState, other: FlyState) -> FlyState:

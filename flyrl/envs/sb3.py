@@ -1,7 +1,7 @@
 """Many flies as a Stable-Baselines3 VecEnv, over the native batch."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -98,6 +98,20 @@ class FlyVecEnv(VecEnv):
             self._lengths[ended] = 0
             observation = self.core.reset(ids=ended)
         return observation, transition.reward.astype(np.float32), transition.done, infos
+
+    def snapshot(self) -> dict[str, Any]:
+        """Copy everything that the future depends on, for `restore`."""
+        return {
+            "core": self.core.snapshot(),
+            "returns": self._returns.copy(),
+            "lengths": self._lengths.copy(),
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Put back what `snapshot` returned, in an environment of the same settings."""
+        self.core.restore(snapshot["core"])
+        self._returns[:] = snapshot["returns"]
+        self._lengths[:] = snapshot["lengths"]
 
     def close(self) -> None:
         """Nothing is held open."""

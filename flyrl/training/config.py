@@ -32,6 +32,10 @@ class ScheduleConfig:
         Number of held-out episodes; the same ones at every evaluation.
     evaluation_seed
         Picks the held-out episodes, which no training run ever draws.
+    checkpoint_interval
+        Decisions between two checkpoints, from which an interrupted run can go on.
+    checkpoints_kept
+        How many of the latest checkpoints stay.
     progress_bar
         Whether to draw one on stderr.
     """
@@ -43,6 +47,8 @@ class ScheduleConfig:
     evaluation_interval: int = 10_000
     evaluation_episodes: int = 32
     evaluation_seed: int = 0
+    checkpoint_interval: int = 10_000
+    checkpoints_kept: int = 2
     progress_bar: bool = True
 
     def __post_init__(self) -> None:
@@ -53,6 +59,8 @@ class ScheduleConfig:
         at_least("training.evaluation_interval", self.evaluation_interval, 1)
         at_least("training.evaluation_episodes", self.evaluation_episodes, 1)
         at_least("training.evaluation_seed", self.evaluation_seed, 0)
+        at_least("training.checkpoint_interval", self.checkpoint_interval, 1)
+        at_least("training.checkpoints_kept", self.checkpoints_kept, 1)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +19,7 @@ from stable_baselines3.common.logger import (
 )
 from stable_baselines3.common.utils import LinearSchedule
 from torch import nn
+from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from flyrl.envs.core import BatchedEnv
@@ -30,9 +31,17 @@ from flyrl.policies.export import bundle_from_sb3
 from flyrl.rollouts import run_episodes
 from flyrl.tasks import Episode
 from flyrl.training.algorithms import AlgorithmConfig, PPOConfig, SACConfig
+from flyrl.training.checkpoint import (
+    learner_state,
+    load_checkpoint,
+    restore_learner,
+    save_checkpoint,
+)
 from flyrl.training.config import TrainingConfig, env_record
 from flyrl.training.interruption import Interruption, interruption
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import RunFolder, read_rows
+
+_DECISIONS_LOGGED: Final = "time/total_timesteps"
 
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 
@@ -72,33 +81,97 @@ def train(config: TrainingConfig, runs: str | Path = "runs", command: Sequence[s
     -------
     The run; its folder loads with `flyrl.load_policy`.
     """
+    model = _prepare(config)
+    return _learn(config, model, RunFolder.create(config, Path(runs), command), None)
+
+
+def resume(config: TrainingConfig, folder: str | Path, command: Sequence[str] = ()) -> Run:
+    """Go on with an interrupted run, from its latest checkpoint, to the end.
+
+    On the same machine and versions, it ends with the policy that it would have had without the
+    interruption, to the bit.
+
+    Parameters
+    ----------
+    config
+        As the run was started with.
+    folder
+        Its folder.
+    command
+        The command that asked for it, for the record.
+
+    Raises
+    ------
+    ResumeError
+        There is no run in the folder, it has other settings, it is finished, or there is no
+        checkpoint, or a damaged one.
+    OSError
+        The folder cannot be written to; the latest checkpoint stays as it is.
+    """
+    run_folder = RunFolder.open(config, Path(folder), command)
+    state = load_checkpoint(run_folder.latest_checkpoint())
+    model = _prepare(config)
+    return _learn(config, model, run_folder, state)
+
+
+def _prepare(config: TrainingConfig) -> BaseAlgorithm:
     torch.set_num_threads(config.training.torch_threads)
     env = FlyVecEnv(config.env, config.training.num_envs, config.training.num_threads)
     model = build_model(config.algo, env, config.seed)
     env.seed(_episode_seed(config.seed))
-    folder = RunFolder.create(config, Path(runs), command)
-    model.set_logger(
-        Logger(
-            str(folder.path),
-            [
-                CSVOutputFormat(str(folder.path / "progress.csv")),
-                TensorBoardOutputFormat(str(folder.path / "tensorboard")),
-            ],
-        )
-    )
+    return model
+
+
+def _learn(
+    config: TrainingConfig, model: BaseAlgorithm, folder: RunFolder, state: dict[str, Any] | None
+) -> Run:
+    """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
+    total = config.training.total_decisions
+    model.set_logger(_logger(folder, None if state is None else state["run"]["decisions"]))
+    env = _env_of(model)
     with interruption() as interrupted:
         callback = _RunCallback(config, folder, interrupted)
+        if state is not None:
+            env.restore(state["env"])
+            restore_learner(model, state["learner"])
+            callback.restore(state["run"])
+            total -= model.num_timesteps
         try:
             model.learn(
-                config.training.total_decisions,
+                total,
                 callback=callback,
                 log_interval=1 if isinstance(config.algo, PPOConfig) else 4 * env.num_envs,
+                reset_num_timesteps=state is None,
             )
         finally:
             callback.close()
             model.logger.close()
             env.close()
     return Run(folder.path, interrupted.signal)
+
+
+def _logger(folder: RunFolder, decisions: int | None) -> Logger:
+    """Metrics as CSV and for TensorBoard; those logged after `decisions` are dropped."""
+    tensorboard = TensorBoardOutputFormat(str(folder.path / "tensorboard"))
+    table = folder.path / "progress.csv"
+    rows: list[dict[str, str]] = []
+    if decisions is not None:
+        tensorboard.writer.close()
+        tensorboard.writer = SummaryWriter(folder.path / "tensorboard", purge_step=decisions + 1)
+        rows = [row for row in read_rows(table) if int(row[_DECISIONS_LOGGED]) <= decisions]
+    csv_format = CSVOutputFormat(str(table))
+    for row in rows:
+        csv_format.write({key: _number(text) for key, text in row.items() if text}, {})
+    return Logger(str(folder.path), [csv_format, tensorboard])
+
+
+def _number(text: str) -> float:
+    return int(text) if text.isdigit() else float(text)
+
+
+def _env_of(model: BaseAlgorithm) -> FlyVecEnv:
+    assert isinstance(model.env, FlyVecEnv)
+    return model.env
 
 
 def build_model(algo: AlgorithmConfig, env: FlyVecEnv, seed: int) -> BaseAlgorithm:
@@ -189,7 +262,9 @@ class _RunCallback(BaseCallback):
         self._env = BatchedEnv(config.env, num_envs, schedule.num_threads)
         self._evaluations: list[dict[str, float]] = []
         self._best = (-1.0, -np.inf)
-        self._next = schedule.evaluation_interval
+        self._next_evaluation = schedule.evaluation_interval
+        self._next_checkpoint = 0
+        self._is_ending = False
         self._start = time.monotonic()
         self._bar = tqdm(
             total=schedule.total_decisions,
@@ -200,6 +275,16 @@ class _RunCallback(BaseCallback):
             dynamic_ncols=True,
         )
 
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from what a checkpoint says of the run."""
+        self._evaluations = state["evaluations"]
+        self._best = state["best"]
+        self._next_evaluation = state["next_evaluation"]
+        self._next_checkpoint = state["next_checkpoint"]
+        self._start -= state["wall_time_s"]
+        self._bar.initial = state["decisions"]
+        self._bar.reset()
+
     def close(self) -> None:
         """Leave the terminal in order."""
         self._bar.close()
@@ -208,12 +293,17 @@ class _RunCallback(BaseCallback):
         # set, not added up: the last update may go beyond the total
         total = self._config.training.total_decisions
         self._bar.update(min(self.num_timesteps, total) - self._bar.n)
-        return not self._interrupted
+        return not self._is_ending
 
     def _on_rollout_start(self) -> None:
-        if self.num_timesteps >= self._next:
+        if self.num_timesteps >= self._next_evaluation:
             self._evaluate()
-            self._next = self.num_timesteps + self._config.training.evaluation_interval
+            self._next_evaluation = self.num_timesteps + self._config.training.evaluation_interval
+        if self.num_timesteps >= self._next_checkpoint or self._interrupted:
+            self._next_checkpoint = self.num_timesteps + self._config.training.checkpoint_interval
+            self._save_checkpoint()
+        # the decision that follows is the last one, and not in the checkpoint: nothing is lost
+        self._is_ending = bool(self._interrupted)
 
     def _on_training_end(self) -> None:
         if self._interrupted:
@@ -229,6 +319,23 @@ class _RunCallback(BaseCallback):
                 "interrupted_by": self._interrupted.signal and self._interrupted.signal.name,
             },
         )
+
+    def _save_checkpoint(self) -> None:
+        schedule = self._config.training
+        state = {
+            "learner": learner_state(self.model),
+            "env": _env_of(self.model).snapshot(),
+            "run": {
+                "decisions": self.num_timesteps,
+                "evaluations": self._evaluations,
+                "best": self._best,
+                "next_evaluation": self._next_evaluation,
+                "next_checkpoint": self._next_checkpoint,
+                "wall_time_s": time.monotonic() - self._start,
+            },
+        }
+        save_checkpoint(self._folder.checkpoint(self.num_timesteps), state)
+        self._folder.drop_checkpoints(keep=schedule.checkpoints_kept)
 
     def _bundle(self, evaluation: dict[str, float] | None = None) -> PolicyBundle:
         return bundle_from_sb3(

@@ -9,6 +9,7 @@ evaluations.csv      success and return on the held-out episodes
 best.safetensors     policy bundle with the best evaluation
 last.safetensors     policy bundle at the end
 model.zip            Stable-Baselines3's model, to go on training (holds a pickle: your own only)
+checkpoints/         the latest ones, to go on from after an interruption
 status.json          how the run ended
 """
 
@@ -20,13 +21,39 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import yaml
 
 from flyrl.files import new_folder, write_text
+from flyrl.training.checkpoint import SUFFIX, ResumeError
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.provenance import provenance
+
+_CONFIG: Final = "config.yaml"
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Settings of the run in a folder, as `config.training_record` gave them.
+
+    Raises
+    ------
+    ResumeError
+        There is no run in the folder.
+    """
+    try:
+        record: dict[str, Any] = yaml.safe_load((path / _CONFIG).read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise ResumeError(f"{path} is not the folder of a run: {error}") from error
+    return record
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file by column; none if there is no file."""
+    if not path.exists():
+        return []
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @dataclass(frozen=True)
@@ -58,10 +85,36 @@ class RunFolder:
         path = new_folder(runs, config.name(started))
         folder = cls(path)
         record = yaml.safe_dump(training_record(config), sort_keys=False)
-        write_text(path / "config.yaml", record)
-        if command:
-            write_text(path / "command.txt", shlex.join(command) + "\n")
+        write_text(path / _CONFIG, record)
+        folder._note_command(command)
         folder.write_json("provenance.json", {"started": started.isoformat(), **provenance()})
+        return folder
+
+    @classmethod
+    def open(cls, config: TrainingConfig, path: Path, command: Sequence[str] = ()) -> "RunFolder":
+        """Open the folder of an interrupted run, to go on with it.
+
+        Parameters
+        ----------
+        config
+            As the run was started with.
+        path
+            The folder.
+        command
+            Program and arguments, for another line of `command.txt`.
+
+        Raises
+        ------
+        ResumeError
+            There is no run in the folder, it has other settings, or it is finished.
+        """
+        if read_record(path) != training_record(config):
+            raise ResumeError(f"{path} is a run with other settings: see its {_CONFIG}")
+        status = path / "status.json"
+        if status.exists() and json.loads(status.read_text())["interrupted_by"] is None:
+            raise ResumeError(f"the run in {path} is finished; there is nothing to go on with")
+        folder = cls(path)
+        folder._note_command(command)
         return folder
 
     @property
@@ -78,6 +131,41 @@ class RunFolder:
     def model(self) -> Path:
         """Model of Stable-Baselines3 beside `last`."""
         return self.path / "model.zip"
+
+    def checkpoint(self, decisions: int) -> Path:
+        """Checkpoint after so many decisions."""
+        folder = self.path / "checkpoints"
+        folder.mkdir(exist_ok=True)
+        return folder / f"{decisions:012}{SUFFIX}"
+
+    def checkpoints(self) -> list[Path]:
+        """The checkpoints there are, oldest first."""
+        return sorted((self.path / "checkpoints").glob(f"[0-9]*{SUFFIX}"))
+
+    def latest_checkpoint(self) -> Path:
+        """The checkpoint to go on from.
+
+        Raises
+        ------
+        ResumeError
+            There is none.
+        """
+        checkpoints = self.checkpoints()
+        if not checkpoints:
+            raise ResumeError(f"there is no checkpoint in {self.path / 'checkpoints'}")
+        return checkpoints[-1]
+
+    def drop_checkpoints(self, keep: int) -> None:
+        """Delete all checkpoints but the latest."""
+        checkpoints = self.checkpoints()
+        for path in checkpoints[: len(checkpoints) - keep]:
+            path.unlink()
+
+    def _note_command(self, command: Sequence[str]) -> None:
+        path = self.path / "command.txt"
+        earlier = path.read_text() if path.exists() else ""
+        if command:
+            write_text(path, earlier + shlex.join(command) + "\n")
 
     def write_json(self, name: str, record: Mapping[str, Any]) -> None:
         """Write a small JSON file."""

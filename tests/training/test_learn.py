@@ -47,6 +47,7 @@ def test_run_folder_is_complete(run):
     assert run.interrupted_by is None
     assert {path.name for path in run.folder.iterdir()} == {
         "best.safetensors",
+        "checkpoints",
         "command.txt",
         "config.yaml",
         "evaluations.csv",

@@ -1,0 +1,173 @@
+"""Checkpoints: everything that a run's future depends on, in one file that executes no code.
+
+A run that goes on from a checkpoint ends with the same bits as one that was never interrupted. The
+file is PyTorch's, read with `weights_only=True`: tensors, numbers, text, lists and dicts.
+"""
+
+import io
+import random
+from collections import deque
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+from flyrl.files import write_bytes
+
+SUFFIX: Final = ".pt"
+_FORMAT: Final = 1
+
+_COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
+_LAST: Final = ("_last_obs", "_last_original_obs", "_last_episode_starts")
+_BUFFER_ARRAYS: Final = (
+    "observations",
+    "next_observations",
+    "actions",
+    "rewards",
+    "dones",
+    "timeouts",
+)
+
+
+class ResumeError(ValueError):
+    """A run that cannot be gone on with."""
+
+
+def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
+    """Copy everything in a model that its learning depends on, except its environment.
+
+    Call it between an update and the next decisions.
+
+    Returns
+    -------
+    Parameters and optimisers, counters, last observations, statistics of the latest episodes, what
+    waits to be logged, the replay buffer if there is one, and the state of every generator that
+    Stable-Baselines3 draws from.
+    """
+    _, variables = model._get_torch_save_params()
+    return {
+        "parameters": model.get_parameters(),
+        "variables": {name: getattr(model, name).detach() for name in variables},
+        "attributes": {name: getattr(model, name) for name in _COUNTERS + _LAST},
+        "episode_infos": list(model.ep_info_buffer or ()),
+        "successes": list(model.ep_success_buffer or ()),
+        "log": {
+            "values": dict(model.logger.name_to_value),
+            "counts": dict(model.logger.name_to_count),
+            "excluded": dict(model.logger.name_to_excluded),
+        },
+        "replay_buffer": _replay_buffer_state(model),
+        "generators": {
+            "python": random.getstate(),
+            "numpy": np.random.get_state(legacy=False),
+            "torch": torch.get_rng_state(),
+            "action_space": model.action_space.np_random.bit_generator.state,
+        },
+    }
+
+
+def restore_learner(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
+    """Put back what `learner_state` returned; the model has the same settings and a logger."""
+    model.set_parameters(state["parameters"], exact_match=True)
+    for name, value in state["variables"].items():
+        getattr(model, name).data.copy_(torch.as_tensor(value))
+    for name, value in state["attributes"].items():
+        setattr(model, name, value)
+    window = model._stats_window_size
+    model.ep_info_buffer = deque(state["episode_infos"], maxlen=window)
+    model.ep_success_buffer = deque(state["successes"], maxlen=window)
+    model.logger.name_to_value.update(state["log"]["values"])
+    model.logger.name_to_count.update(state["log"]["counts"])
+    model.logger.name_to_excluded.update(state["log"]["excluded"])
+    if state["replay_buffer"] is not None:
+        _restore_replay_buffer(model, state["replay_buffer"])
+    generators = state["generators"]
+    random.setstate(generators["python"])
+    np.random.set_state(generators["numpy"])
+    torch.set_rng_state(torch.as_tensor(generators["torch"]))
+    model.action_space.np_random.bit_generator.state = generators["action_space"]
+
+
+def _replay_buffer_state(model: BaseAlgorithm) -> dict[str, Any] | None:
+    if not isinstance(model, OffPolicyAlgorithm) or model.replay_buffer is None:
+        return None
+    buffer = model.replay_buffer
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    arrays = {name: getattr(buffer, name)[:filled] for name in _BUFFER_ARRAYS}
+    return {"pos": buffer.pos, "full": buffer.full, "arrays": arrays}
+
+
+def _restore_replay_buffer(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
+    assert isinstance(model, OffPolicyAlgorithm)
+    assert model.replay_buffer is not None
+    buffer = model.replay_buffer
+    buffer.pos, buffer.full = state["pos"], state["full"]
+    for name, values in state["arrays"].items():
+        getattr(buffer, name)[: len(values)] = values
+
+
+def save_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
+    """Write a checkpoint, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        Where to.
+    state
+        Nested dicts, lists and tuples of arrays, tensors, numbers and text.
+
+    Raises
+    ------
+    OSError
+        The disk is full or the folder cannot be written to; what stood at `path` still does.
+    """
+    # in memory first: of a full disk, torch.save would say no more than that it failed
+    data = io.BytesIO()
+    torch.save({"format": _FORMAT, "state": _map(state, _to_tensor)}, data)
+    write_bytes(path, data.getvalue())
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read a checkpoint; what was an array or a tensor is an array, except in "parameters".
+
+    Raises
+    ------
+    ResumeError
+        The file is damaged, or no checkpoint of flyrl.
+    """
+    try:
+        record = torch.load(path, weights_only=True)
+        if record["format"] != _FORMAT:
+            raise ResumeError(f"{path} has format {record['format']!r}, known is {_FORMAT}")
+        state: dict[str, Any] = record["state"]
+    except (OSError, ResumeError):
+        raise
+    except Exception as error:  # torch names no common class for what a damaged file may raise
+        raise ResumeError(f"{path} is damaged, or no checkpoint: {error}") from error
+    parameters = state["learner"].pop("parameters")
+    restored: dict[str, Any] = _map(state, _to_array)
+    restored["learner"]["parameters"] = parameters
+    return restored
+
+
+def _map(tree: Any, convert: Any) -> Any:
+    """Convert every leaf of nested dicts, lists and tuples."""
+    if isinstance(tree, Mapping):
+        return {key: _map(value, convert) for key, value in tree.items()}
+    if isinstance(tree, list | tuple):
+        return type(tree)(_map(value, convert) for value in tree)
+    return convert(tree)
+
+
+def _to_tensor(leaf: Any) -> Any:
+    is_array = isinstance(leaf, np.ndarray | np.number | np.bool_)
+    return torch.from_numpy(np.asarray(leaf, order="C")) if is_array else leaf
+
+
+def _to_array(leaf: Any) -> Any:
+    # of a tensor without axes, [()] makes a NumPy scalar, which is what it was
+    return leaf.numpy()[()] if isinstance(leaf, torch.Tensor) else leaf

@@ -1,0 +1,84 @@
+import pickle
+import resource
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from flyrl.training.checkpoint import ResumeError, load_checkpoint, save_checkpoint
+
+STATE = {
+    "learner": {"parameters": {"policy": {"weight": torch.ones(2, 3)}}, "attributes": {"n": 3}},
+    "env": {"rows": np.arange(6.0).reshape(2, 3), "flags": np.array([True, False])},
+    "generator": {"state": 2**127 + 1, "key": np.arange(3, dtype=np.uint32)},
+    "scalar": np.float32(0.1),
+    "nothing": None,
+    "pair": (1, [2.5, "text"]),
+}
+
+
+def test_a_checkpoint_comes_back_as_it_was(tmp_path):
+    save_checkpoint(tmp_path / "c.pt", STATE)
+    loaded = load_checkpoint(tmp_path / "c.pt")
+    assert torch.equal(loaded["learner"]["parameters"]["policy"]["weight"], torch.ones(2, 3))
+    assert loaded["learner"]["attributes"] == {"n": 3}
+    np.testing.assert_array_equal(loaded["env"]["rows"], STATE["env"]["rows"])
+    np.testing.assert_array_equal(loaded["env"]["flags"], [True, False])
+    assert loaded["env"]["flags"].dtype == bool
+    assert loaded["generator"]["state"] == 2**127 + 1
+    assert loaded["generator"]["key"].dtype == np.uint32
+    assert loaded["scalar"] == np.float32(0.1)
+    assert type(loaded["scalar"]) is np.float32
+    assert loaded["nothing"] is None
+    assert loaded["pair"] == (1, [2.5, "text"])
+
+
+def test_a_damaged_checkpoint_is_an_error_that_names_it(tmp_path):
+    path = tmp_path / "c.pt"
+    save_checkpoint(path, STATE)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(ResumeError, match=r"c\.pt is damaged"):
+        load_checkpoint(path)
+
+
+def test_a_checkpoint_of_another_format_is_refused(tmp_path):
+    torch.save({"format": 99, "state": {}}, tmp_path / "c.pt")
+    with pytest.raises(ResumeError, match="format 99"):
+        load_checkpoint(tmp_path / "c.pt")
+
+
+class _Touch:
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return Path.touch, (self.path,)
+
+
+def test_nothing_in_a_checkpoint_is_executed(tmp_path):
+    trace = tmp_path / "executed"
+    torch.save({"format": 1, "state": _Touch(trace)}, tmp_path / "c.pt")
+    with pytest.raises(ResumeError):
+        load_checkpoint(tmp_path / "c.pt")
+    assert not trace.exists()
+    with (tmp_path / "c.pt").open("wb") as file:
+        pickle.dump(_Touch(trace), file)
+    with pytest.raises(ResumeError):
+        load_checkpoint(tmp_path / "c.pt")
+    assert not trace.exists()
+
+
+def test_without_space_the_last_checkpoint_stays(tmp_path):
+    path = tmp_path / "c.pt"
+    save_checkpoint(path, STATE)
+    good = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError, match="File too large"):
+            save_checkpoint(path, STATE)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert path.read_bytes() == good
+    assert list(tmp_path.iterdir()) == [path]

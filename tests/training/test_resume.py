@@ -1,0 +1,139 @@
+import multiprocessing
+import os
+import signal
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.checkpoint import ResumeError
+from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.learn import resume, train
+
+SCHEDULE = ScheduleConfig(
+    total_decisions=512,
+    num_envs=4,
+    num_threads=1,
+    evaluation_interval=128,
+    evaluation_episodes=2,
+    checkpoint_interval=64,
+    progress_bar=False,
+)
+PPO_CONFIG = TrainingConfig(
+    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, learning_rate_decay=True),
+    training=SCHEDULE,
+)
+SAC_CONFIG = TrainingConfig(
+    algo=SACConfig(learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)),
+    training=SCHEDULE,
+)
+CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
+RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
+
+
+class InterruptedAt:
+    """Sends a signal to this process when a run's n-th decision is reported."""
+
+    def __init__(self, monkeypatch, decision):
+        from flyrl.training import learn
+
+        report = learn._RunCallback._on_step
+
+        def on_step(callback):
+            if callback.n_calls == decision:
+                os.kill(os.getpid(), signal.SIGTERM)
+            return report(callback)
+
+        monkeypatch.setattr(learn._RunCallback, "_on_step", on_step)
+
+
+def _results(run):
+    return {name: (run.folder / name).read_bytes() for name in RESULTS}
+
+
+@CONFIGS
+def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
+    whole = train(config, tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        InterruptedAt(patch, decision=43)
+        part = train(config, tmp_path / "part")
+    assert part.interrupted_by == signal.SIGTERM
+    resumed = resume(config, part.folder)
+    assert resumed.folder == part.folder
+    assert _results(resumed) == _results(whole)
+
+
+@CONFIGS
+def test_a_resumed_run_logs_every_update_once(config, tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        InterruptedAt(patch, decision=43)
+        part = train(config, tmp_path / "part")
+    resume(config, part.folder)
+    whole = train(config, tmp_path / "whole")
+    assert _without_times(part.folder) == _without_times(whole.folder)
+
+
+def _without_times(folder):
+    from flyrl.training.run_folder import read_rows
+
+    times = {"time/fps", "time/time_elapsed", "time/iterations"}
+    return [
+        {key: value and float(value) for key, value in row.items() if key not in times}
+        for row in read_rows(folder / "progress.csv")
+    ]
+
+
+def _run(config, runs, folder):
+    if folder is None:
+        train(config, runs)
+    else:
+        resume(config, folder)
+
+
+@pytest.mark.slow
+@CONFIGS
+def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
+    config = replace(config, training=replace(SCHEDULE, total_decisions=2048))
+    start = time.monotonic()
+    whole = train(config, tmp_path / "whole")
+    duration = time.monotonic() - start
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["flyrl.training.learn"])
+    rng = np.random.default_rng(0)
+    folder, killed = None, 0
+    while killed < 20:
+        process = context.Process(target=_run, args=(config, tmp_path / "part", folder))
+        process.start()
+        time.sleep(rng.uniform(0.0, duration / 4))
+        if process.is_alive():
+            process.kill()
+            killed += 1
+        process.join()
+        folder = next(
+            (path.parents[1] for path in tmp_path.glob("part/*/checkpoints/[0-9]*.pt")), None
+        )
+        if folder and (folder / "status.json").exists():
+            break
+    resumed = resume(config, folder)
+    assert killed == 20
+    assert _results(resumed) == _results(whole)
+
+
+def test_a_finished_run_is_not_resumed(tmp_path):
+    run = train(replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32)), tmp_path)
+    with pytest.raises(ResumeError, match="finished"):
+        resume(replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32)), run.folder)
+
+
+def test_other_settings_are_not_resumed(tmp_path, monkeypatch):
+    InterruptedAt(monkeypatch, decision=3)
+    run = train(PPO_CONFIG, tmp_path)
+    with pytest.raises(ResumeError, match="other settings"):
+        resume(replace(PPO_CONFIG, seed=1), run.folder)
+
+
+def test_a_folder_without_a_run_is_an_error(tmp_path):
+    with pytest.raises(ResumeError, match="not the folder of a run"):
+        resume(PPO_CONFIG, tmp_path)
