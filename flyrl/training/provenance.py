@@ -24,13 +24,31 @@ _PACKAGES: Final = (
 def provenance() -> dict[str, Any]:
     """Commit, versions and CPU, as plain JSON values; what cannot be known is null."""
     return {
-        "git": _git(Path(flyrl.__file__).resolve().parent),
+        "git": _git(),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _PACKAGES},
         "system": platform.platform(),
         "cpu": _cpu(),
         "num_cpus": len(os.sched_getaffinity(0)),
     }
+
+
+def code_changes() -> str:
+    """What the checkout that flyrl runs from has beyond its commit, as `git diff` says it.
+
+    Empty for an installed package, and where git cannot be asked.
+    """
+    checkout = _checkout()
+    if checkout is None:
+        return ""
+    difference = _run("git", "-C", str(checkout), "diff", "HEAD")
+    return difference + "\n" if difference else ""
+
+
+def _checkout() -> Path | None:
+    """The git checkout that flyrl runs from; None for an installed package."""
+    folder = Path(flyrl.__file__).resolve().parents[1]
+    return folder if (folder / ".git").exists() else None
 
 
 def _version(package: str) -> str | None:
@@ -40,12 +58,13 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _git(package: Path) -> dict[str, Any] | None:
-    """Commit of the checkout that the package lies in; null for an installed one."""
-    if not (package.parent / ".git").exists():
+def _git() -> dict[str, Any] | None:
+    """Commit of the checkout that flyrl runs from; null for an installed package."""
+    checkout = _checkout()
+    if checkout is None:
         return None
-    commit = _run("git", "-C", str(package.parent), "rev-parse", "HEAD")
-    changes = _run("git", "-C", str(package.parent), "status", "--porcelain")
+    commit = _run("git", "-C", str(checkout), "rev-parse", "HEAD")
+    changes = _run("git", "-C", str(checkout), "status", "--porcelain")
     if commit is None or changes is None:
         return None
     return {"commit": commit, "is_dirty": bool(changes)}

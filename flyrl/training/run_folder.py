@@ -2,6 +2,7 @@
 
 config.yaml          every setting, resolved
 command.txt          the command, if there was one
+code.diff            what the code had beyond its commit, if anything
 provenance.json      commit, package versions, CPU
 progress.csv         metrics, one row per update
 tensorboard/         the same for TensorBoard
@@ -28,7 +29,7 @@ import yaml
 from flyrl.files import new_folder, write_text
 from flyrl.training.checkpoint import SUFFIX, ResumeError
 from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.provenance import provenance
+from flyrl.training.provenance import code_changes, provenance
 
 _CONFIG: Final = "config.yaml"
 
@@ -87,6 +88,9 @@ class RunFolder:
         record = yaml.safe_dump(training_record(config), sort_keys=False)
         write_text(path / _CONFIG, record)
         folder._note_command(command)
+        changes = code_changes()
+        if changes:
+            write_text(path / "code.diff", changes)
         folder.write_json("provenance.json", {"started": started.isoformat(), **provenance()})
         return folder
 
