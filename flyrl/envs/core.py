@@ -14,7 +14,7 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
-from flyrl.tasks import RUNNING, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
+from flyrl.tasks import RUNNING, SUCCESS, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
 from flyrl.terrains import TerrainConfig, TerrainName, terrain_bounds
 from flyrl.validation import one_of
 
@@ -153,6 +153,8 @@ class BatchedEnv:
         self._bounds = terrain_bounds(config.scene.terrain)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._goal: NDArray[np.float64] | None = None
+        self._command: NDArray[np.float64] | None = None
+        self._totals = np.zeros((len(self.task.reward), num_envs))
         limit = self.task.time_limit_s
         self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
         self._decisions = np.zeros(num_envs, dtype=np.int64)
@@ -200,9 +202,13 @@ class BatchedEnv:
             ],
         )
         goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
-        if self._goal is None:
+        commands = np.array([episode.command for episode in episodes], dtype=np.float64)
+        if self._goal is None or self._command is None:
             self._goal = np.zeros((self.num_envs, goals.shape[1]))
+            self._command = np.zeros((self.num_envs, commands.shape[1]))
         self._goal[chosen] = goals
+        self._command[chosen] = commands
+        self._totals[:, chosen] = 0.0
         self._decisions[chosen] = 0
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
@@ -253,8 +259,10 @@ class BatchedEnv:
         self.fly_state = fly_state
         state = self._task_state(previous)
         reward = np.zeros(self.num_envs)
-        for term in self.task.reward:
-            reward += term.weight * term.compute(state)
+        for term, total in zip(self.task.reward, self._totals, strict=True):
+            values = term.compute(state)
+            reward += term.weight * values
+            total[moved] += values[moved]
         outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype("<U16")
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
@@ -267,6 +275,9 @@ class BatchedEnv:
         if self._max_decisions is not None:
             truncated = ~terminated & (self._decisions >= self._max_decisions)
             outcome[truncated] = TIMEOUT
+            if self.task.succeeds_in_time is not None and truncated.any():
+                is_success |= truncated & self.task.succeeds_in_time(state)
+                outcome[is_success] = SUCCESS
         return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
     def snapshot(self) -> dict[str, Any]:
@@ -282,6 +293,8 @@ class BatchedEnv:
                 item.name: getattr(self.fly_state, item.name) for item in fields(FlyState)
             },
             "goal": None if self._goal is None else self._goal.copy(),
+            "command": None if self._command is None else self._command.copy(),
+            "totals": self._totals.copy(),
             "decisions": self._decisions.copy(),
             "episodes": [episode and asdict(episode) for episode in self.episodes],
             "generators": [rng and rng.bit_generator.state for rng in self._rngs],
@@ -291,7 +304,8 @@ class BatchedEnv:
         """Put back what `snapshot` returned, in an environment of the same settings."""
         self.flies.restore(snapshot["physics"])
         self.fly_state = FlyState(**snapshot["fly_state"])
-        self._goal = snapshot["goal"]
+        self._goal, self._command = snapshot["goal"], snapshot["command"]
+        self._totals[:] = snapshot["totals"]
         self._decisions[:] = snapshot["decisions"]
         self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
         self._rngs = [state and _generator(state) for state in snapshot["generators"]]
@@ -305,15 +319,18 @@ class BatchedEnv:
         return self._task_state(self.fly_state)
 
     def _task_state(self, previous: FlyState) -> TaskState:
-        goal = self._goal
-        if goal is None:
+        goal, command = self._goal, self._command
+        if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
         if self._max_decisions is None:
             remaining_s = np.full(self.num_envs, np.inf)
         else:
             remaining = self._max_decisions - self._decisions
             remaining_s = remaining * self.config.decision_interval_s
-        return TaskState(self.fly_state, previous, goal, remaining_s, self._bounds)
+        totals = {
+            term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
+        }
+        return TaskState(self.fly_state, previous, goal, command, totals, remaining_s, self._bounds)
 
     def _observe(self, state: TaskState) -> Observation:
         # np.clip takes twice as long for a single fly

@@ -4,7 +4,11 @@ from typing import Final
 
 import gymnasium
 
-ENV_IDS: Final = {"flyrl/Target-v0": "target", "flyrl/HybridTurning-v0": "hybrid_turning"}
+from flyrl.tasks import TASKS
+
+ENV_IDS: Final = {
+    f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name for name in TASKS
+}
 """Gymnasium id -> task."""
 
 

@@ -3,12 +3,15 @@
 from typing import Final
 
 from flyrl.tasks.episode import Episode
+from flyrl.tasks.heading import HEADING
 from flyrl.tasks.hybrid_turning import HYBRID_TURNING
+from flyrl.tasks.path import PATH
 from flyrl.tasks.target import TARGET
 from flyrl.tasks.task import (
     DRIVE_HIGH,
     DRIVE_LOW,
     RUNNING,
+    SUCCESS,
     TIMEOUT,
     UNSTABLE,
     ObservationTerm,
@@ -17,13 +20,18 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
+from flyrl.tasks.traverse import TRAVERSE
+from flyrl.tasks.velocity import VELOCITY
 
-TASKS: Final = {task.name: task for task in (TARGET, HYBRID_TURNING)}
+TASKS: Final = {
+    task.name: task for task in (TARGET, VELOCITY, PATH, TRAVERSE, HEADING, HYBRID_TURNING)
+}
 
 __all__ = [
     "DRIVE_HIGH",
     "DRIVE_LOW",
     "RUNNING",
+    "SUCCESS",
     "TASKS",
     "TIMEOUT",
     "UNSTABLE",

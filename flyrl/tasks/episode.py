@@ -25,9 +25,11 @@ class Episode:
     spawn_yaw
         Heading from +x, rad.
     goal
-        What the task asks for: the target's x and y in mm, or nothing.
+        Where the task leads to: x and y in mm, or nothing.
     init_phases, init_magnitudes
         Of the six oscillators, rad and 1, ordered as anatomy.LEGS.
+    command
+        What else the task asks for, as its terms read it.
     """
 
     seed: int
@@ -36,6 +38,7 @@ class Episode:
     goal: tuple[float, ...]
     init_phases: Six
     init_magnitudes: Six
+    command: tuple[float, ...] = ()
 
 
 def draw_spawn(terrain: TerrainConfig, rng: np.random.Generator) -> tuple[float, float, float]:

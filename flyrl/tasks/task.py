@@ -1,6 +1,6 @@
 """A task is a table: what is observed, what is rewarded, what ends an episode."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,6 +19,7 @@ DRIVE_HIGH: Final = 1.5
 """Range of the descending drive on each side."""
 
 RUNNING: Final = "running"
+SUCCESS: Final = "success"
 TIMEOUT: Final = "timeout"
 UNSTABLE: Final = "unstable"
 
@@ -32,7 +33,11 @@ class TaskState:
     fly, previous
         The flies after this decision and before it.
     goal
-        What the episodes ask for, (n, size of the task's goal).
+        Where the episodes lead to, mm, (n, 2); (n, 0) in a task that leads nowhere.
+    command
+        What else the episodes ask for, (n, size of the task's command).
+    totals
+        What each reward term has added up to in this episode, unweighted, (n,) by name.
     remaining_s
         Time left before the time limit, s, (n,); infinite without one.
     bounds
@@ -42,6 +47,8 @@ class TaskState:
     fly: FlyState
     previous: FlyState
     goal: Array
+    command: Array
+    totals: Mapping[str, Array]
     remaining_s: Array
     bounds: Bounds
 
@@ -104,6 +111,8 @@ class Task:
         Range of each of the two components of an action, mapped linearly to the drive range.
     sample_episode
         Draws an episode from a seed.
+    succeeds_in_time
+        Whether an episode that lasts until the time limit is a success then; without it, none is.
     """
 
     name: str
@@ -116,6 +125,7 @@ class Task:
     action_low: float
     action_high: float
     sample_episode: Callable[[TerrainConfig, int], Episode]
+    succeeds_in_time: Callable[[TaskState], Mask] | None = None
 
     def drive(self, action: Array) -> Array:
         """Map actions to drives (left, right), clipped to the action's range, (n, 2)."""

@@ -20,6 +20,24 @@ ARENA_FLOOR = -5.0
 REACH = 1.0
 """mm; a target is reached when the thorax is within this horizontal distance."""
 
+ON_HEADING = np.deg2rad(15.0)
+"""rad; a fly is on a heading when its own is within this angle of it."""
+
+COMMAND_S = 1.0
+"""s; how long a command of speed and yaw rate holds before the next one."""
+
+TOLERATED_SPEED, TOLERATED_YAW_RATE = 4.0, 2.0
+"""mm/s and rad/s; deviations at which tracking counts 1/e each."""
+
+PATH_SPACING = 0.5
+"""mm between two points of a path."""
+
+LOOK_AHEAD = 4.0
+"""mm along the path from its point nearest to the fly to the one that it is shown."""
+
+FINISH_LINE = 22.0
+"""mm; x at which the ground is crossed."""
+
 CONTACT_THRESHOLD = 1.0
 """µN; a leg touches the ground when the ground pushes it harder than this (as in stumbling)."""
 
@@ -43,6 +61,37 @@ def goal_distance(position_w: Array, goal: Array) -> Array:
     return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
 
 
+def _unit_vectors(angle: Array) -> Array:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def heading_error(state: TaskState) -> Array:
+    """Angle from the fly's heading to the commanded one, left positive, rad, (n,)."""
+    error = state.command[:, 0] - state.fly.yaw
+    return np.asarray((error + np.pi) % (2 * np.pi) - np.pi)
+
+
+def command_at(state: TaskState, time: Array) -> Array:
+    """Commanded forward speed (mm/s) and yaw rate (rad/s) at a time since the reset, (n, 2)."""
+    commands = state.command.reshape(len(time), -1, 2)
+    number = np.minimum(_command_number(time), commands.shape[1] - 1)
+    chosen: Array = commands[np.arange(len(time)), number]
+    return chosen
+
+
+def _command_number(time: Array) -> NDArray[np.intp]:
+    # a time that is a command's end but for rounding belongs to the next
+    return np.floor(time / COMMAND_S + 1e-6).astype(np.intp)
+
+
+def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Distance to the nearest point of the path, mm, and its number, both (n,)."""
+    path = state.command.reshape(len(position_w), -1, 2)
+    distances = np.linalg.norm(path - position_w[:, None, :2], axis=2)
+    nearest = distances.argmin(axis=1)
+    return distances[np.arange(len(nearest)), nearest], nearest
+
+
 # --- observations --------------------------------------------------------------------------
 
 
@@ -57,6 +106,44 @@ def target_direction_b(state: TaskState) -> Array:
 def target_distance(state: TaskState) -> Array:
     """Distance to the target in units of 15 mm, (n, 1)."""
     return goal_distance(state.fly.position_w, state.goal)[:, None] / 15.0
+
+
+def commanded_direction_b(state: TaskState) -> Array:
+    """Unit vector along the commanded heading: (cos, sin) of the error, (n, 2)."""
+    return _unit_vectors(heading_error(state))
+
+
+def forward_direction_b(state: TaskState) -> Array:
+    """Unit vector along the world's x axis: (cos, sin) of its bearing, (n, 2)."""
+    return _unit_vectors(-state.fly.yaw)
+
+
+def path_direction_b(state: TaskState) -> Array:
+    """Unit vector to the path's point that is LOOK_AHEAD beyond the nearest one, (n, 2)."""
+    position_w = state.fly.position_w
+    _, nearest = path_position(state, position_w)
+    path = state.command.reshape(len(nearest), -1, 2)
+    ahead = np.minimum(nearest + round(LOOK_AHEAD / PATH_SPACING), path.shape[1] - 1)
+    offset_b = _to_yaw_frame(
+        path[np.arange(len(nearest)), ahead] - position_w[:, :2], state.fly.yaw
+    )
+    return np.asarray(offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9))
+
+
+def path_distance(state: TaskState) -> Array:
+    """Distance to the path in units of 5 mm, (n, 1)."""
+    return path_position(state, state.fly.position_w)[0][:, None] / 5.0
+
+
+def commanded_velocity(state: TaskState) -> Array:
+    """Commanded forward speed in units of 20 mm/s, and yaw rate in units of 10 rad/s, (n, 2)."""
+    return command_at(state, state.fly.time) / (20.0, 10.0)
+
+
+def command_time_left(state: TaskState) -> Array:
+    """Time until the next command, s, (n, 1)."""
+    time = state.fly.time
+    return ((_command_number(time) + 1) * COMMAND_S - time)[:, None]
 
 
 def velocity_b(state: TaskState) -> Array:
@@ -165,6 +252,12 @@ def forward_progress(state: TaskState) -> Array:
     return state.fly.position_w[:, 0] - state.previous.position_w[:, 0]
 
 
+def forward_way(state: TaskState) -> Array:
+    """Displacement along the heading before it, mm, (n,)."""
+    way_w = (state.fly.position_w - state.previous.position_w)[:, :2]
+    return np.asarray(_to_yaw_frame(way_w, state.previous.yaw)[:, 0])
+
+
 def elapsed(state: TaskState) -> Array:
     """Time since the last decision, s, (n,)."""
     return state.fly.time - state.previous.time
@@ -173,6 +266,48 @@ def elapsed(state: TaskState) -> Array:
 def reached(state: TaskState) -> Array:
     """1 where the target is reached, (n,)."""
     return is_at_target(state).astype(np.float64)
+
+
+def time_along_heading(state: TaskState) -> Array:
+    """Time since the last decision, times the cosine of the heading's error, s, (n,)."""
+    return elapsed(state) * np.cos(heading_error(state))
+
+
+def time_on_heading(state: TaskState) -> Array:
+    """Time since the last decision where the heading is within ON_HEADING, else 0, s, (n,)."""
+    return np.where(np.abs(heading_error(state)) < ON_HEADING, elapsed(state), 0.0)
+
+
+def time_tracked(state: TaskState) -> Array:
+    """Time since the last decision, times how well the command was followed (0 to 1), s, (n,).
+
+    exp(-(dv / TOLERATED_SPEED)² - (dw / TOLERATED_YAW_RATE)²) of the deviations of mean forward
+    speed and mean yaw rate.
+    """
+    time = elapsed(state)
+    duration = np.maximum(time, 1e-9)
+    turned = (state.fly.yaw - state.previous.yaw + np.pi) % (2 * np.pi) - np.pi
+    speed, yaw_rate = command_at(state, state.previous.time).T
+    deviation = ((forward_way(state) / duration - speed) / TOLERATED_SPEED) ** 2
+    deviation += ((turned / duration - yaw_rate) / TOLERATED_YAW_RATE) ** 2
+    return np.asarray(time * np.exp(-deviation))
+
+
+def path_progress(state: TaskState) -> Array:
+    """By how much the path's nearest point moved on, mm, (n,)."""
+    _, now = path_position(state, state.fly.position_w)
+    _, before = path_position(state, state.previous.position_w)
+    return np.asarray((now - before) * PATH_SPACING)
+
+
+def path_deviation(state: TaskState) -> Array:
+    """Distance to the path, times the time since the last decision, mm s, (n,)."""
+    return path_position(state, state.fly.position_w)[0] * elapsed(state)
+
+
+def crossed(state: TaskState) -> Array:
+    """1 where the finish line is crossed, (n,)."""
+    return has_crossed(state).astype(np.float64)
 
 
 def lost_time(state: TaskState) -> Array:
@@ -187,6 +322,11 @@ def lost_time(state: TaskState) -> Array:
 def is_at_target(state: TaskState) -> Mask:
     """Whether the thorax is within REACH of the target, (n,)."""
     return np.asarray(goal_distance(state.fly.position_w, state.goal) < REACH)
+
+
+def has_crossed(state: TaskState) -> Mask:
+    """Whether the thorax is beyond FINISH_LINE, (n,)."""
+    return np.asarray(state.fly.position_w[:, 0] > FINISH_LINE)
 
 
 def has_fallen(state: TaskState) -> Mask:

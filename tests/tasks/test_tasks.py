@@ -3,8 +3,12 @@ import pytest
 
 from flyrl.tasks import TASKS
 from flyrl.tasks.episode import draw_oscillators
+from flyrl.tasks.heading import HEADING
+from flyrl.tasks.path import PATH
 from flyrl.tasks.target import TARGET
+from flyrl.tasks.velocity import VELOCITY
 from flyrl.terrains import TERRAIN_NAMES, TerrainConfig, terrain_bounds
+from tests.tasks.test_terms import fly_state, task_state
 
 
 @pytest.mark.parametrize("terrain", TERRAIN_NAMES)
@@ -64,3 +68,49 @@ def test_slices_cover_the_observation_once() -> None:
     covered = np.concatenate([np.arange(46)[part] for part in TARGET.slices().values()])
     np.testing.assert_array_equal(covered, np.arange(46))
     assert TARGET.slices()["target_distance"] == slice(2, 3)
+
+
+@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+def test_paths_are_smooth_start_at_the_fly_and_stay_on_the_terrain(terrain: str) -> None:
+    config = TerrainConfig(name=terrain)
+    bounds = terrain_bounds(config)
+    for seed in range(50):
+        episode = PATH.sample_episode(config, seed)
+        path = np.array(episode.command).reshape(-1, 2)
+        np.testing.assert_allclose(path[0], episode.spawn_position_w[:2])
+        np.testing.assert_allclose(path[-1], episode.goal)
+        steps = np.diff(path, axis=0)
+        np.testing.assert_allclose(np.linalg.norm(steps, axis=1), 0.5)
+        turns = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+        assert np.abs(turns).max() <= 0.5 / 5 + 1e-9
+        assert bounds.x_min < path[:, 0].min() <= path[:, 0].max() < bounds.x_max
+        assert bounds.y_min < path[:, 1].min() <= path[:, 1].max() < bounds.y_max
+
+
+def test_headings_lie_in_every_direction() -> None:
+    headings = [HEADING.sample_episode(TerrainConfig(), seed).command[0] for seed in range(400)]
+    counts, _ = np.histogram(headings, bins=8, range=(-np.pi, np.pi))
+    assert counts.min() > 25
+
+
+def test_velocity_commands_lie_in_their_ranges() -> None:
+    commands = np.array([VELOCITY.sample_episode(TerrainConfig(), s).command for s in range(200)])
+    speeds, yaw_rates = commands.reshape(-1, 2).T
+    assert 2 <= speeds.min() < 2.5
+    assert 11.5 < speeds.max() <= 12
+    assert -2.5 <= yaw_rates.min() < -2.3
+    assert 2.3 < yaw_rates.max() <= 2.5
+
+
+@pytest.mark.parametrize(("name", "term"), [("heading", "on_heading"), ("velocity", "tracking")])
+def test_success_in_time_is_a_total_of_two_seconds(name: str, term: str) -> None:
+    state = task_state(fly_state(2), **{term: [1.99, 2.0]})
+    assert TASKS[name].succeeds_in_time(state).tolist() == [False, True]
+
+
+def test_a_path_counts_only_if_it_was_kept_to() -> None:
+    fly = fly_state(2, time=[2.0, 2.0])
+    state = task_state(fly, goal=[[0.5, 0]] * 2, deviation=[1.9, 2.1])
+    success = PATH.terminations[0]
+    assert success.is_success
+    assert success.holds(state).tolist() == [True, False]

@@ -39,12 +39,18 @@ def fly_state(n: int = 1, **changes: object) -> FlyState:
 
 
 def task_state(
-    fly: FlyState, previous: FlyState | None = None, goal: object = ((0.0, 0.0),)
+    fly: FlyState,
+    previous: FlyState | None = None,
+    goal: object = ((0.0, 0.0),),
+    command: object = ((),),
+    **totals: object,
 ) -> TaskState:
     return TaskState(
         fly=fly,
         previous=previous or fly,
         goal=np.asarray(goal, dtype=float),
+        command=np.asarray(command, dtype=float),
+        totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
         remaining_s=np.full(len(fly.time), 2.0),
         bounds=Bounds(-10.0, 25.0, -20.0, 20.0),
     )
@@ -139,3 +145,71 @@ def test_a_fall_is_a_tilt_beyond_75_degrees() -> None:
 def test_the_arena_ends_at_its_bounds_and_below() -> None:
     state = task_state(fly_state(4, position_w=[[24, 19, 0], [26, 0, 0], [0, -21, 0], [0, 0, -6]]))
     assert terms.has_left(state).tolist() == [False, True, True, True]
+
+
+def test_the_heading_error_is_the_shorter_way_round() -> None:
+    fly = fly_state(rotation_w=turned(yaw=3.0))
+    state = task_state(fly, command=[[-3.0]])
+    assert terms.heading_error(state) == pytest.approx(2 * np.pi - 6)
+    np.testing.assert_allclose(
+        terms.commanded_direction_b(state), [[np.cos(6), -np.sin(6)]], atol=1e-12
+    )
+
+
+def test_time_counts_as_on_heading_within_15_degrees() -> None:
+    before = fly_state(3, time=[0, 0, 0])
+    rotations = np.concatenate([turned(yaw=np.deg2rad(a)) for a in (14, -14, 16)])
+    after = fly_state(3, time=[0.02] * 3, rotation_w=rotations)
+    state = task_state(after, before, command=[[0.0]] * 3)
+    np.testing.assert_allclose(terms.time_on_heading(state), [0.02, 0.02, 0])
+
+
+def test_commands_change_every_second() -> None:
+    command = [[1, 10, 2, 20, 3, 30]] * 4
+    state = task_state(fly_state(4, time=[0, 0.98, 1 - 1e-9, 7]), command=command)
+    np.testing.assert_array_equal(
+        terms.command_at(state, state.fly.time), [[1, 10], [1, 10], [2, 20], [3, 30]]
+    )
+
+
+def test_the_time_to_the_next_command() -> None:
+    state = task_state(fly_state(3, time=[0, 0.98, 1 - 1e-9]))
+    np.testing.assert_allclose(terms.command_time_left(state), [[1], [0.02], [1]], atol=1e-6)
+
+
+def test_perfect_tracking_counts_whole_and_a_deviation_less() -> None:
+    before = fly_state(3, time=[0, 0, 0])
+    rotations = np.concatenate([turned(yaw=0.02 * rate) for rate in (1.5, 1.5, 3.5)])
+    after = fly_state(
+        3,
+        time=[0.02] * 3,
+        position_w=[[0.2, 0, 0], [0.28, 0, 0], [0.2, 0, 0]],
+        rotation_w=rotations,
+    )
+    state = task_state(after, before, command=[[10, 1.5]] * 3)
+    np.testing.assert_allclose(
+        terms.time_tracked(state), [0.02, 0.02 * np.exp(-1), 0.02 * np.exp(-1)]
+    )
+
+
+def test_progress_along_a_path_counts_its_points() -> None:
+    path = np.stack([np.arange(20) * 0.5, np.zeros(20)], axis=1).ravel()
+    before = fly_state(position_w=[[1.1, 1, 0]], time=[1.0])
+    after = fly_state(position_w=[[2.6, -0.5, 0]], time=[1.1])
+    state = task_state(after, before, command=[path])
+    assert terms.path_progress(state) == pytest.approx(1.5)
+    assert terms.path_deviation(state) == pytest.approx(0.1 * np.hypot(0.1, 0.5))
+    # 4 mm beyond the nearest point, (2.5, 0)
+    expected = np.array([6.5 - 2.6, 0.5])
+    np.testing.assert_allclose(terms.path_direction_b(state)[0], expected / np.hypot(*expected))
+
+
+def test_the_way_forward_is_along_the_heading_before() -> None:
+    before = fly_state(rotation_w=turned(yaw=np.pi / 2))
+    after = fly_state(position_w=[[1, 2, 0]], rotation_w=turned(yaw=0.0))
+    assert terms.forward_way(task_state(after, before)) == pytest.approx(2)
+
+
+def test_the_ground_is_crossed_at_22_mm() -> None:
+    state = task_state(fly_state(2, position_w=[[21.9, 0, 1], [22.1, 5, 1]]))
+    assert terms.has_crossed(state).tolist() == [False, True]

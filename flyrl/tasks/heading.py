@@ -1,0 +1,58 @@
+"""Heading: turn to a compass heading and keep it for 4 s."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from flyrl.tasks import hybrid_turning, terms
+from flyrl.tasks.episode import Episode
+from flyrl.tasks.senses import SENSES
+from flyrl.tasks.task import Mask, ObservationTerm, RewardTerm, Task, TaskState, Termination
+from flyrl.terrains import TerrainConfig
+
+TIME_LIMIT_S: Final = 4.0
+
+KEPT_S: Final = 2.0
+"""s on the heading that make a success; turning round takes about one."""
+
+
+def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
+    """Draw a spawn, a heading (uniform), and the CPG's start."""
+    heading = np.random.default_rng([seed, 1]).uniform(-np.pi, np.pi)
+    return replace(hybrid_turning.sample_episode(terrain, seed), command=(float(heading),))
+
+
+def was_kept(state: TaskState) -> Mask:
+    """Whether the fly was on the heading for KEPT_S, (n,)."""
+    return state.totals["on_heading"] >= KEPT_S
+
+
+HEADING: Final = Task(
+    name="heading",
+    observation=(
+        ObservationTerm(
+            "target_direction", (2,), -1.0, 1.0, terms.commanded_direction_b,
+            "cos and sin of the commanded heading from the fly's own, left positive",
+        ),
+        *SENSES,
+    ),
+    is_flat=True,
+    reward=(
+        RewardTerm("along_heading", 1.0, terms.time_along_heading, "s times cos of the error"),
+        RewardTerm("on_heading", 1.0, terms.time_on_heading, "s within 15 degrees"),
+        RewardTerm("forward", 0.02, terms.forward_way, "mm walked forward"),
+        # the worst that the time cut off could have brought
+        RewardTerm("lost_time", -1.0, terms.lost_time, "s left when the fly fails"),
+    ),
+    terminations=(
+        Termination("fall", terms.has_fallen),
+        Termination("left_arena", terms.has_left),
+    ),
+    time_limit_s=TIME_LIMIT_S,
+    decision_interval_s=0.02,
+    action_low=-1.0,
+    action_high=1.0,
+    sample_episode=sample_episode,
+    succeeds_in_time=was_kept,
+)  # fmt: skip

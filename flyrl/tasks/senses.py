@@ -1,0 +1,37 @@
+"""What a fly feels of itself: the observation terms that every steering task shares."""
+
+from typing import Final
+
+from flyrl.tasks import terms
+from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm
+
+SENSES: Final = (
+    ObservationTerm(
+        "velocity", (2,), -5.0, 5.0, terms.velocity_b,
+        "forward and leftward velocity of the thorax, in 20 mm/s",
+    ),
+    ObservationTerm(
+        "heading_rate", (1,), -5.0, 5.0, terms.heading_rate, "yaw rate, in 10 rad/s"
+    ),
+    ObservationTerm(
+        "tilt", (2,), -1.0, 1.0, terms.tilt_b,
+        "x and y of the world's up direction in the thorax frame; 0 when level",
+    ),
+    ObservationTerm(
+        "drive", (2,), DRIVE_LOW, DRIVE_HIGH, terms.drive, "drive of the last decision"
+    ),
+    ObservationTerm(
+        "phases", (12,), -1.0, 1.0, terms.phase_vectors,
+        "cosines, then sines, of the six legs' CPG phases",
+    ),
+    ObservationTerm(
+        "magnitudes", (6,), 0.0, 2.0, terms.magnitudes, "the six legs' CPG magnitudes"
+    ),
+    ObservationTerm(
+        "contacts", (6,), 0.0, 1.0, terms.leg_contacts, "1 for each leg on the ground"
+    ),
+    ObservationTerm(
+        "reflexes", (12,), 0.0, 1.0, terms.reflexes,
+        "correction amounts, in 80: six of retraction, six of stumbling",
+    ),
+)  # fmt: skip

@@ -1,0 +1,37 @@
+"""Traverse: cross the ground along +x, to x = 22 mm, within 3 s."""
+
+from typing import Final
+
+from flyrl.tasks import terms
+from flyrl.tasks.hybrid_turning import sample_episode
+from flyrl.tasks.senses import SENSES
+from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
+
+TRAVERSE: Final = Task(
+    name="traverse",
+    observation=(
+        ObservationTerm(
+            "target_direction", (2,), -1.0, 1.0, terms.forward_direction_b,
+            "cos and sin of the bearing of the world's x axis, left positive",
+        ),
+        *SENSES,
+    ),
+    is_flat=True,
+    reward=(
+        RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
+        RewardTerm("success", 2.0, terms.crossed, "the ground is crossed"),
+        RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
+        # no failure may save the time that it cuts off
+        RewardTerm("lost_time", -0.5, terms.lost_time, "s left when the fly fails"),
+    ),
+    terminations=(
+        Termination(SUCCESS, terms.has_crossed, is_success=True),
+        Termination("fall", terms.has_fallen),
+        Termination("left_arena", terms.has_left),
+    ),
+    time_limit_s=3.0,
+    decision_interval_s=0.02,
+    action_low=-1.0,
+    action_high=1.0,
+    sample_episode=sample_episode,
+)  # fmt: skip
