@@ -74,7 +74,7 @@ class EvaluationSettings:
     """
 
     policies: tuple[str, ...] = ()
-    controllers: tuple[str, ...] = EvaluationConfig.controllers
+    controllers: tuple[str, ...] | None = EvaluationConfig.controllers
     terrains: tuple[Any, ...] = EvaluationConfig.terrains
     episodes: int = EvaluationConfig.episodes
     seed: int = EvaluationConfig.seed

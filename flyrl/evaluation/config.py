@@ -34,7 +34,8 @@ class EvaluationConfig:
     policies
         Learned policies: run folders or policy files.
     controllers
-        Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`.
+        Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`. None takes all those that
+        go with the task.
     task
         A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation and a time
         limit.
@@ -65,7 +66,7 @@ class EvaluationConfig:
     """
 
     policies: tuple[str, ...] = ()
-    controllers: tuple[str, ...] = ("cpg", "rule_based", "hybrid", "pursuit", "zero")
+    controllers: tuple[str, ...] | None = None
     task: str | Task = "target"
     terrains: tuple[TerrainName | TerrainConfig, ...] = ("flat",)
     episodes: int = 50
@@ -79,7 +80,7 @@ class EvaluationConfig:
     command: str = ""
 
     def __post_init__(self) -> None:
-        if not self.policies and not self.controllers:
+        if not self.policies and self.controllers == ():
             raise ValueError("policies or controllers must name at least one, got none")
         if not self.terrains:
             raise ValueError("terrains must name at least one, got none")

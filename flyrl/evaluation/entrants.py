@@ -13,7 +13,7 @@ from flyrl.controllers import ControllerConfig
 from flyrl.controllers.leg_controller import ControllerName
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.policies import ConstantDrive, PolicyFileError, Pursuit, load_policy
+from flyrl.policies import ConstantDrive, OpenLoop, PolicyFileError, Pursuit, load_policy
 from flyrl.policies.bundle import policy_file
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task
@@ -56,9 +56,12 @@ class Entrant:
 
 @dataclass(frozen=True)
 class _Fixed:
+    """A fixed entrant; with `sees`, it needs a task that shows this observation term."""
+
     legs: ControllerName
     text: str
     make: Callable[[Task], Policy]
+    sees: str | None = None
 
 
 def _walk(task: Task) -> Policy:
@@ -70,22 +73,32 @@ def _stand(task: Task) -> Policy:
 
 
 def _pursue(task: Task) -> Policy:
-    slices = task.slices()
-    if "target_direction" not in slices:
-        raise ValueError(
-            f"controller 'pursuit' needs a task that shows target_direction, got {task.name!r}"
-        )
-    return Pursuit(slices["target_direction"], task.action)
+    return Pursuit(task.slices()["target_direction"], task.action)
+
+
+def _follow_command(task: Task) -> Policy:
+    return OpenLoop(task.slices()["command"], task.action)
 
 
 FIXED: Final[Mapping[str, _Fixed]] = {
     "cpg": _Fixed("cpg", "constant drive (1, 1)", _walk),
     "rule_based": _Fixed("rule_based", "constant drive (1, 1)", _walk),
     "hybrid": _Fixed("hybrid", "constant drive (1, 1)", _walk),
-    "pursuit": _Fixed("hybrid", "proportional steering towards the target", _pursue),
+    "pursuit": _Fixed(
+        "hybrid", "proportional steering towards the target", _pursue, "target_direction"
+    ),
+    "open_loop": _Fixed("hybrid", "drive that answers the command", _follow_command, "command"),
     "zero": _Fixed("hybrid", "constant drive (0, 0)", _stand),
 }
 """Fixed entrants by name: the leg controller, and what steers it."""
+
+
+def controller_names(config: EvaluationConfig) -> tuple[str, ...]:
+    """Names of the fixed entrants: those that were asked for, or all that go with the task."""
+    if config.controllers is not None:
+        return config.controllers
+    shown = config.resolved_task.slices()
+    return tuple(name for name, fixed in FIXED.items() if fixed.sees is None or fixed.sees in shown)
 
 
 def make_entrants(config: EvaluationConfig) -> list[Entrant]:
@@ -97,11 +110,12 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
         An unknown or repeated name, a policy file that cannot be used, or a reference that is not
         among the entrants.
     """
-    repeated = [name for name, count in Counter(config.controllers).items() if count > 1]
+    names = controller_names(config)
+    repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
         raise ValueError(f"controllers must differ from one another, got {repeated[0]!r} twice")
     # Fixed first: a misspelt name shows before any file is read.
-    fixed = [_fixed(name, config) for name in config.controllers]
+    fixed = [_fixed(name, config) for name in names]
     taken = {entrant.name for entrant in fixed}
     learned: list[Entrant] = []
     for path in config.policies:
@@ -120,11 +134,16 @@ def reference_name(config: EvaluationConfig, entrants: list[Entrant]) -> str:
         return one_of("reference", config.reference, names)
     if "hybrid" in names:
         return "hybrid"
-    return config.controllers[0] if config.controllers else names[0]
+    return (*controller_names(config), *names)[0]
 
 
 def _fixed(name: str, config: EvaluationConfig) -> Entrant:
     fixed = FIXED[one_of("controllers", name, FIXED)]
+    task = config.resolved_task
+    if fixed.sees is not None and fixed.sees not in task.slices():
+        raise ValueError(
+            f"controllers: {name!r} needs a task that shows {fixed.sees}, got {task.name!r}"
+        )
     legs = config.env(config.terrains[0]).scene.controller
     controller = dataclasses.replace(legs, name=fixed.legs)
     record = {
@@ -136,7 +155,7 @@ def _fixed(name: str, config: EvaluationConfig) -> Entrant:
         "sha256": None,
         "controller_config": dataclasses.asdict(controller),
     }
-    return Entrant(name, controller, fixed.make(config.resolved_task), None, record)
+    return Entrant(name, controller, fixed.make(task), None, record)
 
 
 def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:

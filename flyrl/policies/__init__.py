@@ -5,12 +5,13 @@ returns the action and the state, as in Stable-Baselines3.
 """
 
 from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout, observation_layout
-from flyrl.policies.fixed import ConstantDrive, Pursuit
+from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit
 from flyrl.policies.learned import LearnedPolicy, load_policy
 
 __all__ = [
     "ConstantDrive",
     "LearnedPolicy",
+    "OpenLoop",
     "PolicyBundle",
     "PolicyFileError",
     "Pursuit",

@@ -1,4 +1,4 @@
-"""Policies that were not learned: a constant drive, and a proportional steering law."""
+"""Policies that were not learned: a constant drive, a steering law, an inverse map of drives."""
 
 from collections.abc import Callable
 from typing import Any
@@ -87,3 +87,48 @@ class Pursuit:
         turn = self._gain * bearing[..., None] * np.array([-1.0, 1.0])
         drive = np.clip(self._forward + turn, *self._bounds)
         return np.asarray(self._drive_to_action(drive), dtype=np.float32), state
+
+
+class OpenLoop:
+    """Answer a command of speed and yaw rate with the drive that brings it about on flat ground.
+
+    With commanded speed v and yaw rate w, the left drive is `v / speed - w / yaw_rate`, and the
+    right one `v / speed + w / yaw_rate`.
+
+    Parameters
+    ----------
+    command
+        Where in the flat observation the command stands: speed in 20 mm/s, yaw rate in 10 rad/s.
+    drive_to_action
+        Mapping of the task.
+    speed
+        mm/s that a drive of 1 on both sides brings about.
+    yaw_rate
+        rad/s that a drive of 1 more on the right and 1 less on the left would bring about.
+    """
+
+    def __init__(
+        self,
+        command: slice,
+        drive_to_action: DriveToAction,
+        *,
+        speed: float = 13.0,
+        yaw_rate: float = 6.4,
+    ) -> None:
+        self._command = command
+        self._drive_to_action = drive_to_action
+        self._speed = speed
+        self._yaw_rate = yaw_rate
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
+        command = np.asarray(observation, dtype=np.float64)[..., self._command]
+        forward = 20.0 * command[..., :1] / self._speed
+        turn = 10.0 * command[..., 1:] / self._yaw_rate * np.array([-1.0, 1.0])
+        return np.asarray(self._drive_to_action(forward + turn), dtype=np.float32), state

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flyrl.policies import ConstantDrive, Pursuit
+from flyrl.policies import ConstantDrive, OpenLoop, Pursuit
 
 
 def _normalised(drive):
@@ -35,3 +35,15 @@ def test_pursuit_in_batches():
     observations = np.random.default_rng(0).normal(size=(20, 5))
     singles = [policy.predict(observation)[0] for observation in observations]
     np.testing.assert_array_equal(policy.predict(observations)[0], singles)
+
+
+@pytest.mark.parametrize(
+    ("speed", "yaw_rate", "drive"),
+    [(13.0, 0.0, (1.0, 1.0)), (6.5, 0.0, (0.5, 0.5)), (6.5, 3.2, (0.0, 1.0)), (0, -3.2, (0.5, -0.5))],
+)
+def test_open_loop_answers_speed_and_yaw_rate(speed, yaw_rate, drive):
+    policy = OpenLoop(slice(1, 3), lambda drive: drive)
+    action, _ = policy.predict([99.0, speed / 20, yaw_rate / 10])
+    np.testing.assert_allclose(action, drive, atol=1e-6)
+    batch, _ = policy.predict(np.array([[99.0, speed / 20, yaw_rate / 10]] * 3))
+    np.testing.assert_array_equal(batch, [action] * 3)
