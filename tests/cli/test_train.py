@@ -51,6 +51,16 @@ def test_multirun_makes_a_run_per_job(tmp_path):
     [
         (["terain=flat"], "error: there is no key 'terain'; did you mean 'terrain'?\n"),
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
+        (
+            ["resume=runs/a", "seed=1"],
+            "error: resume goes on with the run's own settings; 'seed' cannot be given with it "
+            "(allowed are evaluate_after and evaluation)\n",
+        ),
+        (
+            ["resume=runs/a"],
+            "error: runs/a is not the folder of a run: [Errno 2] No such file or directory: "
+            "'runs/a/config.yaml'\n",
+        ),
     ],
 )
 def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):
@@ -67,8 +77,9 @@ def test_help_names_the_choices(tmp_path):
 
 
 @pytest.mark.slow
-def test_sigterm_ends_a_run_in_order(tmp_path):
-    command = [sys.executable, str(ROOT / "train.py"), *TINY, "training.total_decisions=1000000"]
+def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path):
+    endless = ("training.total_decisions=1000000", "training.checkpoint_interval=2000")
+    command = [sys.executable, str(ROOT / "train.py"), *TINY, *endless]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not any(file.stat().st_size for file in tmp_path.glob("runs/*/progress.csv")):
@@ -80,3 +91,23 @@ def test_sigterm_ends_a_run_in_order(tmp_path):
     assert process.returncode == 128 + signal.SIGTERM
     folder = tmp_path / output.splitlines()[-1].removeprefix("run: ")
     assert load_policy(folder).bundle.training["decisions"] >= 64
+    checkpoints = {path.name for path in (folder / "checkpoints").iterdir()}
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "train.py"), f"resume={folder}"], cwd=tmp_path
+    )
+    deadline = time.monotonic() + 120
+    while {path.name for path in (folder / "checkpoints").iterdir()} == checkpoints:
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.2)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=60) == 128 + signal.SIGTERM
+    assert len((folder / "command.txt").read_text().splitlines()) == 2
+
+
+@pytest.mark.slow
+def test_a_folder_that_cannot_be_written_to_is_an_error_in_one_line(tmp_path):
+    (tmp_path / "runs").write_text("a file")
+    result = _python(tmp_path, str(ROOT / "train.py"), *TINY)
+    assert result.returncode == 2
+    assert result.stderr == "error: [Errno 17] File exists: 'runs'\n"

@@ -13,6 +13,7 @@ from flyrl.policies.mlp import MLP, Layer
 from flyrl.tasks import TASKS
 
 TARGET = TASKS["target"]
+VELOCITY = TASKS["velocity"]
 
 
 def save_policy(path, *, training=None, env=None, observation=None):
@@ -132,8 +133,22 @@ def test_pursuit_turns_left_towards_a_target_on_the_left():
     assert left < right
 
 
-def test_every_fixed_controller_can_be_made():
-    assert names(EvaluationConfig(controllers=tuple(FIXED))) == list(FIXED)
+@pytest.mark.parametrize(("task", "other"), [("target", "open_loop"), ("velocity", "pursuit")])
+def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, other):
+    assert names(EvaluationConfig(task=task)) == [name for name in FIXED if name != other]
+
+
+def test_a_controller_that_does_not_go_with_the_task():
+    with pytest.raises(ValueError, match=r"'open_loop' needs a task that shows command"):
+        make_entrants(EvaluationConfig(controllers=("open_loop",)))
+
+
+def test_open_loop_drives_the_right_legs_more_for_a_turn_to_the_left():
+    (entrant,) = make_entrants(EvaluationConfig(task="velocity", controllers=("open_loop",)))
+    observation = np.zeros((1, sum(term.size for term in VELOCITY.observation)), np.float32)
+    observation[0, VELOCITY.slices()["command"]] = (0.5, 0.2)
+    left, right = VELOCITY.drive(entrant.policy.predict(observation)[0])[0]
+    assert left < right
 
 
 def test_the_classic_body_gets_its_own_recorded_step():

@@ -39,7 +39,12 @@ def test_pursuit_in_batches():
 
 @pytest.mark.parametrize(
     ("speed", "yaw_rate", "drive"),
-    [(13.0, 0.0, (1.0, 1.0)), (6.5, 0.0, (0.5, 0.5)), (6.5, 3.2, (0.0, 1.0)), (0, -3.2, (0.5, -0.5))],
+    [
+        (13.0, 0.0, (1.0, 1.0)),
+        (6.5, 0.0, (0.5, 0.5)),
+        (6.5, 3.2, (0.0, 1.0)),
+        (0, -3.2, (0.5, -0.5)),
+    ],
 )
 def test_open_loop_answers_speed_and_yaw_rate(speed, yaw_rate, drive):
     policy = OpenLoop(slice(1, 3), lambda drive: drive)
