@@ -70,6 +70,8 @@ def test_a_resumed_run_logs_every_update_once(config, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         InterruptedAt(patch, decision=43)
         part = train(config, tmp_path / "part")
+    with (part.folder / "progress.csv").open("a") as table:
+        table.write("12")  # as a kill may leave it
     resume(config, part.folder)
     whole = train(config, tmp_path / "whole")
     assert _without_times(part.folder) == _without_times(whole.folder)
