@@ -18,7 +18,7 @@ def test_episodes_lie_beyond_every_seed_that_training_draws():
 
 
 def test_no_policy_is_chosen_on_an_episode_that_it_is_compared_on():
-    from flyrl.training.learn import HELD_OUT_SEEDS
+    from flyrl.training.callback import HELD_OUT_SEEDS
 
     assert HELD_OUT_SEEDS.stop <= FIRST_SEED
 

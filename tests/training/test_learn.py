@@ -12,8 +12,9 @@ from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.callback import held_out_episodes
 from flyrl.training.config import ScheduleConfig, TrainingConfig, env_record
-from flyrl.training.learn import build_model, held_out_episodes, train
+from flyrl.training.learn import build_model, train
 
 SCHEDULE = ScheduleConfig(
     total_decisions=96,

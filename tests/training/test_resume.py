@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import resume, train
+from flyrl.training.run_folder import read_rows
 
 SCHEDULE = ScheduleConfig(
     total_decisions=512,
@@ -37,16 +39,14 @@ class InterruptedAt:
     """Sends a signal to this process when a run's n-th decision is reported."""
 
     def __init__(self, monkeypatch, decision):
-        from flyrl.training import learn
-
-        report = learn._RunCallback._on_step
+        report = RunCallback._on_step
 
         def on_step(callback):
             if callback.n_calls == decision:
                 os.kill(os.getpid(), signal.SIGTERM)
             return report(callback)
 
-        monkeypatch.setattr(learn._RunCallback, "_on_step", on_step)
+        monkeypatch.setattr(RunCallback, "_on_step", on_step)
 
 
 def _results(run):
@@ -78,8 +78,6 @@ def test_a_resumed_run_logs_every_update_once(config, tmp_path, monkeypatch):
 
 
 def _without_times(folder):
-    from flyrl.training.run_folder import read_rows
-
     times = {"time/fps", "time/time_elapsed", "time/iterations"}
     return [
         {key: value and float(value) for key, value in row.items() if key not in times}
