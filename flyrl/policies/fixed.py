@@ -10,7 +10,29 @@ DriveToAction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From drives (..., 2), left then right, to the actions (..., 2) that command them."""
 
 
-class ConstantDrive:
+class _FixedPolicy:
+    """What answers each observation with a drive of its own making."""
+
+    def __init__(self, drive_to_action: DriveToAction) -> None:
+        self._drive_to_action = drive_to_action
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: Any = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
+        drive = self._drive(np.asarray(observation, dtype=np.float64))
+        return np.array(self._drive_to_action(drive), dtype=np.float32), state
+
+    def _drive(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Drives (..., 2) for observations (..., k)."""
+        raise NotImplementedError
+
+
+class ConstantDrive(_FixedPolicy):
     """The same drive at every decision.
 
     Parameters
@@ -22,21 +44,14 @@ class ConstantDrive:
     """
 
     def __init__(self, left: float, right: float, drive_to_action: DriveToAction) -> None:
-        self._action = np.asarray(drive_to_action(np.array([left, right])), dtype=np.float32)
+        super().__init__(drive_to_action)
+        self._sides = np.array([left, right])
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
-        shape = np.shape(observation)[:-1]
-        return np.broadcast_to(self._action, (*shape, 2)).copy(), state
+    def _drive(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.broadcast_to(self._sides, (*observation.shape[:-1], 2))
 
 
-class Pursuit:
+class Pursuit(_FixedPolicy):
     """Turn towards the target, the more the further it lies to the side.
 
     With bearing b (rad, positive to the left), the left drive is `forward - gain * b` and the right
@@ -68,28 +83,20 @@ class Pursuit:
         weakest: float = 0.2,
         strongest: float = 1.2,
     ) -> None:
+        super().__init__(drive_to_action)
         self._direction = direction
-        self._drive_to_action = drive_to_action
         self._gain = gain
         self._forward = forward
         self._bounds = (weakest, strongest)
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
-        direction = np.asarray(observation, dtype=np.float64)[..., self._direction]
+    def _drive(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        direction = observation[..., self._direction]
         bearing = np.arctan2(direction[..., 1], direction[..., 0])
         turn = self._gain * bearing[..., None] * np.array([-1.0, 1.0])
-        drive = np.clip(self._forward + turn, *self._bounds)
-        return np.asarray(self._drive_to_action(drive), dtype=np.float32), state
+        return np.asarray(np.clip(self._forward + turn, *self._bounds))
 
 
-class OpenLoop:
+class OpenLoop(_FixedPolicy):
     """Answer a command of speed and yaw rate with the drive that brings it about on flat ground.
 
     With commanded speed v and yaw rate w, the left drive is `v / speed - w / yaw_rate`, and the
@@ -115,20 +122,13 @@ class OpenLoop:
         speed: float = 13.0,
         yaw_rate: float = 6.4,
     ) -> None:
+        super().__init__(drive_to_action)
         self._command = command
-        self._drive_to_action = drive_to_action
         self._speed = speed
         self._yaw_rate = yaw_rate
 
-    def predict(
-        self,
-        observation: ArrayLike,
-        state: Any = None,
-        episode_start: Any = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
-        command = np.asarray(observation, dtype=np.float64)[..., self._command]
+    def _drive(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        command = observation[..., self._command]
         forward = 20.0 * command[..., :1] / self._speed
         turn = 10.0 * command[..., 1:] / self._yaw_rate * np.array([-1.0, 1.0])
-        return np.asarray(self._drive_to_action(forward + turn), dtype=np.float32), state
+        return np.asarray(forward + turn)

@@ -140,7 +140,9 @@ def _logger(folder: RunFolder, decisions: int | None) -> Logger:
     if decisions is not None:
         tensorboard.writer.close()
         tensorboard.writer = SummaryWriter(folder.path / "tensorboard", purge_step=decisions + 1)
-        rows = [row for row in read_rows(table) if int(row[_DECISIONS_LOGGED]) <= decisions]
+        # the header is torn if a kill came while the table got a new column: no row is safe then
+        rows = [row for row in read_rows(table) if _DECISIONS_LOGGED in row]
+        rows = [row for row in rows if int(row[_DECISIONS_LOGGED]) <= decisions]
     csv_format = CSVOutputFormat(str(table))
     for row in rows:
         csv_format.write({key: _number(text) for key, text in row.items() if text}, {})
