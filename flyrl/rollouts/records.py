@@ -8,11 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.tasks import TIMEOUT, UNSTABLE, Episode
+from flyrl.tasks import SUCCESS, TIMEOUT, UNSTABLE, Episode
 
 FloatArray = NDArray[np.float64]
 
-SUCCESS: Final = "success"
 FAILURES: Final = ("fall", "left_arena", UNSTABLE)
 """Outcomes that end an episode by failing; they are scored over the full horizon."""
 

@@ -7,7 +7,7 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
 from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds
 
 TARGET_DISTANCE: Final = (5.0, 15.0)
@@ -62,7 +62,7 @@ TARGET: Final = Task(
         RewardTerm("lost_time", -0.5, terms.lost_time, "s left when the fly fails"),
     ),
     terminations=(
-        Termination("success", terms.is_at_target, is_success=True),
+        Termination(SUCCESS, terms.is_at_target, is_success=True),
         Termination("fall", terms.has_fallen),
         Termination("left_arena", terms.has_left),
     ),
