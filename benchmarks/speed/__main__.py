@@ -63,7 +63,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument(
         "--cell-seconds", type=float, default=1.5,
-        help="wall time of a cell, for engine, threads, peers",
+        help="wall time of a cell, for engine, threads",
     )  # fmt: skip
     parser.add_argument(
         "--repeats", type=_positive, default=5, help="for overhead, threads: the median counts"
@@ -82,10 +82,9 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
             help=f"interpreter that has {package}{needed}, for peers",
         )  # fmt: skip
     parser.add_argument(
-        "--peer-warm-up", type=_positive, default=300,
-        help="steps before a peer is timed; their flies land within 200",
+        "--peer-seconds", type=float, default=0.2,
+        help="simulated time for which flyrl and each peer are timed: two strides and more",
     )  # fmt: skip
-    parser.add_argument("--peer-steps", type=_positive, default=300, help="timed steps of a peer")
     parser.add_argument(
         "--output", type=Path, default=Path("runs/speed.json"),
         help="where results are kept; parts that are not measured stay as they are",
@@ -110,13 +109,7 @@ def _measure(part: str, chosen: argparse.Namespace) -> list[Row]:
         "scale": scale.measure,
         "single": lambda: layers.measure_single(chosen.presets),
         "ppo": lambda: layers.measure_ppo(chosen.rollouts),
-        "peers": lambda: peers.measure(
-            interpreters,
-            chosen.terrains,
-            chosen.cell_seconds,
-            chosen.peer_warm_up,
-            chosen.peer_steps,
-        ),
+        "peers": lambda: peers.measure(interpreters, chosen.terrains, chosen.peer_seconds),
     }
     return measures[part]()
 

@@ -63,14 +63,14 @@ def steps_per_second(flies: FlyBatch, start: States, seconds: float) -> float:
     """
     most = round(WINDOW_S / flies.scene.config.physics.timestep)
     steps = MIN_STEPS
-    pace = _window(flies, start, steps) / steps
+    pace = walking_time(flies, start, steps) / steps
     while pace * steps < 0.05 * seconds and steps < most:
         steps = min(2 * steps, most)
-        pace = _window(flies, start, steps) / steps
+        pace = walking_time(flies, start, steps) / steps
     steps = min(max(round(seconds / pace), MIN_STEPS), most)
-    taken, windows = _window(flies, start, steps), 1
+    taken, windows = walking_time(flies, start, steps), 1
     while taken < seconds:
-        taken += _window(flies, start, steps)
+        taken += walking_time(flies, start, steps)
         windows += 1
     return flies.num_sims * steps * windows / taken
 
@@ -126,8 +126,8 @@ def measure_threads(seconds: float, repeats: int, flies: int = 64) -> list[Row]:
     ]
 
 
-def _window(flies: FlyBatch, start: States, steps: int) -> float:
-    """Wall time of some steps from the start on, s."""
+def walking_time(flies: FlyBatch, start: States, steps: int) -> float:
+    """Wall time of some steps of all flies, from the start on, s."""
     flies.restore(start)
     began = time.perf_counter()
     flies.step(steps)

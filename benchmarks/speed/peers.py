@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from tqdm import tqdm
 
-from benchmarks.speed.engine import settled_scene, steps_per_second
+from benchmarks.speed.engine import SETTLING_S, settled_scene, walking_time
 from benchmarks.speed.results import Row, significant
 from flyrl.simulation.batch import FlyBatch
 
@@ -18,6 +18,9 @@ FLYRL_PRESETS: Final = ("reference", "balanced")
 
 FLIES: Final = 64
 
+PEER_TIMESTEP_S: Final = 1e-4
+"""Both peers'."""
+
 PEERS: Final = {
     "flygym": ("flygym-gymnasium", "==1.3.2", "benchmarks.speed.flygym_speed"),
     "flygym2": ("flygym", ">=2", "benchmarks.speed.flygym2_speed"),
@@ -25,13 +28,7 @@ PEERS: Final = {
 """Option that gives the interpreter -> package, its version, and the module that runs there."""
 
 
-def measure(
-    interpreters: Mapping[str, str],
-    terrains: Sequence[str],
-    seconds: float,
-    warm_up: int,
-    steps: int,
-) -> list[Row]:
+def measure(interpreters: Mapping[str, str], terrains: Sequence[str], seconds: float) -> list[Row]:
     """Rows of flyrl and of every peer, terrain by terrain; a note for a peer that is not there.
 
     Parameters
@@ -41,16 +38,17 @@ def measure(
     terrains
         On which to walk.
     seconds
-        Wall time for each figure of flyrl.
-    warm_up, steps
-        Steps of a peer before and while it is timed.
+        Simulated time that is measured, the same for all: what a step costs depends on how far
+        the flies have walked and on what they touch there. It begins at `SETTLING_S`.
     """
     rows: list[Row] = []
     for terrain in tqdm(terrains, desc="peers"):
         for physics in FLYRL_PRESETS:
             scene, start = settled_scene(physics, terrain, FLIES)
-            speed = steps_per_second(FlyBatch(scene, FLIES, 1), start, seconds)
-            own = speed * scene.config.physics.timestep
+            timestep = scene.config.physics.timestep
+            steps = round(seconds / timestep)
+            speed = FLIES * steps / walking_time(FlyBatch(scene, FLIES, 1), start, steps)
+            own = speed * timestep
             rows.append(
                 {
                     "simulator": f"flyrl {physics}",
@@ -63,7 +61,7 @@ def measure(
         # `own` is now that of the default preset, the last
         for key, python in interpreters.items():
             package, _, module = PEERS[key]
-            found = _run(python, module, terrain, warm_up, steps)
+            found = _run(python, module, terrain, seconds)
             rows += [
                 {
                     "simulator": f"{package} {found['versions'][package]}",
@@ -83,8 +81,9 @@ def measure(
     return rows
 
 
-def _run(python: str, module: str, terrain: str, warm_up: int, steps: int) -> dict[str, Any]:
+def _run(python: str, module: str, terrain: str, seconds: float) -> dict[str, Any]:
     """What the module prints, run by another interpreter on one thread."""
+    warm_up, steps = round(SETTLING_S / PEER_TIMESTEP_S), round(seconds / PEER_TIMESTEP_S)
     command = [python, "-m", module, "--terrains", terrain]
     command += ["--warm-up", str(warm_up), "--steps", str(steps)]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
