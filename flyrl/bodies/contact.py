@@ -64,12 +64,15 @@ class ContactConfig:
     plane_segments : the leg segments that touch planes, of anatomy.LEG_SEGMENTS; all of them touch
         boxes. On stiff flat ground a fly stands on its Tarsus5 alone; on a soft one, into which
         those sink, the other tarsus segments would touch too, and grip.
+    plane_friction_across : sliding friction of a capsule on a plane across its axis, where the
+        plane's own then holds along it; None: the same in all directions.
     """
 
     plane: SurfaceContact = field(default_factory=SurfaceContact)
     box: SurfaceContact = field(default_factory=SurfaceContact)
     plane_shape: PlaneShape = "capsule"
     plane_segments: tuple[str, ...] = LEG_SEGMENTS
+    plane_friction_across: float | None = None
 
     def __post_init__(self) -> None:
         if self.plane_shape not in get_args(PlaneShape):
@@ -81,4 +84,12 @@ class ContactConfig:
         if unknown:
             raise ValueError(
                 f"plane_segments: got {unknown[0]!r}, allowed are {', '.join(LEG_SEGMENTS)}"
+            )
+        across = self.plane_friction_across
+        if across is not None and not (math.isfinite(across) and across >= 0):
+            raise ValueError(f"plane_friction_across: got {across!r}, allowed is a number >= 0")
+        if across is not None and self.plane_shape != "capsule":
+            raise ValueError(
+                f"plane_friction_across: got {across!r}; a {self.plane_shape} has no axis, allowed "
+                "is None"
             )

@@ -86,7 +86,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
     add_terrain(spec, config.terrain)
     drop_idle_shapes(spec)
-    pair_with_planes(spec)
+    pair_with_planes(spec, config.physics.contact.plane_friction_across)
     apply_physics(spec, config.physics)
     spec.compiler.fusestatic = True
     spec.nuserdata = USERDATA_SIZE

@@ -27,3 +27,15 @@ def test_contact_config_names_the_shapes_it_allows():
 def test_contact_config_names_the_segments_it_allows():
     with pytest.raises(ValueError, match="plane_segments: got 'Tarsus6', allowed are Coxa, "):
         ContactConfig(plane_segments=("Tibia", "Tarsus6"))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"plane_friction_across": -0.1}, "plane_friction_across: got -0.1, allowed is a number"),
+        ({"plane_friction_across": 1.0, "plane_shape": "hull"}, "a hull has no axis"),
+    ],
+)
+def test_contact_config_says_which_friction_across_a_foot_it_allows(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ContactConfig(**arguments)

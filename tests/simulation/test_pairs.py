@@ -73,3 +73,18 @@ def test_every_plane_gets_its_pairs():
     )
     pair_with_planes(spec)
     assert len(spec.pairs) == 2 * 48
+
+
+def test_friction_across_a_foot_is_that_of_the_contacts_second_tangent():
+    spec = fly_on("flat")
+    pair_with_planes(spec, friction_across=0.4)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.joint("root").qpos[2] = 0.5
+    mujoco.mj_forward(model, data)
+    assert data.ncon > 0
+    for contact in data.contact:
+        np.testing.assert_array_equal(contact.friction, [0.7, 0.4, 0.01, 0.001, 0.001])
+        axis = data.geom_xmat[contact.geom2].reshape(3, 3)[:, 2]
+        second_tangent = contact.frame.reshape(3, 3)[2]
+        assert abs(second_tangent @ axis) < 1e-12
