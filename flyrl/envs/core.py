@@ -1,5 +1,6 @@
 """The one environment under every interface: a task on a batch of flies, without Python loops."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, cast
@@ -155,9 +156,17 @@ class BatchedEnv:
         self._goal: NDArray[np.float64] | None = None
         self._command: NDArray[np.float64] | None = None
         self._totals = np.zeros((len(self.task.reward), num_envs))
+        self._means = {term.name: np.zeros((num_envs, term.size)) for term in self.task.means}
+        self._new_share = {
+            term.name: -math.expm1(-config.decision_interval_s / term.time_constant_s)
+            for term in self.task.means
+        }
         limit = self.task.time_limit_s
         self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
         self._decisions = np.zeros(num_envs, dtype=np.int64)
+        outcomes = [RUNNING, SUCCESS, TIMEOUT, UNSTABLE]
+        outcomes += [termination.outcome for termination in self.task.terminations]
+        self._outcome_type = np.array(outcomes).dtype
         self.fly_state = self.flies.state()
 
     def reset(
@@ -209,6 +218,8 @@ class BatchedEnv:
         self._goal[chosen] = goals
         self._command[chosen] = commands
         self._totals[:, chosen] = 0.0
+        for mean in self._means.values():
+            mean[chosen] = 0.0
         self._decisions[chosen] = 0
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
@@ -258,16 +269,21 @@ class BatchedEnv:
             fly_state = replace(_where(is_unstable, previous, fly_state), time=time)
         self.fly_state = fly_state
         state = self._task_state(previous)
+        for averaged in self.task.means:
+            mean = self._means[averaged.name]
+            values = self._values(averaged.name, averaged.compute(state), (averaged.size,))
+            mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
         reward = np.zeros(self.num_envs)
         for term, total in zip(self.task.reward, self._totals, strict=True):
-            values = term.compute(state)
+            values = self._values(term.name, term.compute(state), ())
             reward += term.weight * values
             total[moved] += values[moved]
-        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype("<U16")
+        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype(self._outcome_type)
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
         for termination in self.task.terminations:
-            ends = termination.holds(state) & ~terminated
+            holds = self._values(termination.outcome, termination.holds(state), ())
+            ends = holds.astype(bool) & ~terminated
             outcome[ends] = termination.outcome
             is_success[ends] = termination.is_success
             terminated |= ends
@@ -295,6 +311,7 @@ class BatchedEnv:
             "goal": None if self._goal is None else self._goal.copy(),
             "command": None if self._command is None else self._command.copy(),
             "totals": self._totals.copy(),
+            "means": {name: mean.copy() for name, mean in self._means.items()},
             "decisions": self._decisions.copy(),
             "episodes": [episode and asdict(episode) for episode in self.episodes],
             "generators": [rng and rng.bit_generator.state for rng in self._rngs],
@@ -306,6 +323,8 @@ class BatchedEnv:
         self.fly_state = FlyState(**snapshot["fly_state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
         self._totals[:] = snapshot["totals"]
+        for name, mean in self._means.items():
+            mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
         self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
         self._rngs = [state and _generator(state) for state in snapshot["generators"]]
@@ -330,16 +349,34 @@ class BatchedEnv:
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
-        return TaskState(self.fly_state, previous, goal, command, totals, remaining_s, self._bounds)
+        return TaskState(
+            fly=self.fly_state,
+            previous=previous,
+            goal=goal,
+            command=command,
+            totals=totals,
+            means=self._means,
+            remaining_s=remaining_s,
+            bounds=self._bounds,
+        )
+
+    def _values(self, name: str, values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+        """What a term computed, if it has a row of `shape` per simulation; else ValueError."""
+        if np.shape(values) != (self.num_envs, *shape):
+            raise ValueError(
+                f"the task's term {name!r} must give an array of shape "
+                f"{('n', *shape)} for n simulations, got {np.shape(values)} for {self.num_envs}"
+            )
+        return values
 
     def _observe(self, state: TaskState) -> Observation:
         # np.clip takes twice as long for a single fly
-        terms = {
-            term.name: np.minimum(np.maximum(term.compute(state), term.low), term.high).astype(
+        terms = {}
+        for term in self.task.observation:
+            values = self._values(term.name, term.compute(state), term.shape)
+            terms[term.name] = np.minimum(np.maximum(values, term.low), term.high).astype(
                 np.float32
             )
-            for term in self.task.observation
-        }
         if not self.task.is_flat:
             return terms
         return np.concatenate(

@@ -29,7 +29,8 @@ class Episode:
     init_phases, init_magnitudes
         Of the six oscillators, rad and 1, ordered as anatomy.LEGS.
     command
-        What else the task asks for, as its terms read it.
+        What else the task asks for, as its terms read it: in `velocity` speed (mm/s) and yaw rate
+        (rad/s) of each second, in `path` x and y (mm) of every point, in `heading` an angle (rad).
     """
 
     seed: int

@@ -102,9 +102,13 @@ def test_velocity_commands_lie_in_their_ranges() -> None:
     assert 2.3 < yaw_rates.max() <= 2.5
 
 
-@pytest.mark.parametrize(("name", "term"), [("heading", "on_heading"), ("velocity", "tracking")])
-def test_success_in_time_is_a_total_of_two_seconds(name: str, term: str) -> None:
-    state = task_state(fly_state(2), **{term: [1.99, 2.0]})
+@pytest.mark.parametrize(
+    ("name", "term", "needed"), [("heading", "on_heading", 2.0), ("velocity", "on_command", 3.0)]
+)
+def test_success_in_time_is_a_total_of_seconds(name: str, term: str, needed: float) -> None:
+    decisions = round(needed / 0.02)
+    total = sum([0.02] * decisions)  # as the environment adds it up
+    state = task_state(fly_state(2), **{term: [total - 0.02, total]})
     assert TASKS[name].succeeds_in_time(state).tolist() == [False, True]
 
 
