@@ -1,6 +1,7 @@
 """The user's own terms: as the documentation shows them, and mistyped."""
 
 import re
+import shlex
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings, training_config
 from flyrl.cli.terms import load_terms
 from flyrl.envs.core import BatchedEnv
@@ -120,35 +120,30 @@ def test_weights_that_cannot_be_given():
         training_config(groups(weights=3))
 
 
-def _commands():
-    """The command lines in the section on own terms, without the program."""
-    section = DOCS.split("## Terms of your own")[1]
+def _commands(run):
+    """The command lines in the section on own terms, as Python's arguments."""
+    section = DOCS.split("## Terms of your own")[1].replace("<run folder>", run)
     lines = re.findall(r"^    python (.*?[^\\])$", section, re.M | re.S)
-    return [line.replace("\\\n", " ").split(None, 1) for line in lines]
+    return [shlex.split(line.replace("\\\n", " ")) for line in lines]
 
 
-def _python(*arguments):
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, check=False)
+def _python(script, *arguments):
+    return subprocess.run(
+        [sys.executable, str(ROOT / script), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("my_terms")
 def test_the_commands_of_the_docs_train_and_evaluate():
-    import shlex
-
-    train, evaluate = ([script, *shlex.split(rest)] for script, rest in _commands())
-    check_arguments("train", train[1:])
+    train, _ = _commands("")
     tiny = ["training.total_decisions=32", "training.num_envs=4", "training.evaluation_episodes=1"]
-    trained = _python(
-        str(ROOT / train[0]), *train[1:], *tiny, "algo.n_steps=8", "algo.batch_size=8"
-    )
+    trained = _python(*train, *tiny, "algo.n_steps=8", "algo.batch_size=8")
     assert trained.returncode == 0, trained.stderr
-    run = trained.stdout.splitlines()[-1].removeprefix("run: ")
-    arguments = [argument.replace("<run folder>", run) for argument in evaluate[1:]]
-    quick = ["controllers=[zero]", "episodes=1", "videos=false"]
-    evaluated = _python(str(ROOT / evaluate[0]), *arguments, *quick)
+    _, evaluate = _commands(trained.stdout.splitlines()[-1].removeprefix("run: "))
+    evaluated = _python(*evaluate, "controllers=[zero]", "episodes=1", "videos=false")
     assert evaluated.returncode == 0, evaluated.stderr
-    without = [argument for argument in arguments if not argument.startswith("task.")]
-    refused = _python(str(ROOT / evaluate[0]), *without, *quick)
-    assert refused.returncode == 2
-    assert f"it was trained with task.terms=[{','.join(ADDED)}], here they are []" in refused.stderr
+    assert "report: " in evaluated.stdout
