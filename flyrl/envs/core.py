@@ -16,6 +16,7 @@ from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, SUCCESS, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
+from flyrl.tasks.episode import PUSH_ARM, PUSH_S
 from flyrl.terrains import TerrainConfig, TerrainName, terrain_bounds
 from flyrl.validation import one_of
 
@@ -155,6 +156,8 @@ class BatchedEnv:
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._goal: NDArray[np.float64] | None = None
         self._command: NDArray[np.float64] | None = None
+        self._pushes = np.zeros((num_envs, 0))
+        self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
         self._totals = np.zeros((len(self.task.reward), num_envs))
         self._means = {term.name: np.zeros((num_envs, term.size)) for term in self.task.means}
         self._new_share = {
@@ -217,6 +220,7 @@ class BatchedEnv:
             self._command = np.zeros((self.num_envs, commands.shape[1]))
         self._goal[chosen] = goals
         self._command[chosen] = commands
+        self._set_pushes(chosen, episodes)
         self._totals[:, chosen] = 0.0
         for mean in self._means.values():
             mean[chosen] = 0.0
@@ -257,6 +261,8 @@ class BatchedEnv:
         previous = self.fly_state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
         self.flies.set_drive(self.task.drive(actions[moved]), moved)
+        if self._pushes.size:
+            self._push(moved)
         self.flies.step(self.config.steps_per_decision, ids)
         self._decisions[moved] += 1
         fly_state = self.flies.state()
@@ -310,6 +316,7 @@ class BatchedEnv:
             },
             "goal": None if self._goal is None else self._goal.copy(),
             "command": None if self._command is None else self._command.copy(),
+            "pushes": self._pushes.copy(),
             "totals": self._totals.copy(),
             "means": {name: mean.copy() for name, mean in self._means.items()},
             "decisions": self._decisions.copy(),
@@ -322,6 +329,7 @@ class BatchedEnv:
         self.flies.restore(snapshot["physics"])
         self.fly_state = FlyState(**snapshot["fly_state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
+        self._pushes = snapshot["pushes"]
         self._totals[:] = snapshot["totals"]
         for name, mean in self._means.items():
             mean[:] = snapshot["means"][name]
@@ -336,6 +344,27 @@ class BatchedEnv:
     def task_state(self) -> TaskState:
         """What the task's terms see now."""
         return self._task_state(self.fly_state)
+
+    def _set_pushes(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
+        """Note the pushes of episodes that start; a push of 0 µN is none."""
+        most = max(len(episode.pushes) for episode in episodes)
+        missing = max(0, most - self._pushes.shape[1])
+        self._pushes = np.pad(self._pushes, ((0, 0), (0, missing)))
+        self._pushes[ids] = 0.0
+        for i, episode in zip(ids, episodes, strict=True):
+            self._pushes[i, : len(episode.pushes)] = episode.pushes
+
+    def _push(self, moved: NDArray[np.intp] | slice) -> None:
+        """Push the flies as hard as is due in this decision."""
+        start, strength = self._pushes[:, ::2], self._pushes[:, 1::2]
+        duration = self._decisions_per_push * self.config.decision_interval_s
+        since = self.fly_state.time[:, None] - start
+        # but for rounding: a push that starts with a decision lasts no decision more
+        is_due = (since > -1e-6) & (since < duration - 1e-6)
+        to_the_left = np.where(is_due, strength, 0.0).sum(axis=1) * (PUSH_S / duration)
+        yaw = self.fly_state.yaw
+        force_w = to_the_left[:, None] * np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
+        self.flies.push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)
 
     def _task_state(self, previous: FlyState) -> TaskState:
         goal, command = self._goal, self._command

@@ -14,6 +14,7 @@ _FIELDS = {
     "spawn_position": ("spawn_position_w", 3),
     "goal": ("goal", None),
     "command": ("command", None),
+    "pushes": ("pushes", None),
 }
 
 

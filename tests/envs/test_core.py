@@ -259,3 +259,48 @@ def test_commands_can_be_followed_and_standing_still_does_not_follow_them() -> N
     assert transition.done.all()
     assert transition.is_success[:4].sum() >= 2
     assert transition.is_success[4:].sum() == 0
+
+
+def pushed(*pushes: float) -> Episode:
+    return dataclasses.replace(walk_to((0.5,)), goal=(), command=(0.5,), pushes=pushes)
+
+
+def test_a_push_from_the_left_at_the_abdomen_turns_the_fly_to_the_left() -> None:
+    env = BatchedEnv(EnvConfig(task="heading", physics="fast"), 3)
+    env.reset(episodes=[pushed(0.5, -8.0), pushed(), pushed(0.5, 8.0)])
+    walk = env.task.action(np.ones((3, 2)))
+    for _ in range(25):
+        env.step(walk)
+    np.testing.assert_array_equal(env.fly_state.yaw, env.fly_state.yaw[[1, 1, 1]])
+    for _ in range(15):
+        env.step(walk)
+    left, straight, right = np.rad2deg(env.fly_state.yaw)
+    assert 10 < left - straight < 60
+    assert 10 < straight - right < 60
+
+
+@pytest.mark.parametrize("interval", [0.02, 0.06, 0.5])
+def test_a_push_has_the_same_impulse_whatever_the_decision_interval(interval: float) -> None:
+    config = EnvConfig(task="heading", physics="fast", decision_interval=interval)
+    env = BatchedEnv(config, 2)
+    env.reset(episodes=[pushed(0.11, 5.0, 0.11, 1.0), pushed()])
+    impulse, moment = np.zeros(2), np.zeros(2)
+    for _ in range(round(1.5 / interval)):
+        env.step(np.zeros((2, 2)))
+        outer = env.flies._outer_forces[:, env.scene.thorax_body]
+        impulse += interval * np.hypot(outer[:, 0], outer[:, 1])
+        moment += interval * outer[:, 5]
+    np.testing.assert_allclose(impulse, [6.0 * 0.2, 0.0])
+    np.testing.assert_allclose(moment, [-1.5 * 6.0 * 0.2, 0.0])
+    assert (env.flies._outer_forces == 0).all()
+
+
+def test_an_environment_restored_during_a_push_goes_on_with_the_same_bits() -> None:
+    env, twin = (BatchedEnv(EnvConfig(task="heading", physics="fast"), 1) for _ in range(2))
+    env.reset(episodes=[pushed(0.05, 8.0)])
+    for _ in range(8):
+        env.step(np.zeros((1, 2)))
+    twin.restore(env.snapshot())
+    for _ in range(8):
+        ours, theirs = (each.step(np.zeros((1, 2))) for each in (env, twin))
+        np.testing.assert_array_equal(ours.observation, theirs.observation)

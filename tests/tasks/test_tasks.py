@@ -93,6 +93,19 @@ def test_headings_lie_in_every_direction() -> None:
     assert counts.min() > 25
 
 
+def test_a_fly_on_its_heading_is_pushed_twice_from_either_side() -> None:
+    pushes = np.array([HEADING.sample_episode(TerrainConfig(), seed).pushes for seed in range(200)])
+    first, strength, second, other = pushes.T
+    assert 1 <= first.min() < 1.1
+    assert 1.9 < first.max() <= 2
+    assert 2.5 <= second.min() < 2.6
+    assert 3.4 < second.max() <= 3.5
+    for strengths in (strength, other):
+        assert 4 <= np.abs(strengths).min() < 4.1
+        assert 7.9 < np.abs(strengths).max() <= 8
+        assert 70 < (strengths > 0).sum() < 130
+
+
 def test_velocity_commands_lie_in_their_ranges() -> None:
     commands = np.array([VELOCITY.sample_episode(TerrainConfig(), s).command for s in range(200)])
     speeds, yaw_rates = commands.reshape(-1, 2).T
