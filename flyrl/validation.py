@@ -36,6 +36,13 @@ def float_array(
     return array
 
 
+def number(name: str, value: float) -> float:
+    """Return `value` as a float if it is a finite number, else raise ValueError."""
+    if not _is_number(value) or not math.isfinite(value):
+        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    return float(value)
+
+
 def positive(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number above 0, else raise ValueError."""
     if not _is_number(value) or not 0 < value < math.inf:

@@ -1,16 +1,18 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from flyrl.bodies.fly import FlyConfig
 from flyrl.cli.conversion import from_mapping, whole_number
+from flyrl.cli.terms import load_terms
 from flyrl.controllers.leg_controller import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.scene import STEPS_OF_BODY
+from flyrl.tasks import TASKS, Task, extended
 from flyrl.terrains import TerrainConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
@@ -19,8 +21,17 @@ from flyrl.validation import one_of
 
 @dataclass(frozen=True, kw_only=True)
 class _TaskSettings:
+    """The group `task`; `terms` are the user's own, as module:attribute."""
+
     name: str
     decision_interval: float | None = None
+    terms: tuple[str, ...] = ()
+    weights: dict[str, float] = field(default_factory=dict)
+
+    def task(self) -> Task:
+        """The task, with the user's own terms and weights; imports the modules of the terms."""
+        task = TASKS[one_of("task.name", self.name, TASKS)]
+        return extended(task, load_terms(self.terms), self.weights)
 
 
 def training_config(config: Mapping[str, Any]) -> TrainingConfig:
@@ -52,7 +63,7 @@ def env_config(config: Mapping[str, Any]) -> EnvConfig:
         controller["steps"] = STEPS_OF_BODY[body.name]
     task = from_mapping(_TaskSettings, config["task"], "task")
     return EnvConfig(
-        task=task.name,
+        task=task.task(),
         body=body,
         terrain=from_mapping(TerrainConfig, config["terrain"], "terrain"),
         controller=from_mapping(ControllerConfig, controller, "controller"),
@@ -111,15 +122,16 @@ def evaluation_config(
         A key or value that is not allowed.
     """
     task = from_mapping(_TaskSettings, config["task"], "task")
-    if task.decision_interval is not None:
+    own = task.task().decision_interval_s
+    if task.decision_interval is not None and task.decision_interval != own:
         raise ValueError(
             "task.decision_interval must be null in an evaluation, where a learned policy brings "
-            f"its own and a fixed one takes the task's, got {task.decision_interval}"
+            f"its own and a fixed one takes the task's, {own}, got {task.decision_interval}"
         )
     return EvaluationConfig(
         policies=settings.policies,
         controllers=settings.controllers,
-        task=task.name,
+        task=task.task(),
         terrains=tuple(
             from_mapping(TerrainConfig, terrain, f"terrains[{i}]")
             if isinstance(terrain, Mapping)

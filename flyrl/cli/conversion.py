@@ -18,7 +18,8 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     Parameters
     ----------
     cls
-        A dataclass whose fields are numbers, text, literals, tuples or such dataclasses.
+        A dataclass whose fields are numbers, text, literals, tuples, dicts by text, or such
+        dataclasses.
     mapping
         Field -> value; a field that is missing takes its default.
     key
@@ -55,6 +56,10 @@ def _value(hint: Any, value: Any, key: str) -> Any:
         return one_of(key, value, options)
     if origin is tuple:
         return _tuple(options, value, key)
+    if origin is dict:
+        if not isinstance(value, Mapping):
+            raise ValueError(f"{key} must be a group of keys, got {value!r}")
+        return {name: _value(options[1], item, f"{key}.{name}") for name, item in value.items()}
     if dataclasses.is_dataclass(hint):
         if not isinstance(value, Mapping):
             raise ValueError(f"{key} must be a group of keys, got {value!r}")

@@ -42,7 +42,7 @@ def run(record: dict[str, Any]) -> None:
         fail(error)
     if settings.folder is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
-        folder = new_folder(Path("reports"), f"{now}_{config.task}")
+        folder = new_folder(Path("reports"), f"{now}_{config.resolved_task.name}")
     else:
         folder = Path(settings.folder)
     print(f"report: {compare(config, folder, settings.videos)}")

@@ -1,5 +1,6 @@
 """The one environment under every interface: a task on a batch of flies, without Python loops."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, cast
@@ -15,6 +16,7 @@ from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, SUCCESS, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
+from flyrl.tasks.episode import PUSH_ARM, PUSH_S
 from flyrl.terrains import TerrainConfig, TerrainName, terrain_bounds
 from flyrl.validation import one_of
 
@@ -154,10 +156,20 @@ class BatchedEnv:
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._goal: NDArray[np.float64] | None = None
         self._command: NDArray[np.float64] | None = None
+        self._pushes = np.zeros((num_envs, 0))
+        self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
         self._totals = np.zeros((len(self.task.reward), num_envs))
+        self._means = {term.name: np.zeros((num_envs, term.size)) for term in self.task.means}
+        self._new_share = {
+            term.name: -math.expm1(-config.decision_interval_s / term.time_constant_s)
+            for term in self.task.means
+        }
         limit = self.task.time_limit_s
         self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
         self._decisions = np.zeros(num_envs, dtype=np.int64)
+        outcomes = [RUNNING, SUCCESS, TIMEOUT, UNSTABLE]
+        outcomes += [termination.outcome for termination in self.task.terminations]
+        self._outcome_type = np.array(outcomes).dtype
         self.fly_state = self.flies.state()
 
     def reset(
@@ -208,7 +220,10 @@ class BatchedEnv:
             self._command = np.zeros((self.num_envs, commands.shape[1]))
         self._goal[chosen] = goals
         self._command[chosen] = commands
+        self._set_pushes(chosen, episodes)
         self._totals[:, chosen] = 0.0
+        for mean in self._means.values():
+            mean[chosen] = 0.0
         self._decisions[chosen] = 0
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
@@ -246,6 +261,8 @@ class BatchedEnv:
         previous = self.fly_state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
         self.flies.set_drive(self.task.drive(actions[moved]), moved)
+        if self._pushes.size:
+            self._push(moved)
         self.flies.step(self.config.steps_per_decision, ids)
         self._decisions[moved] += 1
         fly_state = self.flies.state()
@@ -258,16 +275,21 @@ class BatchedEnv:
             fly_state = replace(_where(is_unstable, previous, fly_state), time=time)
         self.fly_state = fly_state
         state = self._task_state(previous)
+        for averaged in self.task.means:
+            mean = self._means[averaged.name]
+            values = self._values(averaged.name, averaged.compute(state), (averaged.size,))
+            mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
         reward = np.zeros(self.num_envs)
         for term, total in zip(self.task.reward, self._totals, strict=True):
-            values = term.compute(state)
+            values = self._values(term.name, term.compute(state), ())
             reward += term.weight * values
             total[moved] += values[moved]
-        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype("<U16")
+        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype(self._outcome_type)
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
         for termination in self.task.terminations:
-            ends = termination.holds(state) & ~terminated
+            holds = self._values(termination.outcome, termination.holds(state), ())
+            ends = holds.astype(bool) & ~terminated
             outcome[ends] = termination.outcome
             is_success[ends] = termination.is_success
             terminated |= ends
@@ -294,7 +316,9 @@ class BatchedEnv:
             },
             "goal": None if self._goal is None else self._goal.copy(),
             "command": None if self._command is None else self._command.copy(),
+            "pushes": self._pushes.copy(),
             "totals": self._totals.copy(),
+            "means": {name: mean.copy() for name, mean in self._means.items()},
             "decisions": self._decisions.copy(),
             "episodes": [episode and asdict(episode) for episode in self.episodes],
             "generators": [rng and rng.bit_generator.state for rng in self._rngs],
@@ -305,7 +329,10 @@ class BatchedEnv:
         self.flies.restore(snapshot["physics"])
         self.fly_state = FlyState(**snapshot["fly_state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
+        self._pushes = snapshot["pushes"]
         self._totals[:] = snapshot["totals"]
+        for name, mean in self._means.items():
+            mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
         self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
         self._rngs = [state and _generator(state) for state in snapshot["generators"]]
@@ -317,6 +344,27 @@ class BatchedEnv:
     def task_state(self) -> TaskState:
         """What the task's terms see now."""
         return self._task_state(self.fly_state)
+
+    def _set_pushes(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
+        """Note the pushes of episodes that start; a push of 0 µN is none."""
+        most = max(len(episode.pushes) for episode in episodes)
+        missing = max(0, most - self._pushes.shape[1])
+        self._pushes = np.pad(self._pushes, ((0, 0), (0, missing)))
+        self._pushes[ids] = 0.0
+        for i, episode in zip(ids, episodes, strict=True):
+            self._pushes[i, : len(episode.pushes)] = episode.pushes
+
+    def _push(self, moved: NDArray[np.intp] | slice) -> None:
+        """Push the flies as hard as is due in this decision."""
+        start, strength = self._pushes[:, ::2], self._pushes[:, 1::2]
+        duration = self._decisions_per_push * self.config.decision_interval_s
+        since = self.fly_state.time[:, None] - start
+        # but for rounding: a push that starts with a decision lasts no decision more
+        is_due = (since > -1e-6) & (since < duration - 1e-6)
+        to_the_left = np.where(is_due, strength, 0.0).sum(axis=1) * (PUSH_S / duration)
+        yaw = self.fly_state.yaw
+        force_w = to_the_left[:, None] * np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
+        self.flies.push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)
 
     def _task_state(self, previous: FlyState) -> TaskState:
         goal, command = self._goal, self._command
@@ -330,16 +378,34 @@ class BatchedEnv:
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
-        return TaskState(self.fly_state, previous, goal, command, totals, remaining_s, self._bounds)
+        return TaskState(
+            fly=self.fly_state,
+            previous=previous,
+            goal=goal,
+            command=command,
+            totals=totals,
+            means=self._means,
+            remaining_s=remaining_s,
+            bounds=self._bounds,
+        )
+
+    def _values(self, name: str, values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+        """What a term computed, if it has a row of `shape` per simulation; else ValueError."""
+        if np.shape(values) != (self.num_envs, *shape):
+            raise ValueError(
+                f"the task's term {name!r} must give an array of shape "
+                f"{('n', *shape)} for n simulations, got {np.shape(values)} for {self.num_envs}"
+            )
+        return values
 
     def _observe(self, state: TaskState) -> Observation:
         # np.clip takes twice as long for a single fly
-        terms = {
-            term.name: np.minimum(np.maximum(term.compute(state), term.low), term.high).astype(
+        terms = {}
+        for term in self.task.observation:
+            values = self._values(term.name, term.compute(state), term.shape)
+            terms[term.name] = np.minimum(np.maximum(values, term.low), term.high).astype(
                 np.float32
             )
-            for term in self.task.observation
-        }
         if not self.task.is_flat:
             return terms
         return np.concatenate(

@@ -7,11 +7,14 @@ import numpy as np
 
 from flyrl.tasks import Episode
 
+# option -> attribute of an episode, and how many numbers; None: as many as the task has
 _FIELDS = {
     "init_phases": ("init_phases", 6),
     "init_magnitudes": ("init_magnitudes", 6),
     "spawn_position": ("spawn_position_w", 3),
     "goal": ("goal", None),
+    "command": ("command", None),
+    "pushes": ("pushes", None),
 }
 
 
@@ -39,7 +42,7 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
         if options.get(name) is None:
             continue
         values = np.asarray(options[name], dtype=np.float64)
-        expected = len(episode.goal) if size is None else size
+        expected = len(getattr(episode, attribute)) if size is None else size
         if values.shape != (expected,) or not np.isfinite(values).all():
             raise ValueError(
                 f"reset option {name!r} must be {expected} finite numbers; got {options[name]!r}"
@@ -49,4 +52,17 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
         changes[attribute] = tuple(float(value) for value in values)
     if options.get("spawn_yaw") is not None:
         changes["spawn_yaw"] = float(options["spawn_yaw"])
-    return dataclasses.replace(episode, **changes)
+    if "command" in changes and _leads_to_goal(episode):
+        changes.setdefault("goal", changes["command"][-2:])
+    changed = dataclasses.replace(episode, **changes)
+    if _leads_to_goal(episode) and not _leads_to_goal(changed):
+        raise ValueError(
+            f"reset option 'goal' must be the last point of the command, {changed.command[-2:]}; "
+            f"got {changed.goal}"
+        )
+    return changed
+
+
+def _leads_to_goal(episode: Episode) -> bool:
+    """Whether the command is a path, whose last point is the goal."""
+    return episode.goal != () and episode.command[-2:] == episode.goal

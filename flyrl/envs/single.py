@@ -17,10 +17,11 @@ class FlyEnv(gymnasium.Env[Any, Any]):
     """One fly; the arguments are those of `EnvConfig`.
 
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
-    anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad) and "goal" (the target's
-    x and y in mm), which replace what the seed draws, or "episode", which replaces all of it.
+    anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad), "goal" (the target's x and
+    y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md), which
+    replace what the seed draws, or "episode", which replaces all of it.
     `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
-    "is_success" and "time_s".
+    "is_success" and "time_s". A task with a termination of its own has one more outcome.
 
     Parameters
     ----------

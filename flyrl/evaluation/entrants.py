@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,7 +13,14 @@ from flyrl.controllers import ControllerConfig
 from flyrl.controllers.leg_controller import ControllerName
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.policies import ConstantDrive, OpenLoop, PolicyFileError, Pursuit, load_policy
+from flyrl.policies import (
+    ConstantDrive,
+    LearnedPolicy,
+    OpenLoop,
+    PolicyFileError,
+    Pursuit,
+    load_policy,
+)
 from flyrl.policies.bundle import policy_file
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task
@@ -161,8 +168,8 @@ def _fixed(name: str, config: EvaluationConfig) -> Entrant:
 def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
     file = policy_file(path)
     policy = load_policy(file)
-    policy.check_task(config.resolved_task)
     env, training = policy.bundle.env, policy.bundle.training
+    _check_observations(policy, config.resolved_task)
     legs = config.env(config.terrains[0]).scene.controller
     try:
         controller = ControllerConfig(**env["controller"]) if "controller" in env else legs
@@ -182,6 +189,25 @@ def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
         "training": dict(training),
     }
     return Entrant(name, controller, policy, interval, record)
+
+
+def _check_observations(policy: LearnedPolicy, task: Task) -> None:
+    """Raise PolicyFileError unless the policy sees what the task shows; say what would help."""
+    try:
+        policy.check_task(task)
+    except PolicyFileError as error:
+        trained_in = policy.bundle.env.get("task")
+        terms = trained_in.get("terms", []) if isinstance(trained_in, dict) else []
+        if terms == list(task.added):
+            raise
+        raise PolicyFileError(
+            f"{error}; it was trained with task.terms={_hydra_list(terms)}, "
+            f"here they are {_hydra_list(task.added)}"
+        ) from error
+
+
+def _hydra_list(names: Sequence[str]) -> str:
+    return f"[{','.join(map(str, names))}]"
 
 
 def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:

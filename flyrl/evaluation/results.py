@@ -202,13 +202,18 @@ def validate(contents: object) -> None:
     if schema != SCHEMA:
         raise ResultsError(f"schema: {schema!r}; this version reads {SCHEMA!r}")
     _check_keys(contents, {"protocol": (dict,), "episodes": (list,), "summary": (list,)}, "results")
-    _check_keys(contents["protocol"], PROTOCOL_KEYS, "protocol")
+    protocol = contents["protocol"]
+    _check_keys(protocol, PROTOCOL_KEYS, "protocol")
+    # a protocol without its own is of flyrl's own tasks
+    protocol = {"outcomes": list(OUTCOMES), **protocol}
+    _check_keys(protocol, {"outcomes": (list,)}, "protocol")
+    outcomes = [str(outcome) for outcome in protocol["outcomes"]]
     for index, row in enumerate(contents["episodes"]):
         where = f"episodes[{index}]"
         _check_keys(row, ROW_KEYS, where)
-        if row["outcome"] not in OUTCOMES:
+        if row["outcome"] not in outcomes:
             raise ResultsError(
-                f"{where}.outcome: {row['outcome']!r}; expected one of {', '.join(OUTCOMES)}"
+                f"{where}.outcome: {row['outcome']!r}; expected one of {', '.join(outcomes)}"
             )
     for index, row in enumerate(contents["summary"]):
         _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")

@@ -19,8 +19,8 @@ from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrants import Entrant, make_entrants, reference_name
 from flyrl.evaluation.results import Json, Results, Trajectory, episode_row, trajectory
 from flyrl.evaluation.statistics import summarise
-from flyrl.rollouts import run_episodes
-from flyrl.tasks import Episode
+from flyrl.rollouts import OUTCOMES, run_episodes
+from flyrl.tasks import Episode, task_record
 
 PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
 """Packages whose versions the results name."""
@@ -89,13 +89,17 @@ def _protocol(
     reference: str,
     episodes: Sequence[Sequence[Episode]],
 ) -> Json:
-    scene = config.env(config.terrains[0]).scene
+    scene, task = config.env(config.terrains[0]).scene, config.resolved_task
+    record = task_record(task)
     protocol: Json = {
         "command": config.command,
         "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": {"python": platform.python_version(), **_versions()},
         "seed": config.seed,
-        "task": config.resolved_task.name,
+        "task": task.name,
+        "terms": record["terms"],
+        "weights": record["weights"],
+        "outcomes": list(dict.fromkeys((*OUTCOMES, *(end.outcome for end in task.terminations)))),
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
         "reference": reference,

@@ -170,13 +170,14 @@ def summarise(
 def summarise_controller(rows: Sequence[Row]) -> dict[str, Any]:
     """Summary of one controller on one terrain, from its `rows`; "paired" is None."""
     outcomes = Counter(row["outcome"] for row in rows)
+    kinds = dict.fromkeys((*OUTCOMES, *sorted(outcomes)))
     return {
         "controller": rows[0]["controller"],
         "task": rows[0]["task"],
         "terrain": rows[0]["terrain"],
         "episodes": len(rows),
         "successes": outcomes["success"],
-        "outcomes": {outcome: outcomes[outcome] for outcome in OUTCOMES},
+        "outcomes": {outcome: outcomes[outcome] for outcome in kinds},
         "success_rate": asdict(success_rate(outcomes["success"], len(rows))),
         "metrics": {key: asdict(distribution([row[key] for row in rows])) for key in METRICS},
         "paired": None,

@@ -73,7 +73,7 @@ _DOTS: Final[dict[str, dict[str, Any]]] = {
     "left_arena": {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"},
     "unstable": {"marker": "+", "s": 22, "linewidths": 1.1},
 }
-"""How an episode's dot shows its outcome."""
+"""How an episode's dot shows its outcome; one of a user's own is a diamond."""
 
 
 def success_figure(summary: Sequence[Json]) -> str:
@@ -291,7 +291,7 @@ def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
 
 
 def _look(outcome: str, shade: str) -> dict[str, Any]:
-    style = _DOTS[outcome]
+    style = _DOTS.get(outcome, {"marker": "D", "s": 12, "linewidths": 0})
     return {**style, "edgecolors" if "facecolors" in style else "color": shade}
 
 

@@ -25,13 +25,9 @@ from flyrl.report.video import Video
 
 REPORT_FILE: Final = "report.html"
 
-_OUTCOME_NAMES: Final = {
-    "success": "success",
-    "timeout": "time out",
-    "fall": "fall",
-    "left_arena": "left arena",
-    "unstable": "unstable",
-}
+
+def _outcome_name(outcome: str) -> str:
+    return "time out" if outcome == "timeout" else outcome.replace("_", " ")
 
 
 def write_report(
@@ -76,7 +72,6 @@ def format_report(
         protocol=results.protocol,
         stylesheet=Markup(stylesheet()),
         colours=colours(names),
-        outcome_names=_OUTCOME_NAMES,
         metrics=METRICS,
         success_svg=Markup(success_figure(results.summary)),
         rows=[_table_row(row) for row in results.summary],
@@ -157,7 +152,7 @@ def _table_row(row: Json) -> Json:
     return {
         **row,
         "failures": sum(failures.values()),
-        "failure_text": ", ".join(f"{n} {_OUTCOME_NAMES[name]}" for name, n in failures.items()),
+        "failure_text": ", ".join(f"{n} {_outcome_name(name)}" for name, n in failures.items()),
         "rate_text": interval_text(row["success_rate"], 100) if row["episodes"] else "",
     }
 
@@ -190,7 +185,7 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
             {
                 "controller": video.controller,
                 "episode": video.episode,
-                "outcome": _OUTCOME_NAMES[video.outcome],
+                "outcome": _outcome_name(video.outcome),
                 "source": _data_url("video/mp4", video.mp4),
                 "poster": _data_url("image/jpeg", video.poster),
             }

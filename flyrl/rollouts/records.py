@@ -8,14 +8,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.tasks import SUCCESS, TIMEOUT, UNSTABLE, Episode
+from flyrl import tasks
+from flyrl.tasks import RUNNING, SUCCESS, TIMEOUT, UNSTABLE, Episode
 
 FloatArray = NDArray[np.float64]
 
-FAILURES: Final = ("fall", "left_arena", UNSTABLE)
+FAILURES: Final = (*(failure.outcome for failure in tasks.FAILURES), UNSTABLE)
 """Outcomes that end an episode by failing; they are scored over the full horizon."""
 
 OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
+"""Outcomes of flyrl's own tasks; a termination of a user's own is one more failure."""
 
 SAMPLING_S: Final = 0.02
 """Least spacing of a record's samples, s: a quarter of a stride."""
@@ -40,7 +42,7 @@ class EpisodeRecord:
     episode
         Everything random about the episode: seed, spawn, goal, phases.
     outcome
-        One of `OUTCOMES`.
+        One of `OUTCOMES`, or the name of a task's own termination.
     return_
         Undiscounted sum of rewards.
     duration_s
@@ -72,8 +74,8 @@ class EpisodeRecord:
     drive: FloatArray
 
     def __post_init__(self) -> None:
-        if self.outcome not in OUTCOMES:
-            raise ValueError(f"outcome must be one of {OUTCOMES}, got {self.outcome!r}")
+        if self.outcome in ("", RUNNING):
+            raise ValueError(f"outcome must be that of an episode that ended, got {self.outcome!r}")
         samples = len(self.time_s)
         shapes = {
             "time_s": (samples,),
@@ -102,5 +104,5 @@ class EpisodeRecord:
 
     @property
     def failed(self) -> bool:
-        """Whether the episode was cut short by a fall, a divergence or leaving the arena."""
-        return self.outcome in FAILURES
+        """Whether the episode was cut short by a fall or whatever else is no success."""
+        return self.outcome not in (SUCCESS, TIMEOUT)

@@ -50,6 +50,7 @@ class FlyBatch:
         self._qvel = self._batch.bind("qvel")
         self._time = self._batch.bind("time")
         self._userdata = self._batch.bind("userdata")
+        self._outer_forces = self._batch.bind("xfrc_applied")
         self._xpos = self._batch.bind("xpos")
         self._xmat = self._batch.bind("xmat")
         self._actuator_force = self._batch.bind("actuator_force")
@@ -117,6 +118,26 @@ class FlyBatch:
     def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
         """Set the descending drive (left, right), (n, 2), from the next physics step on."""
         self.controllers["drive"][ids] = drive
+
+    def push(
+        self,
+        force_w: NDArray[np.float64],
+        moment: NDArray[np.float64],
+        ids: Ids | slice = slice(None),
+    ) -> None:
+        """Push and turn thoraxes from the next physics step on, until told otherwise.
+
+        Parameters
+        ----------
+        force_w
+            Horizontal, at the thorax's centre of mass, µN, (n, 2).
+        moment
+            About the vertical, to the left, µN·mm, (n,).
+        ids
+            Simulations.
+        """
+        self._outer_forces[ids, self.scene.thorax_body, :2] = force_w
+        self._outer_forces[ids, self.scene.thorax_body, 5] = moment
 
     def state(self) -> FlyState:
         """Copy what the simulations look like now."""

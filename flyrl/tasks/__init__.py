@@ -3,6 +3,8 @@
 from typing import Final
 
 from flyrl.tasks.episode import Episode
+from flyrl.tasks.extension import Term, extended, task_record
+from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.heading import HEADING
 from flyrl.tasks.hybrid_turning import HYBRID_TURNING
 from flyrl.tasks.path import PATH
@@ -14,6 +16,7 @@ from flyrl.tasks.task import (
     SUCCESS,
     TIMEOUT,
     UNSTABLE,
+    MeanTerm,
     ObservationTerm,
     RewardTerm,
     Task,
@@ -30,15 +33,20 @@ TASKS: Final = {
 __all__ = [
     "DRIVE_HIGH",
     "DRIVE_LOW",
+    "FAILURES",
     "RUNNING",
     "SUCCESS",
     "TASKS",
     "TIMEOUT",
     "UNSTABLE",
     "Episode",
+    "MeanTerm",
     "ObservationTerm",
     "RewardTerm",
     "Task",
     "TaskState",
+    "Term",
     "Termination",
+    "extended",
+    "task_record",
 ]

@@ -9,6 +9,13 @@ from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, base_height
 SPAWN_RANGE = 2.0
 """mm; x and y of the spawn are uniform in [-SPAWN_RANGE, SPAWN_RANGE]."""
 
+PUSH_S = 0.2
+"""s; how long a push lasts. Where that is no whole number of decisions, it lasts for the nearest
+number, and is the weaker or the stronger for it."""
+
+PUSH_ARM = 1.5
+"""mm; so far behind the middle of its thorax, at its abdomen, a push meets the fly."""
+
 Six = tuple[float, float, float, float, float, float]
 
 
@@ -29,7 +36,11 @@ class Episode:
     init_phases, init_magnitudes
         Of the six oscillators, rad and 1, ordered as anatomy.LEGS.
     command
-        What else the task asks for, as its terms read it.
+        What else the task asks for, as its terms read it: in `velocity` speed (mm/s) and yaw rate
+        (rad/s) of each second, in `path` x and y (mm) of every point, in `heading` an angle (rad).
+    pushes
+        Sideways pushes for PUSH_S each: when (s since the reset) and how hard to the fly's left
+        (µN), in turn. They turn the fly to the other side, for they meet its abdomen.
     """
 
     seed: int
@@ -39,6 +50,7 @@ class Episode:
     init_phases: Six
     init_magnitudes: Six
     command: tuple[float, ...] = ()
+    pushes: tuple[float, ...] = ()
 
 
 def draw_spawn(terrain: TerrainConfig, rng: np.random.Generator) -> tuple[float, float, float]:

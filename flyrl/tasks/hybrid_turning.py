@@ -6,14 +6,8 @@ import numpy as np
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
-from flyrl.tasks.task import (
-    DRIVE_HIGH,
-    DRIVE_LOW,
-    ObservationTerm,
-    RewardTerm,
-    Task,
-    Termination,
-)
+from flyrl.tasks.failures import FAILURES
+from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm, RewardTerm, Task
 from flyrl.terrains import TerrainConfig
 
 
@@ -49,10 +43,7 @@ HYBRID_TURNING: Final = Task(
     ),
     is_flat=False,
     reward=(RewardTerm("forward", 1.0, terms.forward_progress, "mm along +x"),),
-    terminations=(
-        Termination("fall", terms.has_fallen),
-        Termination("left_arena", terms.has_left),
-    ),
+    terminations=FAILURES,
     time_limit_s=None,
     decision_interval_s=None,
     action_low=DRIVE_LOW,

@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from flyrl.tasks import hybrid_turning, terms
 from flyrl.tasks.episode import Episode
+from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
@@ -101,12 +102,11 @@ PATH: Final = Task(
         RewardTerm("success", 2.0, followed, "the path was followed to its end"),
         RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
         # no failure may save the time that it cuts off
-        RewardTerm("lost_time", -0.5, terms.lost_time, "s left when the fly fails"),
+        lost_time(-0.5),
     ),
     terminations=(
-        Termination(SUCCESS, was_followed, is_success=True),
-        Termination("fall", terms.has_fallen),
-        Termination("left_arena", terms.has_left),
+        Termination(SUCCESS, was_followed),
+        *FAILURES,
     ),
     time_limit_s=4.0,
     decision_interval_s=0.02,

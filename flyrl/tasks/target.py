@@ -6,6 +6,7 @@ import numpy as np
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
+from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
 from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds
@@ -59,12 +60,11 @@ TARGET: Final = Task(
         RewardTerm("success", 2.0, terms.reached, "the target is reached"),
         RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
         # no failure may save the time that it cuts off
-        RewardTerm("lost_time", -0.5, terms.lost_time, "s left when the fly fails"),
+        lost_time(-0.5),
     ),
     terminations=(
-        Termination(SUCCESS, terms.is_at_target, is_success=True),
-        Termination("fall", terms.has_fallen),
-        Termination("left_arena", terms.has_left),
+        Termination(SUCCESS, terms.is_at_target),
+        *FAILURES,
     ),
     time_limit_s=3.0,
     decision_interval_s=0.02,

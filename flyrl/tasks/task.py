@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flyrl.simulation.state import FlyState
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, TerrainConfig
+from flyrl.validation import number, positive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -22,6 +23,7 @@ RUNNING: Final = "running"
 SUCCESS: Final = "success"
 TIMEOUT: Final = "timeout"
 UNSTABLE: Final = "unstable"
+_OF_THE_ENVIRONMENT: Final = (RUNNING, TIMEOUT, UNSTABLE)
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,8 @@ class TaskState:
         What else the episodes ask for, (n, size of the task's command).
     totals
         What each reward term has added up to in this episode, unweighted, (n,) by name.
+    means
+        The task's running means, (n, size) by name.
     remaining_s
         Time left before the time limit, s, (n,); infinite without one.
     bounds
@@ -49,13 +53,17 @@ class TaskState:
     goal: Array
     command: Array
     totals: Mapping[str, Array]
+    means: Mapping[str, Array]
     remaining_s: Array
     bounds: Bounds
 
 
 @dataclass(frozen=True)
 class ObservationTerm:
-    """A named part of the observation, clipped to finite bounds."""
+    """A named part of the observation, clipped to finite bounds.
+
+    `compute` gives (n, *shape).
+    """
 
     name: str
     shape: tuple[int, ...]
@@ -63,6 +71,16 @@ class ObservationTerm:
     high: float
     compute: Callable[[TaskState], Array]
     description: str
+
+    def __post_init__(self) -> None:
+        shape = self.shape
+        if not isinstance(shape, tuple) or not all(type(s) is int and s > 0 for s in shape):
+            raise ValueError(
+                f"shape of {self.name!r} must be a tuple of whole numbers above 0, got {shape!r}"
+            )
+        low, high = number(f"low of {self.name!r}", self.low), self.high
+        if not low < number(f"high of {self.name!r}", high):
+            raise ValueError(f"high of {self.name!r} must be above its low, {low}, got {high}")
 
     @property
     def size(self) -> int:
@@ -72,21 +90,60 @@ class ObservationTerm:
 
 @dataclass(frozen=True)
 class RewardTerm:
-    """A named part of the reward; it counts `weight` times, once per decision."""
+    """A named part of the reward; it counts `weight` times, once per decision.
+
+    `compute` gives (n,).
+    """
 
     name: str
     weight: float
     compute: Callable[[TaskState], Array]
     description: str
 
+    def __post_init__(self) -> None:
+        number(f"weight of {self.name!r}", self.weight)
+
+
+@dataclass(frozen=True)
+class MeanTerm:
+    """A named quantity that the environment averages over the recent past, for other terms to use.
+
+    The mean starts an episode at 0 and forgets exponentially: what is `time_constant_s` ago counts
+    1/e of what is now. It is brought up to date once per decision, before any other term is asked.
+    `compute` gives (n, size).
+    """
+
+    name: str
+    size: int
+    time_constant_s: float
+    compute: Callable[[TaskState], Array]
+    description: str
+
+    def __post_init__(self) -> None:
+        positive(f"time_constant_s of {self.name!r}", self.time_constant_s)
+
 
 @dataclass(frozen=True)
 class Termination:
-    """A named end of an episode; the first of a task's that holds gives the outcome."""
+    """A named end of an episode; the first of a task's that holds gives the outcome.
+
+    The outcome `SUCCESS` is a success, every other one a failure. `holds` gives (n,) of bool.
+    """
 
     outcome: str
     holds: Callable[[TaskState], Mask]
-    is_success: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.outcome or self.outcome in _OF_THE_ENVIRONMENT:
+            raise ValueError(
+                f"outcome must be a name other than {', '.join(_OF_THE_ENVIRONMENT)}, which the "
+                f"environment gives itself, got {self.outcome!r}"
+            )
+
+    @property
+    def is_success(self) -> bool:
+        """Whether the task is solved by it."""
+        return self.outcome == SUCCESS
 
 
 @dataclass(frozen=True)
@@ -113,6 +170,10 @@ class Task:
         Draws an episode from a seed.
     succeeds_in_time
         Whether an episode that lasts until the time limit is a success then; without it, none is.
+    means
+        Running means that the other terms are computed from.
+    added
+        Where the terms come from that were added to the table (see `extended`): module:attribute.
     """
 
     name: str
@@ -126,6 +187,8 @@ class Task:
     action_high: float
     sample_episode: Callable[[TerrainConfig, int], Episode]
     succeeds_in_time: Callable[[TaskState], Mask] | None = None
+    means: tuple[MeanTerm, ...] = ()
+    added: tuple[str, ...] = ()
 
     def drive(self, action: Array) -> Array:
         """Map actions to drives (left, right), clipped to the action's range, (n, 2)."""

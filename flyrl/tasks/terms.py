@@ -26,8 +26,11 @@ ON_HEADING = np.deg2rad(15.0)
 COMMAND_S = 1.0
 """s; how long a command of speed and yaw rate holds before the next one."""
 
-TOLERATED_SPEED, TOLERATED_YAW_RATE = 4.0, 2.0
-"""mm/s and rad/s; deviations at which tracking counts 1/e each."""
+TOLERATED_SPEED, TOLERATED_YAW_RATE = 2.0, 1.0
+"""mm/s and rad/s; a fly is on command when its means over a stride are within these of it."""
+
+STRIDE_S = 1 / 12
+"""s; period of the oscillators. Speed and yaw rate sway with it, by more than what is tolerated."""
 
 PATH_SPACING = 0.5
 """mm between two points of a path."""
@@ -82,6 +85,19 @@ def command_at(state: TaskState, time: Array) -> Array:
 def _command_number(time: Array) -> NDArray[np.intp]:
     # a time that is a command's end but for rounding belongs to the next
     return np.floor(time / COMMAND_S + 1e-6).astype(np.intp)
+
+
+def velocity_over_decision(state: TaskState) -> Array:
+    """Forward speed (mm/s) and yaw rate (rad/s), averaged over the last decision, (n, 2)."""
+    turned = (state.fly.yaw - state.previous.yaw + np.pi) % (2 * np.pi) - np.pi
+    duration = np.maximum(elapsed(state), 1e-9)
+    return np.stack([forward_way(state), turned], axis=1) / duration[:, None]
+
+
+def command_deviation(state: TaskState) -> Array:
+    """Mean speed and yaw rate minus the command, in units of what is tolerated, (n, 2)."""
+    deviation = state.means["velocity"] - command_at(state, state.previous.time)
+    return deviation / (TOLERATED_SPEED, TOLERATED_YAW_RATE)
 
 
 def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[np.intp]]:
@@ -144,6 +160,11 @@ def command_time_left(state: TaskState) -> Array:
     """Time until the next command, s, (n, 1)."""
     time = state.fly.time
     return ((_command_number(time) + 1) * COMMAND_S - time)[:, None]
+
+
+def mean_velocity(state: TaskState) -> Array:
+    """Mean of `velocity_over_decision`, in units of 20 mm/s and 10 rad/s, (n, 2)."""
+    return state.means["velocity"] / (20.0, 10.0)
 
 
 def velocity_b(state: TaskState) -> Array:
@@ -281,16 +302,16 @@ def time_on_heading(state: TaskState) -> Array:
 def time_tracked(state: TaskState) -> Array:
     """Time since the last decision, times how well the command was followed (0 to 1), s, (n,).
 
-    exp(-(dv / TOLERATED_SPEED)² - (dw / TOLERATED_YAW_RATE)²) of the deviations of mean forward
-    speed and mean yaw rate.
+    exp(-(d / 2)²) of both deviations d from the command; see `command_deviation`.
     """
-    time = elapsed(state)
-    duration = np.maximum(time, 1e-9)
-    turned = (state.fly.yaw - state.previous.yaw + np.pi) % (2 * np.pi) - np.pi
-    speed, yaw_rate = command_at(state, state.previous.time).T
-    deviation = ((forward_way(state) / duration - speed) / TOLERATED_SPEED) ** 2
-    deviation += ((turned / duration - yaw_rate) / TOLERATED_YAW_RATE) ** 2
-    return np.asarray(time * np.exp(-deviation))
+    deviation = command_deviation(state) / 2
+    return np.asarray(elapsed(state) * np.exp(-(deviation**2).sum(axis=1)))
+
+
+def time_on_command(state: TaskState) -> Array:
+    """Time since the last decision where both means are as commanded, else 0, s, (n,)."""
+    is_on = (np.abs(command_deviation(state)) < 1.0).all(axis=1)
+    return np.where(is_on, elapsed(state), 0.0)
 
 
 def path_progress(state: TaskState) -> Array:
@@ -308,12 +329,6 @@ def path_deviation(state: TaskState) -> Array:
 def crossed(state: TaskState) -> Array:
     """1 where the finish line is crossed, (n,)."""
     return has_crossed(state).astype(np.float64)
-
-
-def lost_time(state: TaskState) -> Array:
-    """Time left, s, where the fly fell, left the arena or blew up, else 0, (n,)."""
-    is_lost = has_fallen(state) | has_left(state) | state.fly.is_unstable
-    return np.where(is_lost, state.remaining_s, 0.0)
 
 
 # --- terminations --------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from typing import Final
 
 from flyrl.tasks import terms
+from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.hybrid_turning import sample_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
@@ -22,12 +23,11 @@ TRAVERSE: Final = Task(
         RewardTerm("success", 2.0, terms.crossed, "the ground is crossed"),
         RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
         # no failure may save the time that it cuts off
-        RewardTerm("lost_time", -0.5, terms.lost_time, "s left when the fly fails"),
+        lost_time(-0.5),
     ),
     terminations=(
-        Termination(SUCCESS, terms.has_crossed, is_success=True),
-        Termination("fall", terms.has_fallen),
-        Termination("left_arena", terms.has_left),
+        Termination(SUCCESS, terms.has_crossed),
+        *FAILURES,
     ),
     time_limit_s=3.0,
     decision_interval_s=0.02,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from flyrl.envs.core import EnvConfig
+from flyrl.tasks import task_record
 from flyrl.training.algorithms import AlgorithmConfig, PPOConfig
 from flyrl.validation import at_least, within
 
@@ -110,7 +111,7 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
     scene = env.scene
     return {
         "task": {
-            "name": env.resolved_task.name,
+            **task_record(env.resolved_task),
             "decision_interval": env.decision_interval_s,
         },
         **{

@@ -10,6 +10,7 @@ from flyrl.cli.config import training_config
 from flyrl.envs.core import EnvConfig
 from flyrl.resources import configs_folder
 from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.tasks import TASKS, task_record
 from flyrl.terrains import TERRAIN_NAMES
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
@@ -52,12 +53,20 @@ def test_bodies_controllers_and_terrains(body, controller, terrain):
     assert config.env.scene.body == FlyConfig(name=body)
 
 
+@pytest.mark.parametrize("name", sorted(_names("task")))
+def test_tasks(name):
+    config = training_config(_composed(f"task={name}"))
+    assert config.env.resolved_task == TASKS[name]
+    assert _composed(f"task={name}")["task"]["weights"] == task_record(TASKS[name])["weights"]
+
+
 def test_every_file_is_tested_above():
     assert _names("algo") == set(ALGORITHMS)
     assert _names("physics") == set(PHYSICS_PRESETS)
     assert _names("terrain") == set(TERRAIN_NAMES)
     assert _names("controller") == {"cpg", "rule_based", "hybrid"}
     assert _names("body") == {"current", "classic"}
+    assert _names("task") == set(TASKS) - {"hybrid_turning"}
 
 
 def test_a_key_reaches_the_settings():
@@ -69,12 +78,15 @@ def test_a_key_reaches_the_settings():
             "terrain=blocks",
             "terrain.height_range=[0.15,0.45]",
             "task.decision_interval=0.01",
+            "task.weights.progress=0.1",
         )
     )
     assert config.seed == 5
     assert config.algo.learning_rate == 1e-3
     assert config.training.num_envs == 64
     assert config.env.scene.terrain.height_range == (0.15, 0.45)
+    weights = {term.name: term.weight for term in config.env.resolved_task.reward}
+    assert weights == {"progress": 0.1, "success": 2.0, "time": -0.5, "lost_time": -0.5}
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)
 
 

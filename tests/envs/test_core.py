@@ -1,11 +1,14 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.controllers.leg_controller import ControllerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.policies import OpenLoop
 from flyrl.simulation.physics import PhysicsConfig
-from flyrl.tasks import TASKS, Episode
+from flyrl.tasks import TASKS, Episode, MeanTerm, ObservationTerm, Task, Termination
 from flyrl.terrains import TERRAIN_NAMES
 
 STIFF = SurfaceContact(solref=(-1e5, -2e3))
@@ -23,9 +26,11 @@ def roll_out(env: BatchedEnv, seeds: list[int], decisions: int = 15) -> list[np.
     return observations
 
 
-@pytest.mark.parametrize("num_threads", [1, 2, 3])
-def test_a_batch_gives_the_bits_of_single_environments(num_threads: int) -> None:
-    config = EnvConfig(physics=FAST, terrain="mixed")
+@pytest.mark.parametrize(
+    ("task", "num_threads"), [("target", 1), ("target", 2), ("target", 3), ("velocity", 2)]
+)
+def test_a_batch_gives_the_bits_of_single_environments(task: str, num_threads: int) -> None:
+    config = EnvConfig(task=task, physics=FAST, terrain="mixed")
     many = roll_out(BatchedEnv(config, 4, num_threads), [11, 12, 13, 14])
     single = BatchedEnv(config, 1, 1)
     for i, seed in enumerate([11, 12, 13, 14]):
@@ -171,3 +176,131 @@ def test_bad_actions_are_refused(action: np.ndarray, message: str) -> None:
     env.reset(seeds=[0, 1])
     with pytest.raises(ValueError, match=message):
         env.step(action)
+
+
+def target_with(**tables: tuple[object, ...]) -> Task:
+    """Target with rows added to its tables."""
+    task = TASKS["target"]
+    return dataclasses.replace(
+        task, **{name: (*getattr(task, name), *rows) for name, rows in tables.items()}
+    )
+
+
+def test_a_running_mean_starts_at_0_and_forgets_exponentially() -> None:
+    twos = MeanTerm("twos", 1, 0.05, lambda state: np.full((len(state.fly.time), 1), 2.0), "2")
+    env = BatchedEnv(EnvConfig(task=target_with(means=(twos,)), physics=FAST), 2)
+    env.reset(seeds=[0, 1])
+    env.step(np.zeros((2, 2)))
+    env.step(np.zeros((2, 2)), ids=np.array([1]))
+    expected = 2 * (1 - np.exp([[-0.02 / 0.05], [-0.04 / 0.05]]))
+    np.testing.assert_allclose(env.task_state().means["twos"], expected)
+    env.reset(ids=[1])
+    np.testing.assert_allclose(env.task_state().means["twos"], [expected[0], [0.0]])
+
+
+def test_a_restored_environment_goes_on_with_the_same_bits() -> None:
+    env = BatchedEnv(EnvConfig(task="velocity", physics=FAST), 2, num_threads=2)
+    roll_out(env, [3, 4])
+    snapshot = env.snapshot()
+    twin = BatchedEnv(EnvConfig(task="velocity", physics=FAST), 2, num_threads=1)
+    twin.restore(snapshot)
+    for _ in range(5):
+        ours, theirs = (each.step(np.full((2, 2), 0.3)) for each in (env, twin))
+        np.testing.assert_array_equal(ours.observation, theirs.observation)
+        np.testing.assert_array_equal(ours.reward, theirs.reward)
+
+
+@pytest.mark.parametrize("width", [(), (2,)])
+def test_a_term_of_the_wrong_shape_is_refused_by_name(width: tuple[int, ...]) -> None:
+    wrong = ObservationTerm(
+        "height", (1,), 0.0, 1.0, lambda state: np.zeros((len(state.fly.time), *width)), ""
+    )
+    env = BatchedEnv(EnvConfig(task=target_with(observation=(wrong,)), physics=FAST), 3)
+    with pytest.raises(ValueError, match=r"'height' must give an array of shape \('n', 1\)"):
+        env.reset(seeds=[0, 1, 2])
+
+
+def test_a_termination_of_a_users_own_gives_its_whole_name() -> None:
+    late = Termination("walked_for_long_enough", lambda state: state.fly.time > 0.03)
+    env = BatchedEnv(EnvConfig(task=target_with(terminations=(late,)), physics=FAST), 1)
+    env.reset(seeds=[0])
+    assert env.step(np.zeros((1, 2))).outcome.tolist() == ["running"]
+    last = env.step(np.zeros((1, 2)))
+    assert last.outcome.tolist() == ["walked_for_long_enough"]
+    assert last.terminated.tolist() == [True]
+    assert last.is_success.tolist() == [False]
+
+
+def test_the_mean_velocity_is_that_of_the_way_walked() -> None:
+    """A steady walk: the mean over a stride is the speed over many."""
+    env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 1)
+    env.reset(seeds=[0])
+    straight = env.task.action(np.ones((1, 2)))
+    for _ in range(25):
+        env.step(straight)
+    start = env.fly_state.position_w[0, :2]
+    for _ in range(50):
+        speed = 20 * env.step(straight).observation[0, env.task.slices()["mean_velocity"]][0]
+    walked = np.linalg.norm(env.fly_state.position_w[0, :2] - start)
+    assert walked > 9
+    assert speed == pytest.approx(walked, abs=2.0)
+
+
+def test_commands_can_be_followed_and_standing_still_does_not_follow_them() -> None:
+    env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 8)
+    follow = OpenLoop(env.task.slices()["command"], env.task.action)
+    observation = env.reset(seeds=[0, 1, 2, 3, 0, 1, 2, 3])
+    assert isinstance(observation, np.ndarray)
+    for _ in range(200):
+        action = follow.predict(observation)[0]
+        action[4:] = env.task.action(np.zeros(2))
+        transition = env.step(action)
+        observation = np.asarray(transition.observation)
+    assert transition.done.all()
+    assert transition.is_success[:4].sum() >= 2
+    assert transition.is_success[4:].sum() == 0
+
+
+def pushed(*pushes: float) -> Episode:
+    return dataclasses.replace(walk_to((0.5,)), goal=(), command=(0.5,), pushes=pushes)
+
+
+def test_a_push_from_the_left_at_the_abdomen_turns_the_fly_to_the_left() -> None:
+    env = BatchedEnv(EnvConfig(task="heading", physics="fast"), 3)
+    env.reset(episodes=[pushed(0.5, -8.0), pushed(), pushed(0.5, 8.0)])
+    walk = env.task.action(np.ones((3, 2)))
+    for _ in range(25):
+        env.step(walk)
+    np.testing.assert_array_equal(env.fly_state.yaw, env.fly_state.yaw[[1, 1, 1]])
+    for _ in range(15):
+        env.step(walk)
+    left, straight, right = np.rad2deg(env.fly_state.yaw)
+    assert 10 < left - straight < 60
+    assert 10 < straight - right < 60
+
+
+@pytest.mark.parametrize("interval", [0.02, 0.06, 0.5])
+def test_a_push_has_the_same_impulse_whatever_the_decision_interval(interval: float) -> None:
+    config = EnvConfig(task="heading", physics="fast", decision_interval=interval)
+    env = BatchedEnv(config, 2)
+    env.reset(episodes=[pushed(0.11, 5.0, 0.11, 1.0), pushed()])
+    impulse, moment = np.zeros(2), np.zeros(2)
+    for _ in range(round(1.5 / interval)):
+        env.step(np.zeros((2, 2)))
+        outer = env.flies._outer_forces[:, env.scene.thorax_body]
+        impulse += interval * np.hypot(outer[:, 0], outer[:, 1])
+        moment += interval * outer[:, 5]
+    np.testing.assert_allclose(impulse, [6.0 * 0.2, 0.0])
+    np.testing.assert_allclose(moment, [-1.5 * 6.0 * 0.2, 0.0])
+    assert (env.flies._outer_forces == 0).all()
+
+
+def test_an_environment_restored_during_a_push_goes_on_with_the_same_bits() -> None:
+    env, twin = (BatchedEnv(EnvConfig(task="heading", physics="fast"), 1) for _ in range(2))
+    env.reset(episodes=[pushed(0.05, 8.0)])
+    for _ in range(8):
+        env.step(np.zeros((1, 2)))
+    twin.restore(env.snapshot())
+    for _ in range(8):
+        ours, theirs = (each.step(np.zeros((1, 2))) for each in (env, twin))
+        np.testing.assert_array_equal(ours.observation, theirs.observation)

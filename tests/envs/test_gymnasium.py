@@ -82,6 +82,7 @@ def test_reset_options_set_the_oscillators() -> None:
         ({"init_phases": [0, 1]}, "6 finite numbers"),
         ({"init_magnitudes": [-1] * 6}, ">= 0"),
         ({"goal": [1, 2, 3]}, "2 finite numbers"),
+        ({"command": [1]}, "'command' must be 0 finite numbers"),
         ({"phases": [0] * 6}, "init_phases"),
     ],
 )
@@ -89,6 +90,26 @@ def test_bad_reset_options_are_refused(options: dict[str, object], message: str)
     env = gymnasium.make("flyrl/Target-v0")
     with pytest.raises(ValueError, match=message):
         env.reset(options=options)
+
+
+def test_reset_options_set_the_command() -> None:
+    env = gymnasium.make("flyrl/Velocity-v0")
+    observation, _ = env.reset(seed=0, options={"command": [10, 0.5, 4, -1, 4, -1, 4, -1]})
+    core = env.unwrapped.core
+    np.testing.assert_allclose(observation[core.task.slices()["command"]], [0.5, 0.05])
+    assert core.episodes[0].command == (10, 0.5, 4, -1, 4, -1, 4, -1)
+    with pytest.raises(ValueError, match="'command' must be 8 finite numbers"):
+        env.reset(options={"command": [10, np.inf] * 4})
+
+
+def test_a_path_leads_to_its_own_end() -> None:
+    env = gymnasium.make("flyrl/Path-v0")
+    straight = np.stack([np.arange(49) * 0.5, np.zeros(49)], axis=1).ravel().tolist()
+    env.reset(seed=0, options={"command": straight})
+    assert env.unwrapped.core.episodes[0].goal == (24.0, 0.0)
+    for options in ({"goal": [3, 4]}, {"goal": [3, 4], "command": straight}):
+        with pytest.raises(ValueError, match="'goal' must be the last point of the command"):
+            env.reset(options=options)
 
 
 def test_resets_without_a_seed_go_on_in_the_seeds_own_order() -> None:

@@ -8,9 +8,9 @@ from flyrl.controllers import ControllerConfig
 from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import reference_name
 from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
-from flyrl.policies.bundle import save_bundle
+from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.mlp import MLP, Layer
-from flyrl.tasks import TASKS
+from flyrl.tasks import TASKS, ObservationTerm, extended
 
 TARGET = TASKS["target"]
 VELOCITY = TASKS["velocity"]
@@ -84,6 +84,28 @@ def test_a_policy_for_other_observations_is_refused(tmp_path):
     path = save_policy(tmp_path / "a.safetensors", observation=observation_layout(TARGET)[1:])
     with pytest.raises(PolicyFileError, match="other observations"):
         make_entrants(EvaluationConfig(policies=(path,)))
+
+
+def test_a_policy_of_other_terms_names_them_and_imports_nothing(tmp_path):
+    height = TermLayout("height", 1)
+    path = save_policy(
+        tmp_path / "a.safetensors",
+        env={"task": {"name": "target", "terms": ["no_such_module:HEIGHT"]}},
+        observation=(*observation_layout(TARGET), height),
+    )
+    with pytest.raises(
+        PolicyFileError,
+        match=r"term 10 was height \(1 values\), here it is missing; it was trained with "
+        r"task\.terms=\[no_such_module:HEIGHT\], here they are \[\]",
+    ):
+        make_entrants(EvaluationConfig(policies=(path,)))
+
+
+def test_a_policy_of_a_users_own_term_enters_its_task(tmp_path):
+    term = ObservationTerm("height", (1,), 0.0, 5.0, lambda s: s.fly.position_w[:, 2:], "mm")
+    task = extended(TARGET, {"my_terms:HEIGHT": term}, {})
+    path = save_policy(tmp_path / "a.safetensors", observation=observation_layout(task))
+    assert names(EvaluationConfig(policies=(path,), controllers=(), task=task)) == ["ppo"]
 
 
 def test_a_policy_on_legs_that_do_not_exist_is_refused(tmp_path):

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
-from flyrl.tasks import TASKS
+from flyrl.report import write_report
+from flyrl.tasks import TASKS, Termination, extended
 
 SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
 CONFIG = EvaluationConfig(
@@ -40,6 +41,19 @@ def test_the_protocol_holds_the_episodes(results):
     assert terrain["episodes"] == [
         json.loads(json.dumps(dataclasses.asdict(episode))) for episode in drawn
     ]
+
+
+def test_a_termination_of_a_users_own_is_an_outcome_of_its_own(tmp_path):
+    late = Termination("had_enough", lambda state: state.fly.time > 0.03)
+    task = extended(SHORT, {"mine:LATE": late}, {"progress": 0.1})
+    results = evaluate(dataclasses.replace(CONFIG, task=task))
+    assert {row["outcome"] for row in results.episodes} == {"had_enough"}
+    assert results.summary[0]["outcomes"]["had_enough"] == 3
+    assert results.protocol["terms"] == ["mine:LATE"]
+    assert results.protocol["weights"]["progress"] == 0.1
+    write_results(results, tmp_path)
+    assert load_results(tmp_path).to_json() == results.to_json()
+    assert "3 had enough" in write_report(results, tmp_path).read_text()
 
 
 def test_walking_beats_standing(results):

@@ -18,9 +18,15 @@ def test_the_seed_is_the_episodes():
     assert make_record([(0, 0)], seed=17).seed == 17
 
 
-def test_an_unknown_outcome_is_refused():
-    with pytest.raises(ValueError, match=r"outcome.*'won'"):
-        make_record([(0, 0)], outcome="won")
+def test_a_termination_of_a_users_own_is_a_failure():
+    record = make_record([(0, 0)], outcome="slipped")
+    assert record.failed
+    assert not record.success
+
+
+def test_an_episode_that_still_runs_is_no_record():
+    with pytest.raises(ValueError, match=r"outcome.*'running'"):
+        make_record([(0, 0)], outcome="running")
 
 
 def test_samples_of_different_number_are_refused():

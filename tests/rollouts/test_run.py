@@ -21,7 +21,7 @@ TASK = dataclasses.replace(
     TASKS["target"],
     name="countdown",
     time_limit_s=LIMIT_S,
-    terminations=(Termination("success", _is_over, is_success=True),),
+    terminations=(Termination("success", _is_over),),
 )
 WALK = ConstantDrive(1.0, 1.0, TASK.action)
 

@@ -93,6 +93,19 @@ def test_headings_lie_in_every_direction() -> None:
     assert counts.min() > 25
 
 
+def test_a_fly_on_its_heading_is_pushed_twice_from_either_side() -> None:
+    pushes = np.array([HEADING.sample_episode(TerrainConfig(), seed).pushes for seed in range(200)])
+    first, strength, second, other = pushes.T
+    assert 1 <= first.min() < 1.1
+    assert 1.9 < first.max() <= 2
+    assert 2.5 <= second.min() < 2.6
+    assert 3.4 < second.max() <= 3.5
+    for strengths in (strength, other):
+        assert 4 <= np.abs(strengths).min() < 4.1
+        assert 7.9 < np.abs(strengths).max() <= 8
+        assert 70 < (strengths > 0).sum() < 130
+
+
 def test_velocity_commands_lie_in_their_ranges() -> None:
     commands = np.array([VELOCITY.sample_episode(TerrainConfig(), s).command for s in range(200)])
     speeds, yaw_rates = commands.reshape(-1, 2).T
@@ -102,9 +115,13 @@ def test_velocity_commands_lie_in_their_ranges() -> None:
     assert 2.3 < yaw_rates.max() <= 2.5
 
 
-@pytest.mark.parametrize(("name", "term"), [("heading", "on_heading"), ("velocity", "tracking")])
-def test_success_in_time_is_a_total_of_two_seconds(name: str, term: str) -> None:
-    state = task_state(fly_state(2), **{term: [1.99, 2.0]})
+@pytest.mark.parametrize(
+    ("name", "term", "needed"), [("heading", "on_heading", 2.0), ("velocity", "on_command", 3.0)]
+)
+def test_success_in_time_is_a_total_of_seconds(name: str, term: str, needed: float) -> None:
+    decisions = round(needed / 0.02)
+    total = sum([0.02] * decisions)  # as the environment adds it up
+    state = task_state(fly_state(2), **{term: [total - 0.02, total]})
     assert TASKS[name].succeeds_in_time(state).tolist() == [False, True]
 
 

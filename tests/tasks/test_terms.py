@@ -7,6 +7,7 @@ import pytest
 
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import TASKS, TaskState, terms
+from flyrl.tasks.failures import time_lost
 from flyrl.terrains import Bounds
 
 
@@ -43,6 +44,7 @@ def task_state(
     previous: FlyState | None = None,
     goal: object = ((0.0, 0.0),),
     command: object = ((),),
+    means: dict[str, object] | None = None,
     **totals: object,
 ) -> TaskState:
     return TaskState(
@@ -51,6 +53,7 @@ def task_state(
         goal=np.asarray(goal, dtype=float),
         command=np.asarray(command, dtype=float),
         totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
+        means={name: np.asarray(values) for name, values in (means or {}).items()},
         remaining_s=np.full(len(fly.time), 2.0),
         bounds=Bounds(-10.0, 25.0, -20.0, 20.0),
     )
@@ -124,7 +127,7 @@ def test_a_fall_costs_as_much_as_waiting_for_the_time_limit() -> None:
     task = TASKS["target"]
     weights = {term.name: term.weight for term in task.reward}
     fallen = task_state(fly_state(rotation_w=turned(roll=np.pi)), goal=[[5, 5]])
-    assert terms.lost_time(fallen) == pytest.approx(2.0)
+    assert time_lost(fallen) == pytest.approx(2.0)
     assert weights["lost_time"] == weights["time"] < 0
 
 
@@ -178,18 +181,27 @@ def test_the_time_to_the_next_command() -> None:
 
 
 def test_perfect_tracking_counts_whole_and_a_deviation_less() -> None:
-    before = fly_state(3, time=[0, 0, 0])
-    rotations = np.concatenate([turned(yaw=0.02 * rate) for rate in (1.5, 1.5, 3.5)])
-    after = fly_state(
-        3,
-        time=[0.02] * 3,
-        position_w=[[0.2, 0, 0], [0.28, 0, 0], [0.2, 0, 0]],
-        rotation_w=rotations,
-    )
-    state = task_state(after, before, command=[[10, 1.5]] * 3)
+    before, after = fly_state(3, time=[0, 0, 0]), fly_state(3, time=[0.02] * 3)
+    means = {"velocity": [[10, 1.5], [14, 1.5], [10, -0.5]]}
+    state = task_state(after, before, command=[[10, 1.5]] * 3, means=means)
     np.testing.assert_allclose(
         terms.time_tracked(state), [0.02, 0.02 * np.exp(-1), 0.02 * np.exp(-1)]
     )
+
+
+def test_a_fly_is_on_command_within_2_mm_per_s_and_1_rad_per_s() -> None:
+    before, after = fly_state(4, time=[0] * 4), fly_state(4, time=[0.02] * 4)
+    means = {"velocity": [[8.1, 2.4], [11.9, 0.6], [7.9, 1.5], [10, 2.6]]}
+    state = task_state(after, before, command=[[10, 1.5]] * 4, means=means)
+    np.testing.assert_allclose(terms.time_on_command(state), [0.02, 0.02, 0, 0])
+
+
+def test_the_velocity_over_a_decision_is_way_and_turn_over_time() -> None:
+    before = fly_state(rotation_w=turned(yaw=3.1))
+    way = 0.3 * np.array([[np.cos(3.1), np.sin(3.1), 0]])
+    after = fly_state(time=[0.02], position_w=way, rotation_w=turned(yaw=3.15))
+    found = terms.velocity_over_decision(task_state(after, before))
+    np.testing.assert_allclose(found, [[15.0, 2.5]])
 
 
 def test_progress_along_a_path_counts_its_points() -> None:

@@ -81,7 +81,12 @@ def test_name_of_a_run():
 def test_record_is_plain_json():
     record = training_record(TrainingConfig())
     assert json.loads(json.dumps(record)) == record
-    assert record["task"] == {"name": "target", "decision_interval": 0.02}
+    assert record["task"] == {
+        "name": "target",
+        "terms": [],
+        "weights": {"progress": 0.2, "success": 2.0, "time": -0.5, "lost_time": -0.5},
+        "decision_interval": 0.02,
+    }
     assert record["algo"]["name"] == "ppo"
     assert record["algo"]["hidden_layers"] == [64, 64]
 

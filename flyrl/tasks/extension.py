@@ -1,0 +1,76 @@
+"""Adding a user's own terms to a task, and weighing its rewards anew."""
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.validation import number, one_of
+
+Term = ObservationTerm | RewardTerm | MeanTerm | Termination
+
+TERM_TYPES: Final = (ObservationTerm, RewardTerm, MeanTerm, Termination)
+
+
+def extended(task: Task, terms: Mapping[str, Term], weights: Mapping[str, float]) -> Task:
+    """Append terms to a task's tables, and weigh its rewards anew.
+
+    Parameters
+    ----------
+    task
+        What to start from; it stays as it is.
+    terms
+        By the place that each comes from, `module:attribute`, which goes into records. An
+        observation term is appended to the observation, a reward term to the reward, and so on.
+    weights
+        Of reward terms by name, the task's own and the appended ones.
+
+    Raises
+    ------
+    ValueError
+        A term that is of no such type or whose name is taken in its table, or a weight that is no
+        finite number or of no reward term.
+    """
+    for source, term in terms.items():
+        if not isinstance(term, TERM_TYPES):
+            names = ", ".join(kind.__name__ for kind in TERM_TYPES)
+            raise ValueError(f"term {source!r} must be one of {names}, got {term!r}")
+    observation = (*task.observation, *_of(ObservationTerm, terms))
+    reward = (*task.reward, *_of(RewardTerm, terms))
+    means = (*task.means, *_of(MeanTerm, terms))
+    terminations = (*task.terminations, *_of(Termination, terms))
+    _check_unique("observation", [term.name for term in observation])
+    _check_unique("reward", [term.name for term in reward])
+    _check_unique("means", [term.name for term in means])
+    _check_unique("terminations", [term.outcome for term in terminations])
+    for name, weight in weights.items():
+        one_of("task.weights", name, [term.name for term in reward])
+        number(f"task.weights.{name}", weight)
+    return replace(
+        task,
+        observation=observation,
+        reward=tuple(replace(term, weight=weights.get(term.name, term.weight)) for term in reward),
+        means=means,
+        terminations=terminations,
+        added=(*task.added, *terms),
+    )
+
+
+def task_record(task: Task) -> dict[str, Any]:
+    """A task as plain JSON values: what `extended` makes it from."""
+    return {
+        "name": task.name,
+        "terms": list(task.added),
+        "weights": {term.name: term.weight for term in task.reward},
+    }
+
+
+def _of(kind: type[Any], terms: Mapping[str, Term]) -> list[Any]:
+    return [term for term in terms.values() if isinstance(term, kind)]
+
+
+def _check_unique(table: str, names: list[str]) -> None:
+    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
+    if count > 1:
+        raise ValueError(f"the names in a task's {table} must differ, got {name!r} {count} times")

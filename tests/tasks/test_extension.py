@@ -1,0 +1,101 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.tasks import (
+    FAILURES,
+    TASKS,
+    MeanTerm,
+    ObservationTerm,
+    RewardTerm,
+    Termination,
+    extended,
+    task_record,
+)
+
+TARGET = TASKS["target"]
+
+
+def _ones(state):
+    return np.ones(len(state.fly.time))
+
+
+HEIGHT = ObservationTerm("height", (1,), 0.0, 5.0, _ones, "mm")
+SLIP = RewardTerm("slip", -0.1, _ones, "mm")
+SWAY = MeanTerm("sway", 1, 0.1, _ones, "mm")
+COLLAPSE = Termination("collapse", _ones)
+
+
+def test_each_term_goes_to_the_end_of_its_own_table():
+    terms = {"a:HEIGHT": HEIGHT, "a:SLIP": SLIP, "a:SWAY": SWAY, "a:COLLAPSE": COLLAPSE}
+    task = extended(TARGET, terms, {})
+    assert task.observation == (*TARGET.observation, HEIGHT)
+    assert task.reward == (*TARGET.reward, SLIP)
+    assert task.means == (SWAY,)
+    assert task.terminations == (*TARGET.terminations, COLLAPSE)
+    assert task.slices()["height"] == slice(46, 47)
+
+
+def test_rewards_are_weighed_anew_by_name():
+    task = extended(TARGET, {"a:SLIP": SLIP}, {"progress": 0.1, "slip": -0.5})
+    weights = {term.name: term.weight for term in task.reward}
+    expected = {"progress": 0.1, "success": 2.0, "time": -0.5, "lost_time": -0.5, "slip": -0.5}
+    assert weights == expected
+
+
+def test_the_record_says_what_to_extend_the_task_with():
+    task = extended(TARGET, {"a:HEIGHT": HEIGHT, "b:SLIP": SLIP}, {"progress": 0.1})
+    record = task_record(task)
+    assert record["terms"] == ["a:HEIGHT", "b:SLIP"]
+    terms = dict(zip(record["terms"], (HEIGHT, SLIP), strict=True))
+    assert extended(TASKS[record["name"]], terms, record["weights"]) == task
+
+
+@pytest.mark.parametrize(
+    ("terms", "weights", "message"),
+    [
+        ({"a:x": 3.0}, {}, r"'a:x' must be one of ObservationTerm, .*, got 3\.0"),
+        ({"a:X": dataclasses.replace(HEIGHT, name="tilt")}, {}, "observation .* 'tilt' 2 times"),
+        ({"a:X": SLIP, "b:X": SLIP}, {}, "reward must differ, got 'slip' 2 times"),
+        ({"a:X": Termination("fall", _ones)}, {}, "terminations must differ, got 'fall' 2 times"),
+        ({}, {"progres": 1.0}, r"task\.weights .*'progres'; did you mean 'progress'\?"),
+        ({}, {"progress": float("nan")}, r"task\.weights\.progress must be a finite number"),
+    ],
+)
+def test_what_does_not_fit_is_refused(terms, weights, message):
+    with pytest.raises(ValueError, match=message):
+        extended(TARGET, terms, weights)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_every_task_ends_when_the_fly_fails(name):
+    assert set(FAILURES) <= set(TASKS[name].terminations)
+
+
+@pytest.mark.parametrize("shape", [6, (0,), (1.5,), [1]])
+def test_an_observation_has_a_shape(shape):
+    with pytest.raises(ValueError, match="shape of 'height' must be a tuple of whole numbers"):
+        dataclasses.replace(HEIGHT, shape=shape)
+
+
+@pytest.mark.parametrize("bounds", [{"low": 5.0}, {"high": np.inf}, {"low": np.nan}])
+def test_an_observation_has_finite_bounds(bounds):
+    with pytest.raises(ValueError, match="of 'height' must be"):
+        dataclasses.replace(HEIGHT, **bounds)
+
+
+@pytest.mark.parametrize("outcome", ["", "running", "timeout", "unstable"])
+def test_outcomes_of_the_environment_are_no_terminations(outcome):
+    with pytest.raises(ValueError, match=r"outcome must be a name other than running.*got"):
+        Termination(outcome, _ones)
+
+
+def test_only_the_outcome_success_is_one():
+    assert Termination("success", _ones).is_success
+    assert not COLLAPSE.is_success
+
+
+def test_a_mean_forgets_within_some_time():
+    with pytest.raises(ValueError, match="time_constant_s of 'sway' must be a finite number above"):
+        dataclasses.replace(SWAY, time_constant_s=0.0)
