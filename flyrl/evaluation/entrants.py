@@ -15,6 +15,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.policies import ConstantDrive, OpenLoop, PolicyFileError, Pursuit, load_policy
 from flyrl.policies.bundle import policy_file
+from flyrl.policies.library import policy_name
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task
 from flyrl.terrains import TerrainConfig
@@ -169,7 +170,7 @@ def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
     except TypeError as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
     interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
-    name = _free_name(str(training.get("algo", file.stem)), taken)
+    name = _free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
     record = {
         "name": name,
         "kind": "learned",
