@@ -1,4 +1,4 @@
-"""Who can enter an evaluation: fixed controllers by name, learned policies by file."""
+"""Who can enter an evaluation: fixed controllers by name, learned policies by file or name."""
 
 from __future__ import annotations
 
