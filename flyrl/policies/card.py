@@ -13,7 +13,7 @@ _UNKNOWN: Final = "not recorded"
 _LIMITS: Final = """\
 - It was trained and judged in the setting above and in no other. On other terrain, with another
   body, leg controller or physics, it may fail.
-- It is deterministic and has no memory: it acts on the present observation alone.
+- It is deterministic.
 - It steers a simulated fly. It says nothing by itself about how a real one steers."""
 
 
