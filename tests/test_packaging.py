@@ -1,11 +1,17 @@
 """What a user gets from the built wheel, in an empty folder, away from the checkout."""
 
+import json
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from flyrl.policies import LearnedPolicy, PolicyBundle, observation_layout, save_bundle
+from flyrl.policies.mlp import MLP, Layer
+from flyrl.tasks import TASKS
 
 ROOT = Path(__file__).parents[1]
 
@@ -23,11 +29,18 @@ def wheel(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def python(wheel, tmp_path_factory):
-    """Run Python with the wheel installed and the checkout out of reach."""
-    site, empty = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("empty")
+def site(wheel, tmp_path_factory):
+    """Folder that the wheel is installed in."""
+    folder = tmp_path_factory.mktemp("site")
     with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(site)
+        archive.extractall(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def python(site, tmp_path_factory):
+    """Run Python with the wheel installed and the checkout out of reach."""
+    empty = tmp_path_factory.mktemp("empty")
 
     def run(*arguments):
         return subprocess.run(
@@ -102,3 +115,75 @@ def test_a_tiny_training_run_in_an_empty_folder(python):
         "algo.batch_size=32",
     )
     assert output.splitlines()[-1].startswith("run: runs/")
+
+
+def _save_policy(path, seed):
+    """Save a policy for the task Target, and return it."""
+    rng = np.random.default_rng(seed)
+    layout = observation_layout(TASKS["target"])
+    size = sum(term.size for term in layout)
+    layers = (
+        Layer(rng.normal(size=(64, size)).astype(np.float32), np.zeros(64, np.float32)),
+        Layer(rng.normal(size=(2, 64)).astype(np.float32) / 8, np.zeros(2, np.float32)),
+    )
+    bundle = PolicyBundle(
+        network=MLP(layers, "tanh"),
+        squashing="tanh",
+        observation=layout,
+        action_low=(-1.0, -1.0),
+        action_high=(1.0, 1.0),
+        env={},
+        training={},
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save_bundle(bundle, path)
+    return LearnedPolicy(bundle)
+
+
+def _actions(policy):
+    observations = np.random.default_rng(0).normal(size=(50, policy.bundle.network.sizes[0]))
+    return policy.predict(observations)[0].tobytes().hex()
+
+
+PRINT_ACTIONS = """
+import sys, flyrl, numpy as np
+policy = flyrl.load_policy(sys.argv[1])
+observations = np.random.default_rng(0).normal(size=(50, policy.bundle.network.sizes[0]))
+print(policy.predict(observations)[0].tobytes().hex())
+"""
+
+
+@pytest.fixture(scope="module")
+def named(site):
+    """A policy that comes with the installed package."""
+    return _save_policy(site / "flyrl" / "assets" / "policies" / "tiny.safetensors", seed=1)
+
+
+def test_policy_acts_to_the_same_bits_from_the_wheel(python, tmp_path):
+    policy = _save_policy(tmp_path / "mine.safetensors", seed=2)
+    assert python("-c", PRINT_ACTIONS, str(tmp_path / "mine.safetensors")).strip() == _actions(
+        policy
+    )
+
+
+def test_policy_in_the_package_is_found_by_name(python, named):
+    assert python("-c", PRINT_ACTIONS, "tiny").strip() == _actions(named)
+
+
+def test_what_lies_at_a_path_comes_before_a_name(python, named, tmp_path):
+    mine = _save_policy(tmp_path / "tiny", seed=3)
+    assert _actions(mine) != _actions(named)
+    code = f"import os; os.chdir({str(tmp_path)!r})\n" + PRINT_ACTIONS
+    assert python("-c", code, "tiny").strip() == _actions(mine)
+
+
+def test_a_named_policy_enters_an_evaluation(python, named, tmp_path):
+    settings = ("policies=[tiny]", "controllers=[zero]", "episodes=1", "videos=false")
+    python(
+        "-c",
+        "from flyrl.cli.evaluate import main; main()",
+        *settings,
+        f"folder={tmp_path / 'report'}",
+    )
+    results = json.loads((tmp_path / "report" / "results.json").read_text())
+    assert [entrant["name"] for entrant in results["protocol"]["entrants"]] == ["tiny", "zero"]

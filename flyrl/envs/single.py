@@ -1,6 +1,6 @@
 """One fly as a Gymnasium environment."""
 
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -11,6 +11,16 @@ from flyrl.envs.core import BatchedEnv, EnvConfig, Observation
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.rendering import FlyRenderer
+
+RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+"""What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
+
+
+def check_render_mode(render_mode: str | None) -> str | None:
+    """Return `render_mode` if pictures can be had that way, else raise ValueError."""
+    if render_mode not in (None, *RENDERING["render_modes"]):
+        raise ValueError(f"render_mode is {render_mode!r}; it must be None or 'rgb_array'")
+    return render_mode
 
 
 class FlyEnv(gymnasium.Env[Any, Any]):
@@ -29,15 +39,10 @@ class FlyEnv(gymnasium.Env[Any, Any]):
         None or "rgb_array".
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012 (declared so by Gymnasium)
-        "render_modes": ["rgb_array"],
-        "render_fps": 50,
-    }
+    metadata: dict[str, Any] = RENDERING
 
     def __init__(self, render_mode: str | None = None, **config: Any) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"render_mode is {render_mode!r}; it must be None or 'rgb_array'")
-        self.render_mode = render_mode
+        self.render_mode = check_render_mode(render_mode)
         self.config = EnvConfig(**config)
         self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
         self.action_space = action_space(self.core.task)

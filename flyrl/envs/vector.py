@@ -1,6 +1,7 @@
 """Many flies as one Gymnasium vector environment, over the native batch."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv, EnvConfig, Observation, Transition
 from flyrl.envs.options import episode_with_options
+from flyrl.envs.single import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
+from flyrl.simulation.rendering import FlyRenderer
+from flyrl.validation import at_least
 
 
 class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
@@ -27,6 +31,16 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         Native threads; 0 takes one per CPU.
     autoreset_mode
         Gymnasium's NEXT_STEP (its default), SAME_STEP or DISABLED.
+    max_episode_steps
+        Decisions after which an episode is truncated, beside the task's own time limit: what the
+        wrapper TimeLimit does to a single environment. Of such an end, "outcome" stays "running".
+    render_mode
+        None or "rgb_array".
+
+    Raises
+    ------
+    ValueError
+        An argument that is not allowed.
     """
 
     def __init__(
@@ -34,18 +48,26 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         num_envs: int = 1,
         num_threads: int = 0,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
         **config: Any,
     ) -> None:
+        if max_episode_steps is not None:
+            at_least("max_episode_steps", max_episode_steps, 1)
+        self.render_mode = check_render_mode(render_mode)
         self.config = EnvConfig(**config)
         self.core = BatchedEnv(self.config, num_envs, num_threads)
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": [], "autoreset_mode": self.autoreset_mode}
+        self.metadata = {**RENDERING, "autoreset_mode": self.autoreset_mode}
         self.single_action_space = action_space(self.core.task)
         self.single_observation_space = observation_space(self.core.task)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._done = np.zeros(num_envs, dtype=bool)
+        self._max_episode_steps = max_episode_steps
+        self._elapsed_steps = np.zeros(num_envs, dtype=np.int64)
+        self._renderer: FlyRenderer | None = None
 
     def reset(
         self,
@@ -78,6 +100,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         ]
         observation = self.core.reset(ids=ids, episodes=episodes)
         self._done[ids] = False
+        self._elapsed_steps[ids] = 0
         return observation, self._info(
             np.full(self.num_envs, "running"), np.zeros(self.num_envs, dtype=bool)
         )
@@ -93,7 +116,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
                 f"environments {np.flatnonzero(self._done).tolist()} are done; reset them with "
                 "the option 'reset_mask' before the next step"
             )
-        transition = self.core.step(actions)
+        transition = self._limited(self.core.step(actions))
         info = self._info(transition.outcome, transition.is_success)
         observation = transition.observation
         if self.autoreset_mode == AutoresetMode.DISABLED:
@@ -104,6 +127,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
             info["final_info"] = {name: info[name].copy() for name in ("outcome", "is_success")}
             info["_final_obs"] = info["_final_info"] = transition.done.copy()
             observation = self.core.reset(ids=ids)
+            self._elapsed_steps[ids] = 0
         return (
             observation,
             transition.reward,
@@ -118,11 +142,13 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         """Reset the flies that were done, with a reward of 0, and step the others."""
         starting = self._done
         if not starting.any():
-            transition = self.core.step(actions)
+            transition = self._limited(self.core.step(actions))
         else:
             moving = np.flatnonzero(~starting)
             self.core.reset(ids=np.flatnonzero(starting))
-            transition = _mask(self.core.step(actions, ids=moving), starting)
+            transition = self._limited(self.core.step(actions, ids=moving))
+            transition = _mask(transition, starting)
+            self._elapsed_steps[starting] = 0
         self._done = transition.done
         return (
             transition.observation,
@@ -143,8 +169,30 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
             "_time_s": everyone.copy(),
         }
 
+    def _limited(self, transition: Transition) -> Transition:
+        """Count a decision, and truncate what has had its `max_episode_steps`."""
+        if self._max_episode_steps is None:
+            return transition
+        self._elapsed_steps += 1
+        is_over = self._elapsed_steps >= self._max_episode_steps
+        return replace(transition, truncated=transition.truncated | is_over)
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """Pictures of the flies, (480, 640, 3) each, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = FlyRenderer(self.core.scene.config)
+        return tuple(
+            self._renderer.render(self.core.flies, i, goal=episode.goal if episode else ())
+            for i, episode in enumerate(self.core.episodes)
+        )
+
     def close_extras(self, **kwargs: Any) -> None:
-        """Nothing is held open."""
+        """Free the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
 
 def _rows(observation: Observation, mask: NDArray[np.bool_]) -> NDArray[np.object_]:

@@ -32,7 +32,7 @@ class EvaluationConfig:
     Attributes
     ----------
     policies
-        Learned policies: run folders or policy files.
+        Learned policies: run folders, policy files or names.
     controllers
         Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`. None takes all those that
         go with the task.

@@ -1,4 +1,4 @@
-"""Who can enter an evaluation: fixed controllers by name, learned policies by file."""
+"""Who can enter an evaluation: fixed controllers by name, learned policies by file or name."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from flyrl.policies import (
     load_policy,
 )
 from flyrl.policies.bundle import policy_file
+from flyrl.policies.library import policy_name
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task
 from flyrl.terrains import TerrainConfig
@@ -176,7 +177,7 @@ def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
     except TypeError as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
     interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
-    name = _free_name(str(training.get("algo", file.stem)), taken)
+    name = _free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
     record = {
         "name": name,
         "kind": "learned",

@@ -4,9 +4,31 @@ Every policy has `predict(observation, state=None, episode_start=None, determini
 returns the action and the state, as in Stable-Baselines3.
 """
 
-from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout, observation_layout
+import importlib
+from typing import TYPE_CHECKING, Any, Final
+
+from flyrl.policies.bundle import (
+    PolicyBundle,
+    PolicyFileError,
+    TermLayout,
+    load_bundle,
+    observation_layout,
+    save_bundle,
+)
 from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit
 from flyrl.policies.learned import LearnedPolicy, load_policy
+from flyrl.policies.library import named_policies
+
+if TYPE_CHECKING:
+    from flyrl.policies.onnx import export_onnx
+    from flyrl.policies.sb3_zip import export_sb3, import_sb3
+
+# what needs torch or onnx is imported when it is first asked for
+_ON_DEMAND: Final = {
+    "export_onnx": "flyrl.policies.onnx",
+    "export_sb3": "flyrl.policies.sb3_zip",
+    "import_sb3": "flyrl.policies.sb3_zip",
+}
 
 __all__ = [
     "ConstantDrive",
@@ -16,6 +38,18 @@ __all__ = [
     "PolicyFileError",
     "Pursuit",
     "TermLayout",
+    "export_onnx",
+    "export_sb3",
+    "import_sb3",
+    "load_bundle",
     "load_policy",
+    "named_policies",
     "observation_layout",
+    "save_bundle",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ON_DEMAND:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_ON_DEMAND[name]), name)

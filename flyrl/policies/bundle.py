@@ -19,6 +19,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from flyrl.files import write_bytes
+from flyrl.policies.library import named_policies
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
 from flyrl.tasks import Task
 
@@ -147,7 +148,13 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
 
 
 def policy_file(path: str | os.PathLike[str]) -> Path:
-    """Path of the policy file that `path` means: a file, or a run folder's best, else its last.
+    """Path of the policy file that `path` means.
+
+    Parameters
+    ----------
+    path
+        A file, a run folder (its best policy, else its last), or else the name of a policy that
+        comes with flyrl.
 
     Raises
     ------
@@ -157,13 +164,19 @@ def policy_file(path: str | os.PathLike[str]) -> Path:
     place = Path(path)
     if place.is_file():
         return place
-    if not place.is_dir():
-        raise PolicyFileError(f"no policy at {place}: there is no such file or folder")
-    for name in ("best.safetensors", "last.safetensors"):
-        if (place / name).is_file():
-            return place / name
+    if place.is_dir():
+        for name in ("best.safetensors", "last.safetensors"):
+            if (place / name).is_file():
+                return place / name
+        raise PolicyFileError(
+            f"no policy in {place}: a run folder holds best.safetensors or last.safetensors"
+        )
+    named = named_policies()
+    if (given := os.fspath(path)) in named:
+        return named[given]
     raise PolicyFileError(
-        f"no policy in {place}: a run folder holds best.safetensors or last.safetensors"
+        f"no policy at {place}: there is no such file or folder, and no policy of that name; "
+        f"names: {', '.join(named) or 'none'}"
     )
 
 
@@ -173,7 +186,7 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
     Parameters
     ----------
     path
-        A bundle, or a run folder.
+        As `policy_file` takes it: a bundle, a run folder, or a name.
 
     Raises
     ------

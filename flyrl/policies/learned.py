@@ -97,12 +97,13 @@ def _describe(term: TermLayout | None) -> str:
 
 
 def load_policy(path: str | os.PathLike[str]) -> LearnedPolicy:
-    """Load a policy from a bundle or a run folder (its best policy, else its last).
+    """Load a policy from a bundle, from a run folder (its best policy, else its last), or by name.
 
     Parameters
     ----------
     path
-        File or folder.
+        File, folder, or the name of a policy that comes with flyrl; what lies at a path comes
+        before a name.
 
     Raises
     ------

@@ -11,6 +11,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
 from flyrl.envs.core import BatchedEnv
+from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.files import replacing
 from flyrl.policies import LearnedPolicy, observation_layout
@@ -19,7 +20,7 @@ from flyrl.policies.export import bundle_from_sb3
 from flyrl.rollouts import run_episodes
 from flyrl.tasks import Episode
 from flyrl.training.checkpoint import learner_state, save_checkpoint
-from flyrl.training.config import TrainingConfig, env_record
+from flyrl.training.config import TrainingConfig
 from flyrl.training.interruption import Interruption
 from flyrl.training.run_folder import RunFolder
 

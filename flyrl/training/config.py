@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from flyrl.envs.core import EnvConfig
-from flyrl.tasks import task_record
+from flyrl.envs.record import env_record, plain
 from flyrl.training.algorithms import AlgorithmConfig, PPOConfig
 from flyrl.validation import at_least, within
 
@@ -106,34 +106,11 @@ class TrainingConfig:
         return "_".join(parts)
 
 
-def env_record(env: EnvConfig) -> dict[str, Any]:
-    """Everything about an environment as plain JSON values, keyed like the groups of `configs/`."""
-    scene = env.scene
-    return {
-        "task": {
-            **task_record(env.resolved_task),
-            "decision_interval": env.decision_interval_s,
-        },
-        **{
-            part: _plain(dataclasses.asdict(getattr(scene, part)))
-            for part in ("body", "terrain", "controller", "physics")
-        },
-    }
-
-
 def training_record(config: TrainingConfig) -> dict[str, Any]:
     """Everything about a run as plain JSON values, keyed like `configs/train.yaml`."""
     return {
         **env_record(config.env),
-        "algo": {"name": config.algo.name, **_plain(dataclasses.asdict(config.algo))},
-        "training": _plain(dataclasses.asdict(config.training)),
+        "algo": {"name": config.algo.name, **plain(dataclasses.asdict(config.algo))},
+        "training": plain(dataclasses.asdict(config.training)),
         "seed": config.seed,
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return value

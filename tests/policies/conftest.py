@@ -1,13 +1,30 @@
 """A small bundle, and small SB3 models, to save, break and compare."""
 
+from itertools import pairwise
+
 import gymnasium
 import numpy as np
 import pytest
 
 from flyrl.policies.bundle import PolicyBundle, TermLayout
-from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.mlp import MLP, Activation, Layer
 
 LAYOUT = (TermLayout("bearing", 2), TermLayout("speed", 1))
+
+
+def random_network(sizes: tuple[int, ...], activation: Activation) -> MLP:
+    """A network whose outputs spread beyond -1 and 1, so that bounds and tanh matter."""
+    rng = np.random.default_rng(1)
+    return MLP(
+        tuple(
+            Layer(
+                rng.normal(scale=2 * i**-0.5, size=(o, i)).astype(np.float32),
+                rng.normal(scale=0.1, size=o).astype(np.float32),
+            )
+            for i, o in pairwise(sizes)
+        ),
+        activation,
+    )
 
 
 @pytest.fixture

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from flyrl.envs.core import EnvConfig
+from flyrl.envs.record import env_record
 from flyrl.training.algorithms import PPOConfig, SACConfig
-from flyrl.training.config import ScheduleConfig, TrainingConfig, env_record, training_record
+from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
+from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, SACConfig
 from flyrl.training.callback import held_out_episodes
-from flyrl.training.config import ScheduleConfig, TrainingConfig, env_record
+from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import build_model, train
 
 SCHEDULE = ScheduleConfig(

@@ -1,0 +1,31 @@
+"""Configs as plain JSON values."""
+
+import dataclasses
+from typing import Any
+
+from flyrl.envs.core import EnvConfig
+from flyrl.tasks import task_record
+
+
+def env_record(env: EnvConfig) -> dict[str, Any]:
+    """Everything about an environment as plain JSON values, keyed like the groups of `configs/`."""
+    scene = env.scene
+    return {
+        "task": {
+            **task_record(env.resolved_task),
+            "decision_interval": env.decision_interval_s,
+        },
+        **{
+            part: plain(dataclasses.asdict(getattr(scene, part)))
+            for part in ("body", "terrain", "controller", "physics")
+        },
+    }
+
+
+def plain(value: Any) -> Any:
+    """`value` with lists in place of tuples, as JSON and YAML know them."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value

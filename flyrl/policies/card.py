@@ -1,0 +1,145 @@
+"""Model cards: what a policy is, how it came about and what it can do, from its own record."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Final
+
+from flyrl.envs.record import plain
+from flyrl.policies.bundle import PolicyBundle
+from flyrl.simulation.physics import PHYSICS_PRESETS
+
+_UNKNOWN: Final = "not recorded"
+
+_LIMITS: Final = """\
+- It was trained and judged in the setting above and in no other. On other terrain, with another
+  body, leg controller or physics, it may fail.
+- It is deterministic.
+- It steers a simulated fly. It says nothing by itself about how a real one steers."""
+
+
+def model_card(name: str, bundle: PolicyBundle) -> str:
+    """Model card of a policy, as Markdown.
+
+    Parameters
+    ----------
+    name
+        Of the policy.
+    bundle
+        The policy. Of `bundle.training`, the card shows "algo", "seed", "decisions", "command",
+        "provenance" (as in a run folder) and "held_out": "episodes", "seed", and "results", one
+        row per entrant with "controller", "success_rate" and "metrics" as in an evaluation's
+        summary. What is missing is said to be.
+    """
+    env, training = bundle.env, bundle.training
+    held_out = _mapping(training.get("held_out"))
+    return f"""\
+# {name}
+
+Steers the fly in the task {_name(env, "task")} on {_name(env, "terrain")} terrain. Loads with
+`flyrl.load_policy("{name}")` and enters an evaluation as `policies=[{name}]`.
+
+## Trained in
+
+{_table(("what", "which"), _setting(env))}
+
+## Trained with
+
+{_table(("what", "which"), _making(bundle))}
+
+## Held-out episodes
+
+{_figures(held_out)}
+
+## Observation and action
+
+The observation is one vector of {sum(term.size for term in bundle.observation)} values:
+
+{_table(("term", "values"), [(term.name, term.size) for term in bundle.observation])}
+
+The action is {len(bundle.action_low)} values, from {list(bundle.action_low)} to
+{list(bundle.action_high)}.
+
+## Limits
+
+{_LIMITS}
+
+## Licence
+
+Apache-2.0, as flyrl.
+"""
+
+
+def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    interval = _mapping(env.get("task")).get("decision_interval", _UNKNOWN)
+    presets = [
+        name for name, preset in PHYSICS_PRESETS.items() if plain(asdict(preset)) == _physics(env)
+    ]
+    return [
+        ("task", _name(env, "task")),
+        ("decision interval, s", interval),
+        ("terrain", _name(env, "terrain")),
+        ("body", _name(env, "body")),
+        ("leg controller", _name(env, "controller")),
+        ("physics", presets[0] if presets else "of its own: " + str(_physics(env))),
+    ]
+
+
+def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
+    training = bundle.training
+    provenance = _mapping(training.get("provenance"))
+    packages = {"python": provenance.get("python"), **_mapping(provenance.get("packages"))}
+    versions = ", ".join(f"{name} {version}" for name, version in packages.items() if version)
+    command = training.get("command")
+    return [
+        ("algorithm", training.get("algo", _UNKNOWN)),
+        ("decisions", training.get("decisions", _UNKNOWN)),
+        ("seed", training.get("seed", _UNKNOWN)),
+        ("network", " → ".join(map(str, bundle.network.sizes)) + f", {bundle.network.activation}"),
+        ("command", f"`{command}`" if command else _UNKNOWN),
+        ("commit", _mapping(provenance.get("git")).get("commit", _UNKNOWN)),
+        ("versions", versions or _UNKNOWN),
+        ("CPU", _mapping(provenance.get("cpu")).get("model") or _UNKNOWN),
+    ]
+
+
+def _figures(held_out: Mapping[str, Any]) -> str:
+    if not held_out:
+        return f"Figures are {_UNKNOWN}."
+    rows = []
+    for result in held_out["results"]:
+        rate, time = result["success_rate"], result["metrics"]["time_to_goal_s"]["median"]
+        rows.append(
+            (
+                result["controller"],
+                f"{rate['value']:.1%}",
+                f"{rate['low']:.1%} to {rate['high']:.1%}",
+                "none" if time is None else f"{time:.2f}",
+                f"{result['metrics']['return']['mean']:.2f}",
+            )
+        )
+    header = ("who", "success", "95 % interval", "median time to success, s", "mean return")
+    return (
+        f"The same {held_out['episodes']} episodes for everybody, none of them trained or chosen "
+        f"on (`episodes={held_out['episodes']} seed={held_out['seed']}`):\n\n{_table(header, rows)}"
+    )
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(map(_cell, line))} |" for line in lines)
+
+
+def _cell(value: Any) -> str:
+    return " ".join(str(value).split()).replace("|", "\\|")
+
+
+def _name(env: Mapping[str, Any], part: str) -> str:
+    return str(_mapping(env.get(part)).get("name", _UNKNOWN))
+
+
+def _physics(env: Mapping[str, Any]) -> Any:
+    return env.get("physics", _UNKNOWN)
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

@@ -1,0 +1,164 @@
+"""Policies from and to Stable-Baselines3's own models and zip files."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, cast
+
+import torch
+from gymnasium import Space
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.sac.policies import SACPolicy
+from torch import nn
+
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.record import env_record
+from flyrl.envs.spaces import action_space, observation_space
+from flyrl.policies.bundle import PolicyBundle, PolicyFileError, observation_layout
+from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.learned import LearnedPolicy
+from flyrl.policies.mlp import Activation
+from flyrl.tasks import TASKS, Task
+from flyrl.validation import one_of
+
+_MODULES: Final[dict[Activation, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
+
+
+def import_sb3(
+    path: str | os.PathLike[str],
+    algorithm: type[BaseAlgorithm],
+    env: EnvConfig,
+    *,
+    trust: bool = False,
+) -> PolicyBundle:
+    """Bundle of the deterministic policy in a zip file that Stable-Baselines3 saved.
+
+    Such a file holds pickles, and unpickling runs whatever code its author put there.
+
+    Parameters
+    ----------
+    path
+        What `model.save` wrote.
+    algorithm
+        Class of the model, such as `stable_baselines3.PPO`.
+    env
+        What it was trained in. What a wrapper made of the observations (VecNormalize) is not in the
+        file, and so cannot be in the bundle.
+    trust
+        Whether you know where the file comes from. Without, it is not even opened.
+
+    Raises
+    ------
+    PolicyFileError
+        `trust` is not True, the file is no model of the algorithm, or the model was trained on
+        other observations or actions than the task's. A ValueError.
+    ValueError
+        A policy that a bundle cannot hold.
+    """
+    if trust is not True:
+        raise PolicyFileError(
+            f"{os.fspath(path)} was not opened: a zip file of Stable-Baselines3 holds pickles, "
+            "which can run any code when they are read. Say trust=True if you know who made it"
+        )
+    try:
+        model = algorithm.load(Path(path), device="cpu")
+    except Exception as error:  # a pickle can raise anything
+        raise PolicyFileError(
+            f"{os.fspath(path)} cannot be read as a model of {algorithm.__name__}: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    task = env.resolved_task
+    _check_space("observations", model.observation_space, observation_space(task), task)
+    _check_space("actions", model.action_space, action_space(task), task)
+    training = {"algo": algorithm.__name__.lower(), "decisions": int(model.num_timesteps)}
+    return bundle_from_sb3(model, observation_layout(task), env_record(env), training)
+
+
+def _check_space(what: str, given: Space[Any], wanted: Space[Any], task: Task) -> None:
+    if given != wanted:
+        raise PolicyFileError(
+            f"the model was trained on other {what} than those of {task.name}: {given}; "
+            f"the task has {wanted}"
+        )
+
+
+def export_sb3(
+    bundle: PolicyBundle, task: str | Task | None = None, *, seed: int = 0
+) -> BaseAlgorithm:
+    """Stable-Baselines3 model that acts as the bundle: a PPO, or a SAC if the output is squashed.
+
+    `model.save` writes its zip file, from which `load` with an environment lets it learn on. The
+    value function, the exploration noise and the optimiser are new: a bundle holds the
+    deterministic policy alone.
+
+    Parameters
+    ----------
+    bundle
+        The policy.
+    task
+        Whose observations it takes; None means the task that the bundle names.
+    seed
+        Of what is new in the model.
+
+    Returns
+    -------
+    Model on the CPU, without an environment. Its deterministic actions differ from the bundle's by
+    no more than rounding to float32 does.
+
+    Raises
+    ------
+    PolicyFileError
+        The task has other observations or actions than the bundle. A ValueError.
+    ValueError
+        The task is not known by name.
+    """
+    if task is None:
+        record = bundle.env.get("task")
+        task = str(record.get("name") if isinstance(record, Mapping) else record)
+    if isinstance(task, str):
+        task = TASKS[one_of("task", task, TASKS)]
+    LearnedPolicy(bundle).check_task(task)
+    actions = action_space(task)
+    bounds = (tuple(actions.low.tolist()), tuple(actions.high.tolist()))
+    if bounds != (bundle.action_low, bundle.action_high):
+        raise PolicyFileError(
+            f"the policy's actions lie within {bundle.action_low} and {bundle.action_high}, "
+            f"those of {task.name} within {bounds[0]} and {bounds[1]}"
+        )
+    # a model without an environment, made as SB3's own `load` does it
+    common: dict[str, Any] = {
+        "policy": "MlpPolicy",
+        "env": None,
+        "device": "cpu",
+        "policy_kwargs": {
+            "net_arch": list(bundle.network.sizes[1:-1]),
+            "activation_fn": _MODULES[bundle.network.activation],
+        },
+        "_init_setup_model": False,
+    }
+    model: BaseAlgorithm
+    if bundle.squashing == "tanh":
+        # else SAC takes its default for this, minus the number of actions, from the environment
+        model = SAC(**common, target_entropy=float(-len(bundle.action_low)))
+    else:
+        model = PPO(**common)
+    model.observation_space, model.action_space, model.n_envs = observation_space(task), actions, 1
+    with torch.random.fork_rng(devices=[]), torch.no_grad():
+        torch.manual_seed(seed)
+        model._setup_model()
+        for linear, layer in zip(_actor_layers(model), bundle.network.layers, strict=True):
+            linear.weight.copy_(torch.from_numpy(layer.weight))
+            linear.bias.copy_(torch.from_numpy(layer.bias))
+    return model
+
+
+def _actor_layers(model: BaseAlgorithm) -> list[nn.Linear]:
+    """Affine maps of a model's deterministic policy, from observation to action."""
+    if isinstance(model, OnPolicyAlgorithm):
+        modules = [*model.policy.mlp_extractor.policy_net.modules(), model.policy.action_net]
+    else:
+        actor = cast(SACPolicy, model.policy).actor
+        modules = [*actor.latent_pi.modules(), actor.mu]
+    return [module for module in modules if isinstance(module, nn.Linear)]

@@ -1,0 +1,153 @@
+"""Gymnasium's own wrappers around the environments, single and vectorised."""
+
+import re
+import subprocess
+
+import gymnasium
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from gymnasium.wrappers import (
+    NormalizeObservation,
+    RecordEpisodeStatistics,
+    RecordVideo,
+    TimeLimit,
+    vector,
+)
+
+from flyrl.simulation.rendering import RenderingUnavailableError
+
+ID = "flyrl:flyrl/Target-v0"
+# an episode is 30 decisions long at most
+SETTINGS = {"decision_interval": 0.1}
+
+
+def make():
+    return gymnasium.make(ID, **SETTINGS)
+
+
+def make_vec(mode=None, **settings):
+    return gymnasium.make_vec(ID, num_envs=3, vectorization_mode=mode, **SETTINGS, **settings)
+
+
+def walk(env, steps, seed=3):
+    """Observations and the rest of every step with random actions."""
+    first, _ = env.reset(seed=seed)
+    rng = np.random.default_rng(0)
+    shape = env.action_space.shape
+    results = [env.step(rng.uniform(-1, 1, shape).astype(np.float32)) for _ in range(steps)]
+    env.close()
+    return [first, *(result[0] for result in results)], results
+
+
+def test_episode_statistics_of_one_fly():
+    observations, results = walk(RecordEpisodeStatistics(make()), 30)
+    episode = results[-1][4]["episode"]
+    assert results[-1][2] or results[-1][3]
+    assert episode["l"] == 30 == len(observations) - 1
+    assert episode["r"] == pytest.approx(sum(result[1] for result in results), abs=1e-5)
+
+
+def test_normalised_observations_of_one_fly():
+    raw, _ = walk(make(), 20)
+    env = NormalizeObservation(make())
+    normalised, _ = walk(env, 20)
+    np.testing.assert_allclose(env.obs_rms.mean, np.mean(raw, axis=0), rtol=0, atol=1e-3)
+    # all but the first few are normalised with much the same statistics
+    expected = (raw[-1] - np.mean(raw, axis=0)) / np.sqrt(np.var(raw, axis=0) + 1e-8)
+    steady = np.std(raw, axis=0) > 0.05
+    assert steady.sum() > 10
+    np.testing.assert_allclose(normalised[-1][steady], expected[steady], rtol=0, atol=0.05)
+
+
+@pytest.mark.parametrize("by_make", [True, False])
+def test_time_limit_of_one_fly(by_make):
+    limited = gymnasium.make(ID, max_episode_steps=5, **SETTINGS) if by_make else None
+    _, results = walk(limited or TimeLimit(make(), max_episode_steps=5), 5)
+    assert [result[3] for result in results] == [False] * 4 + [True]
+    assert results[-1][4]["outcome"] == "running"
+
+
+def test_time_limit_of_many_flies_is_that_of_single_ones():
+    _, native = walk(make_vec(max_episode_steps=5), 14)
+    _, single = walk(make_vec("sync", max_episode_steps=5), 14)
+    for ours, theirs in zip(native, single, strict=True):
+        for mine, other in zip(ours[:4], theirs[:4], strict=True):
+            np.testing.assert_array_equal(mine, other)
+    assert sum(result[3].sum() for result in native) == 6
+
+
+def test_time_limit_with_reset_in_the_same_step():
+    _, results = walk(make_vec(max_episode_steps=5, autoreset_mode="SameStep"), 10)
+    ends = [step for step, result in enumerate(results) if result[3].all()]
+    assert ends == [4, 9]
+    assert results[4][4]["_final_obs"].all()
+
+
+def test_a_time_limit_of_zero_is_refused():
+    with pytest.raises(ValueError, match="max_episode_steps must be at least 1, got 0"):
+        make_vec(max_episode_steps=0)
+
+
+def test_episode_statistics_of_many_flies_are_those_of_single_ones():
+    native, single = (vector.RecordEpisodeStatistics(make_vec(mode)) for mode in (None, "sync"))
+    walk(native, 32)
+    walk(single, 32)
+    assert len(native.return_queue) >= 3
+    np.testing.assert_array_equal(native.length_queue, single.length_queue)
+    np.testing.assert_allclose(native.return_queue, single.return_queue, rtol=0, atol=1e-9)
+
+
+def test_normalised_observations_of_many_flies_are_those_of_single_ones():
+    native, _ = walk(vector.NormalizeObservation(make_vec()), 10)
+    single, _ = walk(vector.NormalizeObservation(make_vec("sync")), 10)
+    np.testing.assert_array_equal(native, single)
+
+
+def film(env):
+    try:
+        walk(env, 4)
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+
+
+def frames(path):
+    """Number, height and width of the pictures of a video."""
+    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    done = subprocess.run([*command, "-"], capture_output=True, check=True)
+    width, height = map(int, re.search(rb"Video: .*?, (\d+)x(\d+)", done.stderr).groups())
+    assert np.frombuffer(done.stdout, np.uint8).std() > 10
+    return len(done.stdout) // (height * width * 3), height, width
+
+
+# moviepy, with which Gymnasium writes videos, is not written with care about warnings
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
+def test_video_of_one_fly(tmp_path):
+    env = gymnasium.make(ID, render_mode="rgb_array", **SETTINGS)
+    film(RecordVideo(env, str(tmp_path / "videos")))
+    assert frames(tmp_path / "videos" / "rl-video-episode-0.mp4") == (5, 480, 640)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
+def test_video_of_many_flies(tmp_path):
+    env = make_vec(render_mode="rgb_array")
+    film(vector.RecordVideo(env, str(tmp_path / "videos"), video_aspect_ratio=(4, 1)))
+    assert frames(tmp_path / "videos" / "rl-video-episode-0.mp4") == (5, 480, 1920)
+
+
+def test_pictures_of_many_flies_are_those_of_single_ones():
+    native, single = (make_vec(mode, render_mode="rgb_array") for mode in (None, "sync"))
+    native.reset(seed=3)
+    single.reset(seed=3)
+    try:
+        pictures = native.render()
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    np.testing.assert_array_equal(pictures, single.render())
+    native.close()
+    single.close()
+
+
+def test_an_unknown_render_mode_is_refused():
+    with pytest.raises(ValueError, match="render_mode is 'human'; it must be None or 'rgb_array'"):
+        make_vec(render_mode="human")

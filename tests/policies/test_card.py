@@ -1,0 +1,83 @@
+from dataclasses import replace
+
+import pytest
+
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.record import env_record
+from flyrl.policies.card import model_card
+
+RATE = {"value": 0.5, "low": 0.25, "high": 0.75, "n": 4, "reason": None}
+
+
+@pytest.fixture
+def card(bundle):
+    result = {
+        "controller": "ppo",
+        "success_rate": RATE,
+        "metrics": {"time_to_goal_s": {"median": 1.234}, "return": {"mean": -2.0}},
+    }
+    failing = {
+        "controller": "zero",
+        "success_rate": RATE | {"value": 0.0},
+        "metrics": {"time_to_goal_s": {"median": None}, "return": {"mean": 0.5}},
+    }
+    training = {
+        "algo": "ppo",
+        "decisions": 60000,
+        "seed": 3,
+        "command": "python train.py seed=3 | tee",
+        "provenance": {
+            "git": {"commit": "c0ffee", "is_dirty": False},
+            "python": "3.11.7",
+            "packages": {"mujoco": "4.0.0", "flyrl": None},
+            "cpu": {"model": "A CPU"},
+        },
+        "held_out": {"episodes": 4, "seed": 1, "results": [result, failing]},
+    }
+    env = env_record(EnvConfig(terrain="mixed", physics="fast"))
+    return model_card("target-mixed", replace(bundle, env=env, training=training))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# target-mixed",
+        "| task | target |",
+        "| decision interval, s | 0.02 |",
+        "| terrain | mixed |",
+        "| body | current |",
+        "| leg controller | hybrid |",
+        "| physics | fast |",
+        "| algorithm | ppo |",
+        "| decisions | 60000 |",
+        "| seed | 3 |",
+        "| network | 3 → 2 → 2, relu |",
+        r"| command | `python train.py seed=3 \| tee` |",
+        "| commit | c0ffee |",
+        "| versions | python 3.11.7, mujoco 4.0.0 |",
+        "| CPU | A CPU |",
+        "| ppo | 50.0% | 25.0% to 75.0% | 1.23 | -2.00 |",
+        "| zero | 0.0% | 25.0% to 75.0% | none | 0.50 |",
+        "| bearing | 2 |",
+        "Apache-2.0, as flyrl.",
+    ],
+)
+def test_card_says_what_the_record_says(card, line):
+    assert line in card.splitlines()
+
+
+def test_physics_of_one_s_own_is_written_out(bundle):
+    env = env_record(EnvConfig())
+    env["physics"]["timestep"] = 0.00025
+    text = model_card("mine", replace(bundle, env=env))
+    assert "| physics | of its own: {'timestep': 0.00025, " in text
+
+
+def test_what_is_missing_is_said_to_be(bundle):
+    text = model_card("mine", replace(bundle, env={}, training={}))
+    for line in (
+        "| task | not recorded |",
+        "| commit | not recorded |",
+        "Figures are not recorded.",
+    ):
+        assert line in text.splitlines()

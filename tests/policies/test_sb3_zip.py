@@ -1,0 +1,186 @@
+import base64
+import json
+import zipfile
+from dataclasses import replace
+
+import cloudpickle
+import numpy as np
+import pytest
+import torch
+from stable_baselines3 import PPO, SAC
+
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.record import env_record
+from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.policies import (
+    LearnedPolicy,
+    PolicyFileError,
+    export_sb3,
+    import_sb3,
+    observation_layout,
+)
+from flyrl.tasks import TASKS
+from tests.policies.conftest import Bandit, random_network
+
+ENV = EnvConfig("target", terrain="gapped")
+SIZE = sum(term.size for term in observation_layout(TASKS["target"]))
+
+
+@pytest.fixture(scope="module")
+def fly_env():
+    env = FlyVecEnv(ENV, 2, num_threads=1, seed=0)
+    yield env
+    env.close()
+
+
+def _observations(n=200):
+    return np.random.default_rng(0).normal(size=(n, SIZE)).astype(np.float32)
+
+
+def _bundle(bundle, squashing="clip", activation="tanh", hidden=(16, 8)):
+    """A bundle for the task Target."""
+    return replace(
+        bundle,
+        network=random_network((SIZE, *hidden, 2), activation),
+        squashing=squashing,
+        observation=observation_layout(TASKS["target"]),
+        env=env_record(ENV),
+    )
+
+
+@pytest.mark.parametrize("algorithm", [PPO, SAC])
+def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
+    model = algorithm("MlpPolicy", fly_env, device="cpu", seed=0)
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for parameter in model.policy.parameters():
+            parameter.add_(0.1 * torch.randn(parameter.shape, generator=generator))
+    model.save(tmp_path / "model.zip")
+    bundle = import_sb3(tmp_path / "model.zip", algorithm, ENV, trust=True)
+    expected, _ = model.predict(_observations(), deterministic=True)
+    actions, _ = LearnedPolicy(bundle).predict(_observations())
+    assert np.ptp(expected) > 1
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+    assert bundle.env == env_record(ENV)
+    assert bundle.training["algo"] == algorithm.__name__.lower()
+
+
+class _Trap:
+    """Leaves a file behind where it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (self.path.touch, ())
+
+
+@pytest.fixture
+def trap(tmp_path):
+    """A zip of SB3's make whose pickle does something."""
+    pickled = base64.b64encode(cloudpickle.dumps(_Trap(tmp_path / "sprung"))).decode()
+    path = tmp_path / "model.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        data = {"policy_class": {":type:": "x", ":serialized:": pickled}}
+        archive.writestr("data", json.dumps(data))
+    return path
+
+
+def test_nothing_is_opened_without_trust(trap):
+    with pytest.raises(PolicyFileError, match=r"not opened.*pickles.*trust=True"):
+        import_sb3(trap, PPO, ENV)
+    assert not trap.with_name("sprung").exists()
+
+
+def test_a_word_is_no_trust(trap):
+    with pytest.raises(PolicyFileError, match="not opened"):
+        import_sb3(trap, PPO, ENV, trust="no")
+    assert not trap.with_name("sprung").exists()
+
+
+def test_the_trap_would_have_sprung(trap):
+    with pytest.raises(PolicyFileError, match="cannot be read as a model of PPO"):
+        import_sb3(trap, PPO, ENV, trust=True)
+    assert trap.with_name("sprung").exists()
+
+
+def test_what_is_no_zip_is_refused(tmp_path):
+    (tmp_path / "model.zip").write_bytes(b"weights")
+    with pytest.raises(PolicyFileError, match=r"model\.zip cannot be read as a model of PPO"):
+        import_sb3(tmp_path / "model.zip", PPO, ENV, trust=True)
+
+
+def test_another_algorithm_is_refused(fly_env, tmp_path):
+    PPO("MlpPolicy", fly_env, device="cpu").save(tmp_path / "model.zip")
+    with pytest.raises(PolicyFileError, match="cannot be read as a model of SAC"):
+        import_sb3(tmp_path / "model.zip", SAC, ENV, trust=True)
+
+
+def test_other_observations_are_refused(tmp_path):
+    PPO("MlpPolicy", Bandit(SIZE), device="cpu").save(tmp_path / "model.zip")
+    with pytest.raises(PolicyFileError, match="other observations than those of target"):
+        import_sb3(tmp_path / "model.zip", PPO, ENV, trust=True)
+
+
+@pytest.mark.parametrize("activation", ["tanh", "relu"])
+@pytest.mark.parametrize("squashing", ["clip", "tanh"])
+@pytest.mark.parametrize("hidden", [(16, 8), ()])
+def test_exported_model_acts_as_the_bundle(bundle, squashing, activation, hidden):
+    bundle = _bundle(bundle, squashing, activation, hidden)
+    expected, _ = LearnedPolicy(bundle).predict(_observations())
+    actions, _ = export_sb3(bundle).predict(_observations(), deterministic=True)
+    assert np.ptp(expected) > 1
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize(("squashing", "algorithm"), [("clip", PPO), ("tanh", SAC)])
+def test_out_and_in_again_is_the_same_policy(bundle, squashing, algorithm, tmp_path):
+    bundle = _bundle(bundle, squashing)
+    export_sb3(bundle).save(tmp_path / "model.zip")
+    again = import_sb3(tmp_path / "model.zip", algorithm, ENV, trust=True)
+    for layer, original in zip(again.network.layers, bundle.network.layers, strict=True):
+        np.testing.assert_array_equal(layer.weight, original.weight)
+        np.testing.assert_array_equal(layer.bias, original.bias)
+    for name in ("squashing", "observation", "action_low", "action_high", "env"):
+        assert getattr(again, name) == getattr(bundle, name)
+    assert again.network.activation == bundle.network.activation
+
+
+@pytest.mark.parametrize(
+    ("squashing", "algorithm", "settings"),
+    [("clip", PPO, {"n_steps": 4, "batch_size": 4}), ("tanh", SAC, {"learning_starts": 4})],
+)
+def test_exported_model_learns_on(bundle, squashing, algorithm, settings, fly_env, tmp_path):
+    export_sb3(_bundle(bundle, squashing)).save(tmp_path / "model.zip")
+    model = algorithm.load(tmp_path / "model.zip", env=fly_env, device="cpu", **settings)
+    before = model.predict(_observations(), deterministic=True)[0]
+    model.learn(16)
+    assert np.any(model.predict(_observations(), deterministic=True)[0] != before)
+
+
+def test_same_seed_same_model(bundle):
+    def parameters(seed):
+        policy = export_sb3(_bundle(bundle), seed=seed).policy
+        return np.concatenate([p.detach().numpy().ravel() for p in policy.parameters()])
+
+    torch.manual_seed(5)
+    state = torch.get_rng_state()
+    np.testing.assert_array_equal(parameters(0), parameters(0))
+    assert np.any(parameters(0) != parameters(1))
+    assert torch.equal(torch.get_rng_state(), state)
+
+
+def test_export_for_another_task_is_refused(bundle):
+    with pytest.raises(PolicyFileError, match="other observations than those of velocity"):
+        export_sb3(_bundle(bundle), "velocity")
+
+
+def test_export_with_other_action_bounds_is_refused(bundle):
+    narrow = replace(_bundle(bundle), action_high=(0.5, 0.5))
+    with pytest.raises(PolicyFileError, match=r"within \(-1\.0, -1\.0\) and \(0\.5, 0\.5\)"):
+        export_sb3(narrow)
+
+
+def test_export_for_an_unknown_task_is_refused(bundle):
+    with pytest.raises(ValueError, match=r"task must be one of .*got 'fly'"):
+        export_sb3(replace(_bundle(bundle), env={"task": {"name": "fly"}}))
