@@ -2,16 +2,19 @@
 
 import dataclasses
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import NormalActionNoise
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.policies import LearnedPolicy, TermLayout
+from flyrl.policies.export import bundle_from_sb3
 from flyrl.training.algorithms import ALGORITHMS, DDPGConfig, TD3Config
 from flyrl.training.checkpoint import (
     learner_state,
@@ -219,3 +222,48 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits(name, changes, env, othe
     for state in (end, again):
         del state["log"], state["episode_infos"]
     assert [key for key in end if not _same(end[key], again[key])] == []
+
+
+class Follow(gymnasium.Env):
+    """One-step problem: the action should be half of a goal, which is seen far from 0."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (2,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.goal = self.np_random.uniform(-1, 1, 2)
+        return self.seen(self.goal), {}
+
+    def step(self, action):
+        reward = -np.square(action - 0.5 * self.goal).sum()
+        return self.seen(self.goal), reward, True, False, {}
+
+    @staticmethod
+    def seen(goal):
+        return (5 + 3 * goal).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_algorithm_learns(name):
+    settings = {
+        "learning_rate": 3e-3,
+        "n_steps": 8,
+        "batch_size": 64,
+        "learning_starts": 200,
+        "gradient_steps": 2,
+    }
+    algo = ALGORITHMS[name](
+        **_known(name, settings), normalize_observation=True, normalize_reward=True
+    )
+    env = DummyVecEnv([Follow] * 8)
+    model = build_model(algo, env, seed=0)
+    model.set_logger(Logger(None, []))
+    # A2C makes a single step of the gradient per update
+    model.learn(6400 if name == "a2c" else 1600)
+    goals = np.random.default_rng(1).uniform(-1, 1, (500, 2))
+    policy = LearnedPolicy(bundle_from_sb3(model, (TermLayout("goal", 2),), {}, {}))
+    actions, _ = policy.predict(Follow.seen(goals), None, np.ones(500, bool))
+    # the best that takes no notice of the goal is to stay at 0
+    error, error_at_0 = (np.square(a - 0.5 * goals).mean() ** 0.5 for a in (actions, 0.0))
+    assert error < 0.5 * error_at_0
