@@ -18,7 +18,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import TrainingConfig
-from flyrl.training.learn import build_model
+from flyrl.training.models import build_model
 
 
 def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64) -> list[Row]:

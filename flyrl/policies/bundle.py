@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -20,7 +20,9 @@ from safetensors.numpy import load, save
 
 from flyrl.files import write_bytes
 from flyrl.policies.library import named_policies
+from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
+from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import Task
 
 SCHEMA: Final = "flyrl.policy/1"
@@ -29,6 +31,7 @@ Squashing = Literal["clip", "tanh"]
 SQUASHINGS: Final[tuple[Squashing, ...]] = get_args(Squashing)
 """How an output becomes an action: clipped to the bounds, or tanh stretched over them."""
 
+_LSTM_PARTS: Final = tuple(field.name for field in fields(LSTMLayer))
 _METADATA_KEY: Final = "flyrl"
 _NO_DIGEST: Final = "0" * 64
 _HEADER_LENGTH_BYTES: Final = 8  # safetensors: little-endian length of the JSON header
@@ -64,7 +67,7 @@ class PolicyBundle:
     Attributes
     ----------
     network
-        Observation to output.
+        Observation, or what `lstm` makes of it, to output.
     squashing
         Output to action.
     observation
@@ -75,6 +78,10 @@ class PolicyBundle:
         What it was trained in, as plain JSON values: task, body, terrain, controller, physics.
     training
         What the training came to, as plain JSON values.
+    normaliser
+        What the observation goes through first; None leaves it as it is.
+    lstm
+        Memory between the observation and the network, if there is one.
     """
 
     network: MLP
@@ -84,21 +91,36 @@ class PolicyBundle:
     action_high: tuple[float, ...]
     env: Mapping[str, Any]
     training: Mapping[str, Any]
+    normaliser: Normaliser | None = None
+    lstm: LSTM | None = None
 
     def __post_init__(self) -> None:
         check_layers(self.network.layers)
         _check_choice("activation", self.network.activation, ACTIVATIONS)
         _check_choice("squashing", self.squashing, SQUASHINGS)
         sizes = self.network.sizes
-        if (given := sum(term.size for term in self.observation)) != sizes[0]:
+        if self.lstm is not None and self.lstm.sizes[-1] != sizes[0]:
             raise ValueError(
-                f"the observation terms have {given} values, the network takes {sizes[0]}"
+                f"the LSTM gives {self.lstm.sizes[-1]} values, the network takes {sizes[0]}"
+            )
+        if (given := sum(term.size for term in self.observation)) != self.num_inputs:
+            raise ValueError(
+                f"the observation terms have {given} values, the network takes {self.num_inputs}"
+            )
+        if self.normaliser is not None and len(self.normaliser.mean) != given:
+            raise ValueError(
+                f"normaliser.mean has {len(self.normaliser.mean)} values, the observation {given}"
             )
         if not len(self.action_low) == len(self.action_high) == sizes[-1]:
             raise ValueError(
                 f"action bounds of {len(self.action_low)} and {len(self.action_high)} values, "
                 f"the network gives {sizes[-1]}"
             )
+
+    @property
+    def num_inputs(self) -> int:
+        """Values of an observation."""
+        return (self.network if self.lstm is None else self.lstm).sizes[0]
 
 
 def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
@@ -121,30 +143,54 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
     path
         File to write; an existing one is replaced.
     """
-    tensors: dict[str, NDArray[np.float32]] = {}
-    for i, layer in enumerate(bundle.network.layers):
-        tensors[f"{i}.weight"] = np.ascontiguousarray(layer.weight, dtype=np.float32)
-        tensors[f"{i}.bias"] = np.ascontiguousarray(layer.bias, dtype=np.float32)
     record = {
         "sha256": _NO_DIGEST,
         "schema": SCHEMA,
-        "architecture": {
-            "kind": "mlp",
-            "sizes": bundle.network.sizes,
-            "activation": bundle.network.activation,
-            "squashing": bundle.squashing,
-        },
+        "architecture": _architecture(bundle),
         "observation": [{"name": term.name, "size": term.size} for term in bundle.observation],
         "action": {"low": bundle.action_low, "high": bundle.action_high},
-        "normaliser": None,
+        "normaliser": None if bundle.normaliser is None else _normaliser_record(bundle.normaliser),
         "env": bundle.env,
         "training": bundle.training,
     }
-    data = save(tensors, {_METADATA_KEY: json.dumps(record, allow_nan=False)})
+    data = save(_tensors(bundle), {_METADATA_KEY: json.dumps(record, allow_nan=False)})
     digest = hashlib.sha256(data).hexdigest()
     # The digest is the first value of the header, so the first match is the field itself.
     data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
     write_bytes(path, data)
+
+
+def _architecture(bundle: PolicyBundle) -> dict[str, Any]:
+    network: dict[str, Any] = {
+        "sizes": bundle.network.sizes,
+        "activation": bundle.network.activation,
+        "squashing": bundle.squashing,
+    }
+    if bundle.lstm is None:
+        return {"kind": "mlp", **network}
+    return {"kind": "lstm", "lstm_sizes": bundle.lstm.sizes, **network}
+
+
+def _tensors(bundle: PolicyBundle) -> dict[str, NDArray[np.float32]]:
+    tensors = {}
+    for i, layer in enumerate(bundle.network.layers):
+        tensors[f"{i}.weight"] = layer.weight
+        tensors[f"{i}.bias"] = layer.bias
+    if bundle.lstm is not None:
+        for i, lstm_layer in enumerate(bundle.lstm.layers):
+            tensors |= {f"lstm.{i}.{part}": getattr(lstm_layer, part) for part in _LSTM_PARTS}
+    return {
+        name: np.ascontiguousarray(tensor, dtype=np.float32) for name, tensor in tensors.items()
+    }
+
+
+def _normaliser_record(normaliser: Normaliser) -> dict[str, Any]:
+    return {
+        "mean": normaliser.mean.tolist(),
+        "variance": normaliser.variance.tolist(),
+        "epsilon": normaliser.epsilon,
+        "clip": normaliser.clip,
+    }
 
 
 def policy_file(path: str | os.PathLike[str]) -> Path:
@@ -229,11 +275,11 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
 
 def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> PolicyBundle:
     architecture = record["architecture"]
-    _check_choice("architecture", architecture["kind"], ("mlp",))
-    if record["normaliser"] is not None:
-        raise ValueError(f"normaliser: {record['normaliser']!r}; allowed: null")
+    _check_choice("architecture", architecture["kind"], ("mlp", "lstm"))
     num_layers = len(architecture["sizes"]) - 1
+    num_lstm_layers = len(architecture["lstm_sizes"]) - 1 if architecture["kind"] == "lstm" else 0
     names = {f"{i}.{part}" for i in range(num_layers) for part in ("weight", "bias")}
+    names |= {f"lstm.{i}.{part}" for i in range(num_lstm_layers) for part in _LSTM_PARTS}
     if names != set(tensors):
         raise ValueError(f"tensors {sorted(tensors)}; allowed: {sorted(names)}")
     for name, tensor in tensors.items():
@@ -246,6 +292,7 @@ def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> P
     check_layers(network.layers)
     if list(network.sizes) != architecture["sizes"]:
         raise ValueError(f"sizes {architecture['sizes']}, but the tensors have {network.sizes}")
+    normaliser = record["normaliser"]
     return PolicyBundle(
         network=network,
         squashing=architecture["squashing"],
@@ -254,4 +301,18 @@ def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> P
         action_high=tuple(map(float, record["action"]["high"])),
         env=dict(record["env"]),
         training=dict(record["training"]),
+        normaliser=None if normaliser is None else Normaliser(**normaliser),
+        lstm=_lstm(architecture, tensors) if architecture["kind"] == "lstm" else None,
     )
+
+
+def _lstm(architecture: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> LSTM:
+    sizes = architecture["lstm_sizes"]
+    layers = (
+        LSTMLayer(**{part: tensors[f"lstm.{i}.{part}"] for part in _LSTM_PARTS})
+        for i in range(len(sizes) - 1)
+    )
+    lstm = LSTM(tuple(layers))
+    if list(lstm.sizes) != sizes:
+        raise ValueError(f"lstm_sizes {sizes}, but the tensors have {lstm.sizes}")
+    return lstm

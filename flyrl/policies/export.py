@@ -1,20 +1,29 @@
 """From a Stable-Baselines3 model to a bundle."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import Box
+from numpy.typing import NDArray
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from sb3_contrib.common.torch_layers import BatchRenorm
+from sb3_contrib.crossq.policies import CrossQPolicy
+from sb3_contrib.tqc.policies import TQCPolicy
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
 from flyrl.policies.bundle import PolicyBundle, Squashing, TermLayout
+from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Activation, Layer
+from flyrl.policies.normaliser import Normaliser
 
-_ACTIVATIONS: dict[type[nn.Module], Activation] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
+_ACTIVATIONS: Final[dict[type[nn.Module], Activation]] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
 
 
 def bundle_from_sb3(
@@ -23,7 +32,11 @@ def bundle_from_sb3(
     env: Mapping[str, Any],
     training: Mapping[str, Any],
 ) -> PolicyBundle:
-    """Bundle of the deterministic policy of a PPO, A2C or SAC model with an MLP.
+    """Bundle of the deterministic policy of a model with an MLP, or with an LSTM before it.
+
+    The models are PPO, A2C, SAC, TD3 and DDPG, and sb3-contrib's TRPO, RecurrentPPO, TQC and
+    CrossQ. If the model's environment is wrapped in a VecNormalize, its statistics of the
+    observations come along.
 
     Parameters
     ----------
@@ -38,54 +51,101 @@ def bundle_from_sb3(
         A policy that a bundle cannot hold.
     """
     policy = model.policy
-    hidden: nn.Module
-    squashing: Squashing
-    if isinstance(policy, ActorCriticPolicy) and not policy.squash_output:
-        extractor, hidden, head = (
-            policy.pi_features_extractor,
-            policy.mlp_extractor.policy_net,
-            policy.action_net,
-        )
-        squashing = "clip"
-    elif isinstance(policy, SACPolicy):
-        extractor, hidden, head = (
-            policy.actor.features_extractor,
-            policy.actor.latent_pi,
-            policy.actor.mu,
-        )
-        squashing = "tanh"
-    else:
-        raise ValueError(
-            f"policy: {type(policy).__name__}; allowed: the MlpPolicy of PPO, A2C and SAC"
-        )
+    extractor, modules, squashing = _actor(policy)
     if not isinstance(extractor, FlattenExtractor) or not isinstance(model.action_space, Box):
         raise ValueError("a bundle holds policies from flat observations to a Box of actions")
-    linear, activation = _split([*hidden.modules(), *head.modules()])
     return PolicyBundle(
-        network=MLP(tuple(linear), activation),
+        network=_network(modules),
         squashing=squashing,
         observation=tuple(observation),
         action_low=tuple(model.action_space.low.tolist()),
         action_high=tuple(model.action_space.high.tolist()),
         env=env,
         training=training,
+        normaliser=_normaliser(model),
+        lstm=_lstm(policy.lstm_actor) if isinstance(policy, RecurrentActorCriticPolicy) else None,
     )
 
 
-def _split(modules: Sequence[nn.Module]) -> tuple[list[Layer], Activation]:
+def _actor(policy: BasePolicy) -> tuple[nn.Module, list[nn.Module], Squashing]:
+    """Feature extractor, modules from there (or from the LSTM) to the output, and what follows."""
+    if isinstance(policy, ActorCriticPolicy) and not policy.squash_output:
+        modules = [*policy.mlp_extractor.policy_net.modules(), *policy.action_net.modules()]
+        return policy.pi_features_extractor, modules, "clip"
+    if isinstance(policy, SACPolicy | TQCPolicy | CrossQPolicy):
+        actor = policy.actor
+        return (
+            actor.features_extractor,
+            [*actor.latent_pi.modules(), *actor.mu.modules()],
+            "tanh",
+        )
+    if isinstance(policy, TD3Policy):
+        *modules, squashing = policy.actor.mu.modules()
+        if not isinstance(squashing, nn.Tanh):
+            raise ValueError(f"last layer: {type(squashing).__name__}; allowed: Tanh")
+        return policy.actor.features_extractor, modules, "tanh"
+    raise ValueError(
+        f"policy: {type(policy).__name__}; allowed: the MlpPolicy of PPO, A2C, TRPO, SAC, TQC, "
+        "CrossQ, TD3 and DDPG, and the MlpLstmPolicy of RecurrentPPO"
+    )
+
+
+def _network(modules: Iterable[nn.Module]) -> MLP:
     layers: list[Layer] = []
     activations: set[Activation] = set()
+    norm: BatchRenorm | None = None
     for module in modules:
         if isinstance(module, nn.Linear):
-            layers.append(Layer(_array(module.weight), _array(module.bias)))
+            layers.append(_layer(module, norm))
+            norm = None
+        elif isinstance(module, BatchRenorm):
+            norm = module
         elif type(module) in _ACTIVATIONS:
             activations.add(_ACTIVATIONS[type(module)])
         elif not isinstance(module, nn.Sequential):
             raise ValueError(f"layer: {type(module).__name__}; allowed: Linear, Tanh, ReLU")
     if len(activations) > 1:
         raise ValueError(f"activations: {sorted(activations)}; allowed: one kind")
-    return layers, activations.pop() if activations else "tanh"
+    return MLP(tuple(layers), activations.pop() if activations else "tanh")
 
 
-def _array(parameter: Tensor) -> np.ndarray[Any, np.dtype[np.float32]]:
-    return parameter.detach().cpu().numpy().astype(np.float32, copy=True)
+def _layer(linear: nn.Linear, norm: BatchRenorm | None) -> Layer:
+    """A linear layer and, folded into it, what normalises its inputs.
+
+    When it is not trained, batch renormalisation is the affine map x -> scale x + shift.
+    """
+    weight, bias = _float64(linear.weight), _float64(linear.bias)
+    if norm is not None:
+        scale = 1 / np.sqrt(_float64(norm.get_buffer("ra_var")) + norm.eps)
+        shift = -_float64(norm.get_buffer("ra_mean")) * scale
+        if norm.affine:
+            scale, shift = (_float64(norm.scale) * part for part in (scale, shift))
+            shift += _float64(norm.bias)
+        weight, bias = weight * scale, bias + weight @ shift
+    return Layer(weight.astype(np.float32), bias.astype(np.float32))
+
+
+def _lstm(module: nn.LSTM) -> LSTM:
+    if module.bidirectional or module.proj_size or not module.bias:
+        raise ValueError("a bundle holds LSTMs with biases, in one direction, without projections")
+    parts = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
+    return LSTM(
+        tuple(
+            LSTMLayer(
+                *(_float64(getattr(module, f"{part}_l{i}")).astype(np.float32) for part in parts)
+            )
+            for i in range(module.num_layers)
+        )
+    )
+
+
+def _normaliser(model: BaseAlgorithm) -> Normaliser | None:
+    env = model.get_vec_normalize_env()
+    if env is None or not env.norm_obs:
+        return None
+    assert isinstance(env.obs_rms, RunningMeanStd)
+    return Normaliser(env.obs_rms.mean, env.obs_rms.var, env.epsilon, env.clip_obs)
+
+
+def _float64(parameter: Tensor) -> NDArray[np.float64]:
+    return parameter.detach().cpu().numpy().astype(np.float64)

@@ -13,6 +13,7 @@ from flyrl.policies.bundle import (
     load_bundle,
     observation_layout,
 )
+from flyrl.policies.lstm import LSTM, advance
 from flyrl.policies.mlp import evaluate
 from flyrl.tasks import Task
 
@@ -36,6 +37,7 @@ class LearnedPolicy:
         self._is_squashed = bundle.squashing == "tanh"
         self._low = np.array(bundle.action_low)
         self._high = np.array(bundle.action_high)
+        self._lstm_parameters = np.empty(0) if bundle.lstm is None else bundle.lstm.packed()
 
     def predict(
         self,
@@ -50,14 +52,19 @@ class LearnedPolicy:
         ----------
         observation
             Shape (k,) or (n, k), laid out as `bundle.observation`.
-        state, episode_start
-            Of recurrent policies; handed back and ignored here.
+        state
+            Of a policy with an LSTM: what the call before returned, or None to start with zeros.
+            Any other policy hands it back.
+        episode_start
+            Of a policy with an LSTM: whether an episode starts with this observation, (n,); where
+            one does, the state is set to zeros first. None means nowhere.
         deterministic
             Must be True: a bundle holds no exploration noise.
 
         Returns
         -------
-        Action, shape (a,) or (n, a), float32, inside the bounds; and `state`.
+        Action, shape (a,) or (n, a), float32, inside the bounds; and the state: of a policy with an
+        LSTM, hidden and cell state, shape (layers, n, units) each (n is 1 for one observation).
 
         Raises
         ------
@@ -67,12 +74,18 @@ class LearnedPolicy:
         if not deterministic:
             raise ValueError("deterministic: False; allowed: True (a bundle holds no noise)")
         values = np.asarray(observation, dtype=np.float64)
-        size = int(self._sizes[0])
+        size = self.bundle.num_inputs
         if values.ndim not in (1, 2) or values.shape[-1] != size:
             raise ValueError(
                 f"observation of shape {values.shape}; allowed: ({size},) or (n, {size})"
             )
         rows = np.ascontiguousarray(np.atleast_2d(values))
+        if self.bundle.normaliser is not None:
+            rows = self.bundle.normaliser.apply(rows)
+        if self.bundle.lstm is not None:
+            hidden, cell = _memory(self.bundle.lstm, len(rows), state, episode_start)
+            advance(rows, hidden, cell, self._lstm_parameters)
+            rows, state = hidden[-1], (hidden, cell)
         outputs = evaluate(rows, self._sizes, self._parameters, self._is_tanh, self._is_squashed)
         if self._is_squashed:
             outputs = self._low + 0.5 * (outputs + 1) * (self._high - self._low)
@@ -90,6 +103,27 @@ class LearnedPolicy:
                     f"the policy was trained on other observations than those of {task.name}: "
                     f"term {i} was {_describe(trained)}, here it is {_describe(given)}"
                 )
+
+
+def _memory(
+    lstm: LSTM, num_rows: int, state: Any, episode_start: Any
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Hidden and cell state before a step, as arrays of their own."""
+    shape = (len(lstm.layers), num_rows, lstm.sizes[-1])
+    if state is None:
+        return np.zeros(shape), np.zeros(shape)
+    hidden, cell = (np.array(part, dtype=np.float64, order="C") for part in state)
+    if not hidden.shape == cell.shape == shape:
+        raise ValueError(
+            f"state of shapes {hidden.shape} and {cell.shape}; allowed: None, or twice {shape}"
+        )
+    if episode_start is not None:
+        starts = np.atleast_1d(np.asarray(episode_start, dtype=bool))
+        if starts.shape != (num_rows,):
+            raise ValueError(f"episode_start of shape {starts.shape}; allowed: ({num_rows},)")
+        hidden[:, starts] = 0.0
+        cell[:, starts] = 0.0
+    return hidden, cell
 
 
 def _describe(term: TermLayout | None) -> str:

@@ -39,9 +39,11 @@ def held_out_episodes(config: TrainingConfig) -> list[Episode]:
 
 
 def fly_env(model: BaseAlgorithm) -> FlyVecEnv:
-    """The environment that a model learns in."""
-    assert isinstance(model.env, FlyVecEnv)
-    return model.env
+    """The environment that a model learns in, without what normalises it."""
+    assert model.env is not None
+    env = model.env.unwrapped
+    assert isinstance(env, FlyVecEnv)
+    return env
 
 
 class RunCallback(BaseCallback):
@@ -152,6 +154,10 @@ class RunCallback(BaseCallback):
         save_bundle(bundle, self._folder.last)
         with replacing(self._folder.model) as partial:
             self.model.save(partial)
+        normaliser = self.model.get_vec_normalize_env()
+        if normaliser is not None:
+            with replacing(self._folder.normaliser) as partial:
+                normaliser.save(str(partial))
 
     def _evaluate(self) -> None:
         """Let the policy, as it would be saved, walk the held-out episodes; keep it if best."""

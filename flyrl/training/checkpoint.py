@@ -13,13 +13,17 @@ from typing import Any, Final
 
 import numpy as np
 import torch
+from sb3_contrib import RecurrentPPO
+from sb3_contrib.common.recurrent.type_aliases import RNNStates
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.vec_env import VecNormalize
 
 from flyrl.files import write_bytes
 
 SUFFIX: Final = ".pt"
-_FORMAT: Final = 1
+_FORMAT: Final = 2
 
 _COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 _LAST: Final = ("_last_obs", "_last_original_obs", "_last_episode_starts")
@@ -45,8 +49,9 @@ def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
     Returns
     -------
     Parameters and optimisers, counters, last observations, statistics of the latest episodes, what
-    waits to be logged, the replay buffer if there is one, and the state of every generator that
-    Stable-Baselines3 draws from.
+    waits to be logged, the state of every generator that Stable-Baselines3 draws from; and, where
+    there are such, the replay buffer, the statistics that observations and rewards are normalised
+    with, and the memory of a recurrent policy.
     """
     _, variables = model._get_torch_save_params()
     return {
@@ -61,6 +66,8 @@ def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
             "excluded": dict(model.logger.name_to_excluded),
         },
         "replay_buffer": _replay_buffer_state(model),
+        "normaliser": _normaliser_state(model),
+        "memory": _memory(model),
         "generators": {
             "python": random.getstate(),
             "numpy": np.random.get_state(legacy=False),
@@ -85,6 +92,10 @@ def restore_learner(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
     model.logger.name_to_excluded.update(state["log"]["excluded"])
     if state["replay_buffer"] is not None:
         _restore_replay_buffer(model, state["replay_buffer"])
+    if state["normaliser"] is not None:
+        _restore_normaliser(model, state["normaliser"])
+    if state["memory"] is not None:
+        _restore_memory(model, state["memory"])
     generators = state["generators"]
     random.setstate(generators["python"])
     np.random.set_state(generators["numpy"])
@@ -108,6 +119,53 @@ def _restore_replay_buffer(model: BaseAlgorithm, state: Mapping[str, Any]) -> No
     buffer.pos, buffer.full = state["pos"], state["full"]
     for name, values in state["arrays"].items():
         getattr(buffer, name)[: len(values)] = values
+
+
+def _normaliser_state(model: BaseAlgorithm) -> dict[str, Any] | None:
+    normaliser = model.get_vec_normalize_env()
+    if normaliser is None:
+        return None
+    return {
+        "statistics": {
+            name: {"mean": moments.mean, "variance": moments.var, "count": moments.count}
+            for name, moments in _moments(normaliser).items()
+        },
+        "returns": normaliser.returns.copy(),
+    }
+
+
+def _restore_normaliser(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
+    normaliser = model.get_vec_normalize_env()
+    assert normaliser is not None
+    for name, moments in _moments(normaliser).items():
+        values = state["statistics"][name]
+        moments.mean, moments.var = values["mean"], values["variance"]
+        moments.count = values["count"]
+    normaliser.returns = state["returns"]
+
+
+def _moments(normaliser: VecNormalize) -> dict[str, RunningMeanStd]:
+    moments = {"return": normaliser.ret_rms}
+    if normaliser.norm_obs:
+        assert isinstance(normaliser.obs_rms, RunningMeanStd)
+        moments["observation"] = normaliser.obs_rms
+    return moments
+
+
+def _memory(model: BaseAlgorithm) -> dict[str, list[torch.Tensor]] | None:
+    """State of a recurrent policy's LSTMs: the actor's and the critic's, hidden and cell each."""
+    if not isinstance(model, RecurrentPPO):
+        return None
+    states: RNNStates = model._last_lstm_states  # type: ignore[assignment] # declared as None
+    return {"actor": list(states.pi), "critic": list(states.vf)}
+
+
+def _restore_memory(model: BaseAlgorithm, memory: Mapping[str, Any]) -> None:
+    assert isinstance(model, RecurrentPPO)
+    actor, critic = (
+        tuple(torch.as_tensor(value) for value in memory[part]) for part in ("actor", "critic")
+    )
+    model._last_lstm_states = RNNStates(actor, critic)  # type: ignore[assignment] # as above
 
 
 def save_checkpoint(path: Path, state: Mapping[str, Any]) -> None:

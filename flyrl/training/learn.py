@@ -7,28 +7,24 @@ from typing import Any, Final
 
 import numpy as np
 import torch
-from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import (
     CSVOutputFormat,
     Logger,
     TensorBoardOutputFormat,
 )
-from stable_baselines3.common.utils import LinearSchedule
-from torch import nn
 from torch.utils.tensorboard import SummaryWriter
 
 from flyrl.envs.sb3 import FlyVecEnv
-from flyrl.training.algorithms import AlgorithmConfig, PPOConfig, SACConfig
+from flyrl.training.algorithms import OnPolicyConfig
 from flyrl.training.callback import RunCallback, fly_env
 from flyrl.training.checkpoint import load_checkpoint, restore_learner
 from flyrl.training.config import TrainingConfig
 from flyrl.training.interruption import interruption
+from flyrl.training.models import build_model
 from flyrl.training.run_folder import RunFolder, read_rows
 
 _DECISIONS_LOGGED: Final = "time/total_timesteps"
-
-_ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 
 
 @dataclass(frozen=True)
@@ -122,7 +118,7 @@ def _learn(
             model.learn(
                 total,
                 callback=callback,
-                log_interval=1 if isinstance(config.algo, PPOConfig) else 4 * env.num_envs,
+                log_interval=1 if isinstance(config.algo, OnPolicyConfig) else 4 * env.num_envs,
                 reset_num_timesteps=state is None,
             )
         finally:
@@ -151,63 +147,6 @@ def _logger(folder: RunFolder, decisions: int | None) -> Logger:
 
 def _number(text: str) -> float:
     return int(text) if text.isdigit() else float(text)
-
-
-def build_model(algo: AlgorithmConfig, env: FlyVecEnv, seed: int) -> BaseAlgorithm:
-    """Stable-Baselines3 model, untrained, on the CPU.
-
-    Parameters
-    ----------
-    algo
-        Settings.
-    env
-        Where it will learn.
-    seed
-        Of the network and the exploration.
-    """
-    common: dict[str, Any] = {
-        "learning_rate": (
-            LinearSchedule(algo.learning_rate, 0.0, 1.0)
-            if algo.learning_rate_decay
-            else algo.learning_rate
-        ),
-        "batch_size": algo.batch_size,
-        "gamma": algo.gamma,
-        "seed": seed,
-        "device": "cpu",
-    }
-    network: dict[str, Any] = {
-        "net_arch": list(algo.hidden_layers),
-        "activation_fn": _ACTIVATIONS[algo.activation],
-    }
-    if isinstance(algo, PPOConfig):
-        return PPO(
-            "MlpPolicy",
-            env,
-            n_steps=algo.n_steps,
-            n_epochs=algo.n_epochs,
-            gae_lambda=algo.gae_lambda,
-            clip_range=algo.clip_range,
-            ent_coef=algo.ent_coef,
-            vf_coef=algo.vf_coef,
-            max_grad_norm=algo.max_grad_norm,
-            policy_kwargs={**network, "log_std_init": algo.log_std_init},
-            **common,
-        )
-    if isinstance(algo, SACConfig):
-        return SAC(
-            "MlpPolicy",
-            env,
-            buffer_size=algo.buffer_size,
-            learning_starts=algo.learning_starts,
-            train_freq=1,
-            gradient_steps=algo.gradient_steps,
-            tau=algo.tau,
-            ent_coef=f"auto_{algo.initial_ent_coef}",
-            policy_kwargs=network,
-            **common,
-        )
-    raise TypeError(f"no model for {type(algo).__name__}")
 
 
 def _episode_seed(seed: int) -> int:

@@ -15,6 +15,7 @@ _PACKAGES: Final = (
     "mujoco",
     "numba",
     "numpy",
+    "sb3-contrib",
     "scipy",
     "stable-baselines3",
     "torch",

@@ -10,6 +10,7 @@ evaluations.csv      success and return on the held-out episodes
 best.safetensors     policy bundle with the best evaluation
 last.safetensors     policy bundle at the end
 model.zip            Stable-Baselines3's model, to go on training (holds a pickle: your own only)
+vecnormalize.pkl     Stable-Baselines3's VecNormalize for it, if the run normalises (a pickle too)
 checkpoints/         the latest ones, to go on from after an interruption
 status.json          how the run ended
 """
@@ -135,6 +136,11 @@ class RunFolder:
     def model(self) -> Path:
         """Model of Stable-Baselines3 beside `last`."""
         return self.path / "model.zip"
+
+    @property
+    def normaliser(self) -> Path:
+        """VecNormalize of Stable-Baselines3 that goes with `model`."""
+        return self.path / "vecnormalize.pkl"
 
     def checkpoint(self, decisions: int) -> Path:
         """Checkpoint after so many decisions."""

@@ -99,7 +99,10 @@ def test_config_of_a_run_folder_reads_back():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        (["algo.name=td3"], r"algo\.name must be one of 'ppo', 'sac', got 'td3'"),
+        (
+            ["algo.name=td4"],
+            r"algo\.name must be one of 'ppo', .*, got 'td4'; did you mean 'td3'",
+        ),
         (
             ["+terrain.hight=3"],
             r"there is no key 'terrain\.hight'; did you mean 'terrain\.height_range'.",

@@ -14,7 +14,8 @@ from flyrl.cli.config import evaluation_config, evaluation_settings, training_co
 from flyrl.cli.terms import load_terms
 from flyrl.envs.core import BatchedEnv
 from flyrl.tasks import TASKS
-from flyrl.training.config import env_record, training_record
+from flyrl.envs.record import env_record
+from flyrl.training.config import training_record
 from flyrl.training.run_folder import RunFolder, read_record
 from tests.tasks.test_terms import fly_state, task_state
 

@@ -1,5 +1,6 @@
 """A small bundle, and small SB3 models, to save, break and compare."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import gymnasium
@@ -7,7 +8,9 @@ import numpy as np
 import pytest
 
 from flyrl.policies.bundle import PolicyBundle, TermLayout
+from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Activation, Layer
+from flyrl.policies.normaliser import Normaliser
 
 LAYOUT = (TermLayout("bearing", 2), TermLayout("speed", 1))
 
@@ -42,6 +45,19 @@ def bundle() -> PolicyBundle:
         action_high=(1.0, 1.0),
         env={"task": "target"},
         training={"decisions": 7},
+    )
+
+
+@pytest.fixture
+def recurrent(bundle) -> PolicyBundle:
+    """One that normalises its observations and remembers, with random weights."""
+    rng = np.random.default_rng(0)
+    shapes = ((12, 3), (12, 3), (12,), (12,))
+    layer = LSTMLayer(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
+    return replace(
+        bundle,
+        lstm=LSTM((layer, layer)),
+        normaliser=Normaliser(np.array([0.1, 0, -1]), np.array([1, 0.3, 2]), 1e-8, 10.0),
     )
 
 

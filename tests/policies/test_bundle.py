@@ -1,10 +1,12 @@
+import hashlib
 import json
 import pickle
 import zipfile
 
 import numpy as np
 import pytest
-from safetensors.numpy import load_file, save_file
+from safetensors import safe_open
+from safetensors.numpy import load_file, save, save_file
 
 from flyrl.policies import PolicyFileError, load_policy
 from flyrl.policies.bundle import load_bundle, save_bundle
@@ -28,6 +30,23 @@ def test_everything_comes_back(bundle, file):
     assert (loaded.action_low, loaded.action_high) == ((-1, -1), (1, 1))
     assert loaded.env == {"task": "target"}
     assert loaded.training == {"decisions": 7}
+
+
+def test_normaliser_and_lstm_come_back(recurrent, tmp_path):
+    save_bundle(recurrent, tmp_path / "policy.safetensors")
+    loaded = load_bundle(tmp_path / "policy.safetensors")
+    for name in ("mean", "variance"):
+        given = getattr(recurrent.normaliser, name)
+        np.testing.assert_array_equal(getattr(loaded.normaliser, name), given)
+    assert (loaded.normaliser.epsilon, loaded.normaliser.clip) == (1e-8, 10.0)
+    assert loaded.lstm.sizes == (3, 3, 3)
+    np.testing.assert_array_equal(loaded.lstm.packed(), recurrent.lstm.packed())
+
+
+def test_a_plain_bundle_has_neither(file):
+    loaded = load_bundle(file)
+    assert loaded.normaliser is None
+    assert loaded.lstm is None
 
 
 def test_same_policy_same_bytes(bundle, file, tmp_path):
@@ -129,6 +148,39 @@ def test_other_schema(file):
     save_file(load_file(file), file, {"flyrl": json.dumps(record)})
     with pytest.raises(PolicyFileError, match=r"'flyrl\.policy/99'.*reads 'flyrl\.policy/1'"):
         load_policy(file)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"normaliser": {"mean": [0.0]}}, "incomplete or wrong record"),
+        (
+            {"normaliser": {"mean": [0, 0, 0], "variance": [1, 1, "x"], "epsilon": 1, "clip": 1}},
+            r"normaliser\.variance must be numbers",
+        ),
+        (
+            {"normaliser": {"mean": [0], "variance": [1], "epsilon": 1, "clip": 1}},
+            r"normaliser\.mean has 1 values, the observation 3",
+        ),
+        ({"architecture": {"lstm_sizes": [3, 3]}}, "tensors .*; allowed:"),
+        ({"architecture": {"lstm_sizes": [3, 3, 4]}}, r"lstm_sizes \[3, 3, 4\], but"),
+        ({"architecture": {"lstm_sizes": 7}}, "incomplete or wrong record"),
+        ({"architecture": {"kind": "gru"}}, "architecture: 'gru'; allowed: mlp, lstm"),
+    ],
+)
+def test_a_record_that_does_not_fit(recurrent, tmp_path, changes, message):
+    file = tmp_path / "policy.safetensors"
+    save_bundle(recurrent, file)
+    with safe_open(file, "np") as opened:
+        record = json.loads(opened.metadata()["flyrl"])
+    for key, value in changes.items():
+        merged = {**record[key], **value} if key == "architecture" else value
+        record = {**record, key: merged, "sha256": "0" * 64}
+    data = save(load_file(file), {"flyrl": json.dumps(record)})
+    digest = hashlib.sha256(data).hexdigest()
+    file.write_bytes(data.replace(b"0" * 64, digest.encode(), 1))
+    with pytest.raises(PolicyFileError, match=message):
+        load_bundle(file)
 
 
 @pytest.mark.parametrize(

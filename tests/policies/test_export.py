@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 import torch
-from stable_baselines3 import PPO, SAC, TD3
+from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
+from sb3_contrib.common.torch_layers import BatchRenorm
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
 from flyrl.policies import LearnedPolicy, TermLayout
@@ -17,21 +20,29 @@ def _perturbed(model):
     with torch.no_grad():
         for parameter in model.policy.parameters():
             parameter.add_(0.1 * torch.randn(parameter.shape, generator=generator))
+        for module in model.policy.modules():
+            if isinstance(module, BatchRenorm):
+                module.ra_mean.add_(torch.randn(module.ra_mean.shape, generator=generator))
+                module.ra_var.mul_(0.1 + torch.rand(module.ra_var.shape, generator=generator))
     return model
 
 
+def _model(algorithm, env, policy="MlpPolicy", **kwargs):
+    return _perturbed(algorithm(policy, env, policy_kwargs=kwargs, device="cpu", seed=0))
+
+
+def _observations(*shape):
+    return np.random.default_rng(0).normal(size=shape).astype(np.float32)
+
+
 @pytest.mark.parametrize("activation", [nn.Tanh, nn.ReLU])
-@pytest.mark.parametrize("algorithm", [PPO, SAC])
+@pytest.mark.parametrize("algorithm", [PPO, A2C, TRPO, SAC, TQC, CrossQ, TD3, DDPG])
 @pytest.mark.parametrize(("low", "high"), [(-1.0, 1.0), (-0.5, 1.5)])
 def test_same_actions_as_sb3(algorithm, activation, low, high):
-    kwargs = {"net_arch": [64, 64], "activation_fn": activation}
-    model = _perturbed(
-        algorithm(
-            "MlpPolicy", Bandit(low=low, high=high), policy_kwargs=kwargs, device="cpu", seed=0
-        )
-    )
+    env = Bandit(low=low, high=high)
+    model = _model(algorithm, env, net_arch=[64, 64], activation_fn=activation)
     policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
-    observations = np.random.default_rng(0).normal(size=(500, 40)).astype(np.float32)
+    observations = _observations(500, 40)
     expected, _ = model.predict(observations, deterministic=True)
     actions, _ = policy.predict(observations)
     assert np.ptp(expected) > 1
@@ -39,22 +50,71 @@ def test_same_actions_as_sb3(algorithm, activation, low, high):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
 
 
+@pytest.mark.parametrize("num_layers", [1, 2])
+def test_same_actions_and_memory_as_a_recurrent_model(num_layers):
+    model = _model(
+        RecurrentPPO,
+        Bandit(),
+        "MlpLstmPolicy",
+        net_arch=[16],
+        lstm_hidden_size=24,
+        n_lstm_layers=num_layers,
+    )
+    policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
+    rng = np.random.default_rng(1)
+    state = expected_state = None
+    for observations in 3 * _observations(30, 5, 40):
+        starts = rng.random(5) < 0.2
+        expected, expected_state = model.predict(observations, expected_state, starts, True)
+        actions, state = policy.predict(observations, state, starts)
+        np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+        np.testing.assert_allclose(state, expected_state, rtol=0, atol=5e-6)
+    assert np.abs(state).max() > 0.5
+
+
+def test_normaliser_comes_along():
+    env = VecNormalize(DummyVecEnv([Bandit]), clip_obs=1.5)
+    model = _model(PPO, env, net_arch=[16])
+    rng = np.random.default_rng(2)
+    env.obs_rms.mean, env.obs_rms.var = rng.normal(size=40), rng.uniform(0.1, 2, size=40)
+    observations = _observations(200, 40)
+    expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
+    bundle = bundle_from_sb3(model, LAYOUT, {}, {})
+    actions, _ = LearnedPolicy(bundle).predict(observations)
+    assert (bundle.normaliser.epsilon, bundle.normaliser.clip) == (env.epsilon, 1.5)
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+def test_rewards_alone_need_no_normaliser():
+    env = VecNormalize(DummyVecEnv([Bandit]), norm_obs=False)
+    assert bundle_from_sb3(_model(PPO, env), LAYOUT, {}, {}).normaliser is None
+
+
 def test_later_training_does_not_change_the_bundle():
-    model = PPO("MlpPolicy", Bandit(), device="cpu")
+    env = VecNormalize(DummyVecEnv([Bandit]))
+    model = PPO("MlpPolicy", env, device="cpu")
     policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
     before, _ = policy.predict(np.ones(40))
     _perturbed(model)
+    env.obs_rms.mean += 1
     after, _ = LearnedPolicy(policy.bundle).predict(np.ones(40))
     np.testing.assert_array_equal(before, after)
 
 
 def test_unknown_policies_are_refused():
-    with pytest.raises(ValueError, match="policy: TD3Policy"):
-        bundle_from_sb3(TD3("MlpPolicy", Bandit(), device="cpu"), LAYOUT, {}, {})
+    with pytest.raises(ValueError, match="policy: ARSPolicy"):
+        bundle_from_sb3(ARS("MlpPolicy", Bandit(), device="cpu"), LAYOUT, {}, {})
 
 
 def test_unknown_layers_are_refused():
     kwargs = {"activation_fn": nn.ELU}
     model = PPO("MlpPolicy", Bandit(), policy_kwargs=kwargs, device="cpu")
     with pytest.raises(ValueError, match="layer: ELU; allowed: Linear, Tanh, ReLU"):
+        bundle_from_sb3(model, LAYOUT, {}, {})
+
+
+def test_unknown_lstms_are_refused():
+    kwargs = {"lstm_kwargs": {"bias": False}}
+    model = RecurrentPPO("MlpLstmPolicy", Bandit(), policy_kwargs=kwargs, device="cpu")
+    with pytest.raises(ValueError, match="LSTMs with biases"):
         bundle_from_sb3(model, LAYOUT, {}, {})

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.policies import LearnedPolicy, PolicyFileError
+from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import TASKS, ObservationTerm, Task
 
 
@@ -35,6 +36,67 @@ def test_single_and_batch_give_the_same_bits(bundle):
     singles = [policy.predict(observation)[0] for observation in observations]
     assert batch.shape == (50, 2)
     np.testing.assert_array_equal(batch, singles)
+
+
+def test_observations_are_normalised_first(bundle):
+    normaliser = Normaliser(np.array([1, 0, 0]), np.array([16.0, 4, 1]), 1e-12, 10.0)
+    action, _ = LearnedPolicy(replace(bundle, normaliser=normaliser)).predict([2.0, 0.2, 9.0])
+    # the network sees [0.25, 0.1, 9], as in the test by hand
+    np.testing.assert_allclose(action, [0.75, -0.95], rtol=1e-6)
+
+
+def _walk(policy, observations):
+    state, actions = None, []
+    for rows in observations:
+        action, state = policy.predict(rows, state)
+        actions.append(action)
+    return np.array(actions), state
+
+
+def test_a_recurrent_policy_remembers(recurrent):
+    policy = LearnedPolicy(recurrent)
+    observation = np.array([0.3, -0.2, 0.5])
+    (first, second), _ = _walk(policy, [observation] * 2)
+    assert np.abs(second - first).max() > 1e-3
+
+
+def test_memory_in_a_batch_is_that_of_each_alone(recurrent):
+    policy = LearnedPolicy(recurrent)
+    observations = np.random.default_rng(0).normal(size=(10, 7, 3)).astype(np.float32)
+    together, state = _walk(policy, observations)
+    assert state[0].shape == state[1].shape == (2, 7, 3)
+    for i in range(7):
+        np.testing.assert_array_equal(_walk(policy, observations[:, i])[0], together[:, i])
+
+
+def test_an_episode_starts_without_memory(recurrent):
+    policy = LearnedPolicy(recurrent)
+    observations = np.random.default_rng(0).normal(size=(3, 2, 3))
+    _, state = _walk(policy, observations)
+    fresh, _ = policy.predict(observations[0])
+    kept, _ = policy.predict(observations[0], state)
+    mixed, _ = policy.predict(observations[0], state, np.array([True, False]))
+    np.testing.assert_array_equal(mixed, [fresh[0], kept[1]])
+    assert np.abs(kept[0] - fresh[0]).max() > 1e-3
+
+
+def test_a_state_is_not_changed_in_place(recurrent):
+    policy = LearnedPolicy(recurrent)
+    _, state = policy.predict(np.ones((2, 3)))
+    before = [part.copy() for part in state]
+    policy.predict(np.ones((2, 3)), state, np.array([True, True]))
+    np.testing.assert_array_equal(state, before)
+
+
+def test_states_and_starts_of_other_shapes_are_refused(recurrent):
+    policy = LearnedPolicy(recurrent)
+    _, state = policy.predict(np.ones((2, 3)))
+    with pytest.raises(
+        ValueError, match=r"state of shapes .*; allowed: None, or twice \(2, 5, 3\)"
+    ):
+        policy.predict(np.ones((5, 3)), state)
+    with pytest.raises(ValueError, match=r"episode_start of shape \(3,\); allowed: \(2,\)"):
+        policy.predict(np.ones((2, 3)), state, np.ones(3, dtype=bool))
 
 
 @pytest.mark.parametrize("shape", [(4,), (2, 4), (1, 1, 3), ()])

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.policies import ConstantDrive
+from flyrl.policies import ConstantDrive, LearnedPolicy, PolicyBundle, observation_layout
+from flyrl.policies.lstm import LSTM, LSTMLayer
+from flyrl.policies.mlp import MLP, Layer
 from flyrl.rollouts import num_decisions, run_episodes
 from flyrl.tasks import TASKS, Termination
 from flyrl.terrains import TerrainConfig
@@ -24,6 +26,28 @@ TASK = dataclasses.replace(
     terminations=(Termination("success", _is_over),),
 )
 WALK = ConstantDrive(1.0, 1.0, TASK.action)
+
+
+def counting_policy():
+    """Blind but for a memory that grows with every decision, and that the action follows."""
+    size = sum(term.size for term in TASK.observation)
+    # rows: input gate and forget gate open, a small candidate, output gate open
+    bias = np.array([20, 20, 0.3, 20], np.float32)
+    still = np.zeros((4, size), np.float32), np.zeros((4, 1), np.float32)
+    lstm = LSTM((LSTMLayer(*still, bias, np.zeros(4, np.float32)),))
+    head = MLP((Layer(np.ones((2, 1), np.float32), np.zeros(2, np.float32)),), "tanh")
+    return LearnedPolicy(
+        PolicyBundle(
+            network=head,
+            squashing="clip",
+            observation=observation_layout(TASK),
+            action_low=(-1.0, -1.0),
+            action_high=(1.0, 1.0),
+            env={},
+            training={},
+            lstm=lstm,
+        )
+    )
 
 
 def countdown(decisions):
@@ -90,6 +114,17 @@ def test_an_episode_gives_the_same_record_in_any_batch(records):
     np.testing.assert_array_equal(alone.position_w, records[0].position_w)
     np.testing.assert_array_equal(alone.yaw, records[0].yaw)
     assert alone.return_ == records[0].return_
+
+
+def test_memory_lasts_for_an_episode_and_no_longer():
+    # the third episode starts a new batch
+    episodes = [countdown(n) for n in (99, 2, 99)]
+    records = run_episodes(make_env(2), counting_policy(), episodes)
+    # after k decisions the cell holds k tanh(0.3)
+    memory = np.tanh(np.arange(1, 6) * np.tanh(0.3))
+    drives = TASK.drive(np.repeat(memory[:, None], 2, axis=1))
+    for record, decisions in zip(records, (5, 2, 5), strict=True):
+        np.testing.assert_allclose(record.drive[1:], drives[:decisions], atol=1e-6)
 
 
 def test_what_has_ended_stands_still_and_earns_nothing():

@@ -58,7 +58,7 @@ class _Touch:
 
 def test_nothing_in_a_checkpoint_is_executed(tmp_path):
     trace = tmp_path / "executed"
-    torch.save({"format": 1, "state": _Touch(trace)}, tmp_path / "c.pt")
+    torch.save({"format": 2, "state": _Touch(trace)}, tmp_path / "c.pt")
     with pytest.raises(ResumeError):
         load_checkpoint(tmp_path / "c.pt")
     assert not trace.exists()

@@ -6,37 +6,62 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
-from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.algorithms import ALGORITHMS, A2CConfig, SACConfig, TD3Config
 from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
+    ("name", "key", "value"),
     [
-        ("learning_rate", 0.0),
-        ("learning_rate", float("nan")),
-        ("gamma", 1.1),
-        ("batch_size", 1),
-        ("hidden_layers", (64, 0)),
-        ("activation", "elu"),
-        ("n_steps", 0),
-        ("clip_range", 0.0),
-        ("ent_coef", -1.0),
-        ("log_std_init", 3.0),
+        *[
+            (name, key, value)
+            for name in ALGORITHMS
+            for key, value in (
+                ("learning_rate", 0.0),
+                ("learning_rate", float("nan")),
+                ("gamma", 1.1),
+                ("hidden_layers", (64, 0)),
+                ("activation", "elu"),
+            )
+        ],
+        ("ppo", "batch_size", 1),
+        ("ppo", "n_steps", 0),
+        ("ppo", "gae_lambda", 1.5),
+        ("ppo", "clip_range", 0.0),
+        ("ppo", "n_epochs", 0),
+        ("ppo", "ent_coef", -1.0),
+        ("ppo", "log_std_init", 3.0),
+        ("a2c", "vf_coef", -1.0),
+        ("a2c", "max_grad_norm", -1.0),
+        ("trpo", "target_kl", 0.0),
+        ("trpo", "n_critic_updates", 0),
+        ("trpo", "cg_max_steps", 0),
+        ("trpo", "cg_damping", -0.1),
+        ("trpo", "line_search_max_iter", 0),
+        ("trpo", "line_search_shrinking_factor", 1.2),
+        ("recurrent_ppo", "lstm_hidden_size", 0),
+        ("recurrent_ppo", "n_lstm_layers", 0),
+        ("sac", "buffer_size", 10),
+        ("sac", "learning_starts", -1),
+        ("sac", "gradient_steps", 0),
+        ("sac", "tau", 0.0),
+        ("sac", "initial_ent_coef", 0.0),
+        ("tqc", "tau", 1.5),
+        ("tqc", "n_critics", 0),
+        ("tqc", "n_quantiles", 0),
+        ("tqc", "top_quantiles_to_drop_per_net", 25),
+        ("crossq", "policy_delay", 0),
+        ("crossq", "renorm_warmup_steps", -1),
+        ("td3", "policy_delay", 0),
+        ("td3", "target_policy_noise", 0.0),
+        ("td3", "target_noise_clip", -1.0),
+        ("ddpg", "action_noise_std", -0.1),
+        ("ddpg", "tau", 0.0),
     ],
 )
-def test_bad_ppo_settings_name_key_and_value(key, value):
+def test_bad_settings_of_an_algorithm_name_key_and_value(name, key, value):
     with pytest.raises(ValueError, match=rf"algo\.{key} must .*, got"):
-        PPOConfig(**{key: value})
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [("buffer_size", 10), ("learning_starts", -1), ("gradient_steps", 0), ("tau", 0.0)],
-)
-def test_bad_sac_settings_name_key_and_value(key, value):
-    with pytest.raises(ValueError, match=rf"algo\.{key} must .*, got"):
-        SACConfig(**{key: value})
+        ALGORITHMS[name](**{key: value})
 
 
 @pytest.mark.parametrize(
@@ -56,11 +81,24 @@ def test_bad_schedules_name_key_and_value(key, value):
         ScheduleConfig(**{key: value})
 
 
-def test_an_update_must_split_into_batches():
-    algo = PPOConfig(n_steps=10, batch_size=64)
+@pytest.mark.parametrize("name", ["ppo", "recurrent_ppo", "trpo"])
+def test_an_update_must_split_into_batches(name):
+    algo = ALGORITHMS[name](n_steps=10, batch_size=64)
     schedule = ScheduleConfig(num_envs=8)
     with pytest.raises(ValueError, match=r"algo\.batch_size must divide 80.* got 64"):
         TrainingConfig(algo=algo, training=schedule)
+
+
+def test_a_single_advantage_cannot_be_normalised():
+    schedule = ScheduleConfig(num_envs=1)
+    TrainingConfig(algo=A2CConfig(n_steps=1), training=schedule)
+    with pytest.raises(ValueError, match=r"must be at least 2 .*got 1 x 1"):
+        TrainingConfig(algo=A2CConfig(n_steps=1, normalize_advantage=True), training=schedule)
+
+
+def test_a_replay_buffer_must_hold_all_environments():
+    with pytest.raises(ValueError, match=r"algo\.buffer_size must be at least 500, got 300"):
+        TrainingConfig(algo=TD3Config(buffer_size=300), training=ScheduleConfig(num_envs=500))
 
 
 def test_seed_outside_the_range():

@@ -1,5 +1,6 @@
 import csv
 import os
+import pickle
 import signal
 import threading
 from dataclasses import replace
@@ -15,7 +16,8 @@ from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, SACConfig
 from flyrl.training.callback import held_out_episodes
 from flyrl.training.config import ScheduleConfig, TrainingConfig
-from flyrl.training.learn import build_model, train
+from flyrl.training.learn import train
+from flyrl.training.models import build_model
 
 SCHEDULE = ScheduleConfig(
     total_decisions=96,
@@ -78,6 +80,21 @@ def test_last_policy_acts_as_the_sb3_model(run):
     )
     actions, _ = load_policy(run.folder / "last.safetensors").predict(observations)
     np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-6)
+
+
+def test_a_normalised_run_keeps_its_statistics(tmp_path):
+    algo = replace(PPO_CONFIG.algo, normalize_observation=True, normalize_reward=True)
+    run = train(replace(PPO_CONFIG, algo=algo), tmp_path)
+    policy = load_policy(run.folder / "last.safetensors")
+    with (run.folder / "vecnormalize.pkl").open("rb") as file:
+        normaliser = pickle.load(file)
+    # one observation of each fly at the start, one after each decision (and SB3 starts at 1e-4)
+    assert normaliser.obs_rms.count == pytest.approx(4 + 96, abs=0.01)
+    observations = np.random.default_rng(0).normal(size=(20, 46)).astype(np.float32)
+    expected, _ = PPO.load(run.folder / "model.zip", device="cpu").predict(
+        normaliser.normalize_obs(observations), deterministic=True
+    )
+    np.testing.assert_allclose(policy.predict(observations)[0], expected, rtol=0, atol=1e-6)
 
 
 def test_evaluations_and_best_policy(run):

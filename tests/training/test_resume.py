@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
@@ -29,6 +29,17 @@ PPO_CONFIG = TrainingConfig(
 )
 SAC_CONFIG = TrainingConfig(
     algo=SACConfig(learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)),
+    training=SCHEDULE,
+)
+RECURRENT_CONFIG = TrainingConfig(
+    algo=RecurrentPPOConfig(
+        n_steps=8,
+        batch_size=16,
+        n_epochs=2,
+        lstm_hidden_size=8,
+        normalize_observation=True,
+        normalize_reward=True,
+    ),
     training=SCHEDULE,
 )
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
@@ -53,7 +64,9 @@ def _results(run):
     return {name: (run.folder / name).read_bytes() for name in RESULTS}
 
 
-@CONFIGS
+@pytest.mark.parametrize(
+    "config", [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG], ids=["ppo", "sac", "recurrent_ppo"]
+)
 def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     whole = train(config, tmp_path / "whole")
     with monkeypatch.context() as patch:

@@ -1,0 +1,269 @@
+"""Every algorithm: its settings reach the model, and a checkpoint holds all of it."""
+
+import dataclasses
+
+import gymnasium
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.policies import LearnedPolicy, TermLayout
+from flyrl.policies.export import bundle_from_sb3
+from flyrl.training.algorithms import ALGORITHMS, DDPGConfig, TD3Config
+from flyrl.training.checkpoint import (
+    learner_state,
+    load_checkpoint,
+    restore_learner,
+    save_checkpoint,
+)
+from flyrl.training.models import build_model
+
+# none of them a default, here or in Stable-Baselines3
+SETTINGS = {
+    "gamma": 0.9,
+    "n_steps": 6,
+    "gae_lambda": 0.8,
+    "n_epochs": 3,
+    "clip_range": 0.3,
+    "ent_coef": 0.01,
+    "vf_coef": 0.4,
+    "max_grad_norm": 0.7,
+    "batch_size": 12,
+    "normalize_advantage": True,
+    "target_kl": 0.02,
+    "n_critic_updates": 4,
+    "cg_max_steps": 5,
+    "cg_damping": 0.2,
+    "line_search_max_iter": 6,
+    "line_search_shrinking_factor": 0.7,
+    "buffer_size": 1000,
+    "learning_starts": 20,
+    "gradient_steps": 2,
+    "tau": 0.01,
+    "top_quantiles_to_drop_per_net": 3,
+    "policy_delay": 4,
+    "target_policy_noise": 0.3,
+    "target_noise_clip": 0.6,
+}
+OF_POLICY = {
+    "log_std_init": -1.0,
+    "lstm_hidden_size": 5,
+    "n_lstm_layers": 2,
+    "enable_critic_lstm": False,
+    "n_critics": 3,
+    "n_quantiles": 7,
+    "renorm_warmup_steps": 50,
+}
+TRANSLATED = {
+    "hidden_layers": (6, 7),
+    "activation": "relu",
+    "learning_rate": 2e-3,
+    "learning_rate_decay": True,
+}
+
+
+def _known(name, settings):
+    fields = {field.name for field in dataclasses.fields(ALGORITHMS[name])}
+    return {key: value for key, value in settings.items() if key in fields}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="module")
+def env():
+    return FlyVecEnv(EnvConfig(), num_envs=4, num_threads=1)
+
+
+@pytest.fixture(scope="module")
+def other_env():
+    return FlyVecEnv(EnvConfig(), num_envs=4, num_threads=1)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_settings_reach_the_model(name, env):
+    settings = _known(name, SETTINGS)
+    of_policy = _known(name, OF_POLICY)
+    model = build_model(
+        ALGORITHMS[name](**settings, **of_policy, **TRANSLATED, normalize_reward=True), env, seed=3
+    )
+    for key, value in settings.items():
+        given = getattr(model, key)
+        assert (given(1.0) if callable(given) else given) == value, key
+    for key, value in of_policy.items():
+        assert model.policy_kwargs[key] == value, key
+    assert model.policy_kwargs["net_arch"] == [6, 7]
+    assert model.policy_kwargs["activation_fn"] is torch.nn.ReLU
+    assert model.lr_schedule(0.5) == 1e-3
+    assert model.seed == 3
+
+
+def test_use_rms_prop_chooses_the_optimiser(env):
+    for use_rms_prop, optimiser in ((True, torch.optim.RMSprop), (False, torch.optim.Adam)):
+        algo = ALGORITHMS["a2c"](use_rms_prop=use_rms_prop)
+        assert isinstance(build_model(algo, env, 0).policy.optimizer, optimiser)
+
+
+@pytest.mark.parametrize("name", ["sac", "tqc", "crossq"])
+def test_entropy_weight_at_the_start(name, env):
+    model = build_model(ALGORITHMS[name](initial_ent_coef=0.3), env, seed=0)
+    assert model.log_ent_coef.exp().item() == pytest.approx(0.3)
+
+
+def test_ddpg_has_one_critic(env):
+    assert build_model(DDPGConfig(), env, seed=0).critic.n_critics == 1
+
+
+def test_action_noise(env):
+    noise = build_model(TD3Config(action_noise_std=0.3), env, seed=0).action_noise
+    assert isinstance(noise, NormalActionNoise)
+    np.testing.assert_array_equal(noise._sigma, [0.3, 0.3])
+
+
+@pytest.mark.parametrize("observation", [False, True])
+@pytest.mark.parametrize("reward", [False, True])
+def test_normalisation(observation, reward, env):
+    algo = ALGORITHMS["ppo"](gamma=0.9, normalize_observation=observation, normalize_reward=reward)
+    normaliser = build_model(algo, env, seed=0).get_vec_normalize_env()
+    if not observation and not reward:
+        assert normaliser is None
+    else:
+        assert isinstance(normaliser, VecNormalize)
+        assert (normaliser.norm_obs, normaliser.norm_reward) == (observation, reward)
+        assert normaliser.gamma == 0.9
+
+
+class _SaveAt(BaseCallback):
+    """Saves a checkpoint between two updates, once so many decisions are made."""
+
+    def __init__(self, path, decisions, env):
+        super().__init__()
+        self.path, self.decisions, self.fly_env = path, decisions, env
+
+    def _on_step(self):
+        return True
+
+    def _on_rollout_start(self):
+        if self.num_timesteps == self.decisions:
+            state = {"learner": learner_state(self.model), "env": self.fly_env.snapshot()}
+            save_checkpoint(self.path, state)
+
+
+def _same(a, b):
+    """Whether nested states are equal to the bit."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    if isinstance(a, torch.Tensor | np.ndarray | np.generic):
+        return np.array_equal(np.asarray(a), np.asarray(b))
+    return a == b
+
+
+TINY = {
+    "hidden_layers": (8,),
+    "learning_rate_decay": True,
+    "n_steps": 8,
+    "batch_size": 16,
+    "n_epochs": 2,
+    "lstm_hidden_size": 4,
+    "learning_starts": 20,
+    "gradient_steps": 2,
+    "policy_delay": 3,
+    "renorm_warmup_steps": 20,
+    "normalize_observation": True,
+    "normalize_reward": True,
+}
+WITHOUT_NORMALISATION = {"normalize_observation": False, "normalize_reward": False}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        *[(name, {}) for name in ALGORITHMS],
+        ("recurrent_ppo", {**WITHOUT_NORMALISATION, "enable_critic_lstm": False}),
+        ("td3", WITHOUT_NORMALISATION),
+        ("ddpg", {"normalize_observation": False}),
+    ],
+)
+def test_going_on_from_a_checkpoint_gives_the_same_bits(name, changes, env, other_env, tmp_path):
+    algo = ALGORITHMS[name](**_known(name, TINY) | changes)
+    total, interrupted_at = 96, 64
+    path = tmp_path / "c.pt"
+
+    whole = build_model(algo, env, seed=1)
+    env.seed(5)
+    whole.set_logger(Logger(None, []))
+    whole.learn(total, callback=_SaveAt(path, interrupted_at, env))
+    end = learner_state(whole)
+
+    checkpoint = load_checkpoint(path)
+    resumed = build_model(algo, other_env, seed=2)
+    resumed.set_logger(Logger(None, []))
+    other_env.restore(checkpoint["env"])
+    restore_learner(resumed, checkpoint["learner"])
+    assert resumed.num_timesteps == interrupted_at
+    resumed.learn(total - interrupted_at, reset_num_timesteps=False)
+
+    assert whole.num_timesteps == resumed.num_timesteps == total
+    again = learner_state(resumed)
+    # those hold wall-clock times
+    for state in (end, again):
+        del state["log"], state["episode_infos"]
+    assert [key for key in end if not _same(end[key], again[key])] == []
+
+
+class Follow(gymnasium.Env):
+    """One-step problem: the action should be half of a goal, which is seen far from 0."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (2,), np.float32)
+    action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.goal = self.np_random.uniform(-1, 1, 2)
+        return self.seen(self.goal), {}
+
+    def step(self, action):
+        reward = -np.square(action - 0.5 * self.goal).sum()
+        return self.seen(self.goal), reward, True, False, {}
+
+    @staticmethod
+    def seen(goal):
+        return (5 + 3 * goal).astype(np.float32)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_algorithm_learns(name):
+    settings = {
+        "learning_rate": 3e-3,
+        "n_steps": 8,
+        "batch_size": 64,
+        "learning_starts": 200,
+        "gradient_steps": 2,
+    }
+    algo = ALGORITHMS[name](
+        **_known(name, settings), normalize_observation=True, normalize_reward=True
+    )
+    env = DummyVecEnv([Follow] * 8)
+    model = build_model(algo, env, seed=0)
+    model.set_logger(Logger(None, []))
+    # A2C makes a single step of the gradient per update
+    model.learn(6400 if name == "a2c" else 1600)
+    goals = np.random.default_rng(1).uniform(-1, 1, (500, 2))
+    policy = LearnedPolicy(bundle_from_sb3(model, (TermLayout("goal", 2),), {}, {}))
+    actions, _ = policy.predict(Follow.seen(goals), None, np.ones(500, bool))
+    # the best that takes no notice of the goal is to stay at 0
+    error, error_at_0 = (np.square(a - 0.5 * goals).mean() ** 0.5 for a in (actions, 0.0))
+    assert error < 0.5 * error_at_0
