@@ -14,6 +14,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
@@ -51,7 +52,7 @@ def bundle_from_sb3(
         A policy that a bundle cannot hold.
     """
     policy = model.policy
-    extractor, modules, squashing = _actor(policy)
+    extractor, modules, squashing = actor_modules(policy)
     if not isinstance(extractor, FlattenExtractor) or not isinstance(model.action_space, Box):
         raise ValueError("a bundle holds policies from flat observations to a Box of actions")
     return PolicyBundle(
@@ -62,12 +63,12 @@ def bundle_from_sb3(
         action_high=tuple(model.action_space.high.tolist()),
         env=env,
         training=training,
-        normaliser=_normaliser(model),
+        normaliser=normaliser_of(model.get_vec_normalize_env()),
         lstm=_lstm(policy.lstm_actor) if isinstance(policy, RecurrentActorCriticPolicy) else None,
     )
 
 
-def _actor(policy: BasePolicy) -> tuple[nn.Module, list[nn.Module], Squashing]:
+def actor_modules(policy: BasePolicy) -> tuple[nn.Module, list[nn.Module], Squashing]:
     """Feature extractor, modules from there (or from the LSTM) to the output, and what follows."""
     if isinstance(policy, ActorCriticPolicy) and not policy.squash_output:
         modules = [*policy.mlp_extractor.policy_net.modules(), *policy.action_net.modules()]
@@ -139,8 +140,8 @@ def _lstm(module: nn.LSTM) -> LSTM:
     )
 
 
-def _normaliser(model: BaseAlgorithm) -> Normaliser | None:
-    env = model.get_vec_normalize_env()
+def normaliser_of(env: VecNormalize | None) -> Normaliser | None:
+    """What a VecNormalize does to the observations, if it does anything to them."""
     if env is None or not env.norm_obs:
         return None
     assert isinstance(env.obs_rms, RunningMeanStd)

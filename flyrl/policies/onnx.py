@@ -37,13 +37,34 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
         The policy.
     path
         File to write (.onnx); an existing one is replaced.
+
+    Raises
+    ------
+    ValueError
+        A policy with a memory.
     """
+    if bundle.lstm is not None:
+        raise ValueError("lstm: LSTM; allowed: None (an ONNX file here holds no memory)")
     constants: dict[str, NDArray[np.float32]] = {
         "low": np.array(bundle.action_low, np.float32),
         "high": np.array(bundle.action_high, np.float32),
     }
     nodes = []
     value = "observation"
+    if bundle.normaliser is not None:
+        normaliser = bundle.normaliser
+        constants |= {
+            "mean": normaliser.mean.astype(np.float32),
+            "scale": (1 / np.sqrt(normaliser.variance + normaliser.epsilon)).astype(np.float32),
+            "least": np.array(-normaliser.clip, np.float32),
+            "most": np.array(normaliser.clip, np.float32),
+        }
+        nodes += [
+            helper.make_node("Sub", [value, "mean"], ["centred"]),
+            helper.make_node("Mul", ["centred", "scale"], ["scaled"]),
+            helper.make_node("Clip", ["scaled", "least", "most"], ["normalised"]),
+        ]
+        value = "normalised"
     layers = bundle.network.layers
     for i, layer in enumerate(layers):
         constants[f"{i}.weight"], constants[f"{i}.bias"] = layer.weight, layer.bias

@@ -1,23 +1,25 @@
 """Policies from and to Stable-Baselines3's own models and zip files."""
 
+import dataclasses
 import os
-from collections.abc import Mapping
+import pickle
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import torch
 from gymnasium import Space
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
-from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.common.vec_env import VecNormalize
 from torch import nn
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.policies.bundle import PolicyBundle, PolicyFileError, observation_layout
-from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.export import actor_modules, bundle_from_sb3, normaliser_of
 from flyrl.policies.learned import LearnedPolicy
 from flyrl.policies.mlp import Activation
 from flyrl.tasks import TASKS, Task
@@ -31,6 +33,7 @@ def import_sb3(
     algorithm: type[BaseAlgorithm],
     env: EnvConfig,
     *,
+    vec_normalize: str | os.PathLike[str] | None = None,
     trust: bool = False,
 ) -> PolicyBundle:
     """Bundle of the deterministic policy in a zip file that Stable-Baselines3 saved.
@@ -44,8 +47,10 @@ def import_sb3(
     algorithm
         Class of the model, such as `stable_baselines3.PPO`.
     env
-        What it was trained in. What a wrapper made of the observations (VecNormalize) is not in the
-        file, and so cannot be in the bundle.
+        What it was trained in.
+    vec_normalize
+        What `VecNormalize.save` wrote, if the model was trained under one: the statistics are not
+        in the model's file. This is a pickle as well.
     trust
         Whether you know where the file comes from. Without, it is not even opened.
 
@@ -62,18 +67,32 @@ def import_sb3(
             f"{os.fspath(path)} was not opened: a zip file of Stable-Baselines3 holds pickles, "
             "which can run any code when they are read. Say trust=True if you know who made it"
         )
-    try:
+    with _unpickling(path, f"a model of {algorithm.__name__}"):
         model = algorithm.load(Path(path), device="cpu")
-    except Exception as error:  # a pickle can raise anything
-        raise PolicyFileError(
-            f"{os.fspath(path)} cannot be read as a model of {algorithm.__name__}: "
-            f"{type(error).__name__}: {error}"
-        ) from error
     task = env.resolved_task
     _check_space("observations", model.observation_space, observation_space(task), task)
     _check_space("actions", model.action_space, action_space(task), task)
     training = {"algo": algorithm.__name__.lower(), "decisions": int(model.num_timesteps)}
-    return bundle_from_sb3(model, observation_layout(task), env_record(env), training)
+    bundle = bundle_from_sb3(model, observation_layout(task), env_record(env), training)
+    if vec_normalize is None:
+        return bundle
+    with (
+        _unpickling(vec_normalize, "statistics of VecNormalize"),
+        Path(vec_normalize).open("rb") as file,
+    ):
+        wrapper: VecNormalize = pickle.load(file)
+        return dataclasses.replace(bundle, normaliser=normaliser_of(wrapper))
+
+
+@contextmanager
+def _unpickling(path: str | os.PathLike[str], what: str) -> Iterator[None]:
+    """Say what could not be read, whatever a pickle raises."""
+    try:
+        yield
+    except Exception as error:
+        raise PolicyFileError(
+            f"{os.fspath(path)} cannot be read as {what}: {type(error).__name__}: {error}"
+        ) from error
 
 
 def _check_space(what: str, given: Space[Any], wanted: Space[Any], task: Task) -> None:
@@ -112,8 +131,13 @@ def export_sb3(
     PolicyFileError
         The task has other observations or actions than the bundle. A ValueError.
     ValueError
-        The task is not known by name.
+        The task is not known by name, or the bundle normalises observations or has a memory.
     """
+    for name, part in (("normaliser", bundle.normaliser), ("lstm", bundle.lstm)):
+        if part is not None:
+            raise ValueError(
+                f"{name}: {type(part).__name__}; allowed: None (a zip file holds neither)"
+            )
     if task is None:
         record = bundle.env.get("task")
         task = str(record.get("name") if isinstance(record, Mapping) else record)
@@ -148,17 +172,9 @@ def export_sb3(
     with torch.random.fork_rng(devices=[]), torch.no_grad():
         torch.manual_seed(seed)
         model._setup_model()
-        for linear, layer in zip(_actor_layers(model), bundle.network.layers, strict=True):
+        _, modules, _ = actor_modules(model.policy)
+        linears = [module for module in modules if isinstance(module, nn.Linear)]
+        for linear, layer in zip(linears, bundle.network.layers, strict=True):
             linear.weight.copy_(torch.from_numpy(layer.weight))
             linear.bias.copy_(torch.from_numpy(layer.bias))
     return model
-
-
-def _actor_layers(model: BaseAlgorithm) -> list[nn.Linear]:
-    """Affine maps of a model's deterministic policy, from observation to action."""
-    if isinstance(model, OnPolicyAlgorithm):
-        modules = [*model.policy.mlp_extractor.policy_net.modules(), model.policy.action_net]
-    else:
-        actor = cast(SACPolicy, model.policy).actor
-        modules = [*actor.latent_pi.modules(), actor.mu]
-    return [module for module in modules if isinstance(module, nn.Linear)]

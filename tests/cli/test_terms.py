@@ -13,8 +13,8 @@ import pytest
 from flyrl.cli.config import evaluation_config, evaluation_settings, training_config
 from flyrl.cli.terms import load_terms
 from flyrl.envs.core import BatchedEnv
-from flyrl.tasks import TASKS
 from flyrl.envs.record import env_record
+from flyrl.tasks import TASKS
 from flyrl.training.config import training_record
 from flyrl.training.run_folder import RunFolder, read_record
 from tests.tasks.test_terms import fly_state, task_state

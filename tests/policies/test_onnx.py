@@ -7,6 +7,7 @@ import onnxruntime
 import pytest
 
 from flyrl.policies import LearnedPolicy, TermLayout, export_onnx
+from flyrl.policies.normaliser import Normaliser
 from tests.policies.conftest import random_network
 
 
@@ -39,6 +40,25 @@ def test_onnxruntime_gives_the_same_actions(policy, n, tmp_path):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
     if n > 1:
         assert np.ptp(expected) > 1
+
+
+def test_observations_are_normalised_as_by_the_policy(policy, tmp_path):
+    rng = np.random.default_rng(2)
+    normaliser = Normaliser(rng.normal(size=40), rng.uniform(0.1, 4, 40), 1e-8, 1.5)
+    policy = replace(policy, normaliser=normaliser)
+    export_onnx(policy, tmp_path / "policy.onnx")
+    observations = rng.normal(size=(200, 40)).astype(np.float32)
+    expected, _ = LearnedPolicy(policy).predict(observations)
+    plain, _ = LearnedPolicy(replace(policy, normaliser=None)).predict(observations)
+    assert np.abs(expected - plain).max() > 0.1
+    actions = _run(tmp_path / "policy.onnx", observations)
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
+
+
+def test_a_policy_with_a_memory_is_refused(recurrent, tmp_path):
+    with pytest.raises(ValueError, match="lstm: LSTM; allowed: None"):
+        export_onnx(recurrent, tmp_path / "policy.onnx")
+    assert not any(tmp_path.iterdir())
 
 
 def test_actions_stay_inside_their_bounds(policy, tmp_path):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import VecNormalize
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
@@ -63,6 +64,36 @@ def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
     assert bundle.env == env_record(ENV)
     assert bundle.training["algo"] == algorithm.__name__.lower()
+
+
+@pytest.fixture
+def normalised(fly_env, tmp_path):
+    """A model that was trained under VecNormalize, and the folder that it was saved in."""
+    env = VecNormalize(fly_env, clip_obs=2.0)
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, device="cpu", seed=0)
+    model.learn(16)
+    model.save(tmp_path / "model.zip")
+    env.save(tmp_path / "vecnormalize.pkl")
+    return model, tmp_path
+
+
+def test_imported_policy_normalises_as_the_model_did(normalised):
+    model, folder = normalised
+    statistics = folder / "vecnormalize.pkl"
+    bundle = import_sb3(folder / "model.zip", PPO, ENV, vec_normalize=statistics, trust=True)
+    observations = model.get_vec_normalize_env().normalize_obs(_observations())
+    expected, _ = model.predict(observations, deterministic=True)
+    actions, _ = LearnedPolicy(bundle).predict(_observations())
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+def test_statistics_that_are_none_are_refused(normalised):
+    _, folder = normalised
+    (folder / "vecnormalize.pkl").write_bytes(b"statistics")
+    with pytest.raises(PolicyFileError, match=r"normalize\.pkl cannot be read as statistics"):
+        import_sb3(
+            folder / "model.zip", PPO, ENV, vec_normalize=folder / "vecnormalize.pkl", trust=True
+        )
 
 
 class _Trap:
@@ -179,6 +210,13 @@ def test_export_with_other_action_bounds_is_refused(bundle):
     narrow = replace(_bundle(bundle), action_high=(0.5, 0.5))
     with pytest.raises(PolicyFileError, match=r"within \(-1\.0, -1\.0\) and \(0\.5, 0\.5\)"):
         export_sb3(narrow)
+
+
+@pytest.mark.parametrize("kept", ["normaliser", "lstm"])
+def test_export_of_what_a_model_cannot_hold_is_refused(recurrent, kept):
+    other = {"normaliser": "lstm", "lstm": "normaliser"}[kept]
+    with pytest.raises(ValueError, match=f"{kept}: .*; allowed: None"):
+        export_sb3(replace(recurrent, **{other: None}))
 
 
 def test_export_for_an_unknown_task_is_refused(bundle):
