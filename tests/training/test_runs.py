@@ -17,7 +17,6 @@ from flyrl.training.runs import (
 )
 from tests.training.folders import make_run
 
-
 HOLD = """
 import sys, time
 from pathlib import Path
