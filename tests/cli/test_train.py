@@ -84,8 +84,9 @@ def test_help_names_the_choices(tmp_path):
 
 @pytest.mark.slow
 def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path):
-    endless = ("training.total_decisions=1000000", "training.checkpoint_interval=2000")
-    command = [sys.executable, str(ROOT / "train.py"), *TINY, *endless]
+    endless = ("training.total_decisions=1000000", "training.checkpoint_interval=200")
+    evaluated = "training.evaluation_interval=64"  # so that there is something to draw
+    command = [sys.executable, str(ROOT / "train.py"), *TINY, *endless, evaluated]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not any(file.stat().st_size for file in tmp_path.glob("runs/*/progress.csv")):
