@@ -99,6 +99,7 @@ def test_commands_are_installed_scripts(wheel):
     with zipfile.ZipFile(wheel) as archive:
         (name,) = [name for name in archive.namelist() if name.endswith("entry_points.txt")]
         text = archive.read(name).decode()
+    assert "flyrl = flyrl.cli.main:main" in text
     assert "flyrl-train = flyrl.cli.train:main" in text
     assert "flyrl-evaluate = flyrl.cli.evaluate:main" in text
 
@@ -113,6 +114,7 @@ def test_a_tiny_training_run_in_an_empty_folder(python):
         "training.evaluation_episodes=1",
         "algo.n_steps=16",
         "algo.batch_size=32",
+        "video_after=false",
     )
     assert output.splitlines()[-1].startswith("run: runs/")
 

@@ -1,17 +1,22 @@
 """Checking the command line before any work: unknown keys and choices, with the closest match."""
 
 import difflib
+import importlib.util
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, NoReturn, cast
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NoReturn, cast
 
 from hydra import compose, initialize_config_dir
+from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, Override
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -22,14 +27,60 @@ HYDRA_VERSION = "1.3"
 """Hydra's behaviour that the configs are written for."""
 
 
+EXTRAS: Final = {"joblib": "joblib", "slurm": "slurm", "submitit": "slurm", "ray": "ray"}
+"""Launcher of `configs/launcher` -> extra of flyrl that it needs."""
+
+_PLUGINS: Final = {
+    "joblib": "hydra_joblib_launcher",
+    "slurm": "hydra_submitit_launcher",
+    "ray": "hydra_ray_launcher",
+}
+
+
 class UsageError(ValueError):
     """A command line that cannot be meant so."""
+
+
+class Failure(SystemExit):
+    """The end of a command that cannot do what it was asked to.
+
+    Attributes
+    ----------
+    message
+        What was printed.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(2)
+        self.message = message
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A command line that asks for many jobs.
+
+    Attributes
+    ----------
+    folder
+        Where they are to go.
+    is_named
+        Whether the command line named the folder, so that it may hold an earlier sweep.
+    jobs
+        The overrides of each, without those that say where it runs.
+    is_elsewhere
+        Whether they run in other processes, so that their own progress is not seen here.
+    """
+
+    folder: Path
+    is_named: bool
+    jobs: tuple[tuple[str, ...], ...]
+    is_elsewhere: bool
 
 
 def fail(error: Exception) -> NoReturn:
     """Print the error and exit as a wrong command line does, with status 2."""
     print(f"error: {error}", file=sys.stderr)
-    raise SystemExit(2) from None
+    raise Failure(str(error)) from None
 
 
 def plain_values(config: DictConfig) -> dict[str, Any]:
@@ -47,7 +98,7 @@ def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
     return UsageError(f"there is no key {given!r}; did you mean {closest!r}?")
 
 
-def check_arguments(config_name: str, arguments: Sequence[str]) -> None:
+def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
     """Check the overrides on a command line against `configs/`.
 
     Parameters
@@ -57,34 +108,93 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> None:
     arguments
         Without the program.
 
+    Returns
+    -------
+    The sweep that the command line asks for, if it does.
+
     Raises
     ------
     UsageError
-        A key, group or choice that does not exist, or a text that is no override.
+        A key, group or choice that does not exist, a text that is no override, or a launcher that
+        is not installed.
     """
     options = get_args_parser().parse_args(list(arguments))
-    if options.config_path or options.config_name or options.config_dir:
-        return  # the user's own configs: Hydra alone knows what is in them
-    folder = str(configs_folder().resolve())
+    is_our_own = not (options.config_path or options.config_name or options.config_dir)
+    folder = str(Path(options.config_path or configs_folder()).resolve())
+    name = options.config_name or config_name
+    more = options.config_dir
+    search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
     try:
         with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
-            overrides = OverridesParser.create().parse_overrides(options.overrides)
-            groups = _groups()
-            for override in overrides:
-                if override.key_or_group in groups:
-                    _check_choice(override, groups[override.key_or_group])
-            chosen = [
-                str(override.input_line)
-                for override in overrides
-                if override.key_or_group in groups and not override.is_sweep_override()
-            ]
-            keys = set(_keys(compose(config_name, chosen))) | set(groups)
-            for override in overrides:
-                _check_key(override, keys)
+            parser = OverridesParser.create(GlobalHydra.instance().config_loader())
+            overrides = parser.parse_overrides(options.overrides)
+            jobs = _jobs(overrides)
+            if is_our_own:  # in others, Hydra alone knows what they hold
+                _check_overrides(config_name, overrides, jobs)
+            if options.cfg or options.info or options.help or options.hydra_help:
+                return None
             plain = [str(o.input_line) for o in overrides if not o.is_sweep_override()]
-            compose(config_name, plain, return_hydra_config=True)
+            composed = compose(name, plain + search, return_hydra_config=True).hydra
+            if not (options.multirun or composed.mode == RunMode.MULTIRUN):
+                return None
+            return Sweep(
+                Path(composed.sweep.dir),
+                any(override.key_or_group == "hydra.sweep.dir" for override in overrides),
+                tuple(own_overrides(job) for job in jobs),
+                "basic_launcher" not in composed.launcher._target_,
+            )
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise UsageError(str(error).partition("\nSee http")[0]) from error
+
+
+def _check_overrides(
+    config_name: str, overrides: Sequence[Override], jobs: Sequence[tuple[str, ...]]
+) -> None:
+    """Check choices, keys, and that every combination of choices in a sweep can be composed."""
+    groups = _groups()
+    for override in overrides:
+        if override.key_or_group in groups:
+            _check_choice(override, groups[override.key_or_group])
+    _check_launcher(overrides)
+    parser = OverridesParser.create()
+    checked = set()
+    for job in jobs:
+        choices = tuple(item for item in job if item.lstrip("+~").partition("=")[0] in groups)
+        if choices in checked:
+            continue  # other values of the same keys
+        checked.add(choices)
+        single = parser.parse_overrides(list(job))
+        keys = set(_keys(compose(config_name, list(choices)))) | set(groups)
+        for override in single:
+            _check_key(override, keys)
+        compose(config_name, list(job), return_hydra_config=True)
+
+
+def _jobs(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
+    """Overrides of every job, in the order of a sweep; of a single run, if nothing is swept.
+
+    A sweep over an interval, which another sweeper of Hydra's may draw from, is left out.
+    """
+    discrete = [o for o in overrides if not o.is_sweep_override() or o.is_discrete_sweep()]
+    (batch,) = BasicSweeper.split_arguments(discrete, max_batch_size=None)
+    return [tuple(job) for job in batch]
+
+
+def own_overrides(job: Sequence[str]) -> tuple[str, ...]:
+    """The overrides of a job without Hydra's and the launcher: what is done, not where."""
+    keys = ("launcher=", "hydra.", "hydra/")
+    return tuple(item for item in job if not item.lstrip("+~").startswith(keys))
+
+
+def _check_launcher(overrides: Sequence[Override]) -> None:
+    for override in overrides:
+        if override.key_or_group == "launcher":
+            extra = EXTRAS[str(override.value())]
+            if importlib.util.find_spec(f"hydra_plugins.{_PLUGINS[extra]}") is None:
+                raise UsageError(
+                    f"{override.input_line} needs {_PLUGINS[extra].replace('_', '-')}: "
+                    f"pip install 'flyrl[{extra}]'"
+                )
 
 
 def _groups() -> dict[str, list[str]]:

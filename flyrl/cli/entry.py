@@ -2,16 +2,51 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from flyrl.cli.arguments import HYDRA_VERSION, UsageError, check_arguments, fail, plain_values
+from flyrl.cli import sweep
+from flyrl.cli.arguments import (
+    HYDRA_VERSION,
+    UsageError,
+    check_arguments,
+    fail,
+    own_overrides,
+    plain_values,
+)
 from flyrl.resources import configs_folder
 
 
-def run_command(config_name: str, run: Callable[[dict[str, Any]], None]) -> None:
+@dataclass(frozen=True)
+class Start:
+    """How a job was started.
+
+    Attributes
+    ----------
+    command
+        Program and arguments that repeat it; of a job of a sweep, without its siblings.
+    overrides
+        Those on the command line, without Hydra's own.
+    sweep
+        Folder of the sweep that it is part of, or None.
+    """
+
+    command: tuple[str, ...]
+    overrides: tuple[str, ...]
+    sweep: Path | None = None
+
+
+def run_command(
+    config_name: str,
+    run: Callable[[dict[str, Any], Start], Path],
+    end_of_sweep: Callable[[Path], None] = lambda folder: None,
+) -> None:
     """Check the command line against `configs/`, then run on what Hydra composes of both.
 
     Parameters
@@ -19,19 +54,41 @@ def run_command(config_name: str, run: Callable[[dict[str, Any]], None]) -> None
     config_name
         Name of the primary config.
     run
-        Takes plain values, resolved. Called once per job of a sweep.
+        Takes plain values, resolved, and returns the folder that it made. Called once per job of a
+        sweep, possibly in another process.
+    end_of_sweep
+        Takes the sweep's folder, once its jobs have ended.
+
+    Raises
+    ------
+    SystemExit
+        With status 1 after a sweep of which a job failed.
     """
     try:
-        check_arguments(config_name, sys.argv[1:])
+        asked = check_arguments(config_name, sys.argv[1:])
     except UsageError as error:
         fail(error)
+    program, arguments = (sys.executable, sys.argv[0]), tuple(sys.argv[1:])
+    here = Path.cwd()
+    titles = sweep.titles(asked.jobs) if asked else {}
 
     def job(config: DictConfig) -> None:
-        run(plain_values(config))
+        settings = HydraConfig.get()
+        overrides = own_overrides(settings.overrides.task)
+        if settings.mode is not RunMode.MULTIRUN:
+            run(plain_values(config), Start((*program, *arguments), overrides))
+            return
+        folder = Path(settings.sweep.dir)
+        start = Start((*program, *overrides), overrides, folder)
+        title = titles.get(overrides, "")
+        sweep.run_job(folder, here, overrides, title, lambda: run(plain_values(config), start))
 
-    start = hydra.main(
+    start_hydra = hydra.main(
         version_base=HYDRA_VERSION,
         config_path=str(configs_folder().resolve()),
         config_name=config_name,
-    )
-    start(job)()
+    )(job)
+    if asked is None:
+        start_hydra()
+    else:
+        sweep.run_sweep(asked, (*program, *arguments), start_hydra, end_of_sweep)

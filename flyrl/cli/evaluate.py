@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import datetime
 import shlex
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flyrl.cli.arguments import fail
-from flyrl.cli.entry import run_command
+from flyrl.cli.entry import Start, run_command
 from flyrl.files import new_folder
 
 if TYPE_CHECKING:
@@ -22,13 +22,19 @@ def main() -> None:
     run_command("evaluate", run)
 
 
-def run(record: dict[str, Any]) -> None:
+def run(record: dict[str, Any], start: Start) -> Path:
     """Evaluate as a composed `configs/evaluate.yaml` says.
 
     Parameters
     ----------
     record
         Plain values, resolved.
+    start
+        How the command was started.
+
+    Returns
+    -------
+    The folder of the results.
     """
     from flyrl.cli.config import evaluation_settings  # noqa: PLC0415
 
@@ -37,18 +43,22 @@ def run(record: dict[str, Any]) -> None:
         settings = evaluation_settings(
             {key: value for key, value in record.items() if key not in groups}, ""
         )
-        config = comparison(record, settings)
+        config = comparison(record, settings, start.command)
     except ValueError as error:
         fail(error)
     if settings.folder is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
-        folder = new_folder(Path("reports"), f"{now}_{config.resolved_task.name}")
+        parent = start.sweep or Path("reports")
+        folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
     else:
         folder = Path(settings.folder)
     print(f"report: {compare(config, folder, settings.videos)}")
+    return folder
 
 
-def comparison(record: dict[str, Any], settings: EvaluationSettings) -> EvaluationConfig:
+def comparison(
+    record: dict[str, Any], settings: EvaluationSettings, command: Sequence[str]
+) -> EvaluationConfig:
     """Settings of the evaluation, checked down to the policy files.
 
     Raises
@@ -59,7 +69,7 @@ def comparison(record: dict[str, Any], settings: EvaluationSettings) -> Evaluati
     from flyrl.cli.config import evaluation_config  # noqa: PLC0415
     from flyrl.evaluation import make_entrants  # noqa: PLC0415
 
-    config = evaluation_config(record, settings, shlex.join([sys.executable, *sys.argv]))
+    config = evaluation_config(record, settings, shlex.join(command))
     make_entrants(config)
     return config
 

@@ -1,7 +1,7 @@
 """Statistics over episodes: medians, success rates, and paired differences with intervals.
 
-Nothing is claimed from too little: without at least `MIN_PAIRS` pairs, or without any spread, a
-difference has no interval, and says why.
+Nothing is claimed from too little: without at least `MIN_PAIRS` pairs (`MIN_RUNS` runs), or without
+any spread, a difference (a mean over runs) has no interval, and says why.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from flyrl.rollouts.records import OUTCOMES
 
 CONFIDENCE: Final = 0.95
 MIN_PAIRS: Final = 5
+MIN_RUNS: Final = 5
 RESAMPLES: Final = 9999
 
 PAIRED_METRICS: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
@@ -116,6 +117,32 @@ def paired_difference(differences: ArrayLike, rng: np.random.Generator) -> Inter
     if not (math.isfinite(low) and math.isfinite(high)):
         return Interval(mean, None, None, n, "the differences are too alike to resample")
     return Interval(mean, low, high, n)
+
+
+def mean_over_runs(values: ArrayLike, low: float = -math.inf, high: float = math.inf) -> Interval:
+    """Mean over runs that differ in their seed, with Student's t interval.
+
+    The resampling of `paired_difference` is too narrow for the five or ten runs that one can
+    afford.
+
+    Parameters
+    ----------
+    values
+        One per run, shape (n,).
+    low, high
+        What the values lie within; the interval is cut there.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    n = array.size
+    if n == 0:
+        return Interval(None, None, None, 0, "no runs")
+    mean = float(array.mean())
+    if n < MIN_RUNS:
+        return Interval(mean, None, None, n, f"{n} runs: an interval needs at least {MIN_RUNS}")
+    if np.ptp(array) == 0:
+        return Interval(mean, None, None, n, f"all {n} values are equal")
+    bounds = stats.ttest_1samp(array, 0.0).confidence_interval(CONFIDENCE)
+    return Interval(mean, max(low, float(bounds.low)), min(high, float(bounds.high)), n)
 
 
 def summarise(

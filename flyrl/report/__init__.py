@@ -1,6 +1,7 @@
 """Results -> figures, videos, one HTML file."""
 
+from flyrl.report.curves import write_learning_curve
 from flyrl.report.html import write_report
 from flyrl.report.video import Video, record_videos
 
-__all__ = ["Video", "record_videos", "write_report"]
+__all__ = ["Video", "record_videos", "write_learning_curve", "write_report"]

@@ -22,7 +22,8 @@ from flyrl.training.checkpoint import load_checkpoint, restore_learner
 from flyrl.training.config import TrainingConfig
 from flyrl.training.interruption import interruption
 from flyrl.training.models import build_model
-from flyrl.training.run_folder import RunFolder, read_rows
+from flyrl.training.run_folder import RunFolder
+from flyrl.training.runs import held, read_rows
 
 _DECISIONS_LOGGED: Final = "time/total_timesteps"
 
@@ -60,7 +61,9 @@ def train(config: TrainingConfig, runs: str | Path = "runs", command: Sequence[s
     The run; its folder loads with `flyrl.load_policy`.
     """
     model = _prepare(config)
-    return _learn(config, model, RunFolder.create(config, Path(runs), command), None)
+    run_folder = RunFolder.create(config, Path(runs), command)
+    with held(run_folder.path):
+        return _learn(config, model, run_folder, None)
 
 
 def resume(config: TrainingConfig, folder: str | Path, command: Sequence[str] = ()) -> Run:
@@ -84,12 +87,13 @@ def resume(config: TrainingConfig, folder: str | Path, command: Sequence[str] = 
         There is no run in the folder, it has other settings, it is finished, or there is no
         checkpoint, or a damaged one.
     OSError
-        The folder cannot be written to; the latest checkpoint stays as it is.
+        The folder cannot be written to, or another process trains in it; the latest checkpoint
+        stays as it is.
     """
     run_folder = RunFolder.open(config, Path(folder), command)
-    state = load_checkpoint(run_folder.latest_checkpoint())
-    model = _prepare(config)
-    return _learn(config, model, run_folder, state)
+    with held(run_folder.path):
+        state = load_checkpoint(run_folder.latest_checkpoint())
+        return _learn(config, _prepare(config), run_folder, state)
 
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:

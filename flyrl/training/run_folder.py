@@ -13,6 +13,9 @@ model.zip            Stable-Baselines3's model, to go on training (holds a pickl
 vecnormalize.pkl     Stable-Baselines3's VecNormalize for it, if the run normalises (a pickle too)
 checkpoints/         the latest ones, to go on from after an interruption
 status.json          how the run ended
+.lock                held by the process that trains
+learning_curve.svg   success and return over the decisions, and the same as .png
+best.mp4             the best policy on a held-out episode, where a video can be made
 """
 
 import csv
@@ -23,7 +26,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import yaml
 
@@ -31,8 +34,7 @@ from flyrl.files import new_folder, write_text
 from flyrl.training.checkpoint import SUFFIX, ResumeError
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.provenance import code_changes, provenance
-
-_CONFIG: Final = "config.yaml"
+from flyrl.training.runs import CONFIG_FILE, STATUS_FILE
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -44,18 +46,10 @@ def read_record(path: Path) -> dict[str, Any]:
         There is no run in the folder.
     """
     try:
-        record: dict[str, Any] = yaml.safe_load((path / _CONFIG).read_text())
+        record: dict[str, Any] = yaml.safe_load((path / CONFIG_FILE).read_text())
     except (OSError, yaml.YAMLError) as error:
         raise ResumeError(f"{path} is not the folder of a run: {error}") from error
     return record
-
-
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """Rows of a CSV file by column, without a last one that was cut off; none without a file."""
-    if not path.exists():
-        return []
-    lines = path.read_text().splitlines(keepends=True)
-    return list(csv.DictReader(line for line in lines if line.endswith("\n")))
 
 
 @dataclass(frozen=True)
@@ -87,7 +81,7 @@ class RunFolder:
         path = new_folder(runs, config.name(started))
         folder = cls(path)
         record = yaml.safe_dump(training_record(config), sort_keys=False)
-        write_text(path / _CONFIG, record)
+        write_text(path / CONFIG_FILE, record)
         folder._note_command(command)
         changes = code_changes()
         if changes:
@@ -114,8 +108,8 @@ class RunFolder:
             There is no run in the folder, it has other settings, or it is finished.
         """
         if read_record(path) != training_record(config):
-            raise ResumeError(f"{path} is a run with other settings: see its {_CONFIG}")
-        status = path / "status.json"
+            raise ResumeError(f"{path} is a run with other settings: see its {CONFIG_FILE}")
+        status = path / STATUS_FILE
         if status.exists() and json.loads(status.read_text())["interrupted_by"] is None:
             raise ResumeError(f"the run in {path} is finished; there is nothing to go on with")
         folder = cls(path)

@@ -1,3 +1,5 @@
+import importlib.util
+
 import pytest
 
 from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
@@ -21,6 +23,7 @@ from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
         ("experiment=man", "experiment must be one of 'main', got 'man'"),
         ("seed", "missing EQUAL"),
         ("hydra.run.dri=x", r"hydra\.run\.dri"),
+        ("launcher=jolib", "launcher must be one of 'joblib', .*; did you mean 'joblib'"),
     ],
 )
 def test_what_cannot_be_meant(argument, message):
@@ -40,6 +43,11 @@ def test_what_cannot_be_meant(argument, message):
         ["-m", "seed=range(5)", "algo=ppo,sac"],
         ["hydra.run.dir=elsewhere"],
         ["--cfg", "job"],
+        ["launcher=joblib", "hydra.launcher.n_jobs=2", "seed=range(5)"],
+        ["launcher=slurm", "hydra.launcher.partition=cpu", "seed=0,1"],
+        ["launcher=submitit", "hydra.launcher.timeout_min=5"],
+        ["-m", "hydra/launcher=joblib", "seed=0,1"],
+        ["-m", "algo=sac", "algo.tau=0.01,0.02"],
     ],
 )
 def test_what_is_fine(arguments):
@@ -60,3 +68,43 @@ def test_choices_of_a_sweep():
 
 def test_a_key_like_no_other_still_gets_a_suggestion():
     assert "did you mean 'seed'?" in str(unknown_key("x", ["seed"]))
+
+
+def test_keys_of_every_choice_that_is_swept():
+    with pytest.raises(UsageError, match=r"there is no key 'algo\.tau'"):
+        check_arguments("train", ["-m", "algo=sac,ppo", "algo.tau=0.01"])
+
+
+def test_a_launcher_has_keys_of_its_own():
+    with pytest.raises(UsageError, match=r"hydra\.launcher\.njobs"):
+        check_arguments("train", ["launcher=joblib", "hydra.launcher.njobs=2"])
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("hydra_plugins.hydra_ray_launcher") is not None, reason="Ray is here"
+)
+def test_a_launcher_that_is_not_installed_names_its_extra():
+    with pytest.raises(UsageError, match=r"needs hydra-ray-launcher: pip install 'flyrl\[ray\]'"):
+        check_arguments("train", ["launcher=ray", "seed=0,1"])
+
+
+def test_the_jobs_of_a_sweep():
+    sweep = check_arguments("train", ["-m", "seed=range(2)", "algo=ppo,sac"])
+    assert sweep.jobs == tuple(
+        (f"seed={seed}", f"algo={algo}") for seed in (0, 1) for algo in ("ppo", "sac")
+    )
+    assert sweep.folder.parts[:2] == ("runs", "sweeps")
+    assert not sweep.is_elsewhere
+
+
+def test_a_launcher_makes_a_sweep_whose_jobs_do_not_name_it():
+    sweep = check_arguments(
+        "train", ["launcher=joblib", "hydra.launcher.n_jobs=2", "seed=1", "hydra.sweep.dir=x"]
+    )
+    assert sweep.jobs == (("seed=1",),)
+    assert (str(sweep.folder), sweep.is_named, sweep.is_elsewhere) == ("x", True, True)
+
+
+@pytest.mark.parametrize("arguments", [["seed=1"], ["launcher=joblib", "--cfg", "job"]])
+def test_no_sweep(arguments):
+    assert check_arguments("train", arguments) is None

@@ -6,6 +6,7 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from flyrl.bodies.fly import FlyConfig
+from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import training_config
 from flyrl.envs.core import EnvConfig
 from flyrl.resources import configs_folder
@@ -65,6 +66,7 @@ def test_every_file_is_tested_above():
     assert _names("physics") == set(PHYSICS_PRESETS)
     assert _names("terrain") == set(TERRAIN_NAMES)
     assert _names("controller") == {"cpg", "rule_based", "hybrid"}
+    assert _names("launcher") == set(EXTRAS)
     assert _names("body") == {"current", "classic"}
     assert _names("task") == set(TASKS) - {"hybrid_turning"}
 

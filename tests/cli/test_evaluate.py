@@ -16,6 +16,7 @@ TINY = [
     "training.evaluation_episodes=2",
     "algo.n_steps=16",
     "algo.batch_size=32",
+    "video_after=false",
 ]
 GROUPS = {"task": {"name": "target"}, "body": {}, "physics": {}}
 

@@ -15,6 +15,7 @@ TINY = [
     "training.evaluation_episodes=2",
     "algo.n_steps=16",
     "algo.batch_size=32",
+    "video_after=false",
 ]
 
 
@@ -26,7 +27,9 @@ def _python(folder, *arguments):
 
 @pytest.mark.slow
 def test_train_from_an_empty_folder(tmp_path):
-    result = _python(tmp_path, str(ROOT / "train.py"), "task=target", "terrain=flat", *TINY)
+    result = _python(
+        tmp_path, str(ROOT / "train.py"), "task=target", "terrain=flat", *TINY, "video_after=true"
+    )
     assert result.returncode == 0, result.stderr
     last = result.stdout.splitlines()[-1]
     assert last.startswith("run: runs/")
@@ -35,6 +38,8 @@ def test_train_from_an_empty_folder(tmp_path):
     folder = tmp_path / last.removeprefix("run: ")
     assert load_policy(folder).bundle.training["decisions"] == 64
     assert "train.py task=target" in (folder / "command.txt").read_text()
+    assert (folder / "learning_curve.svg").is_file()
+    assert (folder / "best.mp4").is_file() != ("Videos are left out: " in result.stderr)
 
 
 @pytest.mark.slow
@@ -42,7 +47,8 @@ def test_multirun_makes_a_run_per_job(tmp_path):
     result = _python(tmp_path, str(ROOT / "train.py"), "-m", "seed=0,1", *TINY)
     assert result.returncode == 0, result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
-    runs = sorted(path.name.rsplit("_", 1)[1] for path in (tmp_path / "runs").glob("*_target_*"))
+    found = (tmp_path / "runs" / "sweeps").glob("*/*_target_*")
+    runs = sorted(path.name.rsplit("_", 1)[1] for path in found)
     assert runs == ["0", "1"]
 
 
@@ -54,7 +60,7 @@ def test_multirun_makes_a_run_per_job(tmp_path):
         (
             ["resume=runs/a", "seed=1"],
             "error: resume goes on with the run's own settings; 'seed' cannot be given with it "
-            "(allowed are evaluate_after and evaluation)\n",
+            "(allowed are evaluate_after, evaluation, video_after)\n",
         ),
         (
             ["resume=runs/a"],
@@ -78,8 +84,9 @@ def test_help_names_the_choices(tmp_path):
 
 @pytest.mark.slow
 def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path):
-    endless = ("training.total_decisions=1000000", "training.checkpoint_interval=2000")
-    command = [sys.executable, str(ROOT / "train.py"), *TINY, *endless]
+    endless = ("training.total_decisions=1000000", "training.checkpoint_interval=200")
+    evaluated = "training.evaluation_interval=64"  # so that there is something to draw
+    command = [sys.executable, str(ROOT / "train.py"), *TINY, *endless, evaluated]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120
     while not any(file.stat().st_size for file in tmp_path.glob("runs/*/progress.csv")):
@@ -91,6 +98,7 @@ def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path):
     assert process.returncode == 128 + signal.SIGTERM
     folder = tmp_path / output.splitlines()[-1].removeprefix("run: ")
     assert load_policy(folder).bundle.training["decisions"] >= 64
+    assert (folder / "learning_curve.svg").is_file()
     checkpoints = {path.name for path in (folder / "checkpoints").iterdir()}
     process = subprocess.Popen(
         [sys.executable, str(ROOT / "train.py"), f"resume={folder}"], cwd=tmp_path

@@ -4,6 +4,7 @@ import pytest
 from flyrl.evaluation.results import episode_row
 from flyrl.evaluation.statistics import (
     distribution,
+    mean_over_runs,
     paired_difference,
     paired_values,
     success_rate,
@@ -198,3 +199,28 @@ def test_unknown_reference():
 def test_an_episode_walked_twice():
     with pytest.raises(ValueError, match="twice"):
         summarise(rows([1]) + rows([2]), "cpg", 3.0, np.random.default_rng(0))
+
+
+def test_mean_over_runs_has_students_interval():
+    # mean 3, standard error sqrt(2.5 / 5), t(0.975, 4) = 2.7764451
+    interval = mean_over_runs([1, 2, 3, 4, 5])
+    assert interval.value == 3
+    assert interval.low == pytest.approx(3 - 2.7764451 * 0.5**0.5)
+    assert interval.high == pytest.approx(3 + 2.7764451 * 0.5**0.5)
+
+
+def test_the_interval_of_a_rate_ends_at_one():
+    assert mean_over_runs([0.5, 1, 1, 1, 1], 0.0, 1.0).high == 1.0
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ([], "no runs"),
+        ([1, 2, 3, 4], "4 runs: an interval needs at least 5"),
+        ([2] * 5, "all 5 values are equal"),
+    ],
+)
+def test_too_little_for_an_interval_over_runs(values, reason):
+    interval = mean_over_runs(values)
+    assert (interval.low, interval.high, interval.reason) == (None, None, reason)

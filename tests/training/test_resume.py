@@ -12,7 +12,7 @@ from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import resume, train
-from flyrl.training.run_folder import read_rows
+from flyrl.training.runs import read_rows
 
 SCHEDULE = ScheduleConfig(
     total_decisions=512,

@@ -4,7 +4,7 @@ import json
 import yaml
 
 from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.run_folder import RunFolder, read_rows
+from flyrl.training.run_folder import RunFolder
 
 
 def test_what_a_new_folder_says(tmp_path):
@@ -28,9 +28,3 @@ def test_rows(tmp_path):
     RunFolder(tmp_path).write_rows("rows.csv", [{"a": 1, "b": 0.5}, {"a": 2, "b": 0.25}])
     with (tmp_path / "rows.csv").open(newline="") as file:
         assert list(csv.reader(file)) == [["a", "b"], ["1", "0.5"], ["2", "0.25"]]
-
-
-def test_a_row_that_was_cut_off_is_not_read(tmp_path):
-    (tmp_path / "rows.csv").write_text("a,b\n1,2\n3")
-    assert read_rows(tmp_path / "rows.csv") == [{"a": "1", "b": "2"}]
-    assert read_rows(tmp_path / "none.csv") == []

@@ -1,0 +1,177 @@
+"""flyrl reproduce: repeat a run from its settings, and say what differs."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flyrl.training.runs import RunSummary, flat, read_run
+
+if TYPE_CHECKING:
+    from flyrl.policies.bundle import PolicyBundle
+    from flyrl.training.learn import Run
+
+IDENTICAL, DIFFERENT = 0, 1
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What differs between a run and its repeat.
+
+    Attributes
+    ----------
+    policy
+        How the parameters of the final policies differ; None if they are the same bits.
+    evaluations
+        Where the evaluations differ first; None if they are the same.
+    origins
+        What differs in code, packages and machine, a line each.
+    """
+
+    policy: str | None
+    evaluations: str | None
+    origins: tuple[str, ...]
+
+    @property
+    def is_identical(self) -> bool:
+        """Whether the repeat came to the same."""
+        return self.policy is None and self.evaluations is None
+
+
+def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "reproduce",
+        help="repeat a run and compare",
+        description="Train again, from the settings of a finished run, in a new folder; then say "
+        "whether the final policy and the evaluations are the same, to the bit.",
+        epilog="Exit status: 0 if they are, 1 if not, 2 for an error.",
+    )
+    parser.add_argument("original", type=Path, metavar="RUN", help="folder of the run to repeat")
+    parser.add_argument(
+        "--runs-folder", type=Path, default=Path("runs"), help="where to (default: runs)"
+    )
+    parser.add_argument(
+        "--repeat",
+        type=Path,
+        metavar="FOLDER",
+        help="compare with this repeat, made before; one that was interrupted goes on first",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Repeat the run and compare."""
+    original = read_run(options.original)
+    if original.state != "finished":
+        said = "; ".join(original.problems) or f"it is {original.state}"
+        raise ValueError(f"{options.original} is no finished run to compare with: {said}")
+    if options.repeat is None:
+        print("repeating the run", file=sys.stderr)
+    again = _train(original, options)
+    if again is not None and again.interrupted_by is not None:
+        go_on = ["flyrl", "reproduce", str(options.original), "--repeat", str(again.folder)]
+        print(f"interrupted; go on with: {shlex.join(go_on)}", file=sys.stderr)
+        return 128 + again.interrupted_by
+    repeat = read_run(options.repeat if again is None else again.folder)
+    result = compare(original, repeat)
+    print(f"policy: {result.policy or 'identical, bit for bit'}")
+    print(f"evaluations: {result.evaluations or 'identical'}")
+    for line in result.origins or ("same code, packages and CPU",):
+        print(f"where from: {line}")
+    print(f"repeat: {repeat.path}")
+    return IDENTICAL if result.is_identical else DIFFERENT
+
+
+def _train(original: RunSummary, options: argparse.Namespace) -> Run | None:
+    """Train anew, or go on with the repeat that was asked for; None if that is finished."""
+    if options.repeat is not None:
+        repeat = read_run(options.repeat)
+        if repeat.settings != original.settings:
+            raise ValueError(f"{options.repeat} is no repeat: it has other settings")
+        if repeat.state == "finished":
+            return None
+    from flyrl.cli.config import training_config  # noqa: PLC0415
+    from flyrl.training.learn import resume, train  # noqa: PLC0415
+
+    config = training_config(original.settings)
+    command = [sys.executable, *sys.argv]
+    if options.repeat is not None:
+        return resume(config, options.repeat, command)
+    return train(config, options.runs_folder, command)
+
+
+def compare(original: RunSummary, repeat: RunSummary) -> Comparison:
+    """Compare a run with its repeat.
+
+    Raises
+    ------
+    PolicyFileError
+        The final policy of one of them cannot be read.
+    """
+    from flyrl.policies.bundle import load_bundle  # noqa: PLC0415
+
+    bundles = [load_bundle(run.path / "last.safetensors") for run in (original, repeat)]
+    return Comparison(
+        policy=difference(*bundles),
+        evaluations=_evaluations_differ(original, repeat),
+        origins=tuple(_origins_differ(original.provenance, repeat.provenance)),
+    )
+
+
+def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
+    """How the parameters of two policies differ; None if they are the same bits."""
+    if first.network.sizes != second.network.sizes:
+        return f"layers of {first.network.sizes}, in the repeat of {second.network.sizes}"
+    pairs = [
+        (one, other)
+        for left, right in zip(first.network.layers, second.network.layers, strict=True)
+        for one, other in ((left.weight, right.weight), (left.bias, right.bias))
+    ]
+    changed = sum(int((one.view("u4") != other.view("u4")).sum()) for one, other in pairs)
+    if not changed:
+        return None
+    largest = max(float(abs(one.astype("f8") - other).max()) for one, other in pairs)
+    total = sum(one.size for one, _ in pairs)
+    return f"{changed} of {total} parameters differ, by at most {largest:.3g}"
+
+
+def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
+    pairs = zip(original.evaluations, repeat.evaluations, strict=False)
+    for one, other in pairs:
+        for key, value in one.items():
+            if value != other[key]:
+                return (
+                    f"differ from decision {one['decisions']:.0f} on: {key} {value:.6g}, "
+                    f"in the repeat {other[key]:.6g}"
+                )
+    counts = len(original.evaluations), len(repeat.evaluations)
+    return None if counts[0] == counts[1] else "{}, in the repeat {}".format(*counts)
+
+
+def _origins_differ(original: Mapping[str, Any], repeat: Mapping[str, Any]) -> list[str]:
+    """What differs in commit, versions and machine, but for the time."""
+    before, now = flat(original), flat(repeat)
+    lines = []
+    for key in dict.fromkeys([*before, *now]):
+        if key == "started" or before.get(key) == now.get(key):
+            continue
+        if key == "cpu.flags":
+            lost, new = _set_difference(before.get(key), now.get(key))
+            lines.append(f"CPU flags: without {lost}; with {new}")
+        else:
+            lines.append(f"{key}: {before.get(key)}, in the repeat {now.get(key)}")
+    if now.get("git.is_dirty"):
+        lines.append("the code has changes beyond its commit: see code.diff of both")
+    return lines
+
+
+def _set_difference(before: Any, now: Any) -> tuple[str, str]:
+    """Words only in the first text, and only in the second."""
+    first, second = set(str(before or "").split()), set(str(now or "").split())
+    return " ".join(sorted(first - second)) or "none", " ".join(sorted(second - first)) or "none"

@@ -1,0 +1,180 @@
+"""flyrl runs: list run folders, or compare some of them."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from flyrl.cli.tables import csv_text, print_table
+from flyrl.training.runs import RunSummary, find_runs, flat, is_run, read_run
+
+COLUMNS: Final = (
+    "name",
+    "task",
+    "terrain",
+    "algo",
+    "seed",
+    "decisions",
+    "state",
+    "best",
+    "last",
+    "time",
+    "commit",
+)
+_FILTERS: Final = ("task", "terrain", "algo", "seed", "state")
+
+Row = dict[str, Any]
+
+
+def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "runs",
+        help="list run folders, or compare some",
+        description="List the runs in a folder, with those of its sweeps. Name two or more run "
+        "folders to compare them: which settings differ, and what they came to.",
+        epilog="best and last: success on the held-out episodes. A commit with + had changes.",
+    )
+    parser.add_argument(
+        "paths",
+        nargs="*",
+        type=Path,
+        default=[Path("runs")],
+        metavar="FOLDER",
+        help="folders of runs, or run folders (default: runs)",
+    )
+    for name in _FILTERS:
+        parser.add_argument(
+            f"--{name}", action="append", metavar=name.upper(), help=f"only this {name}; repeatable"
+        )
+    parser.add_argument("--sort", choices=COLUMNS, default="name", help="(default: name)")
+    parser.add_argument("--reverse", action="store_true", help="the largest first")
+    parser.add_argument("--csv", action="store_true", help="print CSV, with exact figures")
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """List or compare."""
+    missing = [str(path) for path in options.paths if not path.is_dir()]
+    if missing:
+        raise ValueError(f"there is no folder {missing[0]}")
+    found = {run: folder for folder in options.paths for run in find_runs(folder)}
+    summaries = {name: read_run(path) for name, path in _named(found).items()}
+    rows = [{**row(summary), "name": name} for name, summary in summaries.items()]
+    for key in _FILTERS:
+        wanted = getattr(options, key)
+        rows = [entry for entry in rows if wanted is None or str(entry[key]) in wanted]
+    rows = sort(rows, options.sort, is_reversed=options.reverse)
+    if len(options.paths) > 1 and all(is_run(path) for path in options.paths):
+        chosen = [(entry["name"], summaries[entry["name"]]) for entry in rows]
+        columns, rows = ("", *(name for name, _ in chosen)), comparison(chosen)
+    else:
+        has_problems = any(entry["problems"] for entry in rows)
+        columns = (*COLUMNS, "problems") if has_problems else COLUMNS
+    if options.csv:
+        sys.stdout.write(csv_text(columns, rows))
+    elif rows:
+        print_table(columns, [_readable(entry) for entry in rows])
+    else:
+        print("no such runs")
+    return 0
+
+
+def _named(runs: Mapping[Path, Path]) -> dict[str, Path]:
+    """Runs, given with the folders that they were found in, by a name as short as is unique."""
+    short = {
+        run: run.name if run == folder else str(run.relative_to(folder))
+        for run, folder in runs.items()
+    }
+    taken = Counter(short.values())
+    return {name if taken[name] == 1 else str(run): run for run, name in short.items()}
+
+
+def row(run: RunSummary) -> Row:
+    """What the list says of a run, keyed by `COLUMNS`; and `problems`."""
+    best, last = run.best, run.last
+    return {
+        "name": run.path.name,
+        "task": run.setting("task.name"),
+        "terrain": run.setting("terrain.name"),
+        "algo": run.setting("algo.name"),
+        "seed": run.setting("seed"),
+        "decisions": run.decisions,
+        "state": run.state,
+        "best": best and best["success_rate"],
+        "last": last and last["success_rate"],
+        "time": run.wall_time_s,
+        "commit": commit(run),
+        "problems": "; ".join(run.problems),
+    }
+
+
+def commit(run: RunSummary) -> str | None:
+    """Short commit of the code, with a plus if that had changes."""
+    git = run.provenance.get("git")
+    if not isinstance(git, dict) or not isinstance(git.get("commit"), str):
+        return None
+    return str(git["commit"])[:7] + "+" * bool(git.get("is_dirty"))
+
+
+def sort(rows: Sequence[Row], column: str, *, is_reversed: bool = False) -> list[Row]:
+    """Rows in order of a column; those without a value come last, either way."""
+    known = [entry for entry in rows if entry[column] is not None]
+    unknown = [entry for entry in rows if entry[column] is None]
+    return sorted(known, key=lambda entry: entry[column], reverse=is_reversed) + unknown
+
+
+def comparison(runs: Sequence[tuple[str, RunSummary]]) -> list[Row]:
+    """Settings that differ between runs, then their figures.
+
+    Parameters
+    ----------
+    runs
+        Name and summary of each.
+
+    Returns
+    -------
+    A row per setting or figure: what it is at "", the values at the runs' names.
+    """
+    settings = {name: flat(run.settings) for name, run in runs}
+    keys = dict.fromkeys(key for values in settings.values() for key in values)
+    rows = [{"": key, **{name: settings[name].get(key) for name in settings}} for key in keys]
+    differing = [entry for entry in rows if len({repr(entry[name]) for name in settings}) > 1]
+    figures = {name: _figures(run) for name, run in runs}
+    described = dict.fromkeys(key for values in figures.values() for key in values)
+    return differing + [
+        {"": key, **{name: figures[name].get(key) for name in figures}} for key in described
+    ]
+
+
+def _figures(run: RunSummary) -> Row:
+    figures: Row = {"state": run.state, "decisions": run.decisions, "time": run.wall_time_s}
+    for which, evaluation in (("best", run.best), ("last", run.last)):
+        figures[f"{which} success"] = evaluation and evaluation["success_rate"]
+        figures[f"{which} return"] = evaluation and evaluation["mean_return"]
+    figures["commit"] = commit(run)
+    return figures
+
+
+def _readable(entry: Row) -> Row:
+    """The row with success in per cent and time in hours, minutes and seconds."""
+    kind = entry.get("")
+    return {
+        key: _readable_value(value, str(kind or key)) if key else value
+        for key, value in entry.items()
+    }
+
+
+def _readable_value(value: Any, kind: str) -> Any:
+    if value is None:
+        return None
+    if kind in {"best", "last", "best success", "last success"}:
+        return f"{value:.1%}"
+    if kind == "time":
+        return str(datetime.timedelta(seconds=round(value)))
+    return value

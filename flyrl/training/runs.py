@@ -1,0 +1,281 @@
+"""Reading run folders back: what a run is, how far it came, and what is wrong with its files.
+
+Importing this loads neither torch nor Stable-Baselines3, so that a list of runs comes at once.
+"""
+
+import csv
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, TypeVar
+
+import yaml
+
+CONFIG_FILE: Final = "config.yaml"
+STATUS_FILE: Final = "status.json"
+_LOCK: Final = ".lock"
+_FILES: Final = (CONFIG_FILE, "provenance.json", "progress.csv", STATUS_FILE, "last.safetensors")
+"""Any of these makes a folder one of a run."""
+
+State = Literal["finished", "interrupted", "running", "damaged"]
+T = TypeVar("T")
+
+
+class RunIsHeldError(OSError):
+    """Another process trains in the folder."""
+
+
+@contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Mark the run in `folder` as running, as long as the block or this process lasts.
+
+    Where the file system has no locks, nothing is marked.
+
+    Raises
+    ------
+    RunIsHeldError
+        Another process trains in the folder.
+    OSError
+        The folder cannot be written to.
+    """
+    descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+    try:
+        if _is_locked(descriptor, fcntl.LOCK_EX):
+            raise RunIsHeldError(f"another process trains in {folder}")
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def is_running(folder: Path) -> bool:
+    """Whether a process holds the run in `folder`."""
+    try:
+        descriptor = os.open(folder / _LOCK, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        return _is_locked(descriptor, fcntl.LOCK_SH)
+    finally:
+        os.close(descriptor)
+
+
+def _is_locked(descriptor: int, kind: int) -> bool:
+    """Try to lock; return whether another has."""
+    try:
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False  # a file system without locks
+    return False
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file by column, without a last one that was cut off; none without a file."""
+    if not path.exists():
+        return []
+    lines = path.read_text().splitlines(keepends=True)
+    return list(csv.DictReader(line for line in lines if line.endswith("\n")))
+
+
+def training_returns(folder: Path) -> list[tuple[float, float]]:
+    """Decisions and the mean return of the latest training episodes, per update that has both."""
+    keys = ("time/total_timesteps", "rollout/ep_rew_mean")
+    rows = [[row.get(key) for key in keys] for row in read_rows(folder / "progress.csv")]
+    return [(float(count), float(value)) for count, value in rows if count and value]
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """A run folder as it was found; what could not be read is empty, and `problems` says why.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    state
+        `running` if a process holds it, `finished` or `interrupted` (killed, too) as its status
+        says, `damaged` if its settings cannot be read.
+    settings
+        Of `config.yaml`.
+    provenance
+        Commit, package versions, CPU.
+    decisions
+        Collected so far, as the latest file tells.
+    wall_time_s
+        Spent so far.
+    evaluations
+        Rows of `evaluations.csv`.
+    problems
+        A line each.
+    """
+
+    path: Path
+    state: State
+    settings: Mapping[str, Any]
+    provenance: Mapping[str, Any]
+    decisions: int | None
+    wall_time_s: float | None
+    evaluations: tuple[Mapping[str, float], ...]
+    problems: tuple[str, ...]
+
+    def setting(self, key: str) -> Any:
+        """Value of a dotted key of the settings; None where there is none."""
+        return nested(self.settings, key)
+
+    @property
+    def last(self) -> Mapping[str, float] | None:
+        """The last evaluation."""
+        return self.evaluations[-1] if self.evaluations else None
+
+    @property
+    def best(self) -> Mapping[str, float] | None:
+        """The evaluation with the highest success, and among these the highest return."""
+        return max(
+            self.evaluations,
+            key=lambda row: (row["success_rate"], row["mean_return"]),
+            default=None,
+        )
+
+
+def nested(tree: Any, key: str) -> Any:
+    """Value at a dotted key of nested mappings; None where there is none."""
+    for part in key.split("."):
+        if not isinstance(tree, Mapping):
+            return None
+        tree = tree.get(part)
+    return tree
+
+
+def flat(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """Leaves of nested mappings by dotted key."""
+    if not isinstance(tree, Mapping):
+        return {prefix.removesuffix("."): tree}
+    return {
+        key: leaf
+        for name, branch in tree.items()
+        for key, leaf in flat(branch, f"{prefix}{name}.").items()
+    }
+
+
+def is_run(folder: Path) -> bool:
+    """Whether a folder holds anything of a run."""
+    return any((folder / name).is_file() for name in _FILES)
+
+
+def find_runs(folder: Path, depth: int = 4) -> list[Path]:
+    """Run folders in `folder`, itself or up to `depth` levels down, in order of their names."""
+    if is_run(folder):
+        return [folder]
+    if depth == 0:
+        return []
+    inside = sorted(
+        entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith(".")
+    )
+    return [run for entry in inside for run in _find_inside(entry, depth - 1)]
+
+
+def _find_inside(folder: Path, depth: int) -> list[Path]:
+    try:
+        return find_runs(folder, depth)
+    except PermissionError:
+        return []
+
+
+def read_run(path: Path) -> RunSummary:
+    """Read a run folder, whatever state its files are in."""
+    problems: list[str] = []
+
+    def read(name: str, how: Callable[[Path], T], otherwise: T, *, is_needed: bool = True) -> T:
+        try:
+            return how(path / name)
+        except FileNotFoundError:
+            if is_needed:
+                problems.append(f"{name} is missing")
+        except (OSError, ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
+            problems.append(f"{name} cannot be read: {_one_line(error)}")
+        return otherwise
+
+    none: Mapping[str, Any] = {}
+    no_evaluations: tuple[Mapping[str, float], ...] = ()
+    no_rows: list[dict[str, str]] = []
+    settings = read(CONFIG_FILE, _settings, none)
+    provenance = read("provenance.json", _json_mapping, none)
+    status = read(STATUS_FILE, _status, none, is_needed=False)
+    evaluations = read("evaluations.csv", _evaluations, no_evaluations, is_needed=False)
+    progress = read("progress.csv", read_rows, no_rows, is_needed=False)
+    if is_running(path):
+        state: State = "running"
+    elif not settings:
+        state = "damaged"
+    else:
+        state = "finished" if status and status["interrupted_by"] is None else "interrupted"
+    if state == "finished" and not (path / "last.safetensors").is_file():
+        problems.append("last.safetensors is missing")
+    if state == "running":
+        status = none  # of an interruption before
+    decisions, wall_time = _how_far(progress, evaluations)
+    return RunSummary(
+        path,
+        state,
+        settings,
+        provenance,
+        status.get("decisions", decisions),
+        status.get("wall_time_s", wall_time),
+        evaluations,
+        tuple(problems),
+    )
+
+
+def _settings(path: Path) -> Mapping[str, Any]:
+    settings = yaml.safe_load(path.read_text())
+    for key in ("task.name", "terrain.name", "algo.name"):
+        if not isinstance(nested(settings, key), str):
+            raise ValueError(f"no {key}")
+    if not isinstance(settings.get("seed"), int):
+        raise ValueError("no seed")
+    return dict(settings)
+
+
+def _json_mapping(path: Path) -> Mapping[str, Any]:
+    record = json.loads(path.read_text())
+    if not isinstance(record, dict):
+        raise ValueError("no JSON object")
+    return record
+
+
+def _status(path: Path) -> Mapping[str, Any]:
+    record = _json_mapping(path)
+    return {
+        "decisions": int(record["decisions"]),
+        "wall_time_s": float(record["wall_time_s"]),
+        "interrupted_by": record["interrupted_by"],
+    }
+
+
+def _evaluations(path: Path) -> tuple[Mapping[str, float], ...]:
+    rows = csv.DictReader(path.read_text().splitlines())
+    columns = ("decisions", "success_rate", "mean_return")
+    return tuple({key: float(row[key]) for key in columns} for row in rows)
+
+
+def _how_far(
+    progress: list[dict[str, str]], evaluations: tuple[Mapping[str, float], ...]
+) -> tuple[int | None, float | None]:
+    """Decisions and wall time of a run without a status, from its tables."""
+    counts = [int(row["decisions"]) for row in evaluations]
+    times = []
+    for row in progress:
+        if (count := row.get("time/total_timesteps") or "").isdigit():
+            counts.append(int(count))
+        if (seconds := row.get("time/time_elapsed") or "").isdigit():
+            times.append(float(seconds))
+    return max(counts, default=None), max(times, default=None)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

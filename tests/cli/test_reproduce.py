@@ -1,0 +1,103 @@
+import numpy as np
+import pytest
+
+from flyrl.cli.main import main
+from flyrl.cli.reproduce import compare
+from flyrl.policies.bundle import PolicyFileError
+from flyrl.training.algorithms import PPOConfig
+from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.learn import train
+from flyrl.training.runs import read_run
+from tests.training.folders import make_run
+
+TINY = TrainingConfig(
+    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2),
+    training=ScheduleConfig(
+        total_decisions=32,
+        num_envs=2,
+        num_threads=1,
+        evaluation_interval=16,
+        evaluation_episodes=1,
+        progress_bar=False,
+    ),
+)
+
+
+def test_a_run_is_repeated_to_the_bit(tmp_path, capsys):
+    original = train(TINY, tmp_path)
+    status = main(["reproduce", str(original.folder), "--runs-folder", str(tmp_path / "again")])
+    output = capsys.readouterr().out.splitlines()
+    assert status == 0
+    assert output[:2] == ["policy: identical, bit for bit", "evaluations: identical"]
+    repeat = output[-1].removeprefix("repeat: ")
+    assert main(["reproduce", str(original.folder), "--repeat", repeat]) == 0
+
+
+def test_other_parameters_are_told_with_the_largest_difference(tmp_path):
+    runs = [read_run(make_run(tmp_path / name, bias=b)) for name, b in (("a", 0.0), ("b", 0.25))]
+    result = compare(*runs)
+    assert "2 of " in result.policy
+    assert result.policy.endswith("parameters differ, by at most 0.25")
+    assert not result.is_identical
+
+
+def test_zeros_of_the_other_sign_are_other_bits(tmp_path):
+    runs = [read_run(make_run(tmp_path / name, bias=b)) for name, b in (("a", 0.0), ("b", -0.0))]
+    assert "by at most 0" in compare(*runs).policy
+
+
+def test_the_first_evaluation_that_differs_is_told(tmp_path):
+    first = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.0), (200, 0.5, 2.0)])
+    second = make_run(tmp_path / "b", evaluations=[(100, 0.5, 1.0), (200, 0.5, 2.5)])
+    told = compare(read_run(first), read_run(second)).evaluations
+    assert told == "differ from decision 200 on: mean_return 2, in the repeat 2.5"
+
+
+def test_fewer_evaluations_differ(tmp_path):
+    first = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.0), (200, 0.5, 2.0)])
+    second = make_run(tmp_path / "b", evaluations=[(100, 0.5, 1.0)])
+    assert compare(read_run(first), read_run(second)).evaluations == "2, in the repeat 1"
+
+
+def test_where_they_come_from_is_told_but_is_no_difference_of_results(tmp_path):
+    origins = [
+        {"packages": {"numpy": "2.0"}, "cpu": {"flags": "sse avx"}},
+        {"packages": {"numpy": "2.1"}, "cpu": {"flags": "sse fma"}},
+    ]
+    runs = [
+        read_run(make_run(tmp_path / name, provenance=origin))
+        for name, origin in zip("ab", origins, strict=True)
+    ]
+    result = compare(*runs)
+    assert result.is_identical
+    assert result.origins == (
+        "packages.numpy: 2.0, in the repeat 2.1",
+        "CPU flags: without avx; with fma",
+    )
+
+
+def test_a_difference_is_the_exit_status(tmp_path, capsys):
+    runs = [make_run(tmp_path / name, bias=b) for name, b in (("a", 0.0), ("b", 1.0))]
+    assert main(["reproduce", str(runs[0]), "--repeat", str(runs[1])]) == 1
+    assert "by at most 1" in capsys.readouterr().out
+
+
+def test_only_a_finished_run_is_repeated(tmp_path, capsys):
+    original = make_run(tmp_path / "a", interrupted_by="SIGTERM")
+    assert main(["reproduce", str(original)]) == 2
+    assert "no finished run to compare with: it is interrupted" in capsys.readouterr().err
+
+
+def test_a_run_with_other_settings_is_no_repeat(tmp_path, capsys):
+    runs = [make_run(tmp_path / str(seed), seed=seed) for seed in (0, 1)]
+    assert main(["reproduce", str(runs[0]), "--repeat", str(runs[1])]) == 2
+    assert "is no repeat: it has other settings" in capsys.readouterr().err
+
+
+def test_a_damaged_policy_is_an_error(tmp_path):
+    runs = [read_run(make_run(tmp_path / name)) for name in "ab"]
+    data = bytearray((tmp_path / "b" / "last.safetensors").read_bytes())
+    data[-1] ^= 1
+    (tmp_path / "b" / "last.safetensors").write_bytes(np.array(data).tobytes())
+    with pytest.raises(PolicyFileError, match="was changed after it was written"):
+        compare(*runs)

@@ -1,0 +1,163 @@
+import csv
+import io
+import subprocess
+import sys
+
+import pytest
+
+from flyrl.cli.main import main
+from flyrl.cli.runs import comparison, sort
+from flyrl.training.runs import read_run
+from tests.training.folders import COMMIT, make_run
+
+
+@pytest.fixture
+def runs(tmp_path):
+    make_run(tmp_path / "a", seed=3, evaluations=[(100, 0.75, 2.0), (200, 0.5, 1.0)])
+    make_run(tmp_path / "b", algo="sac", seed=1, interrupted_by="SIGTERM")
+    make_run(tmp_path / "sweeps" / "x" / "c", seed=2, evaluations=[])
+    return tmp_path
+
+
+def _listed(capsys, *arguments):
+    assert main(["runs", *map(str, arguments), "--csv"]) == 0
+    return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
+
+
+def test_what_the_list_says_of_a_run(runs, capsys):
+    assert _listed(capsys, runs)[0] == {
+        "name": "a",
+        "task": "target",
+        "terrain": "flat",
+        "algo": "ppo",
+        "seed": "3",
+        "decisions": "200",
+        "state": "finished",
+        "best": "0.75",
+        "last": "0.5",
+        "time": "12.5",
+        "commit": COMMIT[:7],
+    }
+
+
+def test_runs_of_sweeps_are_listed_with_their_place(runs, capsys):
+    assert [row["name"] for row in _listed(capsys, runs)] == ["a", "b", "sweeps/x/c"]
+
+
+@pytest.mark.parametrize(
+    ("filters", "names"),
+    [
+        (["--algo", "sac"], ["b"]),
+        (["--seed", "3", "--seed", "2"], ["a", "sweeps/x/c"]),
+        (["--state", "interrupted"], ["b"]),
+        (["--task", "path"], []),
+    ],
+)
+def test_filters(runs, capsys, filters, names):
+    assert [row["name"] for row in _listed(capsys, runs, *filters)] == names
+
+
+def test_sorting(runs, capsys):
+    assert [row["seed"] for row in _listed(capsys, runs, "--sort", "seed")] == ["1", "2", "3"]
+
+
+def test_what_has_no_value_comes_last_either_way():
+    rows = [{"best": None}, {"best": 0.5}, {"best": 1.0}]
+    assert [row["best"] for row in sort(rows, "best")] == [0.5, 1.0, None]
+    assert [row["best"] for row in sort(rows, "best", is_reversed=True)] == [1.0, 0.5, None]
+
+
+def test_the_table_is_for_people(runs, capsys):
+    assert main(["runs", str(runs)]) == 0
+    head, _, first, *_ = [line for line in capsys.readouterr().out.splitlines() if line.strip()]
+    assert head.split()[:3] == ["name", "task", "terrain"]
+    assert first.split() == [
+        *("a", "target", "flat", "ppo", "3", "200", "finished"),
+        *("75.0%", "50.0%", "0:00:12", COMMIT[:7]),
+    ]
+
+
+def test_a_damaged_run_is_listed_with_what_is_wrong(runs, capsys):
+    (runs / "a" / "config.yaml").write_text("a: [")
+    row = _listed(capsys, runs)[0]
+    assert row["state"] == "damaged"
+    assert row["problems"].startswith("config.yaml cannot be read")
+
+
+def test_control_characters_do_not_reach_the_terminal(runs, capsys):
+    path = runs / "a" / "config.yaml"
+    path.write_text(path.read_text().replace("name: ppo", r'name: "p\e[31mo"'))
+    assert main(["runs", str(runs)]) == 0
+    output = capsys.readouterr().out
+    assert "\x1b" not in output
+    assert "p?[31mo" in output
+
+
+def test_named_runs_are_compared(tmp_path):
+    folders = [
+        make_run(tmp_path / "a", seed=1, evaluations=[(100, 0.75, 2.0), (200, 0.5, 1.0)]),
+        make_run(tmp_path / "b", seed=2, evaluations=[(100, 0.25, -1.0)]),
+    ]
+    rows = comparison([(path.name, read_run(path)) for path in folders])
+    assert rows == [
+        {"": "seed", "a": 1, "b": 2},
+        {"": "state", "a": "finished", "b": "finished"},
+        {"": "decisions", "a": 200, "b": 200},
+        {"": "time", "a": 12.5, "b": 12.5},
+        {"": "best success", "a": 0.75, "b": 0.25},
+        {"": "best return", "a": 2.0, "b": -1.0},
+        {"": "last success", "a": 0.5, "b": 0.25},
+        {"": "last return", "a": 1.0, "b": -1.0},
+        {"": "commit", "a": COMMIT[:7], "b": COMMIT[:7]},
+    ]
+
+
+def test_a_setting_that_one_run_lacks_differs(tmp_path, capsys):
+    folders = [make_run(tmp_path / "a"), make_run(tmp_path / "b", algo="sac")]
+    rows = {row[""]: row for row in _listed(capsys, *folders)}
+    assert rows["algo.tau"] == {"": "algo.tau", "a": "", "b": "0.005"}
+    assert "algo.gamma" not in rows
+
+
+def test_runs_of_the_same_name_are_told_apart(tmp_path, capsys):
+    folders = [make_run(tmp_path / "x" / "a"), make_run(tmp_path / "y" / "a", seed=1)]
+    assert set(_listed(capsys, *folders)[0]) == {"", *map(str, folders)}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["runs", "nowhere"], "error: there is no folder nowhere\n"),
+        (["runs", "--sort", "sed"], "invalid choice: 'sed'"),
+        (["rums"], "invalid choice: 'rums'"),
+        (["sweep", "."], "error: . is not the folder of a sweep: "),
+    ],
+)
+def test_wrong_command_lines(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    try:
+        status = main(arguments)
+    except SystemExit as error:
+        status = error.code
+    assert status == 2
+    assert message in capsys.readouterr().err
+
+
+def test_no_runs(tmp_path, capsys):
+    assert main(["runs", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == "no such runs\n"
+
+
+def test_listing_loads_no_torch(runs):
+    code = (
+        "import sys; from flyrl.cli.main import main; "
+        f"main(['runs', {str(runs)!r}]); print('torch' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"
+
+
+def test_python_m_flyrl(runs):
+    command = [sys.executable, "-m", "flyrl", "runs", str(runs)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "interrupted" in done.stdout

@@ -1,0 +1,223 @@
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from flyrl.cli.arguments import Failure
+from flyrl.cli.comparison import compare_jobs, compare_sweep
+from flyrl.cli.main import main
+from flyrl.cli.sweep import Interrupted, read_jobs, run_job, swept_keys, titles
+from flyrl.training.runs import read_run
+from tests.training.folders import make_run
+
+ROOT = Path(__file__).parents[2]
+TINY = [
+    "training.total_decisions=32",
+    "training.num_envs=2",
+    "training.num_threads=1",
+    "training.evaluation_episodes=1",
+    "algo.n_steps=16",
+    "algo.batch_size=32",
+    "video_after=false",
+]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def _train(folder, *arguments):
+    return subprocess.run(
+        [sys.executable, str(ROOT / "train.py"), *arguments, *TINY],
+        cwd=folder,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def _sweep(folder, jobs):
+    (folder / "sweep.json").write_text(json.dumps({"commands": [], "jobs": jobs}))
+
+
+def test_what_is_swept():
+    jobs = [("seed=0", "algo=ppo", "x=1"), ("seed=1", "algo=ppo", "x=1", "+y=2")]
+    assert swept_keys(jobs) == ["seed", "y"]
+    assert titles(jobs)[jobs[1]] == "job 2 of 2: seed=1 y=2"
+
+
+def _fail():
+    raise Failure("seed must be one of mine")
+
+
+def _break():
+    raise ZeroDivisionError("by zero")
+
+
+def test_a_job_that_fails_is_noted_and_raises_nothing(tmp_path, capsys):
+    jobs = {("a=1",): _fail, ("a=2",): _break, ("a=3",): lambda: tmp_path / "run"}
+    _sweep(tmp_path, list(jobs))
+    for job, function in jobs.items():
+        run_job(tmp_path, Path.cwd(), job, "", function)
+    notes = [note for _, note in read_jobs(tmp_path)]
+    assert [note.error for note in notes] == [
+        "seed must be one of mine",
+        "ZeroDivisionError: by zero",
+        None,
+    ]
+    assert notes[2].folder == "run"
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_an_interrupted_job_ends_the_sweep_only_in_its_own_process(tmp_path, monkeypatch):
+    def interrupted():
+        raise Interrupted(tmp_path / "run", signal.SIGTERM)
+
+    _sweep(tmp_path, [["a=1"]])
+    run_job(tmp_path, Path.cwd(), ("a=1",), "", interrupted)
+    assert read_jobs(tmp_path)[0][1].error == "interrupted"
+    monkeypatch.setenv("FLYRL_SWEEP_PROCESS", str(os.getpid()))
+    with pytest.raises(Interrupted):
+        run_job(tmp_path, Path.cwd(), ("a=1",), "", interrupted)
+
+
+def test_a_job_without_a_note_has_not_ended(tmp_path):
+    _sweep(tmp_path, [["a=1"]])
+    assert read_jobs(tmp_path) == [(("a=1",), None)]
+
+
+def _jobs(tmp_path, algo, successes):
+    for seed, success in enumerate(successes):
+        rows = [(100, 1.0, 5.0), (200, success, 2.0)]
+        folder = make_run(tmp_path / f"{algo}{seed}", seed=seed, evaluations=rows)
+        yield (f"seed={seed}", f"algo={algo}"), read_run(folder)
+
+
+def test_five_seeds_have_an_interval(tmp_path):
+    (row,) = compare_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8, 0.9])))
+    assert (row["jobs"], row["runs"]) == (5, 5)
+    assert row["final_success_mean"] == pytest.approx(0.7)
+    # t(0.975, 4) = 2.776; standard error = sqrt(0.025 / 5)
+    assert row["final_success_low"] == pytest.approx(0.7 - 2.776 * 0.0707107, abs=1e-4)
+    assert row["final_success_high"] == pytest.approx(0.7 + 2.776 * 0.0707107, abs=1e-4)
+    assert (row["best_success_mean"], row["best_success_low"]) == (1.0, None)
+
+
+def test_four_seeds_have_none(tmp_path):
+    (row,) = compare_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8])))
+    assert row["final_success_mean"] == pytest.approx(0.65)
+    assert row["final_success_low"] is None
+
+
+def test_a_row_per_swept_setting_over_finished_runs_only(tmp_path):
+    jobs = [*_jobs(tmp_path, "ppo", [0.5, 0.75]), *_jobs(tmp_path, "sac", [0.25])]
+    unfinished = make_run(tmp_path / "x", interrupted_by="SIGTERM")
+    jobs += [(("seed=1", "algo=sac"), read_run(unfinished)), (("seed=2", "algo=sac"), None)]
+    rows = compare_jobs(jobs)
+    assert [(row["algo"], row["jobs"], row["runs"]) for row in rows] == [
+        ("ppo", 2, 2),
+        ("sac", 3, 1),
+    ]
+    assert [row["final_success_mean"] for row in rows] == [0.625, 0.25]
+
+
+def test_a_run_that_two_jobs_share_counts_once(tmp_path):
+    jobs = list(_jobs(tmp_path, "ppo", [0.5]))
+    assert compare_jobs(jobs * 2)[0]["runs"] == 1
+
+
+def test_the_table_is_printed_and_written(tmp_path, capsys):
+    _sweep(tmp_path, [["seed=0", "algo=ppo"], ["seed=0", "algo=sac"]])
+    folder = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.25)])
+    run_job(tmp_path, Path.cwd(), ("seed=0", "algo=ppo"), "", lambda: folder)
+    assert main(["sweep", str(tmp_path)]) == 0
+    with (tmp_path / "comparison.csv").open(newline="") as file:
+        first, second = csv.DictReader(file)
+    assert (first["algo"], first["final_success_mean"], first["best_return_mean"]) == (
+        *("ppo", "0.5"),
+        "1.25",
+    )
+    assert (second["runs"], second["final_success_mean"]) == ("0", "")
+    output = capsys.readouterr().out
+    assert "50.0%" in output
+    assert "fewer than 5 runs, or equal ones, have no interval" in output
+
+
+def test_a_sweep_over_nothing_but_seeds_has_one_row(tmp_path, capsys):
+    _sweep(tmp_path, [["seed=0"], ["seed=1"]])
+    compare_sweep(tmp_path)
+    assert "0 of 2" in capsys.readouterr().out
+
+
+def _only_sweep(folder):
+    (sweep,) = (folder / "runs" / "sweeps").iterdir()
+    return sweep
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["-m", "launcher=joblib", "launcher=submitit"])
+def test_one_failing_job_takes_no_other_down(tmp_path, how):
+    result = _train(tmp_path, how, "algo.gamma=2,0.9")
+    assert result.returncode == 1, result.stderr
+    message = "failed: job 1 of 2: algo.gamma=2: algo.gamma must lie within 0 and 1, got 2.0\n"
+    assert message in result.stderr
+    sweep = _only_sweep(tmp_path)
+    assert result.stdout.splitlines()[-1] == f"sweep: {sweep.relative_to(tmp_path)}"
+    (run,) = sweep.glob("*_target_flat_ppo_0")
+    assert read_run(run).state == "finished"
+    command = (run / "command.txt").read_text()
+    assert "algo.gamma=0.9" in command
+    assert "launcher" not in command
+    with (sweep / "comparison.csv").open(newline="") as file:
+        assert [(row["algo.gamma"], row["runs"]) for row in csv.DictReader(file)] == [
+            ("2", "0"),
+            ("0.9", "1"),
+        ]
+
+
+@pytest.mark.slow
+def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path):
+    assert _train(tmp_path, "-m", "seed=0", "hydra.sweep.dir=here").returncode == 0
+    before = {path.name for path in (tmp_path / "here").glob("*_target_*")}
+    result = _train(tmp_path, "-m", "seed=0,1", "hydra.sweep.dir=here")
+    assert result.returncode == 0, result.stderr
+    after = {path.name for path in (tmp_path / "here").glob("*_target_*")}
+    assert len(before) == 1
+    assert before < after
+    assert len(after) == 2
+    assert len(json.loads((tmp_path / "here" / "sweep.json").read_text())["commands"]) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["-m", "launcher=joblib"])
+def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how):
+    endless = ["training.total_decisions=1000000", "seed=0,1", "training.progress_bar=false"]
+    command = [sys.executable, str(ROOT / "train.py"), how, *TINY[1:], *endless]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, env=ENVIRONMENT, text=True, stderr=subprocess.PIPE
+    )
+    deadline = time.monotonic() + 120
+    while not any(tmp_path.glob("runs/sweeps/*/*/checkpoints/*.pt")):
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.2)
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 128 + signal.SIGTERM
+    sweep = _only_sweep(tmp_path)
+    assert f"the same command with hydra.sweep.dir={sweep.relative_to(tmp_path)}" in errors
+    states = {read_run(path).state for path in sweep.glob("*_target_*")}
+    assert states == {"interrupted"}
+
+
+@pytest.mark.slow
+def test_ray_runs_a_sweep(tmp_path):
+    pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
+    result = _train(tmp_path, "launcher=ray", "seed=0")
+    assert result.returncode == 0, result.stderr
+    (run,) = _only_sweep(tmp_path).glob("*_target_flat_ppo_0")
+    assert read_run(run).state == "finished"

@@ -1,0 +1,47 @@
+"""Run folders as training leaves them, without the training."""
+
+import json
+
+import numpy as np
+import yaml
+
+from flyrl.policies import observation_layout
+from flyrl.policies.bundle import PolicyBundle, save_bundle
+from flyrl.policies.mlp import MLP, Layer
+from flyrl.tasks import TASKS
+from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.config import TrainingConfig, env_record, training_record
+
+COMMIT = "0123456789abcdef0123456789abcdef01234567"
+
+
+def make_run(
+    folder,
+    *,
+    algo="ppo",
+    seed=0,
+    evaluations=((100, 0.5, 1.0),),
+    interrupted_by=None,
+    bias=0.0,
+    provenance=None,
+):
+    """Write a run folder; `bias` is that of its last policy, evaluations are rows of the table."""
+    folder.mkdir(parents=True)
+    config = TrainingConfig(algo=ALGORITHMS[algo](), seed=seed)
+    (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config), sort_keys=False))
+    origin = {"started": folder.name, "git": {"commit": COMMIT, "is_dirty": False}}
+    (folder / "provenance.json").write_text(json.dumps({**origin, **(provenance or {})}))
+    lines = [f"{a},{b},{c},1.0" for a, b, c in evaluations]
+    table = ["decisions,success_rate,mean_return,mean_duration_s", *lines]
+    (folder / "evaluations.csv").write_text("\n".join(table) + "\n")
+    status = {"decisions": 200, "wall_time_s": 12.5, "interrupted_by": interrupted_by}
+    (folder / "status.json").write_text(json.dumps(status))
+    layout = observation_layout(TASKS["target"])
+    inputs = sum(term.size for term in layout)
+    layer = Layer(np.zeros((2, inputs), np.float32), np.full(2, bias, np.float32))
+    network = MLP((layer,), "tanh")
+    bundle = PolicyBundle(
+        network, "clip", layout, (0.0, 0.0), (1.0, 1.0), env_record(config.env), {"algo": algo}
+    )
+    save_bundle(bundle, folder / "last.safetensors")
+    return folder

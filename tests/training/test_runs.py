@@ -1,0 +1,173 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from flyrl.training.runs import (
+    RunIsHeldError,
+    find_runs,
+    flat,
+    held,
+    is_running,
+    nested,
+    read_rows,
+    read_run,
+    training_returns,
+)
+from tests.training.folders import make_run
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from flyrl.training.runs import held
+with held(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(120)
+"""
+
+
+@pytest.fixture
+def elsewhere():
+    """Hold a folder in another process until the test ends or kills it."""
+    processes = []
+
+    def hold(folder):
+        process = subprocess.Popen(
+            [sys.executable, "-c", HOLD, str(folder)], stdout=subprocess.PIPE, text=True
+        )
+        processes.append(process)
+        assert process.stdout.readline() == "held\n"
+        return process
+
+    yield hold
+    for process in processes:
+        process.kill()
+        process.wait(60)
+        process.stdout.close()
+
+
+def test_a_finished_run(tmp_path):
+    run = read_run(make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.0), (200, 0.25, 2.0)]))
+    assert run.state == "finished"
+    assert run.setting("algo.name") == "ppo"
+    assert run.decisions == 200
+    assert run.wall_time_s == 12.5
+    assert run.best == {"decisions": 100, "success_rate": 0.5, "mean_return": 1.0}
+    assert run.last == {"decisions": 200, "success_rate": 0.25, "mean_return": 2.0}
+    assert run.problems == ()
+
+
+def test_of_equal_success_the_higher_return_is_best(tmp_path):
+    run = read_run(make_run(tmp_path / "a", evaluations=[(1, 0.5, 2.0), (2, 0.5, 1.0)]))
+    assert run.best["decisions"] == 1
+
+
+def test_a_run_that_a_signal_ended_is_interrupted(tmp_path):
+    assert read_run(make_run(tmp_path / "a", interrupted_by="SIGTERM")).state == "interrupted"
+
+
+def test_a_run_without_a_status_was_killed_and_its_tables_say_how_far_it_came(tmp_path):
+    folder = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.0)])
+    (folder / "status.json").unlink()
+    (folder / "progress.csv").write_text("time/total_timesteps,time/time_elapsed\n120,7\n240,9\n36")
+    run = read_run(folder)
+    assert (run.state, run.decisions, run.wall_time_s) == ("interrupted", 240, 9.0)
+
+
+def test_a_run_that_a_process_holds_is_running_until_that_is_killed(tmp_path, elsewhere):
+    folder = make_run(tmp_path / "a", interrupted_by="SIGTERM")
+    process = elsewhere(folder)
+    assert read_run(folder).state == "running"
+    with pytest.raises(RunIsHeldError, match="another process trains in"), held(folder):
+        pass
+    process.kill()
+    process.wait(60)
+    assert not is_running(folder)
+    assert read_run(folder).state == "interrupted"
+
+
+def test_a_folder_can_be_held_again(tmp_path):
+    with held(tmp_path):
+        assert is_running(tmp_path)
+    with held(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("file", "contents", "problem"),
+    [
+        ("config.yaml", "a: [", "config.yaml cannot be read: while parsing"),
+        ("config.yaml", "3", "config.yaml cannot be read: no task.name"),
+        ("config.yaml", "task: [1]", "config.yaml cannot be read: no task.name"),
+        ("config.yaml", "!!python/object/apply:os.getcwd []", "config.yaml cannot be read"),
+        ("status.json", "{", "status.json cannot be read"),
+        ("status.json", "{}", "status.json cannot be read: 'decisions'"),
+        ("provenance.json", "[]", "provenance.json cannot be read: no JSON object"),
+        ("evaluations.csv", "decisions\n1\n", "evaluations.csv cannot be read: 'success_rate'"),
+        (
+            "evaluations.csv",
+            "decisions,success_rate,mean_return\n1,x,2\n",
+            "evaluations.csv cannot be read: could not convert",
+        ),
+        ("evaluations.csv", b"\xff\xfe", "evaluations.csv cannot be read"),
+    ],
+)
+def test_a_damaged_file_is_a_problem_not_an_error(tmp_path, file, contents, problem):
+    folder = make_run(tmp_path / "a")
+    data = contents if isinstance(contents, bytes) else contents.encode()
+    (folder / file).write_bytes(data)
+    (found,) = read_run(folder).problems
+    assert found.startswith(problem)
+
+
+def test_what_is_missing(tmp_path):
+    folder = make_run(tmp_path / "a")
+    for name in ("config.yaml", "provenance.json", "last.safetensors"):
+        (folder / name).unlink()
+    run = read_run(folder)
+    assert run.state == "damaged"
+    assert run.problems == ("config.yaml is missing", "provenance.json is missing")
+
+
+def test_a_finished_run_without_its_policy(tmp_path):
+    folder = make_run(tmp_path / "a")
+    (folder / "last.safetensors").unlink()
+    assert read_run(folder).problems == ("last.safetensors is missing",)
+
+
+def test_runs_are_found_in_sweeps_too_and_nothing_else_is(tmp_path):
+    inside = [make_run(tmp_path / name) for name in ("b", "sweeps/x/a")]
+    (tmp_path / "notes").mkdir()
+    make_run(tmp_path / ".trash" / "c")
+    make_run(tmp_path / "b" / "evaluation" / "d")
+    assert find_runs(tmp_path) == inside
+    assert find_runs(inside[0]) == inside[:1]
+
+
+def test_a_row_that_was_cut_off_is_not_read(tmp_path):
+    (tmp_path / "rows.csv").write_text("a,b\n1,2\n3")
+    assert read_rows(tmp_path / "rows.csv") == [{"a": "1", "b": "2"}]
+    assert read_rows(tmp_path / "none.csv") == []
+
+
+def test_training_returns_leave_out_updates_without_a_whole_episode(tmp_path):
+    (tmp_path / "progress.csv").write_text(
+        "time/total_timesteps,rollout/ep_rew_mean\n64,\n128,1.5\n,2.0\n"
+    )
+    assert training_returns(tmp_path) == [(128.0, 1.5)]
+
+
+def test_dotted_keys():
+    tree = {"a": {"b": 1, "c": [2]}, "d": 3}
+    assert flat(tree) == {"a.b": 1, "a.c": [2], "d": 3}
+    assert nested(tree, "a.b") == 1
+    assert nested(tree, "a.b.c") is None
+
+
+def test_status_of_an_interruption_before_does_not_count_for_a_running_run(tmp_path, elsewhere):
+    folder = make_run(tmp_path / "a", interrupted_by="SIGINT", evaluations=[(300, 0.5, 1.0)])
+    status = json.loads((folder / "status.json").read_text())
+    (folder / "status.json").write_text(json.dumps({**status, "decisions": 100}))
+    elsewhere(folder)
+    assert read_run(folder).decisions == 300
