@@ -35,7 +35,7 @@ _CONES: Final = {
 _BALANCED_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
         friction=(0.8, 0.005, 0.0001),
-        solref=(-1e5, -5e3),
+        solref=(-2e4, -4e3),
         solimp=(0.5, 0.99, 0.08, 0.5, 2.0),
     ),
     plane_segments=("Coxa", "Femur", "Tibia", "Tarsus5"),
@@ -45,11 +45,11 @@ _BALANCED_CONTACT: Final = ContactConfig(
 _FAST_CONTACT: Final = replace(
     _BALANCED_CONTACT,
     plane=SurfaceContact(
-        friction=(0.9, 0.005, 0.0001),
-        solref=(-5e4, -2.5e3),
-        solimp=(0.5, 0.985, 0.08, 0.5, 2.0),
+        friction=(1.3, 0.005, 0.0001),
+        solref=(-5e4, -5e3),
+        solimp=(0.5, 0.985, 0.12, 0.5, 2.0),
     ),
-    plane_friction_across=1.4,
+    plane_friction_across=None,
     # at this step even boxes have to let a foot slip at first, or the hybrid gets stuck too
     box=SurfaceContact(solref=(-6e4, -1e3), solimp=(0.7, 0.99, 0.03, 0.5, 2.0)),
 )
