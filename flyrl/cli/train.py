@@ -62,7 +62,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     if start.sweep and not interrupted:
         interrupted, is_finished = _earlier(config, start.sweep)
         if interrupted and is_finished:
-            print(f"run: {interrupted}")
+            print(f"run: {interrupted}", flush=True)
             return interrupted
     try:
         if interrupted:
@@ -78,7 +78,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
         entrants = comparison(record, with_run, start.command)
         report = compare(entrants, Path(folder), settings.videos)
         print(f"report: {report}")
-    print(f"run: {finished.folder}")
+    # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end
+    print(f"run: {finished.folder}", flush=True)
     if finished.interrupted_by is not None:
         print(f"interrupted; go on with: resume={finished.folder}", file=sys.stderr)
         raise Interrupted(finished.folder, finished.interrupted_by)

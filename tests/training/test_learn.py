@@ -51,6 +51,7 @@ def test_run_folder_is_complete(run):
     assert run.interrupted_by is None
     # there only where the checkout has changes
     assert {path.name for path in run.folder.iterdir()} - {"code.diff"} == {
+        ".lock",
         "best.safetensors",
         "checkpoints",
         "command.txt",
