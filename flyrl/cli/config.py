@@ -121,17 +121,18 @@ def evaluation_config(
     ValueError
         A key or value that is not allowed.
     """
-    task = from_mapping(_TaskSettings, config["task"], "task")
-    own = task.task().decision_interval_s
-    if task.decision_interval is not None and task.decision_interval != own:
+    asked = from_mapping(_TaskSettings, config["task"], "task")
+    task = asked.task()
+    own = task.decision_interval_s
+    if asked.decision_interval not in (None, own):
         raise ValueError(
             "task.decision_interval must be null in an evaluation, where a learned policy brings "
-            f"its own and a fixed one takes the task's, {own}, got {task.decision_interval}"
+            f"its own and a fixed one takes the task's, {own}, got {asked.decision_interval}"
         )
     return EvaluationConfig(
         policies=settings.policies,
         controllers=settings.controllers,
-        task=task.task(),
+        task=task,
         terrains=tuple(
             from_mapping(TerrainConfig, terrain, f"terrains[{i}]")
             if isinstance(terrain, Mapping)

@@ -126,11 +126,12 @@ def _illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> N
     from flyrl.evaluation import EvaluationConfig  # noqa: PLC0415
     from flyrl.files import write_bytes  # noqa: PLC0415
     from flyrl.report import record_videos, write_learning_curve  # noqa: PLC0415
+    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
     from flyrl.training.runs import read_run, training_returns  # noqa: PLC0415
 
     folder = finished.folder
     write_learning_curve(folder, read_run(folder).evaluations, training_returns(folder))
-    best = folder / "best.safetensors"
+    best = RunFolder(folder).best
     if with_video and finished.interrupted_by is None and best.exists():
         scene = config.env.scene
         episodes = EvaluationConfig(

@@ -24,7 +24,8 @@ from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Activation, Layer
 from flyrl.policies.normaliser import Normaliser
 
-_ACTIVATIONS: Final[dict[type[nn.Module], Activation]] = {nn.Tanh: "tanh", nn.ReLU: "relu"}
+ACTIVATION_MODULES: Final[dict[Activation, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
+_ACTIVATIONS: Final = {module: name for name, module in ACTIVATION_MODULES.items()}
 
 
 def bundle_from_sb3(

@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import torch
 from gymnasium import Space
@@ -19,13 +19,15 @@ from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.policies.bundle import PolicyBundle, PolicyFileError, observation_layout
-from flyrl.policies.export import actor_modules, bundle_from_sb3, normaliser_of
+from flyrl.policies.export import (
+    ACTIVATION_MODULES,
+    actor_modules,
+    bundle_from_sb3,
+    normaliser_of,
+)
 from flyrl.policies.learned import LearnedPolicy
-from flyrl.policies.mlp import Activation
 from flyrl.tasks import TASKS, Task
 from flyrl.validation import one_of
-
-_MODULES: Final[dict[Activation, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 
 
 def import_sb3(
@@ -158,7 +160,7 @@ def export_sb3(
         "device": "cpu",
         "policy_kwargs": {
             "net_arch": list(bundle.network.sizes[1:-1]),
-            "activation_fn": _MODULES[bundle.network.activation],
+            "activation_fn": ACTIVATION_MODULES[bundle.network.activation],
         },
         "_init_setup_model": False,
     }

@@ -1,6 +1,6 @@
 """Settings of the physics engine, and the presets that were measured."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Literal, get_args
 
 import mujoco
@@ -28,10 +28,10 @@ _CONES: Final = {
 # contact does, and takes 1/45 s to push it out again: pushed out at once, even the CPG alone glides
 # over gaps; never, and a coarse step traps the hybrid and the rules too. A plane is slippery to a
 # foot that has just touched down and grips it once it has sunk in, as the literature's integrator
-# makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners. It
-# slips more easily along the foot than across it, for the same reason. The tarsus segments above
-# the foot would sink in with it; in the literature's model they bear next to nothing, so they are
-# left out.
+# makes it: gripped at once, a fly turns a quarter too sharply and falls at the drive's corners.
+# That it slips more easily along the foot than across it was fitted to how the reference turns. The
+# tarsus segments above the foot would sink in with it; in the literature's model they bear next to
+# nothing, so they are left out.
 _BALANCED_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
         friction=(0.8, 0.005, 0.0001),
@@ -42,14 +42,13 @@ _BALANCED_CONTACT: Final = ContactConfig(
     plane_friction_across=1.2,
     box=SurfaceContact(solref=(-9e4, -2e3)),
 )
-_FAST_CONTACT: Final = replace(
-    _BALANCED_CONTACT,
+_FAST_CONTACT: Final = ContactConfig(
     plane=SurfaceContact(
         friction=(1.3, 0.005, 0.0001),
         solref=(-5e4, -5e3),
         solimp=(0.5, 0.985, 0.12, 0.5, 2.0),
     ),
-    plane_friction_across=None,
+    plane_segments=_BALANCED_CONTACT.plane_segments,
     # at this step even boxes have to let a foot slip at first, or the hybrid gets stuck too
     box=SurfaceContact(solref=(-6e4, -1e3), solimp=(0.7, 0.99, 0.03, 0.5, 2.0)),
 )

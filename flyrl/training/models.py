@@ -10,8 +10,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
-from torch import nn
 
+from flyrl.policies.export import ACTIVATION_MODULES
 from flyrl.training.algorithms import (
     A2CConfig,
     AlgorithmConfig,
@@ -40,8 +40,6 @@ _MODELS: Final[dict[type[AlgorithmConfig], type[BaseAlgorithm]]] = {
     TD3Config: TD3,
     DDPGConfig: DDPG,
 }
-
-_ACTIVATIONS: Final[dict[str, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 
 # Settings that are not arguments of the model: those of its policy, and those of other names.
 _OF_POLICY: Final = {
@@ -100,7 +98,7 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         ),
         policy_kwargs={
             "net_arch": list(algo.hidden_layers),
-            "activation_fn": _ACTIVATIONS[algo.activation],
+            "activation_fn": ACTIVATION_MODULES[algo.activation],
             **of_policy,
         },
         seed=seed,
