@@ -189,6 +189,12 @@ class BatchedEnv:
             Which simulations; None means all.
         episodes
             Exactly these episodes instead of drawn ones.
+
+        Raises
+        ------
+        ValueError
+            If the numbers of entries do not fit, or, at the first reset, a term of the task does
+            not give an array of its shape.
         """
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         for name, given in (("seeds", seeds), ("episodes", episodes)):
@@ -215,6 +221,7 @@ class BatchedEnv:
         )
         goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
         commands = np.array([episode.command for episode in episodes], dtype=np.float64)
+        is_first = self._goal is None
         if self._goal is None or self._command is None:
             self._goal = np.zeros((self.num_envs, goals.shape[1]))
             self._command = np.zeros((self.num_envs, commands.shape[1]))
@@ -228,6 +235,8 @@ class BatchedEnv:
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
         self.fly_state = self.flies.state()
+        if is_first:
+            self._check_terms(self.task_state())
         return self.observe()
 
     def draw_episode(self, i: int, seed: int | None = None) -> Episode:
@@ -277,19 +286,18 @@ class BatchedEnv:
         state = self._task_state(previous)
         for averaged in self.task.means:
             mean = self._means[averaged.name]
-            values = self._values(averaged.name, averaged.compute(state), (averaged.size,))
+            values = averaged.compute(state)
             mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
         reward = np.zeros(self.num_envs)
         for term, total in zip(self.task.reward, self._totals, strict=True):
-            values = self._values(term.name, term.compute(state), ())
+            values = term.compute(state)
             reward += term.weight * values
             total[moved] += values[moved]
         outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype(self._outcome_type)
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
         for termination in self.task.terminations:
-            holds = self._values(termination.outcome, termination.holds(state), ())
-            ends = holds.astype(bool) & ~terminated
+            ends = np.asarray(termination.holds(state), dtype=bool) & ~terminated
             outcome[ends] = termination.outcome
             is_success[ends] = termination.is_success
             terminated |= ends
@@ -389,20 +397,28 @@ class BatchedEnv:
             bounds=self._bounds,
         )
 
-    def _values(self, name: str, values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
-        """What a term computed, if it has a row of `shape` per simulation; else ValueError."""
-        if np.shape(values) != (self.num_envs, *shape):
-            raise ValueError(
-                f"the task's term {name!r} must give an array of shape "
-                f"{('n', *shape)} for n simulations, got {np.shape(values)} for {self.num_envs}"
-            )
-        return values
+    def _check_terms(self, state: TaskState) -> None:
+        """Raise ValueError if a term does not give a row of its shape per simulation."""
+        task = self.task
+        with np.errstate(all="ignore"):  # no time has passed yet, by which a term may divide
+            given = [
+                *((term.name, (term.size,), term.compute(state)) for term in task.means),
+                *((term.name, term.shape, term.compute(state)) for term in task.observation),
+                *((term.name, (), term.compute(state)) for term in task.reward),
+                *((end.outcome, (), end.holds(state)) for end in task.terminations),
+            ]
+        for name, shape, values in given:
+            if np.shape(values) != (self.num_envs, *shape):
+                raise ValueError(
+                    f"the task's term {name!r} must give an array of shape {('n', *shape)} for n "
+                    f"simulations, got {np.shape(values)} for {self.num_envs}"
+                )
 
     def _observe(self, state: TaskState) -> Observation:
         # np.clip takes twice as long for a single fly
         terms = {}
         for term in self.task.observation:
-            values = self._values(term.name, term.compute(state), term.shape)
+            values = term.compute(state)
             terms[term.name] = np.minimum(np.maximum(values, term.low), term.high).astype(
                 np.float32
             )

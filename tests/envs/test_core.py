@@ -8,7 +8,15 @@ from flyrl.controllers.leg_controller import ControllerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import OpenLoop
 from flyrl.simulation.physics import PhysicsConfig
-from flyrl.tasks import TASKS, Episode, MeanTerm, ObservationTerm, Task, Termination
+from flyrl.tasks import (
+    TASKS,
+    Episode,
+    MeanTerm,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    Termination,
+)
 from flyrl.terrains import TERRAIN_NAMES
 
 STIFF = SurfaceContact(solref=(-1e5, -2e3))
@@ -217,6 +225,13 @@ def test_a_term_of_the_wrong_shape_is_refused_by_name(width: tuple[int, ...]) ->
     )
     env = BatchedEnv(EnvConfig(task=target_with(observation=(wrong,)), physics=FAST), 3)
     with pytest.raises(ValueError, match=r"'height' must give an array of shape \('n', 1\)"):
+        env.reset(seeds=[0, 1, 2])
+
+
+def test_a_reward_of_the_wrong_shape_is_refused_before_the_first_step() -> None:
+    wrong = RewardTerm("bonus", 1.0, lambda state: np.zeros((len(state.fly.time), 1)), "")
+    env = BatchedEnv(EnvConfig(task=target_with(reward=(wrong,)), physics=FAST), 3)
+    with pytest.raises(ValueError, match="'bonus' must give an array of shape"):
         env.reset(seeds=[0, 1, 2])
 
 
