@@ -49,20 +49,26 @@ def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64)
     return rows
 
 
-def measure_ppo(rollouts: int) -> list[Row]:
+def measure_ppo(rollouts: int, flies: Sequence[int] = (32, 64)) -> list[Row]:
     """Shares of physics, environment, policy and update in some rollouts of the default training.
 
-    One rollout and its update go before, to warm up.
+    "collection" is the share of physics in what is not update: the rate at which decisions are
+    collected, over the engine's own. The default is 32 flies. One rollout and its update go before,
+    to warm up.
     """
+    return [_measure_ppo(rollouts, number) for number in flies]
+
+
+def _measure_ppo(rollouts: int, flies: int) -> Row:
     config = TrainingConfig()
     if not isinstance(config.algo, PPOConfig):
         raise TypeError(f"the default algorithm is {config.algo.name}, not PPO")
     torch.set_num_threads(config.training.torch_threads)
-    env = FlyVecEnv(config.env, config.training.num_envs, config.training.num_threads)
+    env = FlyVecEnv(config.env, flies, config.training.num_threads)
     env.seed(config.seed)
     model = build_model(config.algo, env, config.seed)
-    decisions = config.algo.n_steps * config.training.num_envs
-    with tqdm(total=rollouts + 1, desc="ppo") as bar:
+    decisions = config.algo.n_steps * flies
+    with tqdm(total=rollouts + 1, desc=f"ppo, flies: {flies}") as bar:
         model.learn(decisions)
         bar.update()
         watch = Stopwatch()
@@ -75,14 +81,14 @@ def measure_ppo(rollouts: int) -> list[Row]:
         with watch.timing("rest"):
             model.learn(rollouts * decisions)
         bar.update(rollouts)
-    return [
-        {
-            "flies": config.training.num_envs,
-            "decisions": rollouts * decisions,
-            "decisions_per_s": significant(rollouts * decisions / sum(watch.seconds.values())),
-            **_shares(watch, ("physics", "environment", "policy", "update", "rest")),
-        }
-    ]
+    shares = _shares(watch, ("physics", "environment", "policy", "update", "rest"))
+    return {
+        "flies": flies,
+        "decisions": rollouts * decisions,
+        "decisions_per_s": significant(rollouts * decisions / sum(watch.seconds.values())),
+        **shares,
+        "collection": significant(shares["physics"] / (1.0 - shares["update"])),
+    }
 
 
 def measure_single(presets: Sequence[str], steps: int = 5_000, warm_up: int = 500) -> list[Row]:

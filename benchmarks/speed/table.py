@@ -121,7 +121,7 @@ def _single_table(rows: Sequence[Row]) -> str:
 
 
 def _ppo_table(rows: Sequence[Row]) -> str:
-    shares = ("physics", "environment", "policy", "update", "rest")
+    shares = ("physics", "environment", "policy", "update", "rest", "collection")
     return aligned(
         ["flies", "decisions/s", *shares],
         [
