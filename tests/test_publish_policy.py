@@ -1,6 +1,8 @@
 """tools/publish_policy.py, and the policies that it put into assets/."""
 
 import json
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -25,7 +27,9 @@ def run(tmp_path_factory):
             progress_bar=False,
         ),
     )
-    folder = train(config, tmp_path_factory.mktemp("runs"), ["train.py", "seed=0"]).folder
+    folder = train(
+        config, tmp_path_factory.mktemp("runs"), [sys.executable, "train.py", "seed=0"]
+    ).folder
     _set_git(folder, is_dirty=False)
     return folder
 
@@ -52,7 +56,7 @@ def test_published_policy_is_the_best_of_the_run(run, published):
 
 def test_policy_file_records_where_it_comes_from(published):
     training = load_bundle(published / "target-flat.safetensors").training
-    assert training["command"] == "train.py seed=0"
+    assert training["command"] == f"{Path(sys.executable).name} train.py seed=0"
     assert training["provenance"]["git"]["commit"] == "c0ffee"
     assert training["settings"]["algo"]["hidden_layers"] == [8]
     assert training["held_out"]["episodes"] == 1

@@ -14,6 +14,7 @@ import argparse
 import dataclasses
 import json
 import re
+import shlex
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -88,7 +89,7 @@ def publish(run: Path, name: str, folder: Path, episodes: int, num_threads: int)
     training = {
         **bundle.training,
         "settings": {group: record[group] for group in ("algo", "training")},
-        "command": (run / "command.txt").read_text().strip(),
+        "command": _command_anywhere((run / "command.txt").read_text()),
         "provenance": {**provenance, "cpu": {"model": provenance["cpu"]["model"]}},
         "held_out": judge(run, record, episodes, num_threads),
     }
@@ -102,6 +103,12 @@ def publish(run: Path, name: str, folder: Path, episodes: int, num_threads: int)
     write_bytes(folder / f"{name}{SUFFIX}", data)
     write_text(folder / f"{name}.md", model_card(name, bundle))
     print(f"policy: {folder / name}{SUFFIX} ({len(data)} bytes)")
+
+
+def _command_anywhere(command: str) -> str:
+    """Command without the places that interpreter and script had on the machine it ran on."""
+    words = shlex.split(command)
+    return shlex.join(Path(word).name if Path(word).is_absolute() else word for word in words)
 
 
 def judge(run: Path, record: dict[str, Any], episodes: int, num_threads: int) -> dict[str, Any]:
