@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.cli.tables import csv_text, print_table
+from flyrl.terrains import terrain_label
 from flyrl.training.runs import RunSummary, find_runs, flat, is_run, read_run
 
 COLUMNS: Final = (
@@ -101,7 +102,7 @@ def row(run: RunSummary) -> Row:
     return {
         "name": run.path.name,
         "task": run.setting("task.name"),
-        "terrain": run.setting("terrain.name"),
+        "terrain": terrain_label(run.setting("terrain.name"), run.setting("terrain.random")),
         "algo": run.setting("algo.name"),
         "seed": run.setting("seed"),
         "decisions": run.decisions,

@@ -17,7 +17,7 @@ from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scen
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, SUCCESS, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
-from flyrl.terrains import TerrainConfig, TerrainName, terrain_bounds
+from flyrl.terrains import TERRAINS, TerrainConfig, draw_ground, terrain_bounds
 from flyrl.validation import one_of
 
 Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
@@ -32,8 +32,9 @@ class EnvConfig:
     task
         A name in `flyrl.tasks.TASKS`, or a task of your own.
     body, terrain, controller
-        Configs, or the name that picks one with default settings. With None, the controller is
-        the hybrid one whose recorded step goes with the body.
+        Configs, or the name that picks one with default settings (of a terrain: one in
+        `flyrl.terrains.TERRAINS`). With None, the controller is the hybrid one whose recorded
+        step goes with the body.
     physics
         Settings, or the name of a preset.
     decision_interval
@@ -60,7 +61,7 @@ class EnvConfig:
         )
         terrain = self.terrain
         if isinstance(terrain, str):
-            terrain = TerrainConfig(name=cast(TerrainName, terrain))
+            terrain = TERRAINS[one_of("terrain", terrain, TERRAINS)]
         controller = self.controller
         if controller is None or isinstance(controller, str):
             controller = ControllerConfig(
@@ -193,8 +194,9 @@ class BatchedEnv:
         Raises
         ------
         ValueError
-            If the numbers of entries do not fit, or, at the first reset, a term of the task does
-            not give an array of its shape.
+            If the numbers of entries do not fit, an episode brings a ground where the terrain is
+            not random, or, at the first reset, a term of the task does not give an array of its
+            shape.
         """
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         for name, given in (("seeds", seeds), ("episodes", episodes)):
@@ -207,6 +209,7 @@ class BatchedEnv:
             episodes = [
                 self.draw_episode(int(i), seed) for i, seed in zip(chosen, drawn, strict=True)
             ]
+        self._lay_ground(chosen, episodes)
         controller = self.config.scene.controller
         self.flies.reset(
             chosen,
@@ -334,6 +337,9 @@ class BatchedEnv:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned, in an environment of the same settings."""
+        self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
+        started = [i for i, episode in enumerate(self.episodes) if episode is not None]
+        self._lay_ground(np.array(started, dtype=np.intp), [*filter(None, self.episodes)])
         self.flies.restore(snapshot["physics"])
         self.fly_state = FlyState(**snapshot["fly_state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
@@ -342,16 +348,34 @@ class BatchedEnv:
         for name, mean in self._means.items():
             mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
-        self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
         self._rngs = [state and _generator(state) for state in snapshot["generators"]]
 
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
         return self._observe(self._task_state(self.fly_state))
 
+    def grounds(self) -> NDArray[np.int64]:
+        """Seeds of the grounds that the simulations walk on, on random terrain; -1: none yet."""
+        return np.array([-1 if each is None else each.ground_seed for each in self.episodes])
+
     def task_state(self) -> TaskState:
         """What the task's terms see now."""
         return self._task_state(self.fly_state)
+
+    def _lay_ground(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
+        """Lay the ground of episodes that start, where the terrain is random."""
+        terrain = self.config.scene.terrain
+        if terrain.random and len(ids):
+            self.flies.set_ground(
+                ids, [draw_ground(terrain, episode.ground_seed) for episode in episodes]
+            )
+            return
+        for episode in episodes:
+            if episode.ground is not None:
+                raise ValueError(
+                    f"ground of the episode is {episode.ground}; it must be None where "
+                    f"terrain.random is false, as on {terrain.name!r}"
+                )
 
     def _set_pushes(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Note the pushes of episodes that start; a push of 0 µN is none."""

@@ -28,7 +28,7 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
     """
     if not options:
         return episode
-    allowed = (*_FIELDS, "spawn_yaw", "episode")
+    allowed = (*_FIELDS, "spawn_yaw", "ground", "episode")
     unknown = [name for name in options if name not in allowed]
     if unknown:
         raise ValueError(f"reset options {unknown} are unknown; allowed are {list(allowed)}")
@@ -52,6 +52,8 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
         changes[attribute] = tuple(float(value) for value in values)
     if options.get("spawn_yaw") is not None:
         changes["spawn_yaw"] = float(options["spawn_yaw"])
+    if options.get("ground") is not None:
+        changes["ground"] = _ground_seed(options["ground"])
     if "command" in changes and _leads_to_goal(episode):
         changes.setdefault("goal", changes["command"][-2:])
     changed = dataclasses.replace(episode, **changes)
@@ -61,6 +63,15 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
             f"got {changed.goal}"
         )
     return changed
+
+
+def _ground_seed(value: Any) -> int:
+    is_integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_integer or not 0 <= value < 2**63:
+        raise ValueError(
+            f"reset option 'ground' must be an integer from 0 to 2**63 - 1; got {value!r}"
+        )
+    return int(value)
 
 
 def _leads_to_goal(episode: Episode) -> bool:

@@ -28,10 +28,12 @@ class FlyEnv(gymnasium.Env[Any, Any]):
 
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
     anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad), "goal" (the target's x and
-    y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md), which
-    replace what the seed draws, or "episode", which replaces all of it.
+    y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md) and, on
+    random terrain, "ground" (a seed), which replace what the seed draws, or "episode", which
+    replaces all of it.
     `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
-    "is_success" and "time_s". A task with a termination of its own has one more outcome.
+    "is_success" and "time_s"; on random terrain also "ground". A task with a termination of its
+    own has one more outcome.
 
     Parameters
     ----------
@@ -58,7 +60,8 @@ class FlyEnv(gymnasium.Env[Any, Any]):
             self._np_random, self._np_random_seed = seeding.np_random(seed)
         episode = self.core.draw_episode(0, seed)
         observation = self.core.reset(episodes=[episode_with_options(episode, options)])
-        return _first(observation), {"outcome": "running", "is_success": False, "time_s": 0.0}
+        info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._ground()}
+        return _first(observation), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Hold a drive for one decision interval."""
@@ -72,8 +75,15 @@ class FlyEnv(gymnasium.Env[Any, Any]):
                 "outcome": str(transition.outcome[0]),
                 "is_success": bool(transition.is_success[0]),
                 "time_s": float(self.core.fly_state.time[0]),
+                **self._ground(),
             },
         )
+
+    def _ground(self) -> dict[str, int]:
+        if not self.config.scene.terrain.random:
+            return {}
+        (ground,) = self.core.grounds()
+        return {"ground": int(ground)}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the fly, (480, 640, 3), or None without a render mode."""

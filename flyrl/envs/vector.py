@@ -160,7 +160,11 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
 
     def _info(self, outcome: NDArray[np.str_], is_success: NDArray[np.bool_]) -> dict[str, Any]:
         everyone = np.ones(self.num_envs, dtype=bool)
+        ground: dict[str, Any] = {}
+        if self.config.scene.terrain.random:
+            ground = {"ground": self.core.grounds(), "_ground": everyone.copy()}
         return {
+            **ground,
             "outcome": outcome.astype(object),
             "_outcome": everyone,
             "is_success": is_success,

@@ -10,7 +10,7 @@ from flyrl.bodies.table import BodyName
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import Episode, Task
-from flyrl.terrains import TerrainConfig, TerrainName
+from flyrl.terrains import TerrainConfig
 from flyrl.validation import at_least, within
 
 FIRST_SEED: Final = 3 * 2**30
@@ -40,7 +40,7 @@ class EvaluationConfig:
         A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation and a time
         limit.
     terrains
-        Names or configs; the names differ from one another.
+        Names (see `flyrl.terrains.TERRAINS`) or configs; their labels differ from one another.
     episodes
         Number of episodes per terrain; every entrant walks the same ones.
     seed
@@ -68,7 +68,7 @@ class EvaluationConfig:
     policies: tuple[str, ...] = ()
     controllers: tuple[str, ...] | None = None
     task: str | Task = "target"
-    terrains: tuple[TerrainName | TerrainConfig, ...] = ("flat",)
+    terrains: tuple[str | TerrainConfig, ...] = ("flat",)
     episodes: int = 50
     seed: int = 0
     body: BodyName | FlyConfig = "current"
@@ -94,11 +94,11 @@ class EvaluationConfig:
             )
         if self.resolved_task.time_limit_s is None:
             raise ValueError(f"task must be one with a time limit, got {self.resolved_task.name!r}")
-        names = [terrain.name for terrain in self.terrain_configs]
+        names = [terrain.label for terrain in self.terrain_configs]
         if len(set(names)) < len(names):
             raise ValueError(f"terrains must differ in name, got {', '.join(names)}")
 
-    def env(self, terrain: TerrainName | TerrainConfig) -> EnvConfig:
+    def env(self, terrain: str | TerrainConfig) -> EnvConfig:
         """Environment with the controller that goes with the body."""
         return EnvConfig(task=self.task, body=self.body, terrain=terrain, physics=self.physics)
 

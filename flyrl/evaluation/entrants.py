@@ -25,7 +25,7 @@ from flyrl.policies.bundle import policy_file
 from flyrl.policies.library import policy_name
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import TerrainConfig, terrain_label
 from flyrl.validation import one_of
 
 
@@ -215,8 +215,9 @@ def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
     text = "learned"
     if "algo" in training:
         text += f" with {training['algo']}"
-    if isinstance(env.get("terrain"), dict) and "name" in env["terrain"]:
-        text += f" on {env['terrain']['name']}"
+    terrain = env.get("terrain")
+    if isinstance(terrain, dict) and "name" in terrain:
+        text += f" on {terrain_label(terrain['name'], terrain.get('random'))}"
     return text
 
 

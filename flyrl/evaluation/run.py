@@ -58,7 +58,7 @@ def evaluate(config: EvaluationConfig) -> Results:
         dynamic_ncols=True,
     ) as bar:
         for entrant, terrain, env_config in envs:
-            bar.set_postfix_str(f"{entrant.name}, {terrain.name}")
+            bar.set_postfix_str(f"{entrant.name}, {terrain.label}")
             env = BatchedEnv(env_config, min(config.num_envs, config.episodes), config.num_threads)
             for record in run_episodes(
                 env,
@@ -106,7 +106,7 @@ def _protocol(
         "entrants": [dict(entrant.record) for entrant in entrants],
         "terrains": [
             {
-                "name": terrain.name,
+                "name": terrain.label,
                 "config": dataclasses.asdict(terrain),
                 "episodes": [dataclasses.asdict(episode) for episode in drawn],
             }

@@ -7,6 +7,7 @@ from typing import Any, Final
 from flyrl.envs.record import plain
 from flyrl.policies.bundle import PolicyBundle
 from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.terrains import terrain_label
 
 _UNKNOWN: Final = "not recorded"
 
@@ -35,7 +36,7 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
     return f"""\
 # {name}
 
-Steers the fly in the task {_name(env, "task")} on {_name(env, "terrain")} terrain. Loads with
+Steers the fly in the task {_name(env, "task")} on {_terrain(env)} terrain. Loads with
 `flyrl.load_policy("{name}")` and enters an evaluation as `policies=[{name}]`.
 
 ## Trained in
@@ -77,7 +78,7 @@ def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
     return [
         ("task", _name(env, "task")),
         ("decision interval, s", interval),
-        ("terrain", _name(env, "terrain")),
+        ("terrain", _terrain(env)),
         ("body", _name(env, "body")),
         ("leg controller", _name(env, "controller")),
         ("physics", presets[0] if presets else "of its own: " + str(_physics(env))),
@@ -135,6 +136,10 @@ def _cell(value: Any) -> str:
 
 def _name(env: Mapping[str, Any], part: str) -> str:
     return str(_mapping(env.get(part)).get("name", _UNKNOWN))
+
+
+def _terrain(env: Mapping[str, Any]) -> str:
+    return terrain_label(_name(env, "terrain"), _mapping(env.get("terrain")).get("random"))
 
 
 def _physics(env: Mapping[str, Any]) -> Any:

@@ -130,7 +130,7 @@ def record_video(
     pictures += [_titled(picture, entrant.name, time_s, text)] * HOLD_FRAMES
     poster = io.BytesIO()
     Image.fromarray(pictures[-1]).save(poster, "JPEG", quality=80)
-    return Video(entrant.name, terrain.name, index, outcome, encode(pictures), poster.getvalue())
+    return Video(entrant.name, terrain.label, index, outcome, encode(pictures), poster.getvalue())
 
 
 def _walk(
@@ -146,6 +146,8 @@ def _walk(
     timestep = env.config.scene.physics.timestep
     per_frame = max(1, round(FRAME_S / timestep))
     observation = env.reset(episodes=[episode])
+    if (ground := env.flies.ground(0)) is not None:
+        stand_in.set_ground(np.array([0]), [ground])
     yield env.flies, 0.0, RUNNING
     state, outcome, walked = None, RUNNING, 0
     while outcome == RUNNING:

@@ -73,7 +73,7 @@ def run_episodes(
             EpisodeRecord(
                 controller=controller,
                 task=env.task.name,
-                terrain=env.config.scene.terrain.name,
+                terrain=env.config.scene.terrain.label,
                 index=start + i,
                 episode=episode,
                 horizon_s=decisions * env.config.decision_interval_s,

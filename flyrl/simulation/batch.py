@@ -12,6 +12,7 @@ from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import STATE_SIZE, install
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState
+from flyrl.terrains import Boxes, box_colours, terrain_boxes
 
 Ids = NDArray[np.intp]
 
@@ -55,6 +56,12 @@ class FlyBatch:
         self._xmat = self._batch.bind("xmat")
         self._actuator_force = self._batch.bind("actuator_force")
         self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
+        self._ground: slice | None = None
+        if scene.config.terrain.random:
+            first = scene.model.geom("ground_0").id
+            self._ground = slice(first, first + len(terrain_boxes(scene.config.terrain).centres))
+            self._geom_pos = self._batch.expand("geom_pos")
+            self._geom_size = self._batch.expand("geom_size")
         self._stretch_pose = stretch_pose()
         self._spawn_offset = spawn_offset(scene.config.body)
         self._is_unstable = np.zeros(num_sims, dtype=bool)
@@ -101,6 +108,37 @@ class FlyBatch:
         self._is_unstable[ids] = False
         self._warned = self.warnings().sum(axis=1)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+
+    def set_ground(self, ids: Ids, grounds: Sequence[Boxes]) -> None:
+        """Lay ground under simulations on random terrain, before a reset or `restore`.
+
+        Parameters
+        ----------
+        ids
+            Simulations, (k,).
+        grounds
+            k grounds of the scene's terrain, from `terrains.draw_ground`.
+
+        Raises
+        ------
+        ValueError
+            If all simulations of the scene share one ground.
+        """
+        if self._ground is None:
+            raise ValueError(
+                f"terrain {self.scene.config.terrain.name!r} has one ground for all simulations; "
+                "terrain.random must be true"
+            )
+        self._geom_pos[ids, self._ground] = [ground.centres for ground in grounds]
+        self._geom_size[ids, self._ground] = [ground.half_sizes for ground in grounds]
+
+    def ground(self, sim: int) -> Boxes | None:
+        """Copy the ground that was set for a simulation; None where all have that of the scene."""
+        if self._ground is None:
+            return None
+        return Boxes(
+            self._geom_pos[sim, self._ground].copy(), self._geom_size[sim, self._ground].copy()
+        )
 
     def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:
         """Advance by physics steps, holding the drives.
@@ -168,7 +206,10 @@ class FlyBatch:
         return np.array(self._batch.warning[:, :, 1], dtype=np.intp)
 
     def integration_state(self) -> NDArray[np.float64]:
-        """Everything that determines the future of each simulation, one row each (a copy)."""
+        """Everything that determines the future of each simulation, one row each (a copy).
+
+        On random terrain, the ground does so too: see `ground`.
+        """
         return np.array(self._batch.state)
 
     def restore(self, rows: NDArray[np.float64]) -> None:
@@ -178,11 +219,15 @@ class FlyBatch:
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
 
     def copy_into(self, sim: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Pose a model of the same body as simulation `sim`, for rendering.
+        """Pose a model of the same body as simulation `sim`, for rendering, and lay its ground.
 
         The model may have more in it than the batch's (meshes, a target marker) as long as the
-        joints are the same.
+        joints and the terrain are the same.
         """
+        if (ground := self.ground(sim)) is not None:
+            model.geom_pos[self._ground] = ground.centres
+            model.geom_size[self._ground] = ground.half_sizes
+            model.geom_rgba[self._ground] = box_colours(ground)
         data.qpos[:] = self._qpos[sim]
         data.qvel[:] = self._qvel[sim]
         data.time = self._time[sim]

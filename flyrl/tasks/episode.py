@@ -19,6 +19,10 @@ PUSH_ARM = 1.5
 Six = tuple[float, float, float, float, float, float]
 
 
+FIRST_GROUND_SEED = 2**32
+"""Beyond all seeds of episodes, so that a ground has nothing in common with what else is drawn."""
+
+
 @dataclass(frozen=True)
 class Episode:
     """What a simulation starts from; the same episode gives the same bits.
@@ -41,6 +45,9 @@ class Episode:
     pushes
         Sideways pushes for PUSH_S each: when (s since the reset) and how hard to the fly's left
         (µN), in turn. They turn the fly to the other side, for they meet its abdomen.
+    ground
+        On random terrain, the seed of its heights and gaps, for `terrains.draw_ground`; None: the
+        one that goes with `seed`, so that another seed is another ground.
     """
 
     seed: int
@@ -51,6 +58,12 @@ class Episode:
     init_magnitudes: Six
     command: tuple[float, ...] = ()
     pushes: tuple[float, ...] = ()
+    ground: int | None = None
+
+    @property
+    def ground_seed(self) -> int:
+        """Seed of the ground on random terrain."""
+        return FIRST_GROUND_SEED + self.seed if self.ground is None else self.ground
 
 
 def draw_spawn(terrain: TerrainConfig, rng: np.random.Generator) -> tuple[float, float, float]:

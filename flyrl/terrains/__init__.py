@@ -3,18 +3,23 @@
 from flyrl.terrains.terrain import (
     SPAWN_CLEARANCE,
     TERRAIN_NAMES,
+    TERRAINS,
     Bounds,
     Boxes,
     TerrainConfig,
     TerrainName,
     add_terrain,
     base_height,
+    box_colours,
+    draw_ground,
     terrain_bounds,
     terrain_boxes,
+    terrain_label,
 )
 
 __all__ = [
     "SPAWN_CLEARANCE",
+    "TERRAINS",
     "TERRAIN_NAMES",
     "Bounds",
     "Boxes",
@@ -22,6 +27,9 @@ __all__ = [
     "TerrainName",
     "add_terrain",
     "base_height",
+    "box_colours",
+    "draw_ground",
     "terrain_bounds",
     "terrain_boxes",
+    "terrain_label",
 ]

@@ -4,6 +4,7 @@ x points forward at spawn. All lengths in mm, world frame. Figures: NeuroMechFly
 (doi:10.1038/s41592-024-02497-y).
 """
 
+import functools
 import math
 from dataclasses import dataclass
 from typing import Final, Literal, get_args
@@ -13,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import BOXES, PLANES
+from flyrl.validation import within
 
 Array = NDArray[np.float64]
+Ids = NDArray[np.intp]
 
 TerrainName = Literal["flat", "gapped", "blocks", "mixed"]
 TERRAIN_NAMES: Final[tuple[TerrainName, ...]] = get_args(TerrainName)
@@ -33,6 +36,8 @@ SLAB_WIDTH: Final = 1.0
 SLAB_DEPTH: Final = 2.0
 GAP_WIDTH: Final = 0.3
 GAP_FLOOR: Final = -1.0
+MAX_GAP: Final = 1.0
+"""Gaps keep their distance of SLAB_WIDTH + GAP_WIDTH: a wider one leaves narrower slabs."""
 
 BLOCK_PITCH: Final = 1.3
 BLOCK_OVERSIZE: Final = 1.1
@@ -53,14 +58,20 @@ class TerrainConfig:
     ----------
     name : "flat", "gapped" (slabs with gaps across the path), "blocks" (a chequerboard of heights)
         or "mixed" (blocks, gaps and flat ground in turn).
-    seed : of the random heights; without effect where height_range is a single height.
+    seed : of the heights and gaps of a ground that is the same in every episode; without effect
+        where both ranges are a single value.
     height_range : least and greatest height by which every other block stands out, mm; blocks and
         mixed only.
+    gap_range : least and greatest width of a gap, mm; gapped and mixed only. The middles of the
+        gaps stay where they are.
+    random : whether every episode has a ground of its own, with other heights and gaps.
     """
 
     name: TerrainName = "flat"
     seed: int = 0
     height_range: tuple[float, float] = (0.35, 0.35)
+    gap_range: tuple[float, float] = (GAP_WIDTH, GAP_WIDTH)
+    random: bool = False
 
     def __post_init__(self) -> None:
         if self.name not in TERRAIN_NAMES:
@@ -69,17 +80,59 @@ class TerrainConfig:
             )
         if type(self.seed) is not int or self.seed < 0:
             raise ValueError(f"terrain seed: got {self.seed!r}, allowed are integers >= 0")
-        heights = tuple(self.height_range)
-        if (
-            len(heights) != 2
-            or not all(math.isfinite(height) for height in heights)
-            or not 0 <= heights[0] <= heights[1]
-        ):
+        for key, greatest in (("height_range", math.inf), ("gap_range", MAX_GAP)):
+            values = tuple(getattr(self, key))
+            if (
+                len(values) != 2
+                or not all(math.isfinite(value) for value in values)
+                or not 0 <= values[0] <= values[1] <= greatest
+            ):
+                at_most = "" if greatest == math.inf else f" <= {greatest:g}"
+                raise ValueError(
+                    f"{key}: got {getattr(self, key)!r}, allowed are two lengths in mm with "
+                    f"0 <= least <= greatest{at_most}"
+                )
+            object.__setattr__(self, key, values)
+        drawn = _DRAWN[self.name]
+        if self.random and all(len(set(getattr(self, key))) == 1 for key in drawn):
+            missing = " or ".join(drawn)
             raise ValueError(
-                f"height_range: got {self.height_range!r}, allowed are two heights in mm with "
-                "0 <= least <= greatest"
+                f"terrain random: got {self.random!r}, but "
+                + (
+                    f"{self.name} ground has no heights or gaps to draw; allowed is false"
+                    if not drawn
+                    else f"nothing is drawn as long as {missing} is a single value; give two"
+                )
             )
-        object.__setattr__(self, "height_range", heights)
+
+    @property
+    def label(self) -> str:
+        """The name as tables and folders have it, with "random_" before it on random ground."""
+        return terrain_label(self.name, self.random)
+
+
+def terrain_label(name: str, random: object) -> str:
+    """Name of a terrain in tables and folders; a record of old says nothing of `random`."""
+    return f"random_{name}" if random is True else name
+
+
+_DRAWN: Final[dict[TerrainName, tuple[str, ...]]] = {
+    "flat": (),
+    "gapped": ("gap_range",),
+    "blocks": ("height_range",),
+    "mixed": ("height_range", "gap_range"),
+}
+"""What is drawn of a terrain."""
+
+TERRAINS: Final[dict[str, TerrainConfig]] = {
+    **{name: TerrainConfig(name) for name in TERRAIN_NAMES},
+    "random_gapped": TerrainConfig("gapped", gap_range=(0.1, 0.45), random=True),
+    "random_blocks": TerrainConfig("blocks", height_range=(0.15, 0.45), random=True),
+    "random_mixed": TerrainConfig(
+        "mixed", height_range=(0.15, 0.45), gap_range=(0.1, 0.45), random=True
+    ),
+}
+"""Terrains that go by a name; the random ones lie about the literature's 0.35 mm and 0.3 mm."""
 
 
 @dataclass(frozen=True)
@@ -128,23 +181,69 @@ def terrain_bounds(config: TerrainConfig) -> Bounds:
 
 
 def terrain_boxes(config: TerrainConfig) -> Boxes:
-    """Boxes that the terrain is built of; none on flat ground."""
-    if config.name == "gapped":
-        return _gapped()
-    if config.name == "blocks":
-        columns = _pitches(X_RANGE[1] - X_RANGE[0])
-        rng = np.random.default_rng(config.seed)
-        return _blocks(X_RANGE[0], columns, rng, config.height_range, lower=0.0)
-    if config.name == "mixed":
-        return _mixed(config)
-    return Boxes(np.empty((0, 3)), np.empty((0, 3)))
+    """Boxes that a scene is compiled with; none on flat ground.
+
+    On random ground each is large enough to hold its like in every ground that can be drawn, at
+    any difficulty: MuJoCo works out at compile time where to look for contacts.
+    """
+    if not config.random:
+        return draw_ground(config, config.seed)
+    grounds = [
+        _raise(config, heights, gaps, difficulty)
+        for heights, gaps, difficulty in (
+            (config.height_range[0], config.gap_range[0], 1.0),
+            (config.height_range[1], config.gap_range[1], 1.0),
+            (0.0, 0.0, 0.0),
+        )
+    ]
+    low = np.min([ground.centres - ground.half_sizes for ground in grounds], axis=0)
+    high = np.max([ground.centres + ground.half_sizes for ground in grounds], axis=0)
+    return Boxes((low + high) / 2, (high - low) / 2)
+
+
+def draw_ground(config: TerrainConfig, seed: int, difficulty: float = 1.0) -> Boxes:
+    """Draw the heights and gaps of a ground, each uniformly from its range.
+
+    Parameters
+    ----------
+    config
+        Its own `seed` has no say.
+    seed
+        The same seed gives the same bits. A terrain that is not random is
+        `draw_ground(config, config.seed)`.
+    difficulty
+        Factor on all heights and gaps, from 0 (level ground without gaps) to 1 (as drawn).
+
+    Raises
+    ------
+    ValueError
+        If the difficulty is out of its range.
+    """
+    within("difficulty", difficulty, 0, 1)
+    layout = _layout(config.name)
+    rng = np.random.default_rng(seed)
+    heights = rng.uniform(*config.height_range, size=len(layout.high))
+    gaps = rng.uniform(*config.gap_range, size=len(layout.before_gap))
+    return _raise(config, difficulty * heights, difficulty * gaps, difficulty)
+
+
+def box_colours(boxes: Boxes) -> Array:
+    """Grey-greens that get lighter with height, RGBA (n, 4).
+
+    Where all boxes are level, neighbours alternate.
+    """
+    low, high = boxes.tops.min(), boxes.tops.max()
+    shares = (boxes.tops - low) / (high - low) if high > low else np.arange(len(boxes.tops)) % 2.0
+    dark, light = np.array([0.33, 0.37, 0.36]), np.array([0.72, 0.73, 0.66])
+    return np.insert(dark + (light - dark) * shares[:, None], 3, 1.0, axis=1)
 
 
 def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
     """Add the ground, its materials and a sky to `spec`.
 
     Ground geoms are called `ground_…` and have contype `bodies.fly.PLANES` or `BOXES`, conaffinity
-    0: they touch what asks to be touched, and not each other.
+    0: they touch what asks to be touched, and not each other. The boxes of `terrain_boxes` are
+    `ground_0`, `ground_1`, … with consecutive ids.
     """
     _add_sky(spec)
     if config.name == "flat":
@@ -153,6 +252,7 @@ def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
         return
     boxes = terrain_boxes(config)
     spec.add_material(name="ground_block", specular=0.05, shininess=0.1)
+    colours = box_colours(boxes)
     for index, (centre, half_size) in enumerate(zip(boxes.centres, boxes.half_sizes, strict=True)):
         spec.worldbody.add_geom(
             name=f"ground_{index}",
@@ -160,7 +260,7 @@ def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
             pos=centre,
             size=half_size,
             material="ground_block",
-            rgba=_shade(index, boxes.tops[index], boxes.tops),
+            rgba=colours[index],
             contype=BOXES,
             **_GROUND,
         )
@@ -183,9 +283,83 @@ _GROUND: Final = {
 }
 
 
-def _gapped() -> Boxes:
-    x = np.arange(X_RANGE[0] + SLAB_WIDTH / 2, X_RANGE[1], SLAB_WIDTH + GAP_WIDTH)
-    return _slabs(x, np.full_like(x, SLAB_WIDTH), top=GAP_FLOOR + SLAB_DEPTH)
+@dataclass(frozen=True)
+class _Layout:
+    """Where the boxes of a terrain stand.
+
+    Attributes
+    ----------
+    boxes : with gaps of GAP_WIDTH and without heights.
+    blocks, high : ids of the blocks, and of those among them that stand out.
+    before_gap, after_gap : ids of the slabs on both sides of each gap.
+    """
+
+    boxes: Boxes
+    blocks: Ids
+    high: Ids
+    before_gap: Ids
+    after_gap: Ids
+
+
+@functools.cache
+def _layout(name: TerrainName) -> _Layout:
+    """Lay out a terrain, front to back: what is drawn is drawn in this order."""
+    parts: list[tuple[Boxes, bool]] = []
+    if name == "gapped":
+        x = np.arange(X_RANGE[0] + SLAB_WIDTH / 2, X_RANGE[1], SLAB_WIDTH + GAP_WIDTH)
+        parts = [(_slabs(x, np.full_like(x, SLAB_WIDTH), top=GAP_FLOOR + SLAB_DEPTH), False)]
+    elif name == "blocks":
+        parts = [(_blocks(X_RANGE[0], _pitches(X_RANGE[1] - X_RANGE[0])), True)]
+    elif name == "mixed":
+        for segment in range(MIXED_SEGMENTS):
+            start = MIXED_START + segment * MIXED_SEGMENT
+            blocks_end = start + MIXED_COLUMNS * BLOCK_PITCH
+            parts.append((_blocks(start, MIXED_COLUMNS), True))
+            edges = np.cumsum([blocks_end, SLAB_WIDTH / 2, GAP_WIDTH, SLAB_WIDTH, GAP_WIDTH])
+            starts, ends = edges[[0, 2, 4]], np.append(edges[[1, 3]], start + MIXED_SEGMENT)
+            parts.append((_slabs((starts + ends) / 2, ends - starts, top=0.0), False))
+    boxes, blocks, high, before_gap = [np.empty((2, 0, 3))], [], [], []
+    count = 0
+    for part, is_blocks in parts:
+        ids = np.arange(count, count + len(part.centres))
+        count += len(ids)
+        boxes.append(np.stack([part.centres, part.half_sizes]))
+        if is_blocks:
+            blocks.append(ids)
+            high.append(ids[1:])
+        else:
+            before_gap.append(ids[:-1])
+    before = _joined(before_gap)
+    return _Layout(
+        Boxes(*np.concatenate(boxes, axis=1)), _joined(blocks), _joined(high), before, before + 1
+    )
+
+
+def _joined(ids: list[Ids]) -> Ids:
+    return np.concatenate([np.empty(0, dtype=np.intp), *ids])
+
+
+def _raise(
+    config: TerrainConfig, heights: Array | float, gaps: Array | float, difficulty: float
+) -> Boxes:
+    """Give the layout of a terrain its heights and gaps, mm.
+
+    `difficulty` scales how far the blocks of mixed ground are sunk, by the mean height.
+    """
+    layout = _layout(config.name)
+    centres, half_sizes = layout.boxes.centres.copy(), layout.boxes.half_sizes.copy()
+    tops = np.full(len(centres), BLOCK_BASE)
+    tops[layout.high] += heights
+    sunk = BLOCK_BASE + difficulty * (sum(config.height_range) / 2) if config.name == "mixed" else 0
+    top, bottom = tops[layout.blocks], -BLOCK_PITCH
+    centres[layout.blocks, 2] = (top + bottom) / 2 - sunk
+    half_sizes[layout.blocks, 2] = (top - bottom) / 2
+    # a gap grows to both sides; a slab's half size is half of what is left
+    shift = (np.zeros(len(layout.before_gap)) + gaps - GAP_WIDTH) / 2
+    for slabs, sign in ((layout.before_gap, -1), (layout.after_gap, 1)):
+        centres[slabs, 0] += sign * shift / 2
+        half_sizes[slabs, 0] -= shift / 2
+    return Boxes(centres, half_sizes)
 
 
 def _slabs(x_centres: Array, widths: Array, top: float) -> Boxes:
@@ -205,14 +379,8 @@ def _pitches(extent: float) -> int:
     return math.ceil(extent / BLOCK_PITCH - 0.5)
 
 
-def _blocks(
-    x_min: float,
-    columns: int,
-    rng: np.random.Generator,
-    height_range: tuple[float, float],
-    lower: float,
-) -> Boxes:
-    """Chequerboard of blocks; `lower` sinks all of it.
+def _blocks(x_min: float, columns: int) -> Boxes:
+    """Chequerboard of blocks, without their extent in z.
 
     The low blocks are level: they are one box here, the first, which gives the same surface with
     half the boxes. Then the high ones, column by column in x.
@@ -220,35 +388,13 @@ def _blocks(
     corner = np.array((x_min, -HALF_WIDTH))
     cells = np.array((columns, _pitches(2 * HALF_WIDTH)))
     high = np.argwhere(np.add.outer(*map(np.arange, cells)) % 2 == 0)
-    heights = rng.uniform(*height_range, size=len(high))
-    tops = BLOCK_BASE + np.append(0.0, heights)
-    bottom = -BLOCK_PITCH
     overhang = (BLOCK_OVERSIZE - 1) * BLOCK_PITCH / 2
-    centres, half_sizes = np.empty((2, len(tops), 3))
+    centres, half_sizes = np.zeros((2, 1 + len(high), 3))
     centres[0, :2] = corner + BLOCK_PITCH * cells / 2
     centres[1:, :2] = corner + BLOCK_PITCH * (high + 0.5)
-    centres[:, 2] = (tops + bottom) / 2 - lower
     half_sizes[0, :2] = BLOCK_PITCH * cells / 2 + overhang
     half_sizes[1:, :2] = BLOCK_PITCH / 2 + overhang
-    half_sizes[:, 2] = (tops - bottom) / 2
     return Boxes(centres, half_sizes)
-
-
-def _mixed(config: TerrainConfig) -> Boxes:
-    rng = np.random.default_rng(config.seed)
-    lower = BLOCK_BASE + sum(config.height_range) / 2
-    parts = []
-    for segment in range(MIXED_SEGMENTS):
-        start = MIXED_START + segment * MIXED_SEGMENT
-        blocks_end = start + MIXED_COLUMNS * BLOCK_PITCH
-        parts.append(_blocks(start, MIXED_COLUMNS, rng, config.height_range, lower))
-        edges = np.cumsum([blocks_end, SLAB_WIDTH / 2, GAP_WIDTH, SLAB_WIDTH, GAP_WIDTH])
-        starts, ends = edges[[0, 2, 4]], np.append(edges[[1, 3]], start + MIXED_SEGMENT)
-        parts.append(_slabs((starts + ends) / 2, ends - starts, top=0.0))
-    return Boxes(
-        np.concatenate([part.centres for part in parts]),
-        np.concatenate([part.half_sizes for part in parts]),
-    )
 
 
 def _add_plane(
@@ -268,15 +414,6 @@ def _add_plane(
         material=material,
         **_GROUND,
     )
-
-
-def _shade(index: int, top: float, tops: Array) -> tuple[float, float, float, float]:
-    """Grey-green that gets lighter with height; where all are level, neighbours alternate."""
-    low, high = float(tops.min()), float(tops.max())
-    share = (top - low) / (high - low) if high > low else float(index % 2)
-    dark, light = np.array([0.33, 0.37, 0.36]), np.array([0.72, 0.73, 0.66])
-    red, green, blue = dark + (light - dark) * share
-    return float(red), float(green), float(blue), 1.0
 
 
 def _add_grid_material(spec: mujoco.MjSpec) -> None:

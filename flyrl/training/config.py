@@ -99,7 +99,7 @@ class TrainingConfig:
         parts = (
             now.strftime("%Y-%m-%d_%H%M%S"),
             self.env.resolved_task.name,
-            self.env.scene.terrain.name,
+            self.env.scene.terrain.label,
             self.algo.name,
             str(self.seed),
         )
