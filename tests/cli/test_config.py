@@ -12,7 +12,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.resources import configs_folder
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TASKS, task_record
-from flyrl.terrains import TERRAIN_NAMES
+from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
 
@@ -43,7 +43,7 @@ def test_physics_presets(name):
     assert config.env.scene.physics == PHYSICS_PRESETS[name]
 
 
-@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("terrain", TERRAINS)
 @pytest.mark.parametrize("controller", ["cpg", "rule_based", "hybrid"])
 @pytest.mark.parametrize("body", ["current", "classic"])
 def test_bodies_controllers_and_terrains(body, controller, terrain):
@@ -64,7 +64,7 @@ def test_tasks(name):
 def test_every_file_is_tested_above():
     assert _names("algo") == set(ALGORITHMS)
     assert _names("physics") == set(PHYSICS_PRESETS)
-    assert _names("terrain") == set(TERRAIN_NAMES)
+    assert _names("terrain") == set(TERRAINS)
     assert _names("controller") == {"cpg", "rule_based", "hybrid"}
     assert _names("launcher") == set(EXTRAS)
     assert _names("body") == {"current", "classic"}
@@ -78,6 +78,7 @@ def test_a_key_reaches_the_settings():
             "algo.learning_rate=1e-3",
             "training.num_envs=64",
             "terrain=blocks",
+            "terrain.random=true",
             "terrain.height_range=[0.15,0.45]",
             "task.decision_interval=0.01",
             "task.weights.progress=0.1",
@@ -86,7 +87,7 @@ def test_a_key_reaches_the_settings():
     assert config.seed == 5
     assert config.algo.learning_rate == 1e-3
     assert config.training.num_envs == 64
-    assert config.env.scene.terrain.height_range == (0.15, 0.45)
+    assert config.env.scene.terrain == TERRAINS["random_blocks"]
     weights = {term.name: term.weight for term in config.env.resolved_task.reward}
     assert weights == {"progress": 0.1, "success": 2.0, "time": -0.5, "lost_time": -0.5}
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)

@@ -41,9 +41,11 @@ def test_the_command_of_the_readme_is_fine():
 
 
 def test_terrains_by_name_and_by_settings():
-    terrains = ["flat", {"name": "blocks", "height_range": [0.15, 0.45]}]
+    random = {"name": "blocks", "height_range": [0.2, 0.3], "random": True}
+    terrains = ["flat", {"name": "blocks", "height_range": [0.15, 0.45]}, random, "random_mixed"]
     config = evaluation_config(GROUPS, evaluation_settings({"terrains": terrains}, ""), "")
-    assert [terrain.name for terrain in config.terrain_configs] == ["flat", "blocks"]
+    labels = [terrain.label for terrain in config.terrain_configs]
+    assert labels == ["flat", "blocks", "random_blocks", "random_mixed"]
     assert config.terrain_configs[1].height_range == (0.15, 0.45)
 
 

@@ -5,7 +5,7 @@ import pytest
 from flyrl.evaluation import EvaluationConfig
 from flyrl.evaluation.config import FIRST_SEED, MAX_EPISODES, MAX_SEED
 from flyrl.tasks import TASKS
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import TERRAINS, TerrainConfig
 
 
 def test_no_two_seeds_share_an_episode():
@@ -34,8 +34,8 @@ def test_more_episodes_begin_with_the_same_ones():
 
 def test_terrains_by_name_and_by_config():
     blocks = TerrainConfig("blocks", height_range=(0.1, 0.4))
-    config = EvaluationConfig(terrains=("flat", blocks))
-    assert config.terrain_configs == (TerrainConfig("flat"), blocks)
+    config = EvaluationConfig(terrains=("flat", blocks, "random_blocks"))
+    assert config.terrain_configs == (TerrainConfig("flat"), blocks, TERRAINS["random_blocks"])
 
 
 @pytest.mark.parametrize(

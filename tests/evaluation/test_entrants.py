@@ -63,10 +63,14 @@ def test_a_learned_entrant_records_file_and_hash(tmp_path):
     assert entrant.record["sha256"] == digest
 
 
-def test_the_record_says_how_a_policy_was_learned(tmp_path):
-    path = save_policy(tmp_path / "a.safetensors", env={"terrain": {"name": "mixed"}})
+@pytest.mark.parametrize(
+    ("terrain", "text"),
+    [({"name": "mixed"}, "mixed"), ({"name": "blocks", "random": True}, "random_blocks")],
+)
+def test_the_record_says_how_a_policy_was_learned(tmp_path, terrain, text):
+    path = save_policy(tmp_path / "a.safetensors", env={"terrain": terrain})
     (entrant,) = make_entrants(EvaluationConfig(policies=(path,), controllers=()))
-    assert entrant.record["policy"] == "learned with ppo on mixed"
+    assert entrant.record["policy"] == f"learned with ppo on {text}"
 
 
 def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):

@@ -43,6 +43,20 @@ def test_the_protocol_holds_the_episodes(results):
     ]
 
 
+def test_random_ground_is_the_same_for_everybody_and_in_any_batch():
+    config = dataclasses.replace(CONFIG, terrains=("random_blocks",), controllers=("cpg", "hybrid"))
+    together = evaluate(config)
+    assert {row["terrain"] for row in together.episodes} == {"random_blocks"}
+    (terrain,) = together.protocol["terrains"]
+    assert terrain["name"] == "random_blocks"
+    assert terrain["config"]["random"] is True
+    one_by_one = evaluate(dataclasses.replace(config, num_envs=1, controllers=("hybrid",)))
+    np.testing.assert_array_equal(
+        [path.position_w[-1] for path in together.trajectories[3:]],
+        [path.position_w[-1] for path in one_by_one.trajectories],
+    )
+
+
 def test_a_termination_of_a_users_own_is_an_outcome_of_its_own(tmp_path):
     late = Termination("had_enough", lambda state: state.fly.time > 0.03)
     task = extended(SHORT, {"mine:LATE": late}, {"progress": 0.1})

@@ -34,7 +34,7 @@ def card(bundle):
         },
         "held_out": {"episodes": 4, "seed": 1, "results": [result, failing]},
     }
-    env = env_record(EnvConfig(terrain="mixed", physics="fast"))
+    env = env_record(EnvConfig(terrain="random_mixed", physics="fast"))
     return model_card("target-mixed", replace(bundle, env=env, training=training))
 
 
@@ -44,7 +44,7 @@ def card(bundle):
         "# target-mixed",
         "| task | target |",
         "| decision interval, s | 0.02 |",
-        "| terrain | mixed |",
+        "| terrain | random_mixed |",
         "| body | current |",
         "| leg controller | hybrid |",
         "| physics | fast |",

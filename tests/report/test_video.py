@@ -8,10 +8,12 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
+from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
-from flyrl.report.video import FPS, HOLD_FRAMES, encode, record_video, record_videos
+from flyrl.report.video import FPS, HOLD_FRAMES, _walk, encode, record_video, record_videos
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS
+from flyrl.terrains import TERRAINS
 
 CONFIG = EvaluationConfig(
     task=dataclasses.replace(TASKS["target"], time_limit_s=0.1),
@@ -66,6 +68,22 @@ def test_a_video_shows_the_evaluated_episode(video):
     row = evaluate(CONFIG).episodes[1]
     assert (video.controller, video.terrain, video.episode) == ("cpg", "flat", 1)
     assert video.outcome == row["outcome"]
+
+
+def test_a_film_shows_the_fly_on_its_own_ground():
+    (entrant,) = make_entrants(CONFIG)
+    random = dataclasses.replace(TERRAINS["random_blocks"], height_range=(0.3, 0.5))
+    episode = CONFIG.draw_episodes(random)[0]
+    fixed = dataclasses.replace(random, random=False, seed=episode.ground_seed)
+    walks = [
+        [flies.state().position_w[0].copy() for flies, *_ in _walk(env, entrant, each)]
+        for env, each in (
+            (BatchedEnv(entrant.env(CONFIG, random), 1, 1), episode),
+            (BatchedEnv(entrant.env(CONFIG, fixed), 1, 1), episode),
+        )
+    ]
+    assert len(walks[0]) == 11
+    np.testing.assert_array_equal(*walks)
 
 
 def test_a_video_has_a_frame_every_10_ms_and_holds_the_end(video, tmp_path):

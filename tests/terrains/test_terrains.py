@@ -7,10 +7,13 @@ import pytest
 from flyrl.terrains import (
     SPAWN_CLEARANCE,
     TERRAIN_NAMES,
+    TERRAINS,
     Bounds,
     TerrainConfig,
     add_terrain,
     base_height,
+    box_colours,
+    draw_ground,
     terrain_bounds,
     terrain_boxes,
 )
@@ -193,6 +196,99 @@ def test_mixed_has_one_floor_at_minus_one():
     np.testing.assert_array_equal(model.geom_pos[planes, 2], [-1.0])
 
 
+# ------------------------------------------------------------------ random
+
+ROUGH = {"height_range": (0.1, 0.5), "gap_range": (0.05, 0.6)}
+
+
+def slabs(name, boxes):
+    """Where the slabs start and end in x, of the 27 of "gapped" or the 3 in a "mixed" segment."""
+    chosen = slice(None) if name == "gapped" else slice(48, 51)
+    x, half_size = boxes.centres[chosen, 0], boxes.half_sizes[chosen, 0]
+    return x - half_size, x + half_size
+
+
+def test_random_gaps_keep_their_middles():
+    starts, ends = slabs("gapped", terrain_boxes(TerrainConfig("gapped", 3, **ROUGH)))
+    widths = np.random.default_rng(3).uniform(0.05, 0.6, size=26)
+    np.testing.assert_allclose(starts[1:] - ends[:-1], widths)
+    np.testing.assert_allclose((starts[1:] + ends[:-1]) / 2, -8.85 + 1.3 * np.arange(26))
+    # the ground starts and ends where it does with even gaps
+    np.testing.assert_allclose([starts[0], ends[-1]], [-10, 24.8])
+
+
+def test_random_gaps_of_mixed_ground_are_drawn_after_the_heights():
+    boxes = terrain_boxes(TerrainConfig("mixed", 3, **ROUGH))
+    starts, ends = slabs("mixed", boxes)
+    rng = np.random.default_rng(3)
+    heights = rng.uniform(0.1, 0.5, size=3 * 47)
+    widths = rng.uniform(0.05, 0.6, size=6)[:2]
+    np.testing.assert_allclose(boxes.tops[1:48], heights[:47] - 0.3)
+    np.testing.assert_allclose(starts[1:] - ends[:-1], widths)
+    np.testing.assert_allclose((starts[1:] + ends[:-1]) / 2, [0.55, 1.85])
+    np.testing.assert_allclose([starts[0], ends[-1]], [-0.1, 5.0], atol=1e-12)
+
+
+def test_difficulty_scales_heights_and_gaps():
+    config = TERRAINS["random_mixed"]
+    hard, half = draw_ground(config, 7), draw_ground(config, 7, difficulty=0.5)
+    np.testing.assert_allclose(half.tops, hard.tops / 2, atol=1e-12)
+    for ground, factor in ((hard, 1.0), (half, 0.5)):
+        starts, ends = slabs("mixed", ground)
+        rng = np.random.default_rng(7)
+        rng.random(3 * 47)
+        np.testing.assert_allclose(
+            starts[1:] - ends[:-1], factor * rng.uniform(0.1, 0.45, size=6)[:2]
+        )
+
+
+@pytest.mark.parametrize("name", ["gapped", "blocks", "mixed"])
+def test_without_difficulty_the_ground_is_level(name):
+    config = TERRAINS[f"random_{name}"]
+    ground = draw_ground(config, 7, difficulty=0.0)
+    np.testing.assert_allclose(ground.tops, base_height(config), atol=1e-12)
+    if name != "blocks":
+        starts, ends = slabs(name, ground)
+        np.testing.assert_allclose(starts[1:], ends[:-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("difficulty", [-0.1, 1.1, float("nan")])
+def test_difficulty_is_a_share(difficulty):
+    with pytest.raises(ValueError, match="difficulty must lie within 0 and 1"):
+        draw_ground(TERRAINS["random_blocks"], 0, difficulty)
+
+
+@pytest.mark.parametrize("name", ["gapped", "blocks", "mixed"])
+def test_random_ground_is_compiled_large_enough(name):
+    config = TerrainConfig(name, random=True, **ROUGH)
+    compiled = terrain_boxes(config)
+    lowest, highest = compiled.centres - compiled.half_sizes, compiled.centres + compiled.half_sizes
+    for seed in range(30):
+        ground = draw_ground(config, seed, difficulty=(0.0, 0.4, 1.0)[seed % 3])
+        assert np.all(ground.half_sizes > 0)
+        assert np.all(ground.half_sizes <= compiled.half_sizes + 1e-12)
+        assert np.all(ground.centres - ground.half_sizes >= lowest - 1e-12)
+        assert np.all(ground.centres + ground.half_sizes <= highest + 1e-12)
+
+
+def test_the_seed_of_a_fixed_ground_draws_the_same_ground():
+    fixed, drawn = TerrainConfig("mixed", 9, **ROUGH), TerrainConfig("mixed", random=True, **ROUGH)
+    one, other = terrain_boxes(fixed), draw_ground(drawn, 9)
+    np.testing.assert_array_equal(one.centres, other.centres)
+    np.testing.assert_array_equal(one.half_sizes, other.half_sizes)
+
+
+def test_labels_are_the_names():
+    assert [config.label for config in TERRAINS.values()] == list(TERRAINS)
+
+
+def test_boxes_get_lighter_with_height():
+    boxes = terrain_boxes(TerrainConfig("blocks", 3, (0.15, 0.45)))
+    brightness = box_colours(boxes)[np.argsort(boxes.tops), :3].sum(axis=1)
+    assert np.all(np.diff(brightness) > 0)
+    np.testing.assert_array_equal(box_colours(boxes)[:, 3], 1.0)
+
+
 # ------------------------------------------------------------------ all
 
 
@@ -236,6 +332,12 @@ def test_bounds(name, expected):
         ({"height_range": (-0.1, 0.2)}, "0 <= least <= greatest"),
         ({"height_range": (0.1, float("nan"))}, "height_range: got"),
         ({"height_range": (0.1,)}, "height_range: got"),
+        ({"gap_range": (0.4, 0.2)}, r"gap_range: got \(0.4, 0.2\)"),
+        ({"gap_range": (0.1, 1.2)}, "0 <= least <= greatest <= 1"),
+        ({"random": True}, "flat ground has no heights or gaps to draw"),
+        ({"name": "blocks", "random": True, "gap_range": (0.1, 0.2)}, "as long as height_range is"),
+        ({"name": "gapped", "random": True, "height_range": (0.1, 0.2)}, "as long as gap_range is"),
+        ({"name": "mixed", "random": True}, "height_range or gap_range is a single value"),
     ],
 )
 def test_bad_settings_are_named(arguments, message):

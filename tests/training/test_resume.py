@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flyrl.envs.core import EnvConfig
 from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import ResumeError
@@ -42,6 +43,7 @@ RECURRENT_CONFIG = TrainingConfig(
     ),
     training=SCHEDULE,
 )
+RANDOM_CONFIG = replace(PPO_CONFIG, env=EnvConfig(terrain="random_blocks"))
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 
@@ -65,7 +67,9 @@ def _results(run):
 
 
 @pytest.mark.parametrize(
-    "config", [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG], ids=["ppo", "sac", "recurrent_ppo"]
+    "config",
+    [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG],
+    ids=["ppo", "sac", "recurrent_ppo", "random_terrain"],
 )
 def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     whole = train(config, tmp_path / "whole")

@@ -1,0 +1,205 @@
+"""Grounds that are drawn anew in every episode."""
+
+import dataclasses
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+
+import flyrl  # noqa: F401  (registers the ids)
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
+from flyrl.simulation.scene import build_scene
+from flyrl.terrains import TERRAINS, TerrainConfig, draw_ground
+
+RANDOM = [name for name, config in TERRAINS.items() if config.random]
+DRIVES = np.array([[1.0, 1.0], [0.6, 1.0], [1.0, 0.2]])
+ROUGH = {"height_range": (0.0, 0.5), "gap_range": (0.0, 0.6)}
+
+
+def walk(env: BatchedEnv, decisions: int, actions: np.ndarray = DRIVES) -> np.ndarray:
+    """Physics after some decisions."""
+    for _ in range(decisions):
+        env.step(actions[: env.num_envs])
+    return env.flies.integration_state()
+
+
+def alone(terrain: TerrainConfig, env: BatchedEnv, sim: int) -> BatchedEnv:
+    """The episode of one simulation, where the ground was compiled as it is."""
+    episode = env.episodes[sim]
+    assert episode is not None
+    fixed = dataclasses.replace(terrain, random=False, seed=episode.ground_seed)
+    single = BatchedEnv(EnvConfig(terrain=fixed), 1, 1)
+    single.reset(episodes=[episode])
+    return single
+
+
+@pytest.mark.parametrize("name", ["gapped", "blocks", "mixed"])
+def test_a_fly_walks_as_where_its_ground_was_compiled(name: str) -> None:
+    terrain = TerrainConfig(name, random=True, **ROUGH)
+    env = BatchedEnv(EnvConfig(terrain=terrain), 3, 2)
+    env.reset(seeds=[5, 6, 7])
+    singles = [alone(terrain, env, sim) for sim in range(3)]
+    together = walk(env, 8)
+    for sim, single in enumerate(singles):
+        np.testing.assert_array_equal(together[sim], walk(single, 8, DRIVES[sim : sim + 1])[0])
+
+
+@pytest.mark.parametrize("name", ["gapped", "blocks", "mixed"])
+def test_everything_that_touches_is_found(name: str) -> None:
+    """Flies put anywhere, as deep as they can stick: no contact is missed."""
+    terrain = TerrainConfig(name, random=True, **ROUGH)
+    env = BatchedEnv(EnvConfig(terrain=terrain), 2, 1)
+    env.reset(seeds=[0, 1])
+    rng = np.random.default_rng(0)
+    count = 0
+    for sim in range(2):
+        varied = env.flies._batch.get_model(sim)
+        compiled = alone(terrain, env, sim).scene.model
+        found = [mujoco.MjData(model) for model in (varied, compiled)]
+        for _ in range(30):
+            pose = env.flies._qpos[sim].copy()
+            pose[:3] = rng.uniform((-4, -10, 0.2), (22, 10, 2.2))
+            pose[3:7] = rng.normal(size=4)
+            for model, data in zip((varied, compiled), found, strict=True):
+                data.qpos[:] = pose
+                mujoco.mj_forward(model, data)
+            one, other = found
+            count += one.ncon
+            np.testing.assert_array_equal(one.contact.geom, other.contact.geom)
+            np.testing.assert_array_equal(one.contact.dist, other.contact.dist)
+            np.testing.assert_array_equal(one.contact.pos, other.contact.pos)
+    assert count > 300
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_no_box_sits_where_mujoco_would_ignore_its_position(name: str) -> None:
+    """A geom compiled at the origin of the world would stay there."""
+    model = build_scene(EnvConfig(terrain=name).scene).model
+    at_origin = model.geom_sameframe == mujoco.mjtSameFrame.mjSAMEFRAME_BODY
+    is_box = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
+    assert is_box.sum() >= 27
+    assert not (at_origin & is_box).any()
+
+
+def test_a_batch_gives_the_bits_of_single_environments() -> None:
+    config = EnvConfig(terrain="random_mixed")
+    env, single = BatchedEnv(config, 3, 2), BatchedEnv(config, 1, 1)
+    env.reset(seeds=[5, 6, 7])
+    env.reset(ids=[0])
+    env.reset(ids=[1, 2])
+    together = walk(env, 3)
+    for sim in range(3):
+        single.reset(seeds=[5 + sim])
+        single.reset()
+        np.testing.assert_array_equal(together[sim], walk(single, 3, DRIVES[sim : sim + 1])[0])
+
+
+def test_what_else_is_drawn_is_what_fixed_ground_gets() -> None:
+    episodes = []
+    for name in ("mixed", "random_mixed"):
+        env = BatchedEnv(EnvConfig(terrain=name), 2, 1)
+        env.reset(seeds=[3, 4])
+        env.reset()
+        episodes.append(env.episodes)
+    assert episodes[0] == episodes[1]
+
+
+def test_every_episode_has_a_ground_of_its_own() -> None:
+    env = BatchedEnv(EnvConfig(terrain="random_blocks"), 2, 1)
+
+    def tops() -> list[float]:
+        grounds = [env.flies.ground(sim) for sim in range(2)]
+        return [float(ground.tops[1]) for ground in grounds if ground is not None]
+
+    env.reset(seeds=[0, 1])
+    first = tops()
+    env.reset(ids=[1])
+    assert tops()[0] == first[0]
+    assert len({*first, *tops()}) == 3
+    env.reset(seeds=[0, 1])
+    assert tops() == first
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_no_fly_starts_in_the_ground(name: str) -> None:
+    env = BatchedEnv(EnvConfig(terrain=name), 8, 1)
+    env.reset(seeds=list(range(8)))
+    for sim in range(8):
+        model, data = env.flies._batch.get_model(sim), env.flies._batch.get_data(sim)
+        mujoco.mj_forward(model, data)
+        assert data.ncon == 0
+
+
+def test_a_snapshot_brings_its_grounds_along() -> None:
+    config = EnvConfig(terrain="random_blocks")
+    env, other = (BatchedEnv(config, 3, 1) for _ in range(2))
+    env.reset(seeds=[5, 6, 7], ids=[0, 1, 2])
+    walk(env, 4)
+    other.restore(env.snapshot())
+    np.testing.assert_array_equal(walk(other, 4), walk(env, 4))
+    for each in (env, other):
+        each.reset()
+    np.testing.assert_array_equal(walk(other, 1), walk(env, 1))
+
+
+def test_a_snapshot_before_the_first_reset() -> None:
+    env = BatchedEnv(EnvConfig(terrain="random_gapped"), 2, 1)
+    env.reset(seeds=[1], ids=[1])
+    env.restore(env.snapshot())
+    assert env.grounds().tolist() == [-1, 2**32 + 1]
+
+
+def test_reset_tells_the_ground_and_takes_one() -> None:
+    env = gymnasium.make("flyrl/Target-v0", terrain="random_gapped")
+    _, info = env.reset(seed=3)
+    assert info["ground"] == 2**32 + 3
+    _, info = env.reset(seed=3, options={"ground": 8})
+    assert info["ground"] == 8
+    ground = env.unwrapped.core.flies.ground(0)
+    np.testing.assert_array_equal(ground.centres, draw_ground(TERRAINS["random_gapped"], 8).centres)
+    *_, info = env.step(np.zeros(2, dtype=np.float32))
+    assert info["ground"] == 8
+    assert "ground" not in gymnasium.make("flyrl/Target-v0").reset(seed=3)[1]
+
+
+def test_many_environments_tell_their_grounds() -> None:
+    envs = gymnasium.make_vec("flyrl/Target-v0", num_envs=2, terrain="random_blocks")
+    _, info = envs.reset(seed=[5, 9])
+    assert info["ground"].tolist() == [2**32 + 5, 2**32 + 9]
+    assert info["_ground"].tolist() == [True, True]
+
+
+@pytest.mark.parametrize("ground", [-1, 1.5, True, "rough", 2**63])
+def test_a_ground_that_is_no_seed_is_refused(ground: object) -> None:
+    env = gymnasium.make("flyrl/Target-v0", terrain="random_blocks")
+    with pytest.raises(ValueError, match="'ground' must be an integer from 0"):
+        env.reset(options={"ground": ground})
+
+
+def test_fixed_ground_is_not_replaced() -> None:
+    env = gymnasium.make("flyrl/Target-v0", terrain="blocks")
+    with pytest.raises(ValueError, match=r"ground of the episode is 3; .*terrain\.random is false"):
+        env.reset(seed=0, options={"ground": 3})
+    flies = env.unwrapped.core.flies
+    assert flies.ground(0) is None
+    with pytest.raises(ValueError, match=r"terrain\.random must be true"):
+        flies.set_ground(np.array([0]), [draw_ground(TERRAINS["blocks"], 0)])
+
+
+def test_a_picture_shows_the_simulations_own_ground() -> None:
+    terrain = TERRAINS["random_mixed"]
+    env = BatchedEnv(EnvConfig(terrain=terrain), 2, 1)
+    env.reset(seeds=[0, 1])
+    single = alone(terrain, env, 1)
+    try:
+        renderers = [FlyRenderer(each.config.scene, 160, 120) for each in (env, single)]
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    other = renderers[0].render(env.flies, 0)
+    own, expected = renderers[0].render(env.flies, 1), renderers[1].render(single.flies, 0)
+    for renderer in renderers:
+        renderer.close()
+    np.testing.assert_array_equal(own, expected)
+    assert np.any(own != other)
