@@ -44,7 +44,10 @@ def test_the_protocol_holds_the_episodes(results):
 
 
 def test_random_ground_is_the_same_for_everybody_and_in_any_batch():
-    config = dataclasses.replace(CONFIG, terrains=("random_blocks",), controllers=("cpg", "hybrid"))
+    entrants = ("cpg", "hybrid")
+    config = dataclasses.replace(
+        CONFIG, terrains=("random_blocks",), controllers=entrants, reference="hybrid"
+    )
     together = evaluate(config)
     assert {row["terrain"] for row in together.episodes} == {"random_blocks"}
     (terrain,) = together.protocol["terrains"]
