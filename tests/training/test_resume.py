@@ -43,7 +43,11 @@ RECURRENT_CONFIG = TrainingConfig(
     ),
     training=SCHEDULE,
 )
-RANDOM_CONFIG = replace(PPO_CONFIG, env=EnvConfig(terrain="random_blocks"))
+RANDOM_CONFIG = replace(
+    PPO_CONFIG,
+    env=EnvConfig(terrain="random_blocks"),
+    training=replace(SCHEDULE, total_decisions=256),
+)
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 
