@@ -99,37 +99,30 @@ def _int32(address):  # type: ignore[no-untyped-def]
     return carray(_as_int32(address), (1,))[0]
 
 
+@kernel
+def _engine_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
+    """Address of a model's ENGINE record, or 0 where the model is not flyrl's."""
+    if (
+        _int64(model + userdata_size_at) != USERDATA_SIZE
+        or _int64(model + numeric_size_at) < ENGINE_SIZE + PARAMETERS_SIZE
+    ):
+        return 0
+    address = _int64(model + numeric_at)
+    if carray(_as_float64(address), (1,))[0] != MAGIC:
+        return 0
+    return address
+
+
 # Numba captures a variable of an enclosing function by value and keys its cache on disk on it; so
-# the offsets below, unlike constants of this module, may change with MuJoCo.
-
-
-def _engine_finder(found: Layout) -> Any:
-    """Compile a function that gives the address of a model's ENGINE record."""
-    userdata_size_at = found.model["nuserdata"]
-    numeric_size_at = found.model["nnumericdata"]
-    numeric_at = found.model["numeric_data"]
-    userdata_size = USERDATA_SIZE
-    min_numeric_size = ENGINE_SIZE + PARAMETERS_SIZE
-
-    @kernel
-    def engine_address(model):  # type: ignore[no-untyped-def]
-        """Address, or 0 where the model is not flyrl's."""
-        if (
-            _int64(model + userdata_size_at) != userdata_size
-            or _int64(model + numeric_size_at) < min_numeric_size
-        ):
-            return 0
-        address = _int64(model + numeric_at)
-        if carray(_as_float64(address), (1,))[0] != MAGIC:
-            return 0
-        return address
-
-    return engine_address
+# the offsets below, unlike constants of this module, may change with MuJoCo. They must be plain
+# numbers: a captured kernel has another key in every process, which would compile anew.
 
 
 def _control_callback(found: Layout) -> Any:
     """Compile the callback that advances the leg controller."""
-    engine_address = _engine_finder(found)
+    userdata_size_at = found.model["nuserdata"]
+    numeric_size_at = found.model["nnumericdata"]
+    numeric_at = found.model["numeric_data"]
     time_at = found.data["time"]
     ctrl_at = found.data["ctrl"]
     userdata_at = found.data["userdata"]
@@ -141,7 +134,7 @@ def _control_callback(found: Layout) -> Any:
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
-        address = engine_address(model)
+        address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
         if address == 0:
             return
         engine = carray(_as_engine(address), (1,))[0]
@@ -215,7 +208,9 @@ def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim,
 
 def _sensor_callback(found: Layout) -> Any:
     """Compile the callback that sums contact forces per segment."""
-    engine_address = _engine_finder(found)
+    userdata_size_at = found.model["nuserdata"]
+    numeric_size_at = found.model["nnumericdata"]
+    numeric_at = found.model["numeric_data"]
     geom_body_at = found.model["geom_bodyid"]
     userdata_at = found.data["userdata"]
     num_contacts_at = found.data["ncon"]
@@ -234,7 +229,7 @@ def _sensor_callback(found: Layout) -> Any:
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
         if stage != acceleration_stage:
             return
-        address = engine_address(model)
+        address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
         if address == 0:
             return
         engine = carray(_as_engine(address), (1,))[0]

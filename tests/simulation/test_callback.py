@@ -15,6 +15,7 @@ from flyrl.controllers.leg_controller import (
 )
 from flyrl.simulation import callback
 from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.layout import layout
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig, build_scene
 from flyrl.terrains import TerrainConfig
@@ -177,3 +178,9 @@ def test_somebody_elses_callback_is_not_overwritten() -> None:
     finally:
         mujoco.set_mjcb_control(None)
         callback.install()
+
+
+@pytest.mark.parametrize("compiled", [callback._control_callback, callback._sensor_callback])
+def test_a_callback_is_compiled_once_and_then_read_from_the_disk(compiled) -> None:
+    compiled(layout())
+    assert compiled(layout()).cache_hits == 1
