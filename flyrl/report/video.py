@@ -142,6 +142,7 @@ def _walk(
     a second fly, set to the same state before the decision, stands in for it.
     """
     stand_in = FlyBatch(env.scene, 1, num_threads=1)
+    stand_in.vary(np.array([0]), [episode.randomisation])
     steps = env.config.steps_per_decision
     timestep = env.config.scene.physics.timestep
     per_frame = max(1, round(FRAME_S / timestep))
