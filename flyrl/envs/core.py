@@ -492,9 +492,10 @@ class BatchedEnv:
     def _observe(self, state: TaskState) -> Observation:
         # np.clip takes twice as long for a single fly
         terms = {}
+        is_noisy = self._noise.is_on
         for term in self.task.observation:
             values = term.compute(state)
-            if self._noise.is_on:
+            if is_noisy:
                 values = values + self._noise.of(term.name)
             terms[term.name] = np.minimum(np.maximum(values, term.low), term.high).astype(
                 np.float32

@@ -246,7 +246,7 @@ class FlyBatch:
         return np.array(self._batch.state)
 
     def restore(self, rows: NDArray[np.float64]) -> None:
-        """Put back what `integration_state` returned."""
+        """Put back what `integration_state` returned; as which flies, `vary` says."""
         self._batch.state[:] = rows
         self._is_unstable[:] = False
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
