@@ -57,8 +57,7 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
         changes["spawn_yaw"] = float(options["spawn_yaw"])
     if options.get("ground") is not None:
         changes["ground"] = _ground_seed(options["ground"])
-    if options.get("randomisation") is not None:
-        changes["randomisation"] = _changed(episode.randomisation, options["randomisation"])
+    changes["randomisation"] = _changed(episode.randomisation, options.get("randomisation"))
     if "command" in changes and _leads_to_goal(episode):
         changes.setdefault("goal", changes["command"][-2:])
     changed = dataclasses.replace(episode, **changes)
@@ -80,7 +79,9 @@ def _ground_seed(value: Any) -> int:
 
 
 def _changed(drawn: Randomisation, given: Any) -> Randomisation:
-    """`drawn` with what is given in its place."""
+    """`drawn` with what is given in its place, if anything is."""
+    if given is None:
+        return drawn
     if not isinstance(given, Mapping):
         raise ValueError(
             f"reset option 'randomisation' must be a dict of numbers by name; got {given!r}"

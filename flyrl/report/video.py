@@ -142,13 +142,13 @@ def _walk(
     a second fly, set to the same state before the decision, stands in for it.
     """
     stand_in = FlyBatch(env.scene, 1, num_threads=1)
-    stand_in.vary(np.array([0]), [episode.randomisation])
     steps = env.config.steps_per_decision
     timestep = env.config.scene.physics.timestep
     per_frame = max(1, round(FRAME_S / timestep))
     observation = env.reset(episodes=[episode])
     if (ground := env.flies.ground(0)) is not None:
         stand_in.set_ground(np.array([0]), [ground])
+    stand_in.vary(np.array([0]), [episode.randomisation])
     yield env.flies, 0.0, RUNNING
     state, outcome, walked = None, RUNNING, 0
     while outcome == RUNNING:

@@ -126,7 +126,8 @@ class FlyBatch:
     def vary(self, ids: Ids, randomisations: Sequence[Randomisation]) -> None:
         """Make flies differ from the scene's own in friction, mass, servos and adhesion.
 
-        It holds until told otherwise, and leaves the other simulations alone. Sensor noise and
+        It holds until told otherwise, and leaves the other simulations alone. On random terrain,
+        set the ground before: with other masses, MuJoCo derives its bounds too. Sensor noise and
         latency are not of the body: the environment adds the one, and the leg controllers' states
         hold the other.
 

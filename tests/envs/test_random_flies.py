@@ -81,6 +81,19 @@ def test_a_restored_environment_of_random_flies_goes_on_with_the_same_bits() -> 
         np.testing.assert_array_equal(env.reset(ids=[1]), twin.reset(ids=[1]))
 
 
+def test_mass_on_one_random_ground_leaves_nothing_behind_on_the_next() -> None:
+    """MuJoCo derives what it needs from the masses and, by the way, the bounds of the boxes."""
+    settings = EnvConfig("hybrid_turning", terrain="random_mixed", decision_interval=0.02)
+    env, twin = (BatchedEnv(settings, 2) for _ in range(2))
+    heavy = Randomisation(mass=2.0)
+    env.reset(episodes=[replace(settings.sample_episode(s), randomisation=heavy) for s in (1, 2)])
+    for each in (env, twin):
+        each.reset(seeds=[3, 4])
+        for _ in range(15):
+            each.step(np.ones((2, 2)))
+    np.testing.assert_array_equal(env.flies.integration_state(), twin.flies.integration_state())
+
+
 def test_latency_holds_each_decision_back_by_its_time() -> None:
     """45 ms of 20 ms decisions: at 1 ms per step, the first is at the legs in step 46."""
     config = EnvConfig(

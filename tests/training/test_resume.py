@@ -45,7 +45,7 @@ RECURRENT_CONFIG = TrainingConfig(
 )
 RANDOM_CONFIG = replace(
     PPO_CONFIG,
-    env=EnvConfig(terrain="random_blocks", randomisation="default"),
+    env=EnvConfig(terrain="random_blocks", physics="fast", randomisation="default"),
     training=replace(SCHEDULE, total_decisions=256),
 )
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
