@@ -3,9 +3,8 @@
 A model that flyrl built carries everything the callback needs: `ENGINE`, the controller's
 parameters and its step splines in the model's first custom numeric; the controller's state in
 `mjData.userdata`, with the drives that are on their way to it, which is part of MuJoCo's
-integration state. So saving, restoring and
-replaying a simulation includes its controller, exactly. Models without that mark are left
-alone (the callback is global to the process).
+integration state. So saving, restoring and replaying a simulation includes its controller,
+exactly. Models without that mark are left alone (the callback is global to the process).
 
 Two callbacks share the work. At the control stage the leg controller advances, once per
 simulated time, from the contact forces of the previous step and the kinematics of this one, and
