@@ -141,6 +141,7 @@ def _illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> N
             terrains=(scene.terrain,),
             body=scene.body,
             physics=scene.physics,
+            randomisation=config.env.resolved_randomisation,
             episodes=1,
         )
         videos, _ = record_videos(episodes)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, base_height
 
 SPAWN_RANGE = 2.0
@@ -48,6 +49,8 @@ class Episode:
     ground
         On random terrain, the seed of its heights and gaps, for `terrains.draw_ground`; None: the
         one that goes with `seed`, so that another seed is another ground.
+    randomisation
+        How the fly differs from the scene's.
     """
 
     seed: int
@@ -59,6 +62,7 @@ class Episode:
     command: tuple[float, ...] = ()
     pushes: tuple[float, ...] = ()
     ground: int | None = None
+    randomisation: Randomisation = UNVARIED
 
     @property
     def ground_seed(self) -> int:

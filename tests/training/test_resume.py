@@ -45,7 +45,7 @@ RECURRENT_CONFIG = TrainingConfig(
 )
 RANDOM_CONFIG = replace(
     PPO_CONFIG,
-    env=EnvConfig(terrain="random_blocks"),
+    env=EnvConfig(terrain="random_blocks", physics="fast", randomisation="default"),
     training=replace(SCHEDULE, total_decisions=256),
 )
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
@@ -73,7 +73,7 @@ def _results(run):
 @pytest.mark.parametrize(
     "config",
     [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG],
-    ids=["ppo", "sac", "recurrent_ppo", "random_terrain"],
+    ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies"],
 )
 def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     whole = train(config, tmp_path / "whole")
