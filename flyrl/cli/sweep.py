@@ -25,10 +25,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn
 
-from tqdm import tqdm
-
 from flyrl.cli.arguments import Failure, Sweep
 from flyrl.files import new_folder, write_text
+from flyrl.progress import progress_bar
 
 SWEEP_FILE: Final = "sweep.json"
 _NOTES: Final = "jobs"
@@ -262,14 +261,7 @@ def _tell_failures(jobs: Sequence[Job], ended: Sequence[Note | None]) -> int:
 def _progress(folder: Path, jobs: Sequence[Job], *, is_shown: bool) -> Iterator[None]:
     """Draw how many jobs have ended, as their notes tell."""
     stop = threading.Event()
-    with tqdm(
-        total=len(jobs),
-        unit=" jobs",
-        disable=not is_shown,
-        # a log file gets a line now and then, a terminal a moving bar
-        mininterval=0.5 if sys.stderr.isatty() else 30,
-        dynamic_ncols=True,
-    ) as bar:
+    with progress_bar(len(jobs), is_shown=is_shown, unit=" jobs") as bar:
 
         def look() -> None:
             while True:

@@ -6,21 +6,23 @@ import dataclasses
 import datetime
 import json
 import platform
-import sys
 from collections.abc import Callable, Sequence
 from importlib import metadata
-from typing import Final, NoReturn
+from typing import TYPE_CHECKING, Final, NoReturn
 
 import numpy as np
-from tqdm import tqdm
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrants import Entrant, make_entrants, reference_name
 from flyrl.evaluation.results import Json, Results, Trajectory, episode_row, trajectory
 from flyrl.evaluation.statistics import summarise
+from flyrl.progress import progress_bar
 from flyrl.rollouts import OUTCOMES, run_episodes
 from flyrl.tasks import Episode, task_record
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
 """Packages whose versions the results name."""
@@ -44,18 +46,15 @@ def evaluate(config: EvaluationConfig) -> Results:
     ]
     rows: list[Json] = []
     trajectories: list[Trajectory] = []
-    with tqdm(
+    with progress_bar(
         # whole ms, shown in s: a sum of many small floats could pass the total
-        total=round(len(envs) * config.episodes * config.horizon_s * 1000),
-        unit_scale=1e-3,
+        round(len(envs) * config.episodes * config.horizon_s * 1000),
+        is_shown=config.progress,
         unit="s",
-        desc="evaluating",
-        bar_format="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
+        unit_scale=1e-3,
+        description="evaluating",
+        layout="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
         "[{elapsed}<{remaining}, {rate_fmt}]{postfix}",
-        disable=not config.progress,
-        # a log file gets a line now and then, a terminal a moving bar
-        mininterval=0.5 if sys.stderr.isatty() else 30,
-        dynamic_ncols=True,
     ) as bar:
         for entrant, terrain, env_config in envs:
             bar.set_postfix_str(f"{entrant.name}, {terrain.label}")

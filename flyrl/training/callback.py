@@ -1,6 +1,5 @@
 """What happens on the way of a training run: progress, evaluation, saving, stopping."""
 
-import sys
 import time
 from collections.abc import Mapping
 from typing import Any, Final
@@ -8,7 +7,6 @@ from typing import Any, Final
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from tqdm import tqdm
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.envs.record import env_record
@@ -17,6 +15,7 @@ from flyrl.files import replacing
 from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
 from flyrl.policies.export import bundle_from_sb3
+from flyrl.progress import progress_bar
 from flyrl.rollouts import run_episodes
 from flyrl.tasks import Episode
 from flyrl.training.checkpoint import learner_state, save_checkpoint
@@ -65,13 +64,8 @@ class RunCallback(BaseCallback):
         self._next_checkpoint = 0
         self._is_ending = False
         self._start = time.monotonic()
-        self._bar = tqdm(
-            total=schedule.total_decisions,
-            unit=" decisions",
-            disable=not schedule.progress_bar,
-            # a log file gets a line now and then, a terminal a moving bar
-            mininterval=0.5 if sys.stderr.isatty() else 30,
-            dynamic_ncols=True,
+        self._bar = progress_bar(
+            schedule.total_decisions, is_shown=schedule.progress_bar, unit=" decisions"
         )
 
     def restore(self, state: Mapping[str, Any]) -> None:
