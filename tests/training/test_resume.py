@@ -132,7 +132,7 @@ def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
     while killed < 20:
         process = context.Process(target=_run, args=(config, part, folder))
         process.start()
-        time.sleep(rng.uniform(0.0, duration / 2))
+        time.sleep(rng.uniform(0.0, duration))
         if process.is_alive():
             process.kill()
             killed += 1
