@@ -48,6 +48,8 @@ class Episode:
     ground
         On random terrain, the seed of its heights and gaps, for `terrains.draw_ground`; None: the
         one that goes with `seed`, so that another seed is another ground.
+    difficulty
+        That it was drawn with, from 0 to 1, the usual one; random ground is as high and as gapped.
     """
 
     seed: int
@@ -59,6 +61,7 @@ class Episode:
     command: tuple[float, ...] = ()
     pushes: tuple[float, ...] = ()
     ground: int | None = None
+    difficulty: float = 1.0
 
     @property
     def ground_seed(self) -> int:
