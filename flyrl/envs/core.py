@@ -325,6 +325,9 @@ class BatchedEnv:
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
                 outcome[is_success] = SUCCESS
+        if self.task.has_goals:
+            # were it an end in itself, it would save what the rest of the time costs
+            terminated, truncated = terminated & ~is_unstable, truncated | is_unstable
         return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
     def snapshot(self) -> dict[str, Any]:

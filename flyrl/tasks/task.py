@@ -195,8 +195,8 @@ class Task:
     is_reached
         Makes a task one with goals, as in Gymnasium's GoalEnv: whether achieved goals are the
         desired ones, as they are observed, (..., size of a goal) each. The first two observation
-        terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and what ends an episode, but for the time
-        and physics that diverge, is `is_reached` alone.
+        terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and `is_reached` is what terminates an
+        episode: the time and physics that diverge truncate it.
     succeeds_in_time
         Whether an episode that lasts until the time limit is a success then; without it, none is.
     means

@@ -118,13 +118,15 @@ class TrainingConfig:
                 f"algo.her must be false in a task without goals, got true in {task.name!r} "
                 "(target_goal has goals)"
             )
-        fixed = [term.name for term in task.reward if term.of_goals is None]
-        if fixed or task.time_limit_s is None:
-            reason = f"rewards {fixed[0]!r}" if fixed else "has no time limit"
+        others = [term.name for term in task.reward if term.of_goals is None]
+        others += [end.outcome for end in task.terminations if not end.is_success]
+        if others:
             raise ValueError(
-                "algo.her must be false unless goals decide all rewards, and episodes end in time; "
-                f"got true, and {task.name!r} {reason}"
+                "algo.her must be false unless goals decide all rewards and terminations, got true "
+                f"in {task.name!r} with {others[0]!r}"
             )
+        if task.time_limit_s is None:
+            raise ValueError(f"algo.her must be false without a time limit, as in {task.name!r}")
         decisions = round(task.time_limit_s / self.env.decision_interval_s)
         algo.check_episodes(self.training.num_envs, decisions)
 
