@@ -385,9 +385,11 @@ class BatchedEnv:
         """Lay the ground of episodes that start, where the terrain is random."""
         terrain = self.config.scene.terrain
         if terrain.random and len(ids):
-            self.flies.set_ground(
-                ids, [draw_ground(terrain, episode.ground_seed) for episode in episodes]
-            )
+            grounds = [
+                draw_ground(terrain, episode.ground_seed, episode.difficulty)
+                for episode in episodes
+            ]
+            self.flies.set_ground(ids, grounds)
             return
         for episode in episodes:
             if episode.ground is not None:

@@ -49,7 +49,8 @@ class Episode:
         On random terrain, the seed of its heights and gaps, for `terrains.draw_ground`; None: the
         one that goes with `seed`, so that another seed is another ground.
     difficulty
-        That it was drawn with, from 0 to 1, the usual one; random ground is as high and as gapped.
+        That it was drawn with, from 0 to 1, the usual one. Random ground is laid with it too: a
+        factor on its heights and gaps.
     """
 
     seed: int

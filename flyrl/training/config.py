@@ -101,10 +101,11 @@ class TrainingConfig:
                 f"algo must be one that takes the Dict of a task with goals, as {task.name!r}, "
                 f"got {self.algo.name!r}"
             )
-        if self.training.curriculum.enabled and not task.difficulty:
+        terrain = self.env.scene.terrain
+        if self.training.curriculum.enabled and not (task.difficulty or terrain.random):
             raise ValueError(
-                "training.curriculum.enabled must be false in a task whose episodes are all of one "
-                f"difficulty, got true in {task.name!r}"
+                "training.curriculum.enabled must be false where all episodes are equally hard, "
+                f"got true in {task.name!r} on {terrain.name!r} with terrain.random=false"
             )
         self.algo.check_num_envs(self.training.num_envs)
         if isinstance(self.algo, HindsightConfig) and self.algo.her:

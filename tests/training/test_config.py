@@ -162,11 +162,12 @@ def test_bad_curricula_name_key_and_value(key, value):
         CurriculumConfig(**{key: value})
 
 
-def test_a_curriculum_needs_a_task_that_can_be_easier():
+def test_a_curriculum_needs_a_task_or_a_ground_that_can_be_easier():
     schedule = ScheduleConfig(curriculum=CurriculumConfig(enabled=True))
     TrainingConfig(training=schedule)
     with pytest.raises(ValueError, match=r"curriculum\.enabled must .* got true in 'traverse'"):
         TrainingConfig(env=EnvConfig(task="traverse"), training=schedule)
+    TrainingConfig(env=EnvConfig(task="traverse", terrain="random_mixed"), training=schedule)
 
 
 def test_name_of_a_run():
