@@ -460,7 +460,10 @@ class BatchedEnv:
                 )
 
     def _observe(self, state: TaskState) -> Observation:
-        terms = {term.name: term.shown(state) for term in self.task.observation}
+        terms = {}
+        for term in self.task.observation:
+            values = term.compute(state)
+            terms[term.name] = term.shown(values)
         if not self.task.has_vectors:
             return terms
         names = (ACHIEVED_GOAL, DESIRED_GOAL) if self.task.has_goals else ()

@@ -69,19 +69,24 @@ def is_away(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Array:
     return np.asarray(~is_reached(achieved_goal, desired_goal), dtype=np.float64)
 
 
+def _goals(state: TaskState) -> tuple[ArrayLike, ArrayLike]:
+    """Achieved and desired goals as they are observed."""
+    return ACHIEVED.shown(_place(state)), DESIRED.shown(_goal(state))
+
+
 def at_goal(state: TaskState) -> Mask:
     """Whether the goal is reached, as the goals are observed, (n,)."""
-    return is_reached(ACHIEVED.shown(state), DESIRED.shown(state))
+    return is_reached(*_goals(state))
 
 
 def away(state: TaskState) -> Array:
     """1 where the goal is not reached, as the goals are observed, (n,)."""
-    return is_away(ACHIEVED.shown(state), DESIRED.shown(state))
+    return is_away(*_goals(state))
 
 
 def goal_distance(state: TaskState) -> Array:
     """Distance to the goal, as the goals are observed, mm, (n,)."""
-    return distance(ACHIEVED.shown(state), DESIRED.shown(state))
+    return distance(*_goals(state))
 
 
 TARGET_GOAL: Final = Task(

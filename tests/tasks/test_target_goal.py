@@ -28,7 +28,7 @@ def test_the_reward_of_goals_is_weighed_as_the_tables() -> None:
 
 def test_goals_are_places_in_units_of_10_mm() -> None:
     state = task_state(fly_state(position_w=[[1.0, -2.0, 0.5]]), goal=[[15.0, 5.0]])
-    achieved, desired = (term.shown(state) for term in TARGET_GOAL.observation[:2])
+    achieved, desired = (t.shown(t.compute(state)) for t in TARGET_GOAL.observation[:2])
     np.testing.assert_allclose(achieved, [[0.1, -0.2]], rtol=1e-6)
     np.testing.assert_allclose(desired, [[1.5, 0.5]], rtol=1e-6)
 
@@ -38,7 +38,7 @@ def test_rewards_of_the_table_are_those_of_the_goals_shown() -> None:
     places = rng.uniform(-20, 20, (1000, 3))
     goal = places[:, :2] + rng.normal(size=(1000, 2))
     state = task_state(fly_state(1000, position_w=places), goal=goal)
-    achieved, desired = (term.shown(state) for term in TARGET_GOAL.observation[:2])
+    achieved, desired = (t.shown(t.compute(state)) for t in TARGET_GOAL.observation[:2])
     for term in TARGET_GOAL.reward:
         assert np.ptp(term.compute(state)) > 0
         np.testing.assert_array_equal(term.compute(state), term.of_goals(achieved, desired))
