@@ -103,12 +103,13 @@ def goal_envs():
 
 
 def test_settings_of_hindsight_reach_the_buffer(goal_envs):
-    algo = SACConfig(her=True, n_sampled_goal=3, goal_selection_strategy="final")
+    plain = SACConfig(buffer_size=1000)
+    algo = dataclasses.replace(plain, her=True, n_sampled_goal=3, goal_selection_strategy="final")
     buffer = build_model(algo, goal_envs[0], seed=0).replay_buffer
     assert isinstance(buffer, HindsightBuffer)
     assert buffer.n_sampled_goal == 3
     assert buffer.goal_selection_strategy is GoalSelectionStrategy.FINAL
-    assert type(build_model(SACConfig(), goal_envs[0], 0).replay_buffer) is DictReplayBuffer
+    assert type(build_model(plain, goal_envs[0], 0).replay_buffer) is DictReplayBuffer
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

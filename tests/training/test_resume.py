@@ -55,7 +55,9 @@ CURRICULUM_CONFIG = replace(
     PPO_CONFIG,
     env=EnvConfig(replace(TASKS["target"], time_limit_s=0.2), terrain="random_blocks"),
     training=replace(
-        SCHEDULE, curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0)
+        SCHEDULE,
+        total_decisions=256,
+        curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0),
     ),
 )
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
