@@ -120,6 +120,7 @@ def judge(run: Path, record: dict[str, Any], episodes: int, num_threads: int) ->
         terrains=(env.scene.terrain,),
         body=env.scene.body,
         physics=env.scene.physics,
+        randomisation=env.resolved_randomisation,
         episodes=episodes,
         num_threads=num_threads,
         progress=True,

@@ -11,6 +11,7 @@ from flyrl.controllers.leg_controller import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.physics import PhysicsConfig
+from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.scene import STEPS_OF_BODY
 from flyrl.tasks import TASKS, Task, extended
 from flyrl.terrains import TerrainConfig
@@ -56,7 +57,7 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
 
 
 def env_config(config: Mapping[str, Any]) -> EnvConfig:
-    """Settings of an environment, from the groups task, body, terrain, controller and physics."""
+    """Settings of an environment, from the groups that `env_record` has as keys."""
     body = from_mapping(FlyConfig, config["body"], "body")
     controller = dict(config["controller"])
     if controller.get("steps") is None:
@@ -69,6 +70,7 @@ def env_config(config: Mapping[str, Any]) -> EnvConfig:
         controller=from_mapping(ControllerConfig, controller, "controller"),
         physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
         decision_interval=task.decision_interval,
+        randomisation=_randomisation(config),
     )
 
 
@@ -110,7 +112,7 @@ def evaluation_config(
     Parameters
     ----------
     config
-        Holds the groups task, body and physics.
+        Holds the groups task, body, physics and randomisation.
     settings
         The group evaluation.
     command
@@ -143,12 +145,18 @@ def evaluation_config(
         seed=settings.seed,
         body=from_mapping(FlyConfig, config["body"], "body"),
         physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
+        randomisation=_randomisation(config),
         reference=settings.reference,
         num_envs=settings.num_envs,
         num_threads=settings.num_threads,
         progress=settings.progress_bar,
         command=command,
     )
+
+
+def _randomisation(config: Mapping[str, Any]) -> RandomisationConfig:
+    """Ranges of the group randomisation, without which (as in earlier records) there are none."""
+    return from_mapping(RandomisationConfig, config.get("randomisation", {}), "randomisation")
 
 
 def algorithm_config(config: Mapping[str, Any]) -> AlgorithmConfig:

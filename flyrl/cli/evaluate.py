@@ -38,7 +38,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     """
     from flyrl.cli.config import evaluation_settings  # noqa: PLC0415
 
-    groups = ("task", "body", "physics")
+    groups = ("task", "body", "physics", "randomisation")
     try:
         settings = evaluation_settings(
             {key: value for key, value in record.items() if key not in groups}, ""

@@ -42,15 +42,14 @@ def run(record: dict[str, Any], start: Start) -> Path:
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, training_config  # noqa: PLC0415
     from flyrl.cli.evaluate import compare, comparison  # noqa: PLC0415
-    from flyrl.training.checkpoint import ResumeError  # noqa: PLC0415
-    from flyrl.training.learn import resume, train  # noqa: PLC0415
-    from flyrl.training.run_folder import read_record  # noqa: PLC0415
 
     is_compared = bool(record["evaluate_after"])
     interrupted = Path(record["resume"]) if record["resume"] else None
     try:
         if interrupted:
             _check_nothing_changes(start.overrides)
+            from flyrl.training.run_folder import read_record  # noqa: PLC0415
+
             record = {**record, **read_record(interrupted)}
         config = training_config(record)
         settings = evaluation_settings(record["evaluation"], "evaluation")
@@ -64,6 +63,10 @@ def run(record: dict[str, Any], start: Start) -> Path:
         if interrupted and is_finished:
             print(f"run: {interrupted}", flush=True)
             return interrupted
+    # a wrong value has been reported by now, without torch
+    from flyrl.training.checkpoint import ResumeError  # noqa: PLC0415
+    from flyrl.training.learn import resume, train  # noqa: PLC0415
+
     try:
         if interrupted:
             finished = resume(config, interrupted, start.command)
@@ -141,6 +144,7 @@ def _illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> N
             terrains=(scene.terrain,),
             body=scene.body,
             physics=scene.physics,
+            randomisation=config.env.resolved_randomisation,
             episodes=1,
         )
         videos, _ = record_videos(episodes)

@@ -104,7 +104,12 @@ PARAMETERS: Final = np.dtype(
 STATE: Final = np.dtype(
     [
         ("last_time", "f8"),  # s; for the engine's callback, not touched here
-        ("drive", "f8", (2,)),
+        ("drive", "f8", (2,)),  # at the legs
+        ("command", "f8", (2,)),  # drive as last commanded; see the module latency
+        ("latency", "f8"),  # time steps from the command to the legs
+        ("clock", "f8"),  # time steps since the start, counted where there is latency
+        ("num_pending", "f8"),  # commands on their way
+        ("first_pending", "f8"),  # where the oldest of them stands in the queue
         ("phases", "f8", (6,)),
         ("magnitudes", "f8", (6,)),
         ("freqs", "f8", (6,)),
@@ -345,6 +350,7 @@ def initial_state(
     seed: int = 0,
     init_phases: ArrayLike | None = None,
     init_magnitudes: ArrayLike | None = None,
+    latency_steps: int = 0,
 ) -> np.void:
     """Build the state in which a controller starts, as `control_step` takes it.
 
@@ -357,6 +363,8 @@ def initial_state(
         draws.
     init_phases, init_magnitudes
         Initial oscillators, rad and -, shape (6,); the rule-based controller has none.
+    latency_steps
+        Time steps from a command of the drive to its arrival, inside the engine.
 
     Returns
     -------
@@ -370,6 +378,7 @@ def initial_state(
     """
     record: np.void = np.zeros(1, dtype=STATE)[0]
     record["last_time"] = -1.0
+    record["latency"] = latency_steps
     record["random"] = seeded_stream(seed)
     phases, magnitudes = initial_oscillators(
         np.random.RandomState(random_seed(seed)),

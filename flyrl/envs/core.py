@@ -11,8 +11,15 @@ from numpy.typing import NDArray
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.table import BodyName
 from flyrl.controllers.leg_controller import ControllerConfig, ControllerName, initial_state
+from flyrl.envs.noise import SensorNoise, generator
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
+from flyrl.simulation.randomisation import (
+    RANDOMISATIONS,
+    UNVARIED,
+    Randomisation,
+    RandomisationConfig,
+)
 from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import (
@@ -50,6 +57,8 @@ class EnvConfig:
         Settings, or the name of a preset.
     decision_interval
         s for which a decision is held; None takes the task's. A multiple of the physics step.
+    randomisation
+        Ranges that the fly of every episode is drawn from, or the name of some.
     """
 
     task: str | Task = "target"
@@ -58,8 +67,10 @@ class EnvConfig:
     controller: str | ControllerConfig | None = None
     physics: str | PhysicsConfig = "balanced"
     decision_interval: float | None = None
+    randomisation: str | RandomisationConfig = "none"
 
     resolved_task: Task = field(init=False, repr=False)
+    resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
     scene: SceneConfig = field(init=False, repr=False)
     steps_per_decision: int = field(init=False, repr=False)
 
@@ -91,14 +102,31 @@ class EnvConfig:
                 f"decision_interval is {interval} s; it must be a positive multiple of the physics "
                 f"time step, {physics.timestep} s"
             )
+        drawn_from = self.randomisation
+        if isinstance(drawn_from, str):
+            drawn_from = RANDOMISATIONS[one_of("randomisation", drawn_from, RANDOMISATIONS)]
+        is_sensed = any(term.spreads().any() for term in task.observation)
+        if drawn_from.sensor_noise and not is_sensed:
+            raise ValueError(
+                f"randomisation.sensor_noise is {drawn_from.sensor_noise}; it must be 0 in the "
+                f"task {task.name!r}, none of whose observation terms has a spread"
+            )
+        # with every drive another, as many are on their way as are decided on meanwhile
+        places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
         object.__setattr__(self, "resolved_task", task)
-        object.__setattr__(self, "scene", SceneConfig(body, terrain, controller, physics))
+        object.__setattr__(self, "resolved_randomisation", drawn_from)
+        object.__setattr__(self, "scene", SceneConfig(body, terrain, controller, physics, places))
         object.__setattr__(self, "steps_per_decision", steps)
 
     @property
     def decision_interval_s(self) -> float:
         """How long a decision is held, s."""
         return self.steps_per_decision * self.scene.physics.timestep
+
+    def sample_episode(self, seed: int, difficulty: float = 1.0) -> Episode:
+        """Draw the episode with a seed: the task's, of a fly from the ranges."""
+        episode = self.resolved_task.sample_episode(self.scene.terrain, seed, difficulty)
+        return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
 @dataclass(frozen=True)
@@ -174,6 +202,7 @@ class BatchedEnv:
         self._pushes = np.zeros((num_envs, 0))
         self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
         self._totals = np.zeros((len(self.task.reward), num_envs))
+        self._noise = SensorNoise(self.task.observation, num_envs)
         self._means = {term.name: np.zeros((num_envs, term.size)) for term in self.task.means}
         self._new_share = {
             term.name: -math.expm1(-config.decision_interval_s / term.time_constant_s)
@@ -209,8 +238,8 @@ class BatchedEnv:
         ------
         ValueError
             If the numbers of entries do not fit, an episode brings a ground where the terrain is
-            not random, or, at the first reset, a term of the task does not give an array of its
-            shape.
+            not random, or more latency than the settings have, or, at the first reset, a term of
+            the task does not give an array of its shape.
         """
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         for name, given in (("seeds", seeds), ("episodes", episodes)):
@@ -223,17 +252,19 @@ class BatchedEnv:
             episodes = [
                 self.draw_episode(int(i), seed) for i, seed in zip(chosen, drawn, strict=True)
             ]
+        latencies = self._latencies(episodes)
         self._lay_ground(chosen, episodes)
         controller = self.config.scene.controller
+        self.flies.vary(chosen, [episode.randomisation for episode in episodes])
         self.flies.reset(
             chosen,
             np.array([episode.spawn_position_w for episode in episodes]),
             np.array([episode.spawn_yaw for episode in episodes]),
             [
                 initial_state(
-                    controller, episode.seed, episode.init_phases, episode.init_magnitudes
+                    controller, episode.seed, episode.init_phases, episode.init_magnitudes, latency
                 )
-                for episode in episodes
+                for episode, latency in zip(episodes, latencies, strict=True)
             ],
         )
         goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
@@ -245,6 +276,7 @@ class BatchedEnv:
         self._goal[chosen] = goals
         self._command[chosen] = commands
         self._set_pushes(chosen, episodes)
+        self._noise.start(chosen, episodes)
         self._totals[:, chosen] = 0.0
         for mean in self._means.values():
             mean[chosen] = 0.0
@@ -265,7 +297,7 @@ class BatchedEnv:
             if rng is None:
                 rng = self._rngs[i] = np.random.default_rng()
             seed = int(rng.integers(2**31))
-        return self.task.sample_episode(self.config.scene.terrain, seed, self.difficulty)
+        return self.config.sample_episode(seed, self.difficulty)
 
     def step(self, action: NDArray[np.floating], ids: NDArray[np.intp] | None = None) -> Transition:
         """Hold one action per simulation, (n, 2), for a decision interval.
@@ -291,6 +323,8 @@ class BatchedEnv:
             self._push(moved)
         self.flies.step(self.config.steps_per_decision, ids)
         self._decisions[moved] += 1
+        if self._noise.is_on:
+            self._noise.draw(moved)
         fly_state = self.flies.state()
         is_unstable = fly_state.is_unstable
         if is_unstable.any():
@@ -345,6 +379,7 @@ class BatchedEnv:
             "goal": None if self._goal is None else self._goal.copy(),
             "command": None if self._command is None else self._command.copy(),
             "pushes": self._pushes.copy(),
+            "noise": self._noise.snapshot(),
             "totals": self._totals.copy(),
             "means": {name: mean.copy() for name, mean in self._means.items()},
             "decisions": self._decisions.copy(),
@@ -355,18 +390,23 @@ class BatchedEnv:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned, in an environment of the same settings."""
-        self.episodes = [episode and Episode(**episode) for episode in snapshot["episodes"]]
+        self.episodes = [episode and _episode(episode) for episode in snapshot["episodes"]]
         started = [i for i, episode in enumerate(self.episodes) if episode is not None]
         self._lay_ground(np.array(started, dtype=np.intp), [*filter(None, self.episodes)])
+        self.flies.vary(
+            np.arange(self.num_envs),
+            [episode.randomisation if episode else UNVARIED for episode in self.episodes],
+        )
         self.flies.restore(snapshot["physics"])
         self.fly_state = FlyState(**snapshot["fly_state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
         self._pushes = snapshot["pushes"]
+        self._noise.restore(snapshot["noise"])
         self._totals[:] = snapshot["totals"]
         for name, mean in self._means.items():
             mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
-        self._rngs = [state and _generator(state) for state in snapshot["generators"]]
+        self._rngs = [state and generator(state) for state in snapshot["generators"]]
         self.difficulty = snapshot["difficulty"]
 
     def observe(self) -> Observation:
@@ -397,6 +437,17 @@ class BatchedEnv:
                     f"ground of the episode is {episode.ground}; it must be None where "
                     f"terrain.random is false, as on {terrain.name!r}"
                 )
+
+    def _latencies(self, episodes: Sequence[Episode]) -> list[int]:
+        """Physics steps by which each episode's drives come later."""
+        longest = self.config.resolved_randomisation.longest_latency
+        latencies = [episode.randomisation.drive_latency for episode in episodes]
+        if max(latencies) > longest:
+            raise ValueError(
+                f"randomisation.drive_latency is {max(latencies)} s; the environment's own allows "
+                f"at most {longest} s"
+            )
+        return [round(latency / self.config.scene.physics.timestep) for latency in latencies]
 
     def _set_pushes(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Note the pushes of episodes that start; a push of 0 µN is none."""
@@ -461,8 +512,11 @@ class BatchedEnv:
 
     def _observe(self, state: TaskState) -> Observation:
         terms = {}
+        is_noisy = self._noise.is_on
         for term in self.task.observation:
             values = term.compute(state)
+            if is_noisy:
+                values = values + self._noise.of(term.name)
             terms[term.name] = term.shown(values)
         if not self.task.has_vectors:
             return terms
@@ -474,10 +528,8 @@ class BatchedEnv:
         return {**goals, "observation": vector} if goals else vector
 
 
-def _generator(state: Mapping[str, Any]) -> np.random.Generator:
-    rng = np.random.default_rng()
-    rng.bit_generator.state = state
-    return rng
+def _episode(record: Mapping[str, Any]) -> Episode:
+    return Episode(**{**record, "randomisation": Randomisation(**record["randomisation"])})
 
 
 def _where(mask: NDArray[np.bool_], chosen: FlyState, other: FlyState) -> FlyState:

@@ -1,11 +1,14 @@
 """Options of `reset`: what a user fixes of an episode."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from flyrl.simulation.randomisation import Randomisation
 from flyrl.tasks import Episode
+from flyrl.validation import one_of
 
 # option -> attribute of an episode, and how many numbers; None: as many as the task has
 _FIELDS = {
@@ -24,11 +27,11 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
     Raises
     ------
     ValueError
-        If an option is unknown, has the wrong number of values, or is not finite.
+        If an option is unknown, has the wrong number of values, or one that is not allowed.
     """
     if not options:
         return episode
-    allowed = (*_FIELDS, "spawn_yaw", "ground", "episode")
+    allowed = (*_FIELDS, "spawn_yaw", "ground", "randomisation", "episode")
     unknown = [name for name in options if name not in allowed]
     if unknown:
         raise ValueError(f"reset options {unknown} are unknown; allowed are {list(allowed)}")
@@ -54,6 +57,7 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
         changes["spawn_yaw"] = float(options["spawn_yaw"])
     if options.get("ground") is not None:
         changes["ground"] = _ground_seed(options["ground"])
+    changes["randomisation"] = _changed(episode.randomisation, options.get("randomisation"))
     if "command" in changes and _leads_to_goal(episode):
         changes.setdefault("goal", changes["command"][-2:])
     changed = dataclasses.replace(episode, **changes)
@@ -72,6 +76,19 @@ def _ground_seed(value: Any) -> int:
             f"reset option 'ground' must be an integer from 0 to 2**63 - 1; got {value!r}"
         )
     return int(value)
+
+
+def _changed(drawn: Randomisation, given: Any) -> Randomisation:
+    """`drawn` with what is given in its place, if anything is."""
+    if given is None:
+        return drawn
+    if not isinstance(given, Mapping):
+        raise ValueError(
+            f"reset option 'randomisation' must be a dict of numbers by name; got {given!r}"
+        )
+    for name in given:
+        one_of("reset option 'randomisation'", name, [f.name for f in dataclasses.fields(drawn)])
+    return dataclasses.replace(drawn, **given)
 
 
 def _leads_to_goal(episode: Episode) -> bool:

@@ -19,7 +19,14 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
             part: plain(dataclasses.asdict(getattr(scene, part)))
             for part in ("body", "terrain", "controller", "physics")
         },
+        "randomisation": plain(dataclasses.asdict(env.resolved_randomisation)),
     }
+
+
+def randomisation_text(record: Any) -> str:
+    """What is randomised, as one would type it, from the "randomisation" of a record."""
+    given = record.items() if isinstance(record, dict) else ()
+    return ", ".join(f"{name}={value}" for name, value in given if value) or "none"
 
 
 def plain(value: Any) -> Any:

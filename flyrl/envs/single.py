@@ -1,5 +1,6 @@
 """One fly as a Gymnasium environment."""
 
+from dataclasses import asdict
 from typing import Any, Final
 
 import gymnasium
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from flyrl.envs.core import BatchedEnv, EnvConfig, Observation
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.spaces import action_space, observation_space
+from flyrl.simulation.randomisation import UNVARIED
 from flyrl.simulation.rendering import FlyRenderer
 
 RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -28,12 +30,13 @@ class FlyEnv(gymnasium.Env[Any, Any]):
 
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
     anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad), "goal" (the target's x and
-    y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md) and, on
-    random terrain, "ground" (a seed), which replace what the seed draws, or "episode", which
-    replaces all of it.
+    y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md),
+    "randomisation" (numbers by name, see `Randomisation`) and, on random terrain, "ground" (a
+    seed), which replace what the seed draws, or "episode", which replaces all of it.
     `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
     "is_success" and "time_s"; on random terrain also "ground". A task with a termination of its
-    own has one more outcome.
+    own has one more outcome. After a reset there is "randomisation" too, unless the fly is the
+    scene's own.
 
     Parameters
     ----------
@@ -58,9 +61,11 @@ class FlyEnv(gymnasium.Env[Any, Any]):
         # the core draws from its own generator; this one is for users and wrappers
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
-        episode = self.core.draw_episode(0, seed)
-        observation = self.core.reset(episodes=[episode_with_options(episode, options)])
+        episode = episode_with_options(self.core.draw_episode(0, seed), options)
+        observation = self.core.reset(episodes=[episode])
         info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._ground()}
+        if episode.randomisation != UNVARIED:
+            info["randomisation"] = asdict(episode.randomisation)
         return _first(observation), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:

@@ -9,6 +9,7 @@ from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.table import BodyName
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.physics import PhysicsConfig
+from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
 from flyrl.terrains import TerrainConfig
 from flyrl.validation import at_least, within
@@ -47,6 +48,9 @@ class EvaluationConfig:
         Picks the episodes, and the resampling of the statistics.
     body, physics
         Names or configs; the same for every entrant.
+    randomisation
+        Ranges that the fly of every episode is drawn from, or the name of some; every entrant
+        walks as the same flies.
     reference
         Name of the entrant that the others are compared with. None takes `hybrid` where it is
         among them, else the first fixed entrant, else the first of all.
@@ -73,6 +77,7 @@ class EvaluationConfig:
     seed: int = 0
     body: BodyName | FlyConfig = "current"
     physics: str | PhysicsConfig = "balanced"
+    randomisation: str | RandomisationConfig = "none"
     reference: str | None = None
     num_envs: int = 64
     num_threads: int = 0
@@ -101,7 +106,13 @@ class EvaluationConfig:
 
     def env(self, terrain: str | TerrainConfig) -> EnvConfig:
         """Environment with the controller that goes with the body."""
-        return EnvConfig(task=self.task, body=self.body, terrain=terrain, physics=self.physics)
+        return EnvConfig(
+            task=self.task,
+            body=self.body,
+            terrain=terrain,
+            physics=self.physics,
+            randomisation=self.randomisation,
+        )
 
     @property
     def resolved_task(self) -> Task:
@@ -127,4 +138,5 @@ class EvaluationConfig:
 
     def draw_episodes(self, terrain: TerrainConfig) -> list[Episode]:
         """Episodes on `terrain`, the same ones for every entrant."""
-        return [self.resolved_task.sample_episode(terrain, seed) for seed in self.seeds()]
+        env = self.env(terrain)
+        return [env.sample_episode(seed) for seed in self.seeds()]

@@ -72,6 +72,11 @@ class _Fixed:
     sees: str | None = None
 
 
+_QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
+"""The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
+without a fall, at 0.81 s instead of 1.00; on a path the literature's turn keeps closer to it."""
+
+
 def _walk(task: Task) -> Policy:
     return ConstantDrive(1.0, 1.0, task.action)
 
@@ -81,7 +86,8 @@ def _stand(task: Task) -> Policy:
 
 
 def _pursue(task: Task) -> Policy:
-    return Pursuit(task.slices()["target_direction"], task.action)
+    tuned = _QUICK_PURSUIT if task.name in ("target", "heading") else {}
+    return Pursuit(task.slices()["target_direction"], task.action, **tuned)
 
 
 def _follow_command(task: Task) -> Policy:

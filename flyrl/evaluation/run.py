@@ -89,7 +89,7 @@ def _protocol(
     reference: str,
     episodes: Sequence[Sequence[Episode]],
 ) -> Json:
-    scene, task = config.env(config.terrains[0]).scene, config.resolved_task
+    env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
     protocol: Json = {
         "command": config.command,
@@ -112,8 +112,9 @@ def _protocol(
             }
             for terrain, drawn in zip(config.terrain_configs, episodes, strict=True)
         ],
-        "body": dataclasses.asdict(scene.body),
-        "physics": dataclasses.asdict(scene.physics),
+        "body": dataclasses.asdict(env.scene.body),
+        "physics": dataclasses.asdict(env.scene.physics),
+        "randomisation": dataclasses.asdict(env.resolved_randomisation),
     }
     # As the file holds it: lists, not tuples.
     plain: Json = json.loads(json.dumps(protocol))

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
 
-from flyrl.envs.record import plain
+from flyrl.envs.record import plain, randomisation_text
 from flyrl.policies.bundle import PolicyBundle
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.terrains import terrain_label
@@ -75,6 +75,7 @@ def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
     presets = [
         name for name, preset in PHYSICS_PRESETS.items() if plain(asdict(preset)) == _physics(env)
     ]
+    drawn = randomisation_text(env["randomisation"]) if "randomisation" in env else _UNKNOWN
     return [
         ("task", _name(env, "task")),
         ("decision interval, s", interval),
@@ -82,6 +83,7 @@ def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
         ("body", _name(env, "body")),
         ("leg controller", _name(env, "controller")),
         ("physics", presets[0] if presets else "of its own: " + str(_physics(env))),
+        ("randomisation", drawn),
     ]
 
 

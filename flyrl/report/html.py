@@ -11,6 +11,7 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.metrics import METRICS
 from flyrl.evaluation.results import Json, Results
 from flyrl.files import write_text
@@ -82,6 +83,7 @@ def format_report(
         note=note,
         entrants=results.protocol["entrants"],
         physics=json.dumps(results.protocol["physics"], indent=1),
+        randomisation=randomisation_text(results.protocol.get("randomisation")),
     )
 
 

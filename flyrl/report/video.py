@@ -148,6 +148,7 @@ def _walk(
     observation = env.reset(episodes=[episode])
     if (ground := env.flies.ground(0)) is not None:
         stand_in.set_ground(np.array([0]), [ground])
+    stand_in.vary(np.array([0]), [episode.randomisation])
     yield env.flies, 0.0, RUNNING
     state, outcome, walked = None, RUNNING, 0
     while outcome == RUNNING:

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from flyrl.bodies.fly import spawn_offset, stretch_pose
 from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import STATE_SIZE, install
+from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState
+from flyrl.simulation.variation import Variation
 from flyrl.terrains import Boxes, box_colours, terrain_boxes
 
 Ids = NDArray[np.intp]
@@ -64,6 +66,7 @@ class FlyBatch:
             self._geom_size = self._batch.expand("geom_size")
         self._stretch_pose = stretch_pose()
         self._spawn_offset = spawn_offset(scene.config.body)
+        self._variation = Variation(scene.model, self._batch)
         self._is_unstable = np.zeros(num_sims, dtype=bool)
         self._warned = self.warnings().sum(axis=1)
 
@@ -92,9 +95,20 @@ class FlyBatch:
             Heading from +x, rad, (k,).
         controllers
             k leg controller states, from `leg_controller.initial_state`.
+
+        Raises
+        ------
+        ValueError
+            If drives are to come with latency, for which the scene has no queue.
         """
         if len(ids) == 0:
             return
+        records = np.stack(controllers)
+        if records["latency"].any() and not self.scene.config.queue_places:
+            raise ValueError(
+                f"queue_places is 0; it must be > 0 for a latency of {records['latency'].max():.0f}"
+                " time steps"
+            )
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         cos, sin = np.cos(yaws), np.sin(yaws)
         x, y, z = self._spawn_offset
@@ -104,10 +118,27 @@ class FlyBatch:
         self._qpos[ids, 4:6] = 0.0
         self._qpos[ids, 6] = np.sin(yaws / 2)
         self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._stretch_pose
-        self.controllers[ids] = np.stack(controllers)
+        self.controllers[ids] = records
         self._is_unstable[ids] = False
         self._warned = self.warnings().sum(axis=1)
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+
+    def vary(self, ids: Ids, randomisations: Sequence[Randomisation]) -> None:
+        """Make flies differ from the scene's own in friction, mass, servos and adhesion.
+
+        It holds until told otherwise, and leaves the other simulations alone. On random terrain,
+        set the ground before: with other masses, MuJoCo derives its bounds too. Sensor noise and
+        latency are not of the body: the environment adds the one, and the leg controllers' states
+        hold the other.
+
+        Parameters
+        ----------
+        ids
+            Simulations, sorted, (k,).
+        randomisations
+            One each.
+        """
+        self._variation.apply(ids, randomisations)
 
     def set_ground(self, ids: Ids, grounds: Sequence[Boxes]) -> None:
         """Lay ground under simulations on random terrain, before a reset or `restore`.
@@ -154,8 +185,11 @@ class FlyBatch:
         self._warned = warned
 
     def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
-        """Set the descending drive (left, right), (n, 2), from the next physics step on."""
-        self.controllers["drive"][ids] = drive
+        """Set the descending drive (left, right), (n, 2), from the next physics step on.
+
+        With latency, it sets out for the leg controllers then.
+        """
+        self.controllers["command"][ids] = drive
 
     def push(
         self,
@@ -192,7 +226,7 @@ class FlyBatch:
             actuator_torques=self._actuator_force[:, :42].copy(),
             contact_forces_w=controllers["contact_forces_w"].copy(),
             end_effectors_w=self._xpos[:, scene.end_effector_bodies],
-            drive=controllers["drive"].copy(),
+            drive=controllers["command"].copy(),
             phases=controllers["phases"].copy(),
             magnitudes=controllers["magnitudes"].copy(),
             retraction=controllers["retraction"].copy(),
@@ -213,7 +247,7 @@ class FlyBatch:
         return np.array(self._batch.state)
 
     def restore(self, rows: NDArray[np.float64]) -> None:
-        """Put back what `integration_state` returned."""
+        """Put back what `integration_state` returned; as which flies, `vary` says."""
         self._batch.state[:] = rows
         self._is_unstable[:] = False
         self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)

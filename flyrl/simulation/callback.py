@@ -2,9 +2,9 @@
 
 A model that flyrl built carries everything the callback needs: `ENGINE`, the controller's
 parameters and its step splines in the model's first custom numeric; the controller's state in
-`mjData.userdata`, which is part of MuJoCo's integration state. So saving, restoring and
-replaying a simulation includes its controller, exactly. Models without that mark are left
-alone (the callback is global to the process).
+`mjData.userdata`, with the drives that are on their way to it, which is part of MuJoCo's
+integration state. So saving, restoring and replaying a simulation includes its controller,
+exactly. Models without that mark are left alone (the callback is global to the process).
 
 Two callbacks share the work. At the control stage the leg controller advances, once per
 simulated time, from the contact forces of the previous step and the kinematics of this one, and
@@ -23,6 +23,7 @@ from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 
 from flyrl.controllers.compilation import kernel, native_callback
+from flyrl.controllers.latency import PLACE_SIZE, advance_drive
 from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
 from flyrl.simulation.layout import Layout, layout
 
@@ -39,6 +40,7 @@ ENGINE = np.dtype(
         ("is_elliptic", "f8"),
         ("thorax_body", "f8"),
         ("num_intervals", "f8"),
+        ("queue_places", "f8"),
         ("tibia_bodies", "f8", (NUM_LEGS,)),
         ("end_effector_bodies", "f8", (NUM_LEGS,)),
     ],
@@ -52,6 +54,12 @@ ENGINE_SIZE = ENGINE.itemsize // 8
 PARAMETERS_SIZE = PARAMETERS.itemsize // 8
 STATE_SIZE = STATE.itemsize // 8
 USERDATA_SIZE = STATE_SIZE + SCRATCH.itemsize // 8
+"""Without the queue of drives on their way, which comes last."""
+
+
+def userdata_size(queue_places: int) -> int:
+    """How many numbers a simulation carries for the callback."""
+    return USERDATA_SIZE + PLACE_SIZE * queue_places
 
 
 def pack_model_data(engine: np.void, parameters: np.void, coefficients: np.ndarray) -> np.ndarray:
@@ -103,7 +111,7 @@ def _int32(address):  # type: ignore[no-untyped-def]
 def _engine_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
     """Address of a model's ENGINE record, or 0 where the model is not flyrl's."""
     if (
-        _int64(model + userdata_size_at) != USERDATA_SIZE
+        _int64(model + userdata_size_at) < USERDATA_SIZE
         or _int64(model + numeric_size_at) < ENGINE_SIZE + PARAMETERS_SIZE
     ):
         return 0
@@ -131,6 +139,8 @@ def _control_callback(found: Layout) -> Any:
     engine_bytes = ENGINE.itemsize
     header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
     state_bytes = STATE.itemsize
+    queue_bytes = 8 * USERDATA_SIZE
+    place_size = PLACE_SIZE
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
@@ -145,6 +155,8 @@ def _control_callback(found: Layout) -> Any:
         # mj_forward at the same time must not advance the controller a second time
         if time != state.last_time:
             state.last_time = time
+            places = int(engine.queue_places)
+            advance_drive(state, carray(_as_float64(userdata + queue_bytes), (places, place_size)))
             scratch = carray(_as_scratch(userdata + state_bytes), (1,))[0]
             thorax = int(engine.thorax_body)
             positions = _int64(data + positions_at)

@@ -11,10 +11,11 @@ from flyrl.bodies.fly import FlyConfig, build_fly
 from flyrl.bodies.table import BodyName
 from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
 from flyrl.controllers.steps import StepsName
-from flyrl.simulation.callback import ENGINE, MAGIC, USERDATA_SIZE, pack_model_data
+from flyrl.simulation.callback import ENGINE, MAGIC, pack_model_data, userdata_size
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.terrains import TerrainConfig, add_terrain
+from flyrl.validation import at_least
 
 STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
     "current": "untethered",
@@ -29,18 +30,29 @@ TARGET_MARKER = "target"
 class SceneConfig:
     """What a scene is made of.
 
+    Attributes
+    ----------
+    body, terrain, controller, physics
+        Its parts.
+    queue_places
+        How many drives may be on their way to the legs at the same time, where these are to come
+        with latency.
+
     Raises
     ------
     ValueError
-        If the controller's recorded step does not go with the body's joint order.
+        If the controller's recorded step does not go with the body's joint order, or there are
+        less than 0 places.
     """
 
     body: FlyConfig = field(default_factory=FlyConfig)
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
+    queue_places: int = 0
 
     def __post_init__(self) -> None:
+        at_least("queue_places", self.queue_places, 0)
         expected = STEPS_OF_BODY[self.body.name]
         if self.controller.steps != expected:
             raise ValueError(
@@ -89,7 +101,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     pair_with_planes(spec, config.physics.contact.plane_friction_across)
     apply_physics(spec, config.physics)
     spec.compiler.fusestatic = True
-    spec.nuserdata = USERDATA_SIZE
+    spec.nuserdata = userdata_size(config.queue_places)
     # a user sensor makes MuJoCo call the sensor callback
     spec.add_sensor(
         name="contact_forces",
@@ -104,6 +116,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     engine = _engine_record(spec.compile())
     parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
     engine["num_intervals"] = coefficients.shape[1]
+    engine["queue_places"] = config.queue_places
     model_data = pack_model_data(engine, parameters, coefficients)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
     model = spec.compile()

@@ -30,7 +30,8 @@ class FlyState:
     end_effectors_w
         Tarsus5 of each leg, mm, (n, 6, 3).
     drive
-        Descending drive (left, right), (n, 2).
+        Descending drive (left, right) as last commanded, (n, 2): what the brain knows of. With
+        latency it is at the legs only later.
     phases, magnitudes
         Of the legs' oscillators (or steps, for the rule-based controller), rad and 1, (n, 6).
     retraction, stumbling

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, base_height
 
 SPAWN_RANGE = 2.0
@@ -48,6 +49,8 @@ class Episode:
     ground
         On random terrain, the seed of its heights and gaps, for `terrains.draw_ground`; None: the
         one that goes with `seed`, so that another seed is another ground.
+    randomisation
+        How the fly differs from the scene's.
     difficulty
         That it was drawn with, from 0 to 1, the usual one. Random ground is laid with it too: a
         factor on its heights and gaps.
@@ -62,6 +65,7 @@ class Episode:
     command: tuple[float, ...] = ()
     pushes: tuple[float, ...] = ()
     ground: int | None = None
+    randomisation: Randomisation = UNVARIED
     difficulty: float = 1.0
 
     @property

@@ -24,21 +24,26 @@ HYBRID_TURNING: Final = Task(
         ObservationTerm(
             "joints", (3, 42), -5000.0, 5000.0, terms.joints,
             "angles (rad), velocities (rad/s) and actuator torques (µN·mm) of the leg joints",
+            spread=(0.13, 15.0, 2.0),
         ),
         ObservationTerm(
             "fly", (4, 3), -5000.0, 5000.0, terms.thorax,
             "position (mm), velocity (mm/s), yaw-pitch-roll (rad) and their rates (rad/s)",
+            # no fly senses where in the world it is, so that is as exact as the end effectors
+            spread=(0.0, 10.0, 0.05, 6.0),
         ),
         ObservationTerm(
             "contact_forces", (36, 3), -1e6, 1e6, terms.contact_forces,
             "ground's force on each sensed leg segment (µN, world frame)",
+            spread=8.0,
         ),
         ObservationTerm(
             "end_effectors", (6, 3), -1000.0, 1000.0, terms.end_effectors,
             "position of each leg's Tarsus5 (mm, world frame)",
         ),
         ObservationTerm(
-            "fly_orientation", (3,), -1.0, 1.0, terms.heading, "unit heading (world frame)"
+            "fly_orientation", (3,), -1.0, 1.0, terms.heading, "unit heading (world frame)",
+            spread=0.05,
         ),
     ),
     is_flat=False,

@@ -1,4 +1,8 @@
-"""What a fly feels of itself: the observation terms that every steering task shares."""
+"""What a fly feels of itself: the observation terms that every steering task shares.
+
+It measures its velocity, yaw rate and tilt, with noise if asked for. Drive, phases, magnitudes and
+reflexes are its own commands, and legs are on the ground or not.
+"""
 
 from typing import Final
 
@@ -8,14 +12,14 @@ from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm
 SENSES: Final = (
     ObservationTerm(
         "velocity", (2,), -5.0, 5.0, terms.velocity_b,
-        "forward and leftward velocity of the thorax, in 20 mm/s",
+        "forward and leftward velocity of the thorax, in 20 mm/s", spread=0.4,
     ),
     ObservationTerm(
-        "heading_rate", (1,), -5.0, 5.0, terms.heading_rate, "yaw rate, in 10 rad/s"
+        "heading_rate", (1,), -5.0, 5.0, terms.heading_rate, "yaw rate, in 10 rad/s", spread=0.5
     ),
     ObservationTerm(
         "tilt", (2,), -1.0, 1.0, terms.tilt_b,
-        "x and y of the world's up direction in the thorax frame; 0 when level",
+        "x and y of the world's up direction in the thorax frame; 0 when level", spread=0.05,
     ),
     ObservationTerm(
         "drive", (2,), DRIVE_LOW, DRIVE_HIGH, terms.drive, "drive of the last decision"

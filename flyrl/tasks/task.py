@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.simulation.state import FlyState
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, TerrainConfig
-from flyrl.validation import number, positive
+from flyrl.validation import not_negative, number, positive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -67,7 +67,10 @@ class TaskState:
 class ObservationTerm:
     """A named part of the observation, clipped to finite bounds.
 
-    `compute` gives (n, *shape).
+    `compute` gives (n, *shape). `spread` says how far the values of a flat-ground walk lie apart
+    (their standard deviation), as one number or one per row of the term: sensor noise is a share of
+    it. What has none, 0, is known without noise: what the task asks for, and what the fly does not
+    measure but command.
     """
 
     name: str
@@ -76,6 +79,7 @@ class ObservationTerm:
     high: float
     compute: Callable[[TaskState], Array]
     description: str
+    spread: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
         shape = self.shape
@@ -86,11 +90,23 @@ class ObservationTerm:
         low, high = number(f"low of {self.name!r}", self.low), self.high
         if not low < number(f"high of {self.name!r}", high):
             raise ValueError(f"high of {self.name!r} must be above its low, {low}, got {high}")
+        rows = self.spread if isinstance(self.spread, tuple) else (self.spread,)
+        if isinstance(self.spread, tuple) and len(rows) != shape[0]:
+            raise ValueError(
+                f"spread of {self.name!r} must be one number or {shape[0]}, got {self.spread!r}"
+            )
+        for row in rows:
+            not_negative(f"spread of {self.name!r}", row)
 
     @property
     def size(self) -> int:
         """Number of values."""
         return int(np.prod(self.shape))
+
+    def spreads(self) -> Array:
+        """`spread` of every value, of the term's shape."""
+        rows = np.reshape(self.spread, (-1,) + (1,) * (len(self.shape) - 1))
+        return np.array(np.broadcast_to(rows, self.shape), dtype=np.float64)
 
     def shown(self, values: Array) -> NDArray[np.float32]:
         """Values (n, *shape) as they are observed: within the bounds, and rounded."""

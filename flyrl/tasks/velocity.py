@@ -62,6 +62,7 @@ VELOCITY: Final = Task(
         ObservationTerm(
             "mean_velocity", (2,), -5.0, 5.0, terms.mean_velocity,
             "mean forward speed, in 20 mm/s, and yaw rate, in 10 rad/s, over about a stride",
+            spread=0.15,
         ),
         *SENSES,
     ),

@@ -35,8 +35,7 @@ def held_out_episodes(config: TrainingConfig) -> list[Episode]:
     seeds = rng.integers(
         HELD_OUT_SEEDS.start, HELD_OUT_SEEDS.stop, size=config.training.evaluation_episodes
     )
-    task, terrain = config.env.resolved_task, config.env.scene.terrain
-    return [task.sample_episode(terrain, int(seed)) for seed in seeds]
+    return [config.env.sample_episode(int(seed)) for seed in seeds]
 
 
 def fly_env(model: BaseAlgorithm) -> FlyVecEnv:

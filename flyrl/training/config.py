@@ -44,7 +44,7 @@ class ScheduleConfig:
         Whether and how the episodes get harder on the way.
     """
 
-    total_decisions: int = 60_000
+    total_decisions: int = 120_000
     num_envs: int = 32
     num_threads: int = 0
     torch_threads: int = 1

@@ -11,6 +11,7 @@ from flyrl.cli.config import training_config
 from flyrl.envs.core import EnvConfig
 from flyrl.resources import configs_folder
 from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.tasks import TASKS, task_record
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
@@ -42,6 +43,12 @@ def test_algorithms(name):
 def test_physics_presets(name):
     config = training_config(_composed(f"physics={name}"))
     assert config.env.scene.physics == PHYSICS_PRESETS[name]
+
+
+@pytest.mark.parametrize("name", RANDOMISATIONS)
+def test_randomisations(name):
+    config = training_config(_composed(f"randomisation={name}"))
+    assert config.env.resolved_randomisation == RANDOMISATIONS[name]
 
 
 @pytest.mark.parametrize("terrain", TERRAINS)
@@ -78,6 +85,7 @@ def test_a_curriculum_is_a_group_of_keys():
 def test_every_file_is_tested_above():
     assert _names("algo") == set(ALGORITHMS)
     assert _names("physics") == set(PHYSICS_PRESETS)
+    assert _names("randomisation") == set(RANDOMISATIONS)
     assert _names("terrain") == set(TERRAINS)
     assert _names("controller") == {"cpg", "rule_based", "hybrid"}
     assert _names("launcher") == set(EXTRAS)
@@ -96,6 +104,7 @@ def test_a_key_reaches_the_settings():
             "terrain.height_range=[0.15,0.45]",
             "task.decision_interval=0.01",
             "task.weights.progress=0.1",
+            "randomisation.mass=[0.5,2]",
         )
     )
     assert config.seed == 5
@@ -103,14 +112,24 @@ def test_a_key_reaches_the_settings():
     assert config.training.num_envs == 64
     assert config.env.scene.terrain == TERRAINS["random_blocks"]
     weights = {term.name: term.weight for term in config.env.resolved_task.reward}
+    assert config.env.resolved_randomisation == RandomisationConfig(mass=(0.5, 2.0))
     assert weights == {"progress": 0.1, "success": 2.0, "time": -0.5, "lost_time": -0.5}
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)
 
 
 def test_config_of_a_run_folder_reads_back():
-    record = training_record(training_config(_composed("algo=sac", "terrain=mixed", "seed=3")))
+    record = training_record(
+        training_config(_composed("algo=sac", "terrain=mixed", "randomisation=default", "seed=3"))
+    )
     again = training_config(yaml.safe_load(yaml.safe_dump(record)))
     assert training_record(again) == record
+    assert record["randomisation"]["friction"] == [0.7, 1.3]
+
+
+def test_a_config_from_before_randomisation_has_none():
+    record = training_record(TrainingConfig())
+    del record["randomisation"]
+    assert training_record(training_config(record)) == training_record(TrainingConfig())
 
 
 @pytest.mark.parametrize(
@@ -126,6 +145,8 @@ def test_config_of_a_run_folder_reads_back():
         ),
         (["seed=x"], "seed must be a whole number, got 'x'"),
         (["task.name=tarket"], "'tarket'"),
+        (["randomisation.mass=[0,1]"], r"randomisation\.mass must be a finite number above 0"),
+        (["randomisation.mass=2"], r"randomisation\.mass must be a list, got 2"),
         (["training.num_envs=-1"], r"training\.num_envs must be at least 1, got -1"),
     ],
 )

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from flyrl.cli import train
 from flyrl.cli.arguments import Failure
 from flyrl.cli.comparison import compare_jobs, compare_sweep
 from flyrl.cli.main import main
@@ -38,6 +39,22 @@ def _train(folder, *arguments):
         text=True,
         check=False,
     )
+
+
+@pytest.fixture
+def train_here(tmp_path, monkeypatch, capsys):
+    """The same in this process, which has loaded everything: quicker; not for other launchers."""
+
+    def train_here(*arguments):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")  # so that what the sweep sets is put back
+        command = ["train.py", *arguments, *TINY]
+        monkeypatch.setattr(sys, "argv", command.copy())
+        with pytest.raises(SystemExit) as end:
+            train.main()
+        return subprocess.CompletedProcess(command, end.value.code, *capsys.readouterr())
+
+    return train_here
 
 
 def _sweep(folder, jobs):
@@ -160,8 +177,9 @@ def _only_sweep(folder):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["-m", "launcher=joblib", "launcher=submitit"])
-def test_one_failing_job_takes_no_other_down(tmp_path, how):
-    result = _train(tmp_path, how, "algo.gamma=2,0.9")
+def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
+    asked = (how, "algo.gamma=2,0.9")
+    result = train_here(*asked) if how == "-m" else _train(tmp_path, *asked)
     assert result.returncode == 1, result.stderr
     message = "failed: job 1 of 2: algo.gamma=2: algo.gamma must lie within 0 and 1, got 2.0\n"
     assert message in result.stderr
@@ -180,14 +198,16 @@ def test_one_failing_job_takes_no_other_down(tmp_path, how):
 
 
 @pytest.mark.slow
-def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path):
-    assert _train(tmp_path, "-m", "seed=0", "hydra.sweep.dir=here").returncode == 0
+def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train_here):
+    assert train_here("-m", "seed=0", "hydra.sweep.dir=here").returncode == 0
     before = {path.name for path in (tmp_path / "here").glob("*_target_*")}
-    result = _train(tmp_path, "-m", "seed=0,1", "hydra.sweep.dir=here")
+    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here")
     assert result.returncode == 0, result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["here"]
     after = {path.name for path in (tmp_path / "here").glob("*_target_*")}
     assert len(before) == 1
     assert before < after
+    assert {name.rsplit("_", 1)[1] for name in after} == {"0", "1"}
     assert len(after) == 2
     assert len(json.loads((tmp_path / "here" / "sweep.json").read_text())["commands"]) == 2
 

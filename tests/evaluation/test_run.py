@@ -8,6 +8,7 @@ import pytest
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
 from flyrl.report import write_report
+from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS, Termination, extended
 
 SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
@@ -71,6 +72,21 @@ def test_a_termination_of_a_users_own_is_an_outcome_of_its_own(tmp_path):
     write_results(results, tmp_path)
     assert load_results(tmp_path).to_json() == results.to_json()
     assert "3 had enough" in write_report(results, tmp_path).read_text()
+
+
+def test_randomised_flies_are_the_same_for_everyone_and_on_record(tmp_path):
+    config = dataclasses.replace(CONFIG, randomisation=RandomisationConfig(mass=(0.5, 1.5)))
+    results = evaluate(config)
+    assert results.protocol["randomisation"]["mass"] == [0.5, 1.5]
+    (terrain,) = results.protocol["terrains"]
+    masses = [episode["randomisation"]["mass"] for episode in terrain["episodes"]]
+    assert masses == [
+        config.env("flat").sample_episode(seed).randomisation.mass for seed in config.seeds()
+    ]
+    assert len(set(masses)) == 3
+    report = write_report(results, tmp_path).read_text()
+    assert "<pre>mass=[0.5, 1.5]</pre>" in report
+    assert "same fly, which is another in every episode" in report
 
 
 def test_walking_beats_standing(results):

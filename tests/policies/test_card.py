@@ -5,6 +5,7 @@ import pytest
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.policies.card import model_card
+from flyrl.simulation.randomisation import RandomisationConfig
 
 RATE = {"value": 0.5, "low": 0.25, "high": 0.75, "n": 4, "reason": None}
 
@@ -48,6 +49,7 @@ def card(bundle):
         "| body | current |",
         "| leg controller | hybrid |",
         "| physics | fast |",
+        "| randomisation | none |",
         "| algorithm | ppo |",
         "| decisions | 60000 |",
         "| seed | 3 |",
@@ -73,10 +75,18 @@ def test_physics_of_one_s_own_is_written_out(bundle):
     assert "| physics | of its own: {'timestep': 0.00025, " in text
 
 
+def test_what_was_randomised_is_written_as_typed(bundle):
+    drawn = RandomisationConfig(friction=(0.5, 1.5), sensor_noise=0.1)
+    env = env_record(EnvConfig(randomisation=drawn))
+    text = model_card("mine", replace(bundle, env=env))
+    assert "| randomisation | friction=[0.5, 1.5], sensor_noise=0.1 |" in text.splitlines()
+
+
 def test_what_is_missing_is_said_to_be(bundle):
     text = model_card("mine", replace(bundle, env={}, training={}))
     for line in (
         "| task | not recorded |",
+        "| randomisation | not recorded |",
         "| commit | not recorded |",
         "Figures are not recorded.",
     ):

@@ -10,7 +10,8 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
-from flyrl.report.video import FPS, HOLD_FRAMES, _walk, encode, record_video, record_videos
+from flyrl.report.video import FPS, FRAME_S, HOLD_FRAMES, _walk, encode, record_video, record_videos
+from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS
@@ -96,6 +97,26 @@ def test_a_video_shows_something_that_moves(video, tmp_path):
     first, last = frames[0].astype(float), frames[10].astype(float)
     assert first.std() > 10
     assert np.abs(first - last)[100:].mean() > 1
+
+
+def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
+    drawn = RandomisationConfig(mass=(2.0, 2.0), drive_latency=(0.03, 0.03))
+    config = dataclasses.replace(CONFIG, randomisation=drawn)
+    (entrant,) = make_entrants(config)
+    terrain = config.terrain_configs[0]
+    episode = config.draw_episodes(terrain)[1]
+    settings = entrant.env(config, terrain)
+    filmed = [
+        flies.state().position_w[0]
+        for flies, *_ in _walk(BatchedEnv(settings, 1, 1), entrant, episode)
+    ]
+    finer = BatchedEnv(dataclasses.replace(settings, decision_interval=FRAME_S), 1, 1)
+    observation = finer.reset(episodes=[episode])
+    walked = [finer.fly_state.position_w[0]]
+    for _ in range(10):
+        finer.step(entrant.policy.predict(observation)[0])
+        walked.append(finer.fly_state.position_w[0])
+    np.testing.assert_array_equal(filmed, walked)
 
 
 def test_an_episode_that_was_not_walked():

@@ -1,5 +1,7 @@
 """The controller inside the engine: the same maths as the classes, and exact bookkeeping."""
 
+import dataclasses
+
 import mujoco
 import numpy as np
 import pytest
@@ -87,6 +89,52 @@ def test_commands_reach_the_actuators() -> None:
     np.testing.assert_array_equal(ctrl[:42], batch.controllers["targets"][0])
     np.testing.assert_array_equal(ctrl[42:], batch.controllers["adhesion"][0])
     assert 0 < ctrl[42:].sum() <= 6
+
+
+def with_queue(batch: FlyBatch, latencies: list[int], places: int) -> FlyBatch:
+    """A batch of the same scene with room for drives on their way."""
+    config = dataclasses.replace(batch.scene.config, queue_places=places)
+    late = FlyBatch(build_scene(config), len(latencies), num_threads=1)
+    states = [initial_state(config.controller, 3, latency_steps=steps) for steps in latencies]
+    n = len(latencies)
+    late.reset(np.arange(n), np.tile([0.0, 0.0, 0.5], (n, 1)), np.zeros(n), states)
+    return late
+
+
+def test_with_latency_a_fly_moves_as_one_that_is_told_so_much_later() -> None:
+    """To the bit, with several drives on their way, and with none in a fly without latency."""
+    late = with_queue(make_batch(), [137, 0], places=3)
+    timely = make_batch()
+    for drive in ([1.0, 0.4], [0.3, 1.2], [1.5, 1.5]):
+        late.set_drive(np.array([drive, drive]))
+        late.step(60)
+    late.step(30)
+    timely.step(137)
+    for drive in ([1.0, 0.4], [0.3, 1.2]):
+        timely.set_drive(np.array([drive]))
+        timely.step(60 if drive[0] == 1.0 else 13)
+    np.testing.assert_array_equal(late._qpos[0], timely._qpos[0])
+    np.testing.assert_array_equal(late.controllers["drive"], [[0.3, 1.2], [1.5, 1.5]])
+    np.testing.assert_array_equal(late.state().drive, [[1.5, 1.5]] * 2)
+
+
+def test_drives_on_their_way_are_part_of_the_state() -> None:
+    late = with_queue(make_batch(), [100], places=2)
+    late.set_drive(np.array([[1.0, 0.4]]))
+    late.step(50)
+    start = late.integration_state()
+    late.set_drive(np.array([[0.0, 1.2]]))
+    late.step(150)
+    expected = late.integration_state()
+    late.restore(start)
+    late.set_drive(np.array([[0.0, 1.2]]))
+    late.step(150)
+    np.testing.assert_array_equal(late.integration_state(), expected)
+
+
+def test_latency_without_a_queue_is_refused() -> None:
+    with pytest.raises(ValueError, match="queue_places is 0"):
+        with_queue(make_batch(), [1], places=0)
 
 
 def test_forward_at_the_same_time_does_not_advance_the_controller() -> None:

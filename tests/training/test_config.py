@@ -197,6 +197,7 @@ def test_record_tells_environments_apart():
         EnvConfig(body="classic"),
         EnvConfig(controller="cpg"),
         EnvConfig(physics="reference"),
+        EnvConfig(randomisation="default"),
         replace(config, decision_interval=0.01),
     ):
         assert env_record(other) != env_record(config)

@@ -91,9 +91,16 @@ class _ClippedConfig(_BatchedConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class PPOConfig(_ClippedConfig):
-    """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347)."""
+    """Proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347).
+
+    Learning rate and discount are those of four pairs that reached targets the quickest on flat
+    ground after 120,000 decisions.
+    """
 
     name: ClassVar[str] = "ppo"
+
+    learning_rate: float = 6e-4
+    gamma: float = 0.98
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,147 @@
+"""Domain randomisation: how the fly of an episode differs from the fly of the scene.
+
+A policy that is to hold on another fly than the one it was trained on is trained on many (Peng et
+al. 2018, arXiv:1710.06537). Ranges are settings; what was drawn from them belongs to an episode.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from flyrl.validation import not_negative, number, positive, within
+
+MAX_LATENCY: Final = 0.05
+"""s; longest delay between a decision and its arrival at the legs."""
+
+Range = tuple[float, float]
+
+_STREAM: Final = 171_006_537
+"""Sets the generator of the draws apart from the task's, which has the same seed."""
+
+_FACTORS: Final = {
+    "friction": not_negative,
+    "mass": positive,
+    "actuator_gain": positive,
+    "adhesion": not_negative,
+}
+"""Quantity -> check on its factor."""
+
+_DRAWN: Final = (*_FACTORS, "drive_latency")
+"""In the order of the draws: a new quantity goes to the end, so that the others keep theirs."""
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """How the fly of one episode differs from the scene's; by default, not at all.
+
+    Attributes
+    ----------
+    friction
+        Factor on the friction of legs on the ground.
+    mass
+        Factor on the mass and inertia of every part of the body.
+    actuator_gain
+        Factor on the stiffness of the 42 position servos.
+    adhesion
+        Factor on the force of gripping legs.
+    sensor_noise
+        Standard deviation of the noise on what the fly senses, as a share of each sense's spread;
+        see `flyrl.tasks.ObservationTerm`.
+    drive_latency
+        s from a decision until its drive is at the leg controller, rounded to physics steps.
+
+    Raises
+    ------
+    ValueError
+        A number that is not allowed.
+    """
+
+    friction: float = 1.0
+    mass: float = 1.0
+    actuator_gain: float = 1.0
+    adhesion: float = 1.0
+    sensor_noise: float = 0.0
+    drive_latency: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, check in _FACTORS.items():
+            check(f"randomisation.{name}", getattr(self, name))
+        not_negative("randomisation.sensor_noise", self.sensor_noise)
+        within("randomisation.drive_latency", self.drive_latency, 0.0, MAX_LATENCY)
+
+
+UNVARIED: Final = Randomisation()
+"""The scene's own fly."""
+
+
+@dataclass(frozen=True)
+class RandomisationConfig:
+    """Ranges that the fly of every episode is drawn from; by default, it is always the scene's.
+
+    Attributes
+    ----------
+    friction, mass, actuator_gain, adhesion
+        Least and greatest factor, drawn uniformly; None leaves the quantity as it is. What each
+        means stands in `Randomisation`.
+    sensor_noise
+        The same in every episode.
+    drive_latency
+        Least and greatest, s, drawn uniformly, from 0 to `MAX_LATENCY`; None is 0.
+
+    Raises
+    ------
+    ValueError
+        A range or number that is not allowed.
+    """
+
+    friction: Range | None = None
+    mass: Range | None = None
+    actuator_gain: Range | None = None
+    adhesion: Range | None = None
+    sensor_noise: float = 0.0
+    drive_latency: Range | None = None
+
+    def __post_init__(self) -> None:
+        for name in _DRAWN:
+            key, given = f"randomisation.{name}", getattr(self, name)
+            if given is None:
+                continue
+            if not isinstance(given, tuple | list) or len(given) != 2:
+                raise ValueError(f"{key} must be null or (least, greatest), got {given!r}")
+            low, high = (number(key, value) for value in given)
+            if low > high:
+                raise ValueError(f"{key} must be (least, greatest), got {given!r}")
+            for value in (low, high):
+                Randomisation(**{name: value})
+            object.__setattr__(self, name, (low, high))
+        Randomisation(sensor_noise=self.sensor_noise)
+
+    @property
+    def longest_latency(self) -> float:
+        """Greatest latency that can be drawn, s."""
+        return 0.0 if self.drive_latency is None else self.drive_latency[1]
+
+    def draw(self, seed: int) -> Randomisation:
+        """Draw the fly of the episode with a seed; a range changes no draw but its own."""
+        shares = np.random.default_rng([seed, _STREAM]).random(len(_DRAWN))
+        drawn = {}
+        for name, share in zip(_DRAWN, shares, strict=True):
+            if (given := getattr(self, name)) is not None:
+                low, high = given
+                drawn[name] = min(low + float(share) * (high - low), high)
+        return Randomisation(sensor_noise=self.sensor_noise, **drawn)
+
+
+RANDOMISATIONS: Final[dict[str, RandomisationConfig]] = {
+    "none": RandomisationConfig(),
+    "default": RandomisationConfig(
+        friction=(0.7, 1.3),
+        mass=(0.8, 1.2),
+        actuator_gain=(0.8, 1.2),
+        adhesion=(0.7, 1.3),
+        sensor_noise=0.1,
+        drive_latency=(0.0, 0.02),
+    ),
+}
+"""Ranges by name."""

@@ -1,0 +1,97 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.noise import SensorNoise
+from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.tasks import TASKS, ObservationTerm, Task
+
+NOISY = RandomisationConfig(sensor_noise=0.2)
+SPREADS = {"velocity": 0.4, "heading_rate": 0.5, "tilt": 0.05}
+
+
+def pair(task: str = "target", num_envs: int = 2) -> tuple[BatchedEnv, BatchedEnv]:
+    """An environment with sensor noise, and the same one without."""
+    noisy, exact = (
+        BatchedEnv(EnvConfig(task, physics="fast", decision_interval=0.02, **more), num_envs)
+        for more in ({"randomisation": NOISY}, {})
+    )
+    for env in (noisy, exact):
+        env.reset(seeds=list(range(num_envs)))
+    return noisy, exact
+
+
+def test_only_what_the_fly_measures_is_noisy_by_a_share_of_its_spread() -> None:
+    noisy, exact = pair(num_envs=4)
+    still = noisy.task.action(np.zeros((4, 2)))
+    differences = []
+    for _ in range(100):
+        ours, theirs = noisy.step(still), exact.step(still)
+        differences.append(np.asarray(ours.observation) - np.asarray(theirs.observation))
+        np.testing.assert_array_equal(ours.reward, theirs.reward)
+        np.testing.assert_array_equal(ours.outcome, theirs.outcome)
+    for name, where in noisy.task.slices().items():
+        noise = np.array(differences)[..., where]
+        expected = 0.2 * SPREADS.get(name, 0.0)
+        assert noise.std() == pytest.approx(expected, rel=0.1), name
+        assert np.abs(noise.mean()) <= 0.3 * expected, name
+
+
+def test_every_row_of_a_term_has_its_own_spread() -> None:
+    noisy, exact = pair("hybrid_turning", num_envs=1)
+    noisy.step(np.ones((1, 2)))
+    exact.step(np.ones((1, 2)))
+    ours, theirs = noisy.observe(), exact.observe()
+    assert isinstance(ours, dict)
+    assert isinstance(theirs, dict)
+    noise = (ours["joints"] - theirs["joints"])[0].std(axis=1)
+    np.testing.assert_allclose(noise, 0.2 * np.array([0.13, 15.0, 2.0]), rtol=0.4)
+    np.testing.assert_array_equal(ours["fly"][0, 0], theirs["fly"][0, 0])
+    np.testing.assert_array_equal(ours["end_effectors"], theirs["end_effectors"])
+
+
+def test_a_second_look_shows_the_same() -> None:
+    noisy, _ = pair()
+    first = np.asarray(noisy.observe())
+    np.testing.assert_array_equal(noisy.observe(), first)
+    moved = np.asarray(noisy.step(np.ones((2, 2)), ids=np.array([1])).observation)
+    np.testing.assert_array_equal(moved[0, 3:8], first[0, 3:8])
+    assert np.any(moved[1] != first[1])
+
+
+def test_noisy_values_keep_to_their_bounds() -> None:
+    env = BatchedEnv(EnvConfig(randomisation=RandomisationConfig(sensor_noise=100.0)), 1)
+    observation = np.asarray(env.reset(seeds=[0]))[0]
+    tilt = observation[env.task.slices()["tilt"]]
+    assert np.abs(observation).max() <= 5.0
+    assert np.abs(tilt).max() <= 1.0
+    assert np.abs(observation[3:8]).max() == 5.0
+
+
+def unsensed(task: Task) -> Task:
+
+    terms = tuple(dataclasses.replace(term, spread=0.0) for term in task.observation)
+    return dataclasses.replace(task, observation=terms)
+
+
+def test_noise_on_nothing_is_refused() -> None:
+    with pytest.raises(
+        ValueError, match=r"sensor_noise is 0\.2; it must be 0 in the task 'target'"
+    ):
+        EnvConfig(unsensed(TASKS["target"]), randomisation=NOISY)
+
+
+@pytest.mark.parametrize("spread", [-1.0, (1.0,), (1.0, np.nan)])
+def test_a_spread_that_cannot_be_one_is_refused(spread: object) -> None:
+    with pytest.raises(ValueError, match="spread of 'x'"):
+        ObservationTerm("x", (2, 3), 0.0, 1.0, lambda state: state.goal, "", spread)  # type: ignore[arg-type]
+
+
+def test_without_noise_no_generator_is_made() -> None:
+    config = EnvConfig()
+    noise = SensorNoise(config.resolved_task.observation, 1)
+    noise.start(np.array([0]), [config.sample_episode(0)])
+    assert not noise.is_on
+    assert noise.snapshot()["generators"] == [None]
