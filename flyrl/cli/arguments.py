@@ -166,7 +166,9 @@ def _check_overrides(
         single = parser.parse_overrides(list(job))
         keys = set(_keys(compose(config_name, list(choices)))) | set(groups)
         for override in single:
-            _check_key(override, keys)
+            if _is_unknown(override, keys):
+                _check_not_elsewhere(config_name, override.key_or_group, groups)
+                raise unknown_key(override.key_or_group, keys)
         compose(config_name, list(job), return_hydra_config=True)
 
 
@@ -228,8 +230,21 @@ def _check_choice(override: Override, choices: list[str]) -> None:
         one_of(override.key_or_group, choice, choices)
 
 
-def _check_key(override: Override, keys: set[str]) -> None:
+def _is_unknown(override: Override, keys: set[str]) -> bool:
     key = override.key_or_group
     is_ours = not key.startswith("hydra") and override.package is None
-    if is_ours and not override.is_add() and not override.is_force_add() and key not in keys:
-        raise unknown_key(key, keys)
+    return is_ours and not override.is_add() and not override.is_force_add() and key not in keys
+
+
+def _check_not_elsewhere(config_name: str, key: str, groups: Mapping[str, list[str]]) -> None:
+    """Raise UsageError if other choices of the key's group have it."""
+    group = key.partition(".")[0]
+    if group not in compose(config_name):
+        return
+    having = [
+        choice
+        for choice in groups.get(group, [])
+        if key in set(_keys(compose(config_name, [f"{group}={choice}"])))
+    ]
+    if having:
+        raise UsageError(f"there is no key {key!r} here, only with {group}={','.join(having)}")

@@ -22,7 +22,18 @@ from flyrl.simulation.randomisation import (
 )
 from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
-from flyrl.tasks import RUNNING, SUCCESS, TASKS, TIMEOUT, UNSTABLE, Episode, Task, TaskState
+from flyrl.tasks import (
+    ACHIEVED_GOAL,
+    DESIRED_GOAL,
+    RUNNING,
+    SUCCESS,
+    TASKS,
+    TIMEOUT,
+    UNSTABLE,
+    Episode,
+    Task,
+    TaskState,
+)
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
 from flyrl.terrains import TERRAINS, TerrainConfig, draw_ground, terrain_bounds
 from flyrl.validation import one_of
@@ -112,9 +123,9 @@ class EnvConfig:
         """How long a decision is held, s."""
         return self.steps_per_decision * self.scene.physics.timestep
 
-    def sample_episode(self, seed: int) -> Episode:
+    def sample_episode(self, seed: int, difficulty: float = 1.0) -> Episode:
         """Draw the episode with a seed: the task's, of a fly from the ranges."""
-        episode = self.resolved_task.sample_episode(self.scene.terrain, seed)
+        episode = self.resolved_task.sample_episode(self.scene.terrain, seed, difficulty)
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
@@ -125,7 +136,7 @@ class Transition:
     Attributes
     ----------
     observation
-        float32, (n, size), or a dict of (n, ...) arrays by term.
+        float32, (n, size), or a dict of (n, ...) arrays; see `Task.is_flat`.
     reward
         (n,).
     terminated, truncated
@@ -170,6 +181,8 @@ class BatchedEnv:
         The flies after the last decision; one that blew up is kept as it was before.
     episodes
         What each simulation was last reset to.
+    difficulty
+        Of the episodes that are drawn, from 0 to 1, the usual one.
     """
 
     def __init__(self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0) -> None:
@@ -181,6 +194,7 @@ class BatchedEnv:
         self.scene: Scene = build_scene(config.scene)
         self.flies = FlyBatch(self.scene, num_envs, num_threads)
         self.episodes: list[Episode | None] = [None] * num_envs
+        self.difficulty = 1.0
         self._bounds = terrain_bounds(config.scene.terrain)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._goal: NDArray[np.float64] | None = None
@@ -283,7 +297,7 @@ class BatchedEnv:
             if rng is None:
                 rng = self._rngs[i] = np.random.default_rng()
             seed = int(rng.integers(2**31))
-        return self.config.sample_episode(seed)
+        return self.config.sample_episode(seed, self.difficulty)
 
     def step(self, action: NDArray[np.floating], ids: NDArray[np.intp] | None = None) -> Transition:
         """Hold one action per simulation, (n, 2), for a decision interval.
@@ -345,6 +359,9 @@ class BatchedEnv:
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
                 outcome[is_success] = SUCCESS
+        if self.task.has_goals:
+            # were it an end in itself, it would save what the rest of the time costs
+            terminated, truncated = terminated & ~is_unstable, truncated | is_unstable
         return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
     def snapshot(self) -> dict[str, Any]:
@@ -368,6 +385,7 @@ class BatchedEnv:
             "decisions": self._decisions.copy(),
             "episodes": [episode and asdict(episode) for episode in self.episodes],
             "generators": [rng and rng.bit_generator.state for rng in self._rngs],
+            "difficulty": self.difficulty,
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -389,6 +407,7 @@ class BatchedEnv:
             mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
         self._rngs = [state and generator(state) for state in snapshot["generators"]]
+        self.difficulty = snapshot["difficulty"]
 
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
@@ -406,9 +425,11 @@ class BatchedEnv:
         """Lay the ground of episodes that start, where the terrain is random."""
         terrain = self.config.scene.terrain
         if terrain.random and len(ids):
-            self.flies.set_ground(
-                ids, [draw_ground(terrain, episode.ground_seed) for episode in episodes]
-            )
+            grounds = [
+                draw_ground(terrain, episode.ground_seed, episode.difficulty)
+                for episode in episodes
+            ]
+            self.flies.set_ground(ids, grounds)
             return
         for episode in episodes:
             if episode.ground is not None:
@@ -490,21 +511,21 @@ class BatchedEnv:
                 )
 
     def _observe(self, state: TaskState) -> Observation:
-        # np.clip takes twice as long for a single fly
         terms = {}
         is_noisy = self._noise.is_on
         for term in self.task.observation:
             values = term.compute(state)
             if is_noisy:
                 values = values + self._noise.of(term.name)
-            terms[term.name] = np.minimum(np.maximum(values, term.low), term.high).astype(
-                np.float32
-            )
-        if not self.task.is_flat:
+            terms[term.name] = term.shown(values)
+        if not self.task.has_vectors:
             return terms
-        return np.concatenate(
+        names = (ACHIEVED_GOAL, DESIRED_GOAL) if self.task.has_goals else ()
+        goals = {name: terms.pop(name) for name in names}
+        vector = np.concatenate(
             [values.reshape(self.num_envs, -1) for values in terms.values()], axis=1
         )
+        return {**goals, "observation": vector} if goals else vector
 
 
 def _episode(record: Mapping[str, Any]) -> Episode:

@@ -16,9 +16,10 @@ def register_envs() -> None:
     """Register every id; a second call changes nothing."""
     for env_id, task in ENV_IDS.items():
         if env_id not in gymnasium.registry:
+            env_class = "FlyGoalEnv" if TASKS[task].has_goals else "FlyEnv"
             gymnasium.register(
                 id=env_id,
-                entry_point="flyrl.envs.single:FlyEnv",
+                entry_point=f"flyrl.envs.single:{env_class}",
                 vector_entry_point="flyrl.envs.vector:FlyVectorEnv",
                 kwargs={"task": task},
             )

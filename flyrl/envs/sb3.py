@@ -20,7 +20,7 @@ class FlyVecEnv(VecEnv):
 
     An episode that ends is reset at once; `infos` then carries "terminal_observation",
     "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
-    would. "outcome" and "is_success" are there at every step.
+    would, and "difficulty". "outcome" and "is_success" are there at every step.
 
     Parameters
     ----------
@@ -86,7 +86,9 @@ class FlyVecEnv(VecEnv):
                 if isinstance(observation, dict)
                 else observation[i]
             )
+            episode = self.core.episodes[i]
             infos[i]["terminal_observation"] = terminal
+            infos[i]["difficulty"] = episode and episode.difficulty
             infos[i]["TimeLimit.truncated"] = bool(transition.truncated[i])
             infos[i]["episode"] = {
                 "r": float(self._returns[i]),
@@ -136,8 +138,24 @@ class FlyVecEnv(VecEnv):
         indices: VecEnvIndices = None,
         **method_kwargs: Any,
     ) -> list[Any]:
-        """Raise: the flies are rows of a batch, not environment objects."""
-        raise NotImplementedError(f"a fly of the batch has no method {method_name!r} of its own")
+        """Result of `compute_reward` or `compute_terminated`, once per environment.
+
+        Any other method raises: the flies are rows of a batch, not environment objects.
+        """
+        if method_name not in ("compute_reward", "compute_terminated"):
+            raise NotImplementedError(
+                f"a fly of the batch has no method {method_name!r} of its own"
+            )
+        result = getattr(self, method_name)(*method_args, **method_kwargs)
+        return [result for _ in self._get_indices(indices)]
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Reward for goals (n, k) as observed, as in Gymnasium's GoalEnv; `info` has no say."""
+        return self.core.task.compute_reward(achieved_goal, desired_goal)
+
+    def compute_terminated(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Whether an episode ends with goals (n, k) as observed; `info` has no say."""
+        return self.core.task.compute_terminated(achieved_goal, desired_goal)
 
     def env_is_wrapped(
         self,

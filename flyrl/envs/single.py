@@ -106,6 +106,18 @@ class FlyEnv(gymnasium.Env[Any, Any]):
             self._renderer = None
 
 
+class FlyGoalEnv(FlyEnv):
+    """One fly in a task with goals: a GoalEnv, as Gymnasium-Robotics and SB3 know it."""
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Reward for goals (..., k) as observed, as in Gymnasium's GoalEnv; `info` has no say."""
+        return self.core.task.compute_reward(achieved_goal, desired_goal)
+
+    def compute_terminated(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """Whether an episode ends with goals (..., k) as observed; `info` has no say."""
+        return self.core.task.compute_terminated(achieved_goal, desired_goal)
+
+
 def _first(observation: Observation) -> Any:
     if isinstance(observation, dict):
         return {name: values[0] for name, values in observation.items()}

@@ -1,5 +1,8 @@
 """Gymnasium spaces of a task."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -12,19 +15,20 @@ def action_space(task: Task) -> spaces.Box:
 
 
 def observation_space(task: Task) -> spaces.Box | spaces.Dict:
-    """One vector, or a dict of arrays by term; finite bounds, to which terms are clipped."""
-    if not task.is_flat:
-        return spaces.Dict(
-            {
-                term.name: spaces.Box(term.low, term.high, term.shape, np.float32)
-                for term in task.observation
-            }
-        )
-    return spaces.Box(_bound(task, "low"), _bound(task, "high"), dtype=np.float32)
+    """One vector, or a dict (see `Task.is_flat`); finite bounds, to which terms are clipped."""
+    if task.is_flat:
+        return _vector(task.observation)
+    if task.has_goals:
+        goals, others = task.observation[:2], task.observation[2:]
+        return spaces.Dict({**_by_name(goals), "observation": _vector(others)})
+    return spaces.Dict(_by_name(task.observation))
 
 
-def _bound(task: Task, side: str) -> np.ndarray:
-    def values(term: ObservationTerm) -> np.ndarray:
-        return np.full(term.size, getattr(term, side), np.float32)
+def _by_name(terms: Sequence[ObservationTerm]) -> dict[str, spaces.Space[Any]]:
+    return {term.name: spaces.Box(term.low, term.high, term.shape, np.float32) for term in terms}
 
-    return np.concatenate([values(term) for term in task.observation])
+
+def _vector(terms: Sequence[ObservationTerm]) -> spaces.Box:
+    low = np.concatenate([np.full(term.size, term.low, np.float32) for term in terms])
+    high = np.concatenate([np.full(term.size, term.high, np.float32) for term in terms])
+    return spaces.Box(low, high, dtype=np.float32)

@@ -38,8 +38,8 @@ class EvaluationConfig:
         Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`. None takes all those that
         go with the task.
     task
-        A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation and a time
-        limit.
+        A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation or goals, and
+        a time limit.
     terrains
         Names (see `flyrl.terrains.TERRAINS`) or configs; their labels differ from one another.
     episodes
@@ -93,12 +93,13 @@ class EvaluationConfig:
         within("seed", self.seed, 0, MAX_SEED)
         at_least("num_envs", self.num_envs, 1)
         at_least("num_threads", self.num_threads, 0)
-        if not self.resolved_task.is_flat:
+        task = self.resolved_task
+        if not task.has_vectors:
             raise ValueError(
-                f"task must be one with a flat observation, got {self.resolved_task.name!r}"
+                f"task must be one with a flat observation or goals, got {task.name!r}"
             )
-        if self.resolved_task.time_limit_s is None:
-            raise ValueError(f"task must be one with a time limit, got {self.resolved_task.name!r}")
+        if task.time_limit_s is None:
+            raise ValueError(f"task must be one with a time limit, got {task.name!r}")
         names = [terrain.label for terrain in self.terrain_configs]
         if len(set(names)) < len(names):
             raise ValueError(f"terrains must differ in name, got {', '.join(names)}")

@@ -13,7 +13,7 @@ from sb3_contrib.tqc.policies import TQCPolicy
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
-from stable_baselines3.common.torch_layers import FlattenExtractor
+from stable_baselines3.common.torch_layers import CombinedExtractor, FlattenExtractor
 from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
@@ -43,7 +43,7 @@ def bundle_from_sb3(
     Parameters
     ----------
     model
-        Trained on flat observations and a Box of actions.
+        Trained on flat observations, or dicts of them, and a Box of actions.
     observation, env, training
         As in `PolicyBundle`.
 
@@ -54,8 +54,10 @@ def bundle_from_sb3(
     """
     policy = model.policy
     extractor, modules, squashing = actor_modules(policy)
-    if not isinstance(extractor, FlattenExtractor) or not isinstance(model.action_space, Box):
-        raise ValueError("a bundle holds policies from flat observations to a Box of actions")
+    if not _is_flattening(extractor) or not isinstance(model.action_space, Box):
+        raise ValueError(
+            "a bundle holds policies from flat observations, or dicts of them, to a Box of actions"
+        )
     return PolicyBundle(
         network=_network(modules),
         squashing=squashing,
@@ -88,8 +90,18 @@ def actor_modules(policy: BasePolicy) -> tuple[nn.Module, list[nn.Module], Squas
         return policy.actor.features_extractor, modules, "tanh"
     raise ValueError(
         f"policy: {type(policy).__name__}; allowed: the MlpPolicy of PPO, A2C, TRPO, SAC, TQC, "
-        "CrossQ, TD3 and DDPG, and the MlpLstmPolicy of RecurrentPPO"
+        "CrossQ, TD3 and DDPG, the MlpLstmPolicy of RecurrentPPO, and their MultiInput… for dicts"
     )
+
+
+def _is_flattening(extractor: nn.Module) -> bool:
+    """Whether the features are the observation's values, in the order of the bundle."""
+    if isinstance(extractor, CombinedExtractor):
+        parts = dict(extractor.extractors.items())
+        return list(parts) == sorted(parts) and all(
+            isinstance(part, nn.Flatten) for part in parts.values()
+        )
+    return isinstance(extractor, FlattenExtractor)
 
 
 def _network(modules: Iterable[nn.Module]) -> MLP:
@@ -145,8 +157,12 @@ def normaliser_of(env: VecNormalize | None) -> Normaliser | None:
     """What a VecNormalize does to the observations, if it does anything to them."""
     if env is None or not env.norm_obs:
         return None
-    assert isinstance(env.obs_rms, RunningMeanStd)
-    return Normaliser(env.obs_rms.mean, env.obs_rms.var, env.epsilon, env.clip_obs)
+    moments = env.obs_rms
+    if isinstance(moments, RunningMeanStd):
+        return Normaliser(moments.mean, moments.var, env.epsilon, env.clip_obs)
+    parts = [moments[name] for name in sorted(moments)]
+    mean, variance = (np.concatenate([getattr(m, key) for m in parts]) for key in ("mean", "var"))
+    return Normaliser(mean, variance, env.epsilon, env.clip_obs)
 
 
 def _float64(parameter: Tensor) -> NDArray[np.float64]:

@@ -1,10 +1,12 @@
 """Policies that were not learned: a constant drive, a steering law, an inverse map of drives."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from flyrl.policies.vectors import vectors
 
 DriveToAction = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """From drives (..., 2), left then right, to the actions (..., 2) that command them."""
@@ -18,13 +20,16 @@ class _FixedPolicy:
 
     def predict(
         self,
-        observation: ArrayLike,
+        observation: ArrayLike | Mapping[str, ArrayLike],
         state: Any = None,
         episode_start: Any = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`."""
-        drive = self._drive(np.asarray(observation, dtype=np.float64))
+        """Action (2,) for an observation (k,), or (n, 2) for (n, k); and `state`.
+
+        The observation may be the dict of a task with goals too.
+        """
+        drive = self._drive(vectors(observation))
         return np.array(self._drive_to_action(drive), dtype=np.float32), state
 
     def _drive(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """A policy from a bundle."""
 
 import os
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from flyrl.policies.bundle import (
 )
 from flyrl.policies.lstm import LSTM, advance
 from flyrl.policies.mlp import evaluate
+from flyrl.policies.vectors import vectors
 from flyrl.tasks import Task
 
 
@@ -41,7 +43,7 @@ class LearnedPolicy:
 
     def predict(
         self,
-        observation: ArrayLike,
+        observation: ArrayLike | Mapping[str, ArrayLike],
         state: Any = None,
         episode_start: Any = None,
         deterministic: bool = True,
@@ -51,7 +53,8 @@ class LearnedPolicy:
         Parameters
         ----------
         observation
-            Shape (k,) or (n, k), laid out as `bundle.observation`.
+            Shape (k,) or (n, k), laid out as `bundle.observation`; or a dict that `vectors` makes
+            one of.
         state
             Of a policy with an LSTM: what the call before returned, or None to start with zeros.
             Any other policy hands it back.
@@ -73,7 +76,7 @@ class LearnedPolicy:
         """
         if not deterministic:
             raise ValueError("deterministic: False; allowed: True (a bundle holds no noise)")
-        values = np.asarray(observation, dtype=np.float64)
+        values = vectors(observation)
         size = self.bundle.num_inputs
         if values.ndim not in (1, 2) or values.shape[-1] != size:
             raise ValueError(

@@ -155,7 +155,7 @@ def export_sb3(
         )
     # a model without an environment, made as SB3's own `load` does it
     common: dict[str, Any] = {
-        "policy": "MlpPolicy",
+        "policy": "MlpPolicy" if task.is_flat else "MultiInputPolicy",
         "env": None,
         "device": "cpu",
         "policy_kwargs": {

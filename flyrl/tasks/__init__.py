@@ -9,13 +9,17 @@ from flyrl.tasks.heading import HEADING
 from flyrl.tasks.hybrid_turning import HYBRID_TURNING
 from flyrl.tasks.path import PATH
 from flyrl.tasks.target import TARGET
+from flyrl.tasks.target_goal import TARGET_GOAL
 from flyrl.tasks.task import (
+    ACHIEVED_GOAL,
+    DESIRED_GOAL,
     DRIVE_HIGH,
     DRIVE_LOW,
     RUNNING,
     SUCCESS,
     TIMEOUT,
     UNSTABLE,
+    EpisodeSampler,
     MeanTerm,
     ObservationTerm,
     RewardTerm,
@@ -27,10 +31,13 @@ from flyrl.tasks.traverse import TRAVERSE
 from flyrl.tasks.velocity import VELOCITY
 
 TASKS: Final = {
-    task.name: task for task in (TARGET, VELOCITY, PATH, TRAVERSE, HEADING, HYBRID_TURNING)
+    task.name: task
+    for task in (TARGET, TARGET_GOAL, VELOCITY, PATH, TRAVERSE, HEADING, HYBRID_TURNING)
 }
 
 __all__ = [
+    "ACHIEVED_GOAL",
+    "DESIRED_GOAL",
     "DRIVE_HIGH",
     "DRIVE_LOW",
     "FAILURES",
@@ -40,6 +47,7 @@ __all__ = [
     "TIMEOUT",
     "UNSTABLE",
     "Episode",
+    "EpisodeSampler",
     "MeanTerm",
     "ObservationTerm",
     "RewardTerm",

@@ -51,6 +51,9 @@ class Episode:
         one that goes with `seed`, so that another seed is another ground.
     randomisation
         How the fly differs from the scene's.
+    difficulty
+        That it was drawn with, from 0 to 1, the usual one. Random ground is laid with it too: a
+        factor on its heights and gaps.
     """
 
     seed: int
@@ -63,6 +66,7 @@ class Episode:
     pushes: tuple[float, ...] = ()
     ground: int | None = None
     randomisation: Randomisation = UNVARIED
+    difficulty: float = 1.0
 
     @property
     def ground_seed(self) -> int:

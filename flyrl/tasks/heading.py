@@ -29,15 +29,19 @@ PUSHES: Final = (4.0, 8.0)
 2 to 4 mm within half a second; of 24 flies that walked straight on flat ground none fell."""
 
 
-def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
-    """Draw a spawn, a heading and pushes (all uniform), and the CPG's start."""
+def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+    """Draw a spawn, a heading and pushes (all uniform), and the CPG's start.
+
+    With the difficulty, the headings grow from straight ahead to all around, and the pushes from
+    none to their full strength.
+    """
     rng = np.random.default_rng([seed, 1])
-    heading = rng.uniform(-np.pi, np.pi)
+    heading = difficulty * rng.uniform(-np.pi, np.pi)
     pushes: list[float] = []
     for start, end in PUSH_TIMES:
         side = rng.choice([-1.0, 1.0])
-        pushes += [float(rng.uniform(start, end)), float(side * rng.uniform(*PUSHES))]
-    episode = hybrid_turning.sample_episode(terrain, seed)
+        pushes += [float(rng.uniform(start, end)), float(difficulty * side * rng.uniform(*PUSHES))]
+    episode = hybrid_turning.sample_episode(terrain, seed, difficulty)
     return replace(episode, command=(float(heading),), pushes=tuple(pushes))
 
 
@@ -70,5 +74,6 @@ HEADING: Final = Task(
     action_low=-1.0,
     action_high=1.0,
     sample_episode=sample_episode,
+    difficulty="turn, from 0 to ±180°, and pushes, from none to 4-8 µN",
     succeeds_in_time=was_kept,
 )  # fmt: skip

@@ -11,11 +11,11 @@ from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm, RewardTerm,
 from flyrl.terrains import TerrainConfig
 
 
-def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
+def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn and the CPG's start."""
     spawn = draw_spawn(terrain, np.random.default_rng(seed))
     phases, magnitudes = draw_oscillators(seed)
-    return Episode(seed, spawn, 0.0, (), phases, magnitudes)
+    return Episode(seed, spawn, 0.0, (), phases, magnitudes, difficulty=difficulty)
 
 
 HYBRID_TURNING: Final = Task(

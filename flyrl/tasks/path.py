@@ -38,23 +38,32 @@ TOLERATED_DEVIATION: Final = 1.0
 """mm, mean over the episode so far: with more, the end does not count."""
 
 
-def draw_path(start: tuple[float, float], rng: np.random.Generator) -> Array:
-    """Points PATH_SPACING apart from `start`, in any first direction, mm, (k, 2)."""
+def draw_path(
+    start: tuple[float, float], rng: np.random.Generator, difficulty: float = 1.0
+) -> Array:
+    """Points PATH_SPACING apart from `start`, mm, (k, 2).
+
+    With the difficulty, the first direction grows from straight ahead to any, the curves from none
+    to the sharpest, and the length from half of LENGTH; a shorter path repeats its last point.
+    """
     steps = round(LENGTH / terms.PATH_SPACING)
     noise = gaussian_filter1d(rng.normal(size=steps), SMOOTHNESS / terms.PATH_SPACING)
-    curvature = noise / np.abs(noise).max() / SMALLEST_RADIUS
-    direction = rng.uniform(-np.pi, np.pi) + np.cumsum(curvature) * terms.PATH_SPACING
+    curvature = difficulty * (noise / np.abs(noise).max() / SMALLEST_RADIUS)
+    first = difficulty * rng.uniform(-np.pi, np.pi)
+    direction = first + np.cumsum(curvature) * terms.PATH_SPACING
     offsets = np.cumsum(np.stack([np.cos(direction), np.sin(direction)], axis=1), axis=0)
+    last = round(steps * (1 + difficulty) / 2) - 1
+    offsets[last:] = offsets[last]
     return np.asarray(np.vstack([start, start + offsets * terms.PATH_SPACING]))
 
 
-def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
+def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn, a path on the terrain that starts there, and the CPG's start."""
-    episode = hybrid_turning.sample_episode(terrain, seed)
+    episode = hybrid_turning.sample_episode(terrain, seed, difficulty)
     rng = np.random.default_rng([seed, 1])
     x, y, _ = episode.spawn_position_w
     while True:
-        path = draw_path((x, y), rng)
+        path = draw_path((x, y), rng, difficulty)
         if _is_inside(path, terrain_bounds(terrain)):
             break
     end_x, end_y = (float(value) for value in path[-1])
@@ -113,4 +122,5 @@ PATH: Final = Task(
     action_low=-1.0,
     action_high=1.0,
     sample_episode=sample_episode,
+    difficulty="first direction, from 0 to ±180°, curves, from none, length, from 12 to 24 mm",
 )  # fmt: skip

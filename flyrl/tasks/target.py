@@ -26,19 +26,27 @@ def _is_inside(x: float, y: float, bounds: Bounds) -> bool:
     )
 
 
-def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
-    """Draw a spawn, a target on the terrain (uniform bearing and distance) and the CPG's start."""
+def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+    """Draw a spawn, a target on the terrain (uniform bearing and distance) and the CPG's start.
+
+    With the difficulty, the bearings grow from straight ahead to all around, and the largest
+    distance from the smallest.
+    """
+    nearest, farthest = TARGET_DISTANCE
+    farthest = nearest + difficulty * (farthest - nearest)
+    widest = difficulty * np.pi
     rng = np.random.default_rng(seed)
     spawn = draw_spawn(terrain, rng)
     bounds = terrain_bounds(terrain)
     while True:
-        distance, bearing = rng.uniform(*TARGET_DISTANCE), rng.uniform(-np.pi, np.pi)
+        distance, bearing = rng.uniform(nearest, farthest), rng.uniform(-widest, widest)
         x = spawn[0] + distance * np.cos(bearing)
         y = spawn[1] + distance * np.sin(bearing)
         if _is_inside(x, y, bounds):
             break
     phases, magnitudes = draw_oscillators(seed)
-    return Episode(seed, spawn, 0.0, (float(x), float(y)), phases, magnitudes)
+    goal = (float(x), float(y))
+    return Episode(seed, spawn, 0.0, goal, phases, magnitudes, difficulty=difficulty)
 
 
 TARGET: Final = Task(
@@ -71,4 +79,5 @@ TARGET: Final = Task(
     action_low=-1.0,
     action_high=1.0,
     sample_episode=sample_episode,
+    difficulty="distance of the target, from 5 mm to 5-15, and its bearing, from 0 to ±180°",
 )  # fmt: skip

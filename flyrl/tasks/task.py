@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flyrl.simulation.state import FlyState
 from flyrl.tasks.episode import Episode
@@ -23,6 +23,11 @@ RUNNING: Final = "running"
 SUCCESS: Final = "success"
 TIMEOUT: Final = "timeout"
 UNSTABLE: Final = "unstable"
+
+ACHIEVED_GOAL: Final = "achieved_goal"
+DESIRED_GOAL: Final = "desired_goal"
+"""Names of the first two observation terms of a task with goals, as in Gymnasium's GoalEnv."""
+
 _OF_THE_ENVIRONMENT: Final = (RUNNING, TIMEOUT, UNSTABLE)
 
 
@@ -103,18 +108,25 @@ class ObservationTerm:
         rows = np.reshape(self.spread, (-1,) + (1,) * (len(self.shape) - 1))
         return np.array(np.broadcast_to(rows, self.shape), dtype=np.float64)
 
+    def shown(self, values: Array) -> NDArray[np.float32]:
+        """Values (n, *shape) as they are observed: within the bounds, and rounded."""
+        # np.clip takes twice as long for a single fly
+        return np.minimum(np.maximum(values, self.low), self.high).astype(np.float32)
+
 
 @dataclass(frozen=True)
 class RewardTerm:
     """A named part of the reward; it counts `weight` times, once per decision.
 
-    `compute` gives (n,).
+    `compute` gives (n,). In a task with goals, `of_goals` gives the same, to the bit, from the
+    goals achieved and desired as they are observed, (..., size of a goal) each, for any goals.
     """
 
     name: str
     weight: float
     compute: Callable[[TaskState], Array]
     description: str
+    of_goals: Callable[[ArrayLike, ArrayLike], Array] | None = None
 
     def __post_init__(self) -> None:
         number(f"weight of {self.name!r}", self.weight)
@@ -162,6 +174,14 @@ class Termination:
         return self.outcome == SUCCESS
 
 
+class EpisodeSampler(Protocol):
+    """Draws an episode from a seed; one of difficulty 1 is what a policy is judged on."""
+
+    def __call__(self, terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+        """Episode number `seed`, from the easiest (difficulty 0) to the usual (1)."""
+        ...
+
+
 @dataclass(frozen=True)
 class Task:
     """A decision problem on top of the descending drive.
@@ -173,7 +193,8 @@ class Task:
     observation
         Terms in the order of the observation vector.
     is_flat
-        Whether an observation is one vector (else a dict of arrays by term name).
+        Whether an observation is one vector (else a dict: in a task with goals of both goals and
+        "observation", the vector of all other terms; in any other of arrays by term name).
     reward, terminations
         Tables; a simulation that blew up ends as "unstable" before any of them is asked.
     time_limit_s
@@ -184,6 +205,13 @@ class Task:
         Range of each of the two components of an action, mapped linearly to the drive range.
     sample_episode
         Draws an episode from a seed.
+    difficulty
+        What grows with the difficulty of an episode; empty where nothing does.
+    is_reached
+        Makes a task one with goals, as in Gymnasium's GoalEnv: whether achieved goals are the
+        desired ones, as they are observed, (..., size of a goal) each. The first two observation
+        terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and `is_reached` is what terminates an
+        episode: the time and physics that diverge truncate it.
     succeeds_in_time
         Whether an episode that lasts until the time limit is a success then; without it, none is.
     means
@@ -201,10 +229,68 @@ class Task:
     decision_interval_s: float | None
     action_low: float
     action_high: float
-    sample_episode: Callable[[TerrainConfig, int], Episode]
+    sample_episode: EpisodeSampler
     succeeds_in_time: Callable[[TaskState], Mask] | None = None
     means: tuple[MeanTerm, ...] = ()
     added: tuple[str, ...] = ()
+    difficulty: str = ""
+    is_reached: Callable[[ArrayLike, ArrayLike], Mask] | None = None
+
+    def __post_init__(self) -> None:
+        first = tuple(term.name for term in self.observation[:2])
+        if self.has_goals and (self.is_flat or first != (ACHIEVED_GOAL, DESIRED_GOAL)):
+            raise ValueError(
+                f"observation of a task with goals must be a dict whose first terms are "
+                f"{ACHIEVED_GOAL!r} and {DESIRED_GOAL!r}, got {first}, is_flat={self.is_flat}"
+            )
+
+    @property
+    def has_goals(self) -> bool:
+        """Whether episodes have goals that can be swapped afterwards."""
+        return self.is_reached is not None
+
+    @property
+    def has_vectors(self) -> bool:
+        """Whether an observation is one vector, or goals and a vector: what policies take."""
+        return self.is_flat or self.has_goals
+
+    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Array:
+        """Reward of having achieved a goal when another was desired, in a task with goals.
+
+        Parameters
+        ----------
+        achieved_goal, desired_goal
+            As they are observed, (..., size of a goal).
+
+        Returns
+        -------
+        What the environment gives for the same goals, to the bit, (...).
+
+        Raises
+        ------
+        ValueError
+            A reward term that does not follow from the goals.
+        """
+        reward = np.zeros(np.shape(achieved_goal)[:-1])
+        for term in self.reward:
+            if term.of_goals is None:
+                raise ValueError(
+                    f"the reward term {term.name!r} of {self.name} does not follow from the goals"
+                )
+            reward = reward + term.weight * term.of_goals(achieved_goal, desired_goal)
+        return reward
+
+    def compute_terminated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Mask:
+        """Whether it ends an episode to have achieved a goal when another was desired, (...).
+
+        Raises
+        ------
+        ValueError
+            A task without goals.
+        """
+        if self.is_reached is None:
+            raise ValueError(f"task {self.name!r} has no goals")
+        return self.is_reached(achieved_goal, desired_goal)
 
     def drive(self, action: Array) -> Array:
         """Map actions to drives (left, right), clipped to the action's range, (n, 2)."""

@@ -177,6 +177,11 @@ def heading_rate(state: TaskState) -> Array:
     return state.fly.angular_velocity_w[:, 2:] / 10.0
 
 
+def compass(state: TaskState) -> Array:
+    """Cosine and sine of the heading from +x, (n, 2)."""
+    return _unit_vectors(state.fly.yaw)
+
+
 def tilt_b(state: TaskState) -> Array:
     """Horizontal components of the world's up direction in the thorax frame, (n, 2)."""
     return state.fly.up_b[:, :2]

@@ -29,13 +29,18 @@ ON_COMMAND_S: Final = 3.0
 """s on command that make a success."""
 
 
-def sample_episode(terrain: TerrainConfig, seed: int) -> Episode:
-    """Draw a spawn, the commands (uniform), and the CPG's start."""
+def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+    """Draw a spawn, the commands (uniform), and the CPG's start.
+
+    With the difficulty, the ranges of the commands grow from their middle.
+    """
     rng = np.random.default_rng([seed, 1])
-    low, high = np.array([SPEEDS, YAW_RATES]).T
+    lowest, highest = np.array([SPEEDS, YAW_RATES]).T
+    middle, reach = (lowest + highest) / 2, difficulty * (highest - lowest) / 2
+    low, high = middle - reach, middle + reach
     commands = rng.uniform(low, high, size=(NUM_COMMANDS, 2))
     command = tuple(float(value) for value in commands.ravel())
-    return replace(hybrid_turning.sample_episode(terrain, seed), command=command)
+    return replace(hybrid_turning.sample_episode(terrain, seed, difficulty), command=command)
 
 
 def was_on_command(state: TaskState) -> Mask:
@@ -72,6 +77,7 @@ VELOCITY: Final = Task(
     action_low=-1.0,
     action_high=1.0,
     sample_episode=sample_episode,
+    difficulty="range of the commands, from 7 mm/s to 2-12, and from 0 to ±2.5 rad/s",
     succeeds_in_time=was_on_command,
     means=(
         MeanTerm(

@@ -20,6 +20,7 @@ from flyrl.rollouts import run_episodes
 from flyrl.tasks import Episode
 from flyrl.training.checkpoint import learner_state, save_checkpoint
 from flyrl.training.config import TrainingConfig
+from flyrl.training.curriculum import Curriculum
 from flyrl.training.interruption import Interruption
 from flyrl.training.run_folder import RunFolder
 
@@ -60,6 +61,7 @@ class RunCallback(BaseCallback):
         self._env = BatchedEnv(config.env, num_envs, schedule.num_threads)
         self._evaluations: list[dict[str, float]] = []
         self._best = (-1.0, -np.inf)
+        self._curriculum = Curriculum(schedule.curriculum) if schedule.curriculum.enabled else None
         self._next_evaluation = schedule.evaluation_interval
         self._next_checkpoint = 0
         self._is_ending = False
@@ -75,8 +77,16 @@ class RunCallback(BaseCallback):
         self._next_evaluation = state["next_evaluation"]
         self._next_checkpoint = state["next_checkpoint"]
         self._start -= state["wall_time_s"]
+        if self._curriculum is not None:
+            self._curriculum.restore(state["curriculum"])
         self._bar.initial = state["decisions"]
         self._bar.reset()
+        self._show()
+
+    @property
+    def difficulty(self) -> float:
+        """Of the training episodes that are drawn now."""
+        return 1.0 if self._curriculum is None else self._curriculum.difficulty
 
     def close(self) -> None:
         """Leave the terminal in order."""
@@ -86,7 +96,31 @@ class RunCallback(BaseCallback):
         # set, not added up: the last update may go beyond the total
         total = self._config.training.total_decisions
         self._bar.update(min(self.num_timesteps, total) - self._bar.n)
+        if self._curriculum is not None:
+            self._adapt(self._curriculum)
         return not self._is_ending
+
+    def _adapt(self, curriculum: Curriculum) -> None:
+        """Count the episodes that just ended; what is drawn from now on is as hard as is due."""
+        before = curriculum.difficulty
+        for i in np.flatnonzero(self.locals["dones"]):
+            info = self.locals["infos"][i]
+            curriculum.count(info["is_success"], info["difficulty"])
+        fly_env(self.model).core.difficulty = curriculum.difficulty
+        self.logger.record("curriculum/difficulty", curriculum.difficulty)
+        if curriculum.success_rate is not None:
+            self.logger.record("curriculum/success_rate", curriculum.success_rate)
+        if curriculum.difficulty != before:
+            self._show()
+
+    def _show(self) -> None:
+        """Write beside the bar how things stand."""
+        shown = {}
+        if self._evaluations:
+            shown["success"] = f"{self._evaluations[-1]['success_rate']:.0%}"
+        if self._curriculum is not None:
+            shown["difficulty"] = f"{self._curriculum.difficulty:.2f}"
+        self._bar.set_postfix(shown)
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self._next_evaluation:
@@ -124,6 +158,7 @@ class RunCallback(BaseCallback):
                 "best": self._best,
                 "next_evaluation": self._next_evaluation,
                 "next_checkpoint": self._next_checkpoint,
+                "curriculum": self._curriculum and self._curriculum.state(),
                 "wall_time_s": time.monotonic() - self._start,
             },
         }
@@ -171,4 +206,4 @@ class RunCallback(BaseCallback):
         if score > self._best:
             self._best = score
             save_bundle(bundle, self._folder.best)
-        self._bar.set_postfix(success=f"{evaluation['success_rate']:.0%}")
+        self._show()

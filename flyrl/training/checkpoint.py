@@ -16,18 +16,20 @@ import torch
 from sb3_contrib import RecurrentPPO
 from sb3_contrib.common.recurrent.type_aliases import RNNStates
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.her import HerReplayBuffer
 
 from flyrl.files import write_bytes
 
 SUFFIX: Final = ".pt"
-_FORMAT: Final = 2
+_FORMAT: Final = 3
 
 _COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 _LAST: Final = ("_last_obs", "_last_original_obs", "_last_episode_starts")
-_BUFFER_ARRAYS: Final = (
+_BUFFER_ARRAYS: Final[tuple[str, ...]] = (
     "observations",
     "next_observations",
     "actions",
@@ -35,6 +37,7 @@ _BUFFER_ARRAYS: Final = (
     "dones",
     "timeouts",
 )
+_HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length")
 
 
 class ResumeError(ValueError):
@@ -108,8 +111,18 @@ def _replay_buffer_state(model: BaseAlgorithm) -> dict[str, Any] | None:
         return None
     buffer = model.replay_buffer
     filled = buffer.buffer_size if buffer.full else buffer.pos
-    arrays = {name: getattr(buffer, name)[:filled] for name in _BUFFER_ARRAYS}
-    return {"pos": buffer.pos, "full": buffer.full, "arrays": arrays}
+    names, episode_starts = _BUFFER_ARRAYS, None
+    if isinstance(buffer, HerReplayBuffer):
+        names, episode_starts = _BUFFER_ARRAYS + _HINDSIGHT_ARRAYS, buffer._current_ep_start
+    return {
+        "pos": buffer.pos,
+        "full": buffer.full,
+        "episode_starts": episode_starts,
+        "arrays": {
+            name: {key: values[:filled] for key, values in _parts(buffer, name).items()}
+            for name in names
+        },
+    }
 
 
 def _restore_replay_buffer(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
@@ -117,8 +130,17 @@ def _restore_replay_buffer(model: BaseAlgorithm, state: Mapping[str, Any]) -> No
     assert model.replay_buffer is not None
     buffer = model.replay_buffer
     buffer.pos, buffer.full = state["pos"], state["full"]
-    for name, values in state["arrays"].items():
-        getattr(buffer, name)[: len(values)] = values
+    if isinstance(buffer, HerReplayBuffer):
+        buffer._current_ep_start = state["episode_starts"]
+    for name, parts in state["arrays"].items():
+        for key, values in parts.items():
+            _parts(buffer, name)[key][: len(values)] = values
+
+
+def _parts(buffer: ReplayBuffer, name: str) -> dict[str, np.ndarray]:
+    """Arrays of a buffer's attribute by key; a single one has the key ""."""
+    values = getattr(buffer, name)
+    return values if isinstance(values, dict) else {"": values}
 
 
 def _normaliser_state(model: BaseAlgorithm) -> dict[str, Any] | None:
@@ -147,8 +169,10 @@ def _restore_normaliser(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
 def _moments(normaliser: VecNormalize) -> dict[str, RunningMeanStd]:
     moments = {"return": normaliser.ret_rms}
     if normaliser.norm_obs:
-        assert isinstance(normaliser.obs_rms, RunningMeanStd)
-        moments["observation"] = normaliser.obs_rms
+        if isinstance(normaliser.obs_rms, RunningMeanStd):
+            moments["observation"] = normaliser.obs_rms
+        else:
+            moments |= {f"observation.{key}": part for key, part in normaliser.obs_rms.items()}
     return moments
 
 

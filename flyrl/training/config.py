@@ -7,7 +7,8 @@ from typing import Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
-from flyrl.training.algorithms import AlgorithmConfig, PPOConfig
+from flyrl.training.algorithms import AlgorithmConfig, HindsightConfig, PPOConfig
+from flyrl.training.curriculum import CurriculumConfig
 from flyrl.validation import at_least, within
 
 LARGEST_SEED: Final = 2**31 - 1
@@ -39,6 +40,8 @@ class ScheduleConfig:
         How many of the latest checkpoints stay.
     progress_bar
         Whether to draw one on stderr.
+    curriculum
+        Whether and how the episodes get harder on the way.
     """
 
     total_decisions: int = 120_000
@@ -51,6 +54,7 @@ class ScheduleConfig:
     checkpoint_interval: int = 10_000
     checkpoints_kept: int = 2
     progress_bar: bool = True
+    curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
 
     def __post_init__(self) -> None:
         at_least("training.total_decisions", self.total_decisions, 1)
@@ -71,7 +75,7 @@ class TrainingConfig:
     Attributes
     ----------
     env
-        What to train in; a task with a flat observation.
+        What to train in; a task with a flat observation or goals.
     algo
         What to train with.
     training
@@ -88,11 +92,44 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         within("seed", self.seed, 0, LARGEST_SEED)
         task = self.env.resolved_task
-        if not task.is_flat:
+        if not task.has_vectors:
             raise ValueError(
-                f"task must be one with a flat observation, got {task.name!r} with a Dict"
+                f"task must be one with a flat observation or goals, got {task.name!r} with a Dict"
+            )
+        if task.has_goals and not self.algo.takes_dicts:
+            raise ValueError(
+                f"algo must be one that takes the Dict of a task with goals, as {task.name!r}, "
+                f"got {self.algo.name!r}"
+            )
+        terrain = self.env.scene.terrain
+        if self.training.curriculum.enabled and not (task.difficulty or terrain.random):
+            raise ValueError(
+                "training.curriculum.enabled must be false where all episodes are equally hard, "
+                f"got true in {task.name!r} on {terrain.name!r} with terrain.random=false"
             )
         self.algo.check_num_envs(self.training.num_envs)
+        if isinstance(self.algo, HindsightConfig) and self.algo.her:
+            self._check_hindsight(self.algo)
+
+    def _check_hindsight(self, algo: HindsightConfig) -> None:
+        """Raise ValueError unless decisions of the task can be replayed with other goals."""
+        task = self.env.resolved_task
+        if not task.has_goals:
+            raise ValueError(
+                f"algo.her must be false in a task without goals, got true in {task.name!r} "
+                "(target_goal has goals)"
+            )
+        others = [term.name for term in task.reward if term.of_goals is None]
+        others += [end.outcome for end in task.terminations if not end.is_success]
+        if others:
+            raise ValueError(
+                "algo.her must be false unless goals decide all rewards and terminations, got true "
+                f"in {task.name!r} with {others[0]!r}"
+            )
+        if task.time_limit_s is None:
+            raise ValueError(f"algo.her must be false without a time limit, as in {task.name!r}")
+        decisions = round(task.time_limit_s / self.env.decision_interval_s)
+        algo.check_episodes(self.training.num_envs, decisions)
 
     def name(self, now: datetime.datetime) -> str:
         """Name of a run that starts now: date, time, task, terrain, algorithm, seed."""

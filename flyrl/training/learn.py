@@ -113,6 +113,7 @@ def _learn(
     env = fly_env(model)
     with interruption() as interrupted:
         callback = RunCallback(config, folder, interrupted)
+        env.core.difficulty = callback.difficulty
         if state is not None:
             env.restore(state["env"])
             restore_learner(model, state["learner"])

@@ -4,6 +4,7 @@ import dataclasses
 from typing import Final
 
 import numpy as np
+from gymnasium import spaces
 from sb3_contrib import TQC, TRPO, CrossQ, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -17,6 +18,7 @@ from flyrl.training.algorithms import (
     AlgorithmConfig,
     CrossQConfig,
     DDPGConfig,
+    HindsightConfig,
     NoisyConfig,
     PPOConfig,
     RecurrentPPOConfig,
@@ -25,6 +27,7 @@ from flyrl.training.algorithms import (
     TQCConfig,
     TRPOConfig,
 )
+from flyrl.training.hindsight import HindsightBuffer
 
 CLIP: Final = 10.0
 """Normalised observations and rewards lie within this of 0."""
@@ -54,10 +57,13 @@ _OF_POLICY: Final = {
 _TRANSLATED: Final = {
     "action_noise_std",
     "activation",
+    "goal_selection_strategy",
+    "her",
     "hidden_layers",
     "initial_ent_coef",
     "learning_rate",
     "learning_rate_decay",
+    "n_sampled_goal",
     "normalize_observation",
     "normalize_reward",
 }
@@ -88,8 +94,14 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         assert shape is not None
         std = np.full(shape, algo.action_noise_std)
         settings["action_noise"] = NormalActionNoise(np.zeros(shape), std)
+    if isinstance(algo, HindsightConfig) and algo.her:
+        settings["replay_buffer_class"] = HindsightBuffer
+        settings["replay_buffer_kwargs"] = {
+            "n_sampled_goal": algo.n_sampled_goal,
+            "goal_selection_strategy": algo.goal_selection_strategy,
+        }
     return _MODELS[type(algo)](
-        policy="MlpLstmPolicy" if isinstance(algo, RecurrentPPOConfig) else "MlpPolicy",
+        policy=_policy(algo, env),
         env=_normalised(algo, env),
         learning_rate=(
             LinearSchedule(algo.learning_rate, 0.0, 1.0)
@@ -105,6 +117,13 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         device="cpu",
         **settings,
     )
+
+
+def _policy(algo: AlgorithmConfig, env: VecEnv) -> str:
+    """Name of the policy in Stable-Baselines3."""
+    inputs = "MultiInput" if isinstance(env.observation_space, spaces.Dict) else "Mlp"
+    memory = "Lstm" if isinstance(algo, RecurrentPPOConfig) else ""
+    return f"{inputs}{memory}Policy"
 
 
 def _normalised(algo: AlgorithmConfig, env: VecEnv) -> VecEnv:

@@ -20,7 +20,10 @@ from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
         ),
         ("terrain=null", "terrain must be one of .*, got None"),
         ("terrain=[flat]", "terrain must be one of .*, got .*flat"),
-        ("experiment=man", "experiment must be one of 'main', got 'man'"),
+        (
+            "experiment=man",
+            "experiment must be one of 'her', 'main', got 'man'; did you mean 'main'",
+        ),
         ("seed", "missing EQUAL"),
         ("hydra.run.dri=x", r"hydra\.run\.dri"),
         ("launcher=jolib", "launcher must be one of 'joblib', .*; did you mean 'joblib'"),
@@ -57,6 +60,13 @@ def test_what_is_fine(arguments):
 def test_keys_of_a_choice_that_was_not_made():
     with pytest.raises(UsageError, match=r"there is no key 'algo\.tau'"):
         check_arguments("train", ["algo.tau=0.01"])
+
+
+def test_a_key_of_other_choices_names_them():
+    with pytest.raises(UsageError, match=r"'algo\.her' here, only with algo=ddpg,sac,td3,tqc$"):
+        check_arguments("train", ["algo=ppo", "algo.her=true"])
+    with pytest.raises(UsageError, match=r"there is no key 'algo\.her'; did you mean"):
+        check_arguments("evaluate", ["algo.her=true"])
 
 
 def test_choices_of_a_sweep():

@@ -16,6 +16,7 @@ from flyrl.tasks import TASKS, task_record
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
+from flyrl.training.curriculum import CurriculumConfig
 
 
 def _composed(*overrides):
@@ -66,6 +67,19 @@ def test_tasks(name):
     config = training_config(_composed(f"task={name}"))
     assert config.env.resolved_task == TASKS[name]
     assert _composed(f"task={name}")["task"]["weights"] == task_record(TASKS[name])["weights"]
+
+
+def test_the_experiment_with_hindsight_is_one():
+    config = training_config(_composed("experiment=her"))
+    assert config.env.resolved_task == TASKS["target_goal"]
+    assert config.algo == ALGORITHMS["sac"](her=True, learning_starts=4800)
+
+
+def test_a_curriculum_is_a_group_of_keys():
+    config = training_config(
+        _composed("training.curriculum.enabled=true", "training.curriculum.lower_at=0.2")
+    )
+    assert config.training.curriculum == CurriculumConfig(enabled=True, lower_at=0.2)
 
 
 def test_every_file_is_tested_above():

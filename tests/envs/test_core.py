@@ -319,3 +319,45 @@ def test_an_environment_restored_during_a_push_goes_on_with_the_same_bits() -> N
     for _ in range(8):
         ours, theirs = (each.step(np.zeros((1, 2))) for each in (env, twin))
         np.testing.assert_array_equal(ours.observation, theirs.observation)
+
+
+def test_rewards_and_ends_are_those_of_the_goals_observed() -> None:
+    env = BatchedEnv(EnvConfig(task="target_goal", physics=FAST), 2)
+    env.reset(episodes=[walk_to((5.0, 0.0)), walk_to((-5.0, 0.0))])
+    straight = env.task.action(np.ones((2, 2)))
+    for _ in range(60):
+        transition = env.step(straight)
+        goals = (transition.observation[name] for name in ("achieved_goal", "desired_goal"))
+        achieved, desired = goals
+        np.testing.assert_array_equal(transition.reward, env.task.compute_reward(achieved, desired))
+        np.testing.assert_array_equal(
+            transition.terminated, env.task.compute_terminated(achieved, desired)
+        )
+        if transition.done[0]:
+            break
+    assert transition.outcome.tolist() == ["success", "running"]
+    assert transition.reward.tolist() == [0.0, -1.0]
+
+
+def test_falling_or_diverging_saves_nothing_in_a_task_with_goals() -> None:
+    env = BatchedEnv(EnvConfig(task="target_goal", physics=FAST), 3)
+    env.reset(seeds=[0, 1, 2])
+    env.flies._qpos[0, 3:7] = [0, 1, 0, 0]
+    env.flies._qvel[1, 20] = 1e13
+    env.flies._qpos[2, 1] = 500.0
+    transition = env.step(np.zeros((3, 2)))
+    assert transition.outcome.tolist() == ["running", "unstable", "running"]
+    # cut off, so that what would have come counts
+    assert not transition.terminated.any()
+    assert transition.truncated.tolist() == [False, True, False]
+
+
+def test_episodes_are_drawn_at_the_difficulty_of_the_batch() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 1)
+    env.difficulty = 0.0
+    env.reset(seeds=[3])
+    x, y, _ = env.episodes[0].spawn_position_w
+    np.testing.assert_allclose(env.episodes[0].goal, [x + 5, y])
+    twin = BatchedEnv(EnvConfig(physics=FAST), 1)
+    twin.restore(env.snapshot())
+    assert twin.difficulty == 0.0

@@ -29,6 +29,16 @@ def test_target_passes_the_checkers_without_a_warning(check: object) -> None:
     assert warnings_of(check, gymnasium.make("flyrl/Target-v0").unwrapped) == []
 
 
+def test_target_goal_passes_gymnasiums_checker_without_a_warning() -> None:
+    assert warnings_of(check_gymnasium, gymnasium.make("flyrl/TargetGoal-v0").unwrapped) == []
+
+
+def test_target_goal_is_a_goal_env_to_sb3(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its checker also compares the rewards of `step` with those of `compute_reward`."""
+    assert warnings_of(check_sb3, gymnasium.make("flyrl/TargetGoal-v0").unwrapped) == []
+    assert "We detected your env to be a GoalEnv" in capsys.readouterr().out
+
+
 def test_hybrid_turning_passes_gymnasiums_checker_with_one_warning() -> None:
     found = warnings_of(check_gymnasium, gymnasium.make("flyrl/HybridTurning-v0").unwrapped)
     assert len(found) == 1
@@ -181,6 +191,7 @@ def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
         assert info["episode"]["l"] == 150
         assert info["episode"]["r"] == pytest.approx(total[i], abs=1e-4)
         assert info["outcome"] == "timeout"
+        assert info["difficulty"] == 1.0
         assert np.any(info["terminal_observation"] != observation[i])
 
 
@@ -188,6 +199,23 @@ def test_sb3_vec_env_starts_as_the_single_environment_with_its_seed() -> None:
     batch = FlyVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
     single = gymnasium.make("flyrl/Target-v0")
     np.testing.assert_array_equal(np.asarray(batch.reset())[1], single.reset(seed=6)[0])
+
+
+def test_an_sb3_vec_env_computes_rewards_of_goals_for_every_fly() -> None:
+    env = FlyVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
+    achieved, desired = np.zeros((3, 2)), np.array([[0.0, 0.05], [1.0, 0.0], [0.2, 0.2]])
+    (rewards,) = env.env_method("compute_reward", achieved, desired, {}, indices=[0])
+    assert rewards.tolist() == [0, -1, -1]
+    ends = env.env_method("compute_terminated", achieved, desired, {})
+    assert [each.tolist() for each in ends] == 2 * [[True, False, False]]
+    with pytest.raises(NotImplementedError, match="no method 'render'"):
+        env.env_method("render")
+
+
+def test_goals_of_a_task_without_goals_are_refused() -> None:
+    env = FlyVecEnv(EnvConfig("target"), 1, num_threads=1)
+    with pytest.raises(ValueError, match="'target' has no goals"):
+        env.env_method("compute_terminated", np.zeros((1, 2)), np.zeros((1, 2)), {})
 
 
 def test_ids_are_found_without_an_import() -> None:

@@ -203,3 +203,18 @@ def test_a_picture_shows_the_simulations_own_ground() -> None:
         renderer.close()
     np.testing.assert_array_equal(own, expected)
     assert np.any(own != other)
+
+
+def test_the_difficulty_of_an_episode_is_a_factor_on_the_heights_of_its_ground() -> None:
+    config = EnvConfig(task="traverse", terrain="random_blocks")
+    env, twin = (BatchedEnv(config, 1, num_threads=1) for _ in range(2))
+    rise = []
+    for difficulty in (0.0, 0.5, 1.0):
+        env.difficulty = difficulty
+        env.reset(seeds=[3])
+        twin.restore(env.snapshot())
+        tops = [each.flies.ground(0).tops for each in (env, twin)]
+        np.testing.assert_array_equal(*tops)
+        rise.append(np.ptp(tops[0]))
+    np.testing.assert_allclose(rise, [0, rise[2] / 2, rise[2]], atol=1e-12)
+    assert rise[2] > 0.3

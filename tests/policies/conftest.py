@@ -74,3 +74,14 @@ class Bandit(gymnasium.Env):
 
     def step(self, action):
         return self.observation_space.sample(), 0.0, True, False, {}
+
+
+class DictBandit(Bandit):
+    """The same with an observation in three parts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        sizes = {"observation": 5, "desired_goal": 2, "achieved_goal": 2}
+        self.observation_space = gymnasium.spaces.Dict(
+            {name: gymnasium.spaces.Box(-10, 10, (n,), np.float32) for name, n in sizes.items()}
+        )

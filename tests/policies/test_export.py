@@ -9,7 +9,7 @@ from torch import nn
 
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
-from tests.policies.conftest import Bandit
+from tests.policies.conftest import Bandit, DictBandit
 
 LAYOUT = (TermLayout("all", 40),)
 
@@ -47,6 +47,47 @@ def test_same_actions_as_sb3(algorithm, activation, low, high):
     actions, _ = policy.predict(observations)
     assert np.ptp(expected) > 1
     # ours are computed in float64; torch rounds to float32 in every layer
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+def _parts(n):
+    return {
+        "observation": _observations(n, 5),
+        "desired_goal": _observations(n + 1, 2)[1:],
+        "achieved_goal": _observations(n + 2, 2)[2:],
+    }
+
+
+DICT_LAYOUT = (
+    TermLayout("achieved_goal", 2),
+    TermLayout("desired_goal", 2),
+    TermLayout("speed", 2),
+    TermLayout("other", 3),
+)
+
+
+@pytest.mark.parametrize("algorithm", [PPO, A2C, TRPO, SAC, TQC, TD3, DDPG, RecurrentPPO])
+def test_same_actions_as_sb3_for_dicts(algorithm):
+    name = "MultiInputLstmPolicy" if algorithm is RecurrentPPO else "MultiInputPolicy"
+    model = _model(algorithm, DictBandit(), name, net_arch=[64, 64])
+    policy = LearnedPolicy(bundle_from_sb3(model, DICT_LAYOUT, {}, {}))
+    observations = _parts(300)
+    expected, _ = model.predict(observations, deterministic=True)
+    actions, _ = policy.predict(observations)
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+def test_normaliser_of_dicts_comes_along():
+    env = VecNormalize(DummyVecEnv([DictBandit]), clip_obs=1.5)
+    model = _model(PPO, env, "MultiInputPolicy", net_arch=[16])
+    rng = np.random.default_rng(2)
+    for moments in env.obs_rms.values():
+        size = len(moments.mean)
+        moments.mean, moments.var = rng.normal(size=size), rng.uniform(0.1, 2, size=size)
+    observations = _parts(200)
+    expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
+    actions, _ = LearnedPolicy(bundle_from_sb3(model, DICT_LAYOUT, {}, {})).predict(observations)
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
 
 

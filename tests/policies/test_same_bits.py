@@ -25,6 +25,15 @@ def steering(request, bundle):
 
 
 @pytest.fixture
+def goal_policy(bundle, tmp_path):
+    """The same for the task with goals, saved and loaded."""
+    layout = observation_layout(TASKS["target_goal"])
+    network = random_network((sum(term.size for term in layout), 64, 64, 2), "tanh")
+    save_bundle(replace(bundle, network=network, observation=layout), tmp_path / "p.safetensors")
+    return load_policy(tmp_path / "p.safetensors")
+
+
+@pytest.fixture
 def loaded(steering, tmp_path):
     save_bundle(steering, tmp_path / "policy.safetensors")
     return load_policy(tmp_path / "policy.safetensors")
@@ -49,9 +58,17 @@ def _walk(env, policy, seed):
     return np.array(actions)
 
 
-def test_in_single_and_batched_environments(loaded):
-    together = _walk(gymnasium.make_vec("flyrl:flyrl/Target-v0", num_envs=3), loaded, seed=4)
+def _check_single_and_batched(env_id, policy):
+    together = _walk(gymnasium.make_vec(env_id, num_envs=3), policy, seed=4)
     assert np.ptp(together) > 0.5
     for i in range(3):
-        alone = _walk(gymnasium.make("flyrl:flyrl/Target-v0"), loaded, seed=4 + i)
+        alone = _walk(gymnasium.make(env_id), policy, seed=4 + i)
         assert alone.tobytes() == np.ascontiguousarray(together[:, i]).tobytes()
+
+
+def test_in_single_and_batched_environments(loaded):
+    _check_single_and_batched("flyrl:flyrl/Target-v0", loaded)
+
+
+def test_in_single_and_batched_environments_with_goals(goal_policy):
+    _check_single_and_batched("flyrl:flyrl/TargetGoal-v0", goal_policy)

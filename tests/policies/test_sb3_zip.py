@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.spaces import observation_space
 from flyrl.policies import (
     LearnedPolicy,
     PolicyFileError,
@@ -175,6 +176,32 @@ def test_out_and_in_again_is_the_same_policy(bundle, squashing, algorithm, tmp_p
     for name in ("squashing", "observation", "action_low", "action_high", "env"):
         assert getattr(again, name) == getattr(bundle, name)
     assert again.network.activation == bundle.network.activation
+
+
+@pytest.mark.parametrize(("squashing", "algorithm"), [("clip", PPO), ("tanh", SAC)])
+def test_out_and_in_again_with_goals(bundle, squashing, algorithm, tmp_path):
+    env = EnvConfig("target_goal")
+    layout = observation_layout(env.resolved_task)
+    bundle = replace(
+        bundle,
+        network=random_network((sum(term.size for term in layout), 16, 2), "tanh"),
+        squashing=squashing,
+        observation=layout,
+        env=env_record(env),
+    )
+    model = export_sb3(bundle)
+    seen = {
+        name: np.random.default_rng(1).normal(size=(50, *space.shape)).astype(np.float32)
+        for name, space in observation_space(env.resolved_task).items()
+    }
+    expected, _ = LearnedPolicy(bundle).predict(seen)
+    actions, _ = model.predict(seen, deterministic=True)
+    assert np.ptp(expected) > 0.5
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+    model.save(tmp_path / "model.zip")
+    again = import_sb3(tmp_path / "model.zip", algorithm, env, trust=True)
+    for layer, original in zip(again.network.layers, bundle.network.layers, strict=True):
+        np.testing.assert_array_equal(layer.weight, original.weight)
 
 
 @pytest.mark.parametrize(

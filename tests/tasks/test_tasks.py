@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flyrl.tasks import TASKS
+from flyrl.tasks import TASKS, Episode, Task
 from flyrl.tasks.episode import draw_oscillators
 from flyrl.tasks.heading import HEADING
 from flyrl.tasks.path import PATH
@@ -131,3 +133,63 @@ def test_a_path_counts_only_if_it_was_kept_to() -> None:
     success = PATH.terminations[0]
     assert success.is_success
     assert success.holds(state).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+def test_the_easiest_episodes_lead_straight_ahead(terrain: str) -> None:
+    config = TerrainConfig(name=terrain)
+    for seed in range(30):
+        target = TARGET.sample_episode(config, seed, 0.0)
+        x, y, _ = target.spawn_position_w
+        np.testing.assert_allclose(target.goal, [x + 5, y])
+        path = PATH.sample_episode(config, seed, 0.0)
+        points = np.array(path.command).reshape(49, 2)
+        ahead = np.minimum(np.arange(49), 24) * 0.5  # 12 mm, and then the last point again
+        np.testing.assert_allclose(points, np.stack([x + ahead, np.full(49, y)], axis=1))
+        np.testing.assert_allclose(path.goal, points[-1])
+        heading = HEADING.sample_episode(config, seed, 0.0)
+        assert heading.command == (0.0,)
+        assert heading.pushes[1::2] == (0.0, 0.0)
+        command = VELOCITY.sample_episode(config, seed, 0.0).command
+        np.testing.assert_array_equal(np.reshape(command, (4, 2)), [[7.0, 0.0]] * 4)
+
+
+def test_at_half_the_difficulty_ranges_are_half_as_wide() -> None:
+    config = TerrainConfig()
+
+    def bearing(episode: Episode, point: object) -> tuple[float, float]:
+        x, y = np.subtract(point, episode.spawn_position_w[:2])
+        return float(np.hypot(x, y)), float(np.arctan2(y, x))
+
+    def drawn(task: Task) -> list[Episode]:
+        return [task.sample_episode(config, seed, 0.5) for seed in range(300)]
+
+    distances, bearings = np.transpose([bearing(each, each.goal) for each in drawn(TARGET)])
+    assert 9.8 < distances.max() <= 10
+    paths = [np.reshape(each.command, (49, 2)) for each in drawn(PATH)]
+    firsts = [np.arctan2(*(path[1] - path[0])[::-1]) for path in paths]
+    headings, pushes = zip(*((e.command[0], e.pushes[1::2]) for e in drawn(HEADING)), strict=True)
+    for angles in (bearings, firsts, headings):
+        assert 1.5 < np.abs(angles).max() <= np.pi / 2 + 0.05  # a path's first step bends already
+    assert 2 <= np.abs(pushes).min() < 2.1
+    assert 3.9 < np.abs(pushes).max() <= 4
+    speeds, yaw_rates = np.reshape([each.command for each in drawn(VELOCITY)], (-1, 2)).T
+    assert 4.5 <= speeds.min() < 4.6
+    assert 9.4 < speeds.max() <= 9.5
+    assert 1.2 < np.abs(yaw_rates).max() <= 1.25
+
+
+@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("name", TASKS)
+def test_an_episode_can_be_drawn_at_every_difficulty(name: str, terrain: str) -> None:
+    config = TerrainConfig(name=terrain)
+    for difficulty in np.linspace(0, 1, 11):
+        for seed in range(10):
+            episode = TASKS[name].sample_episode(config, seed, float(difficulty))
+            assert episode.difficulty == difficulty
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_a_task_says_whether_its_episodes_can_be_easier(name: str) -> None:
+    easy, usual = (TASKS[name].sample_episode(TerrainConfig(), 5, d) for d in (0.0, 1.0))
+    assert (replace(easy, difficulty=1.0) != usual) == bool(TASKS[name].difficulty)

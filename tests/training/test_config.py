@@ -6,8 +6,10 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
-from flyrl.training.algorithms import ALGORITHMS, A2CConfig, SACConfig, TD3Config
+from flyrl.tasks import FAILURES, TASKS, RewardTerm, extended
+from flyrl.training.algorithms import ALGORITHMS, A2CConfig, CrossQConfig, SACConfig, TD3Config
 from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
+from flyrl.training.curriculum import CurriculumConfig
 
 
 @pytest.mark.parametrize(
@@ -57,6 +59,8 @@ from flyrl.training.config import ScheduleConfig, TrainingConfig, training_recor
         ("td3", "target_noise_clip", -1.0),
         ("ddpg", "action_noise_std", -0.1),
         ("ddpg", "tau", 0.0),
+        ("sac", "n_sampled_goal", 0),
+        ("td3", "goal_selection_strategy", "past"),
     ],
 )
 def test_bad_settings_of_an_algorithm_name_key_and_value(name, key, value):
@@ -106,9 +110,64 @@ def test_seed_outside_the_range():
         TrainingConfig(seed=2**31)
 
 
-def test_dict_observations_are_refused():
-    with pytest.raises(ValueError, match="flat observation, got 'hybrid_turning'"):
+def test_dict_observations_without_goals_are_refused():
+    with pytest.raises(ValueError, match="flat observation or goals, got 'hybrid_turning'"):
         TrainingConfig(env=EnvConfig(task="hybrid_turning"))
+
+
+def test_an_algorithm_without_dicts_is_refused_in_a_task_with_goals():
+    with pytest.raises(ValueError, match=r"algo must .* as 'target_goal', got 'crossq'"):
+        TrainingConfig(env=EnvConfig(task="target_goal"), algo=CrossQConfig())
+
+
+def _hindsight(task="target_goal", **changes):
+    settings = {"learning_starts": 32 * 150, "buffer_size": 2 * 32 * 150, **changes}
+    return TrainingConfig(env=EnvConfig(task=task), algo=SACConfig(her=True, **settings))
+
+
+def test_hindsight_is_refused_where_it_cannot_be():
+    _hindsight()
+    with pytest.raises(ValueError, match=r"algo\.her .* without goals, got true in 'target' "):
+        _hindsight("target")
+    goals = TASKS["target_goal"]
+    with pytest.raises(ValueError, match=r"algo\.her must be false without a time limit"):
+        _hindsight(replace(goals, time_limit_s=None))
+    speed = RewardTerm("speed", 1.0, lambda state: state.fly.velocity_w[:, 0], "mm/s")
+    for term, name in ((speed, "speed"), (FAILURES[0], "fall")):
+        with pytest.raises(ValueError, match=f"got true in 'target_goal' with '{name}'"):
+            _hindsight(extended(goals, {"mine:TERM": term}, {}))
+
+
+@pytest.mark.parametrize(("key", "least"), [("learning_starts", 4800), ("buffer_size", 9600)])
+def test_hindsight_needs_whole_episodes(key, least):
+    with pytest.raises(ValueError, match=rf"algo\.{key} with .* at least {least}, got {least - 1}"):
+        _hindsight(**{key: least - 1})
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("start", 1.1),
+        ("step", 0.0),
+        ("step", 1.5),
+        ("window", 0),
+        ("raise_at", -0.1),
+        ("lower_at", 2.0),
+        ("lower_at", 0.7),
+    ],
+)
+def test_bad_curricula_name_key_and_value(key, value):
+    message = rf"training\.curriculum\.{key} must .*, got {value}"
+    with pytest.raises(ValueError, match=message):
+        CurriculumConfig(**{key: value})
+
+
+def test_a_curriculum_needs_a_task_or_a_ground_that_can_be_easier():
+    schedule = ScheduleConfig(curriculum=CurriculumConfig(enabled=True))
+    TrainingConfig(training=schedule)
+    with pytest.raises(ValueError, match=r"curriculum\.enabled must .* got true in 'traverse'"):
+        TrainingConfig(env=EnvConfig(task="traverse"), training=schedule)
+    TrainingConfig(env=EnvConfig(task="traverse", terrain="random_mixed"), training=schedule)
 
 
 def test_name_of_a_run():

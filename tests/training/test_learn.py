@@ -7,15 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 
+from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, SACConfig
 from flyrl.training.callback import held_out_episodes
 from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import train
 from flyrl.training.models import build_model
 
@@ -148,3 +151,46 @@ def test_sigterm_saves_the_policy(config, tmp_path):
     assert finished.interrupted_by == signal.SIGTERM
     assert load_policy(finished.folder).bundle.training["decisions"] > 0
     assert '"interrupted_by": "SIGTERM"' in (finished.folder / "status.json").read_text()
+
+
+SHORT_GOAL = replace(TASKS["target_goal"], time_limit_s=0.2)
+
+
+def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):
+    algo = replace(SAC_CONFIG.algo, her=True, learning_starts=40)
+    run = train(TrainingConfig(env=EnvConfig(SHORT_GOAL), algo=algo, training=SCHEDULE), tmp_path)
+    policy = str(run.folder / "last.safetensors")
+    config = EvaluationConfig(policies=(policy,), controllers=("zero",), task=SHORT_GOAL)
+    config = replace(config, episodes=3, num_threads=1, reference="zero")
+    together, alone = (evaluate(replace(config, num_envs=n)) for n in (3, 1))
+    assert together.episodes == alone.episodes
+    for one, other in zip(together.trajectories, alone.trajectories, strict=True):
+        assert one.drive.tobytes() == other.drive.tobytes()
+    assert np.abs(together.trajectories[0].drive[1:]).max() > 0.01
+
+    env = FlyVecEnv(EnvConfig(SHORT_GOAL), 4, num_threads=1, seed=0)
+    observation = env.reset()
+    # Stable-Baselines3 makes a replay buffer when it loads, and that needs the environment
+    model = SAC.load(run.folder / "model.zip", env, device="cpu")
+    expected, _ = model.predict(observation, deterministic=True)
+    actions, _ = load_policy(policy).predict(observation)
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-6)
+
+
+def test_a_curriculum_makes_the_training_harder_but_not_the_evaluation(tmp_path):
+    curriculum = CurriculumConfig(enabled=True, step=0.25, window=4, raise_at=0.0)
+    config = replace(
+        PPO_CONFIG,
+        env=EnvConfig(replace(TASKS["target"], time_limit_s=0.1)),
+        training=replace(SCHEDULE, curriculum=curriculum),
+    )
+    run = train(config, tmp_path)
+    with (run.folder / "progress.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    # four episodes end at a time, after 5, 10, 15, 20 decisions; those that began as the difficulty
+    # rose were drawn before, and do not count
+    logged = (row["curriculum/difficulty"] for row in rows)
+    difficulties = [float(text) for text in logged if text]
+    assert difficulties == sorted(difficulties)
+    assert (difficulties[0], difficulties[-1]) == (0.25, 0.5)
+    assert {episode.difficulty for episode in held_out_episodes(config)} == {1.0}

@@ -6,22 +6,26 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from stable_baselines3.common.buffers import DictReplayBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from stable_baselines3.her import GoalSelectionStrategy
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
-from flyrl.training.algorithms import ALGORITHMS, DDPGConfig, TD3Config
+from flyrl.tasks import TASKS
+from flyrl.training.algorithms import ALGORITHMS, DDPGConfig, SACConfig, TD3Config
 from flyrl.training.checkpoint import (
     learner_state,
     load_checkpoint,
     restore_learner,
     save_checkpoint,
 )
+from flyrl.training.hindsight import HindsightBuffer
 from flyrl.training.models import build_model
 
 # none of them a default, here or in Stable-Baselines3
@@ -89,6 +93,23 @@ def env():
 @pytest.fixture(scope="module")
 def other_env():
     return FlyVecEnv(EnvConfig(), num_envs=4, num_threads=1)
+
+
+@pytest.fixture(scope="module")
+def goal_envs():
+    """Two with goals, and episodes of 10 decisions."""
+    task = dataclasses.replace(TASKS["target_goal"], time_limit_s=0.2)
+    return [FlyVecEnv(EnvConfig(task), num_envs=4, num_threads=1) for _ in range(2)]
+
+
+def test_settings_of_hindsight_reach_the_buffer(goal_envs):
+    plain = SACConfig(buffer_size=1000)
+    algo = dataclasses.replace(plain, her=True, n_sampled_goal=3, goal_selection_strategy="final")
+    buffer = build_model(algo, goal_envs[0], seed=0).replay_buffer
+    assert isinstance(buffer, HindsightBuffer)
+    assert buffer.n_sampled_goal == 3
+    assert buffer.goal_selection_strategy is GoalSelectionStrategy.FINAL
+    assert type(build_model(plain, goal_envs[0], 0).replay_buffer) is DictReplayBuffer
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -199,6 +220,27 @@ WITHOUT_NORMALISATION = {"normalize_observation": False, "normalize_reward": Fal
 )
 def test_going_on_from_a_checkpoint_gives_the_same_bits(name, changes, env, other_env, tmp_path):
     algo = ALGORITHMS[name](**_known(name, TINY) | changes)
+    _check_resuming(algo, env, other_env, tmp_path)
+
+
+HINDSIGHT = {"her": True, "n_sampled_goal": 2, "learning_starts": 40}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("ppo", {}),
+        ("sac", HINDSIGHT),
+        # a buffer of 20 rows, which wraps around before the end
+        ("td3", {**HINDSIGHT, **WITHOUT_NORMALISATION, "buffer_size": 80}),
+    ],
+)
+def test_going_on_with_goals_gives_the_same_bits(name, changes, goal_envs, tmp_path):
+    algo = ALGORITHMS[name](**_known(name, TINY) | changes)
+    _check_resuming(algo, *goal_envs, tmp_path)
+
+
+def _check_resuming(algo, env, other_env, tmp_path):
     total, interrupted_at = 96, 64
     path = tmp_path / "c.pt"
 

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import EnvConfig
+from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.runs import read_rows
 
@@ -52,6 +54,18 @@ RANDOM_CONFIG = replace(
     env=EnvConfig(terrain="random_blocks", physics="fast", randomisation="default"),
     training=replace(SCHEDULE, total_decisions=256),
 )
+# of ten decisions, so that some end; and with two in a row, whatever comes of them, it gets harder
+CURRICULUM_CONFIG = replace(
+    PPO_CONFIG,
+    env=EnvConfig(
+        replace(TASKS["target"], time_limit_s=0.2), terrain="random_blocks", physics="fast"
+    ),
+    training=replace(
+        SCHEDULE,
+        total_decisions=256,
+        curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0),
+    ),
+)
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 
@@ -76,8 +90,8 @@ def _results(run):
 
 @pytest.mark.parametrize(
     "config",
-    [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG],
-    ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies"],
+    [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG, CURRICULUM_CONFIG],
+    ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies", "curriculum"],
 )
 def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     whole = train(config, tmp_path / "whole")
@@ -90,7 +104,11 @@ def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     assert _results(resumed) == _results(whole)
 
 
-@CONFIGS
+@pytest.mark.parametrize(
+    "config",
+    [PPO_CONFIG, SAC_CONFIG, CURRICULUM_CONFIG],
+    ids=["ppo", "sac", "curriculum"],
+)
 def test_a_resumed_run_logs_every_update_once(config, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         InterruptedAt(patch, decision=43)

@@ -6,6 +6,7 @@ from flyrl.training.algorithms.base import AlgorithmConfig
 from flyrl.training.algorithms.off_policy import (
     CrossQConfig,
     DDPGConfig,
+    HindsightConfig,
     NoisyConfig,
     OffPolicyConfig,
     SACConfig,
@@ -42,6 +43,7 @@ __all__ = [
     "AlgorithmConfig",
     "CrossQConfig",
     "DDPGConfig",
+    "HindsightConfig",
     "NoisyConfig",
     "OffPolicyConfig",
     "OnPolicyConfig",

@@ -1,11 +1,14 @@
 """Algorithms that keep what happened in a buffer, and learn from all of it."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final, Literal, get_args
 
 from flyrl.policies.mlp import Activation
 from flyrl.training.algorithms.base import AlgorithmConfig
-from flyrl.validation import at_least, positive, within
+from flyrl.validation import at_least, one_of, positive, within
+
+GoalSelection = Literal["future", "final", "episode"]
+GOAL_SELECTIONS: Final[tuple[GoalSelection, ...]] = get_args(GoalSelection)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +47,47 @@ class OffPolicyConfig(AlgorithmConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
+class HindsightConfig(OffPolicyConfig):
+    """Algorithms that can replay decisions as if another goal had been desired.
+
+    Attributes
+    ----------
+    her
+        Whether to use hindsight experience replay (Andrychowicz et al. 2017, arXiv:1707.01495); for
+        tasks with goals.
+    n_sampled_goal
+        Decisions with a new goal per decision with its own, in what is learned from.
+    goal_selection_strategy
+        Which place that the fly came to in the same episode is the new goal: a later one
+        ("future"), the last one ("final") or any ("episode").
+    """
+
+    her: bool = False
+    n_sampled_goal: int = 4
+    goal_selection_strategy: GoalSelection = "future"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        at_least("algo.n_sampled_goal", self.n_sampled_goal, 1)
+        one_of("algo.goal_selection_strategy", self.goal_selection_strategy, GOAL_SELECTIONS)
+
+    def check_episodes(self, num_envs: int, decisions: int) -> None:
+        """Raise ValueError unless the buffer always holds a whole episode once it is needed.
+
+        Parameters
+        ----------
+        num_envs
+            Number of environments.
+        decisions
+            Of the longest episode.
+        """
+        needed = f"with algo.her ({num_envs} flies, {decisions} decisions an episode)"
+        at_least(f"algo.learning_starts {needed}", self.learning_starts, num_envs * decisions)
+        # one that goes on, and the one before
+        at_least(f"algo.buffer_size {needed}", self.buffer_size, 2 * num_envs * decisions)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _EntropyConfig(OffPolicyConfig):
     """Algorithms that also maximise the policy's entropy, with a learned weight.
 
@@ -62,7 +106,7 @@ class _EntropyConfig(OffPolicyConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SACConfig(_EntropyConfig):
+class SACConfig(_EntropyConfig, HindsightConfig):
     """Soft actor-critic (Haarnoja et al. 2018, arXiv:1812.05905), with learned entropy weight.
 
     Attributes
@@ -81,7 +125,7 @@ class SACConfig(_EntropyConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TQCConfig(_EntropyConfig):
+class TQCConfig(_EntropyConfig, HindsightConfig):
     """Truncated quantile critics (Kuznetsov et al. 2020, arXiv:2005.04269).
 
     Attributes
@@ -127,6 +171,7 @@ class CrossQConfig(_EntropyConfig):
     """
 
     name: ClassVar[str] = "crossq"
+    takes_dicts: ClassVar[bool] = False
 
     policy_delay: int = 3
     renorm_warmup_steps: int = 100_000
@@ -138,7 +183,7 @@ class CrossQConfig(_EntropyConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoisyConfig(OffPolicyConfig):
+class NoisyConfig(HindsightConfig):
     """Algorithms with a deterministic policy, which explores by noise that is added to it.
 
     Attributes
