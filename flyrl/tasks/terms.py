@@ -134,6 +134,11 @@ def forward_direction_b(state: TaskState) -> Array:
     return _unit_vectors(-state.fly.yaw)
 
 
+def finish_distance(state: TaskState) -> Array:
+    """Distance to the finish line along +x in units of 15 mm, (n, 1)."""
+    return (FINISH_LINE - state.fly.position_w[:, :1]) / 15.0
+
+
 def path_direction_b(state: TaskState) -> Array:
     """Unit vector to the path's point that is LOOK_AHEAD beyond the nearest one, (n, 2)."""
     position_w = state.fly.position_w

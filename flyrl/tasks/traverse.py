@@ -15,6 +15,10 @@ TRAVERSE: Final = Task(
             "target_direction", (2,), -1.0, 1.0, terms.forward_direction_b,
             "cos and sin of the bearing of the world's x axis, left positive",
         ),
+        ObservationTerm(
+            "finish_distance", (1,), -4.0, 4.0, terms.finish_distance,
+            "distance to the finish line along +x, in 15 mm",
+        ),
         *SENSES,
     ),
     is_flat=True,

@@ -222,6 +222,11 @@ def test_the_way_forward_is_along_the_heading_before() -> None:
     assert terms.forward_way(task_state(after, before)) == pytest.approx(2)
 
 
+def test_distance_to_the_finish_line_is_in_15_mm_and_falls_below_0_beyond_it() -> None:
+    state = task_state(fly_state(2, position_w=((7.0, 3.0, 1.0), (25.0, 0.0, 1.0))))
+    np.testing.assert_allclose(terms.finish_distance(state), [[1.0], [-0.2]])
+
+
 def test_the_ground_is_crossed_at_22_mm() -> None:
     state = task_state(fly_state(2, position_w=[[21.9, 0, 1], [22.1, 5, 1]]))
     assert terms.has_crossed(state).tolist() == [False, True]
