@@ -116,7 +116,7 @@ def test_a_setting_that_one_run_lacks_differs(tmp_path, capsys):
     folders = [make_run(tmp_path / "a"), make_run(tmp_path / "b", algo="sac")]
     rows = {row[""]: row for row in _listed(capsys, *folders)}
     assert rows["algo.tau"] == {"": "algo.tau", "a": "", "b": "0.005"}
-    assert "algo.gamma" not in rows
+    assert "algo.batch_size" not in rows
 
 
 def test_runs_of_the_same_name_are_told_apart(tmp_path, capsys):
