@@ -174,8 +174,8 @@ def search_space(written: Mapping[str, Any], settings: Mapping[str, Any], name: 
         if key not in known:
             if any(other.startswith(f"{key}.") for other in known):
                 raise ValueError(
-                    f"{where} is a group; a search takes keys, as {key}.<key> (without a line "
-                    "break before the dot), and a study of its own for every choice of a group"
+                    f"{where} is a group; write its keys in full, as {key}.<key>, and search "
+                    "each choice of a group in a study of its own"
                 )
             raise ValueError(f"{name}: {unknown_key(key, known)}")
         if key in _FIXED:

@@ -382,7 +382,7 @@ def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None)
         return finished.interrupted_by
     summary = read_run(finished.folder)
     for key, value in (summary.best or {}).items():
-        trial.set_user_attr(key, value)
+        trial.set_user_attr(key, int(value) if key == "decisions" else value)
     if summary.state == "finished":
         study.tell(trial, best)
     else:

@@ -19,7 +19,7 @@ FORMATS: Final = ("svg", "png")
 
 _INK, _LINE = THEME["ink"][0], THEME["line"][0]
 _HELD_OUT, _TRAINING = THEME["c0"][0], THEME["c7"][0]
-STYLE: Final[Any] = {
+_STYLE: Final[Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "flyrl",
     "text.parse_math": False,
@@ -54,7 +54,7 @@ def learning_curve(
         Above the figure.
     """
     decisions = [row["decisions"] for row in evaluations]
-    with mpl.rc_context(STYLE):
+    with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(7, 5), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True)
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
@@ -104,17 +104,17 @@ def write_learning_curve(
         return []
     figure = learning_curve(evaluations, training, folder.name)
     FigureCanvasAgg(figure)
-    return save_figure(figure, folder, "learning_curve")
+    with mpl.rc_context(_STYLE):
+        return save_figure(figure, folder, "learning_curve")
 
 
 def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write a figure as `name.svg` and `name.png` into a folder; return their paths."""
     paths = []
-    with mpl.rc_context(STYLE):
-        for kind in FORMATS:
-            path = folder / f"{name}.{kind}"
-            with replacing(path) as partial:
-                metadata = {"Date": None} if kind == "svg" else None
-                figure.savefig(partial, format=kind, dpi=150, metadata=metadata)
-            paths.append(path)
+    for kind in FORMATS:
+        path = folder / f"{name}.{kind}"
+        with replacing(path) as partial:
+            metadata = {"Date": None} if kind == "svg" else None
+            figure.savefig(partial, format=kind, dpi=150, metadata=metadata)
+        paths.append(path)
     return paths

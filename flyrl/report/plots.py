@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
 
 from flyrl.report.curves import save_figure
+
+_STYLE: Final[Any] = {
+    "figure.constrained_layout.use": True,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "flyrl",
+}
 
 
 def write_plots(folder: Path, drawings: Mapping[str, Callable[[], Any]]) -> list[Path]:
@@ -36,7 +42,7 @@ def write_plots(folder: Path, drawings: Mapping[str, Callable[[], Any]]) -> list
     mpl.use("agg")
     paths = []
     for name, draw in drawings.items():
-        with mpl.rc_context({"figure.constrained_layout.use": True}):
+        with mpl.rc_context(_STYLE):
             figure = np.atleast_1d(draw()).flat[0].figure
             try:
                 paths += save_figure(figure, folder, name)
