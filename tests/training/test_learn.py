@@ -159,6 +159,11 @@ SHORT_GOAL = replace(TASKS["target_goal"], time_limit_s=0.2)
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 def test_a_run_that_is_told_not_to_go_on_ends_after_the_evaluation(config, tmp_path):
+    config = replace(
+        config,
+        env=EnvConfig(physics="fast"),
+        training=replace(SCHEDULE, evaluation_episodes=1),
+    )
     seen = []
 
     def goes_on(evaluations):
