@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from flyrl.cli.sweep import by_key
 from flyrl.cli.tables import csv_text, print_table
 from flyrl.files import new_folder, write_text
 from flyrl.validation import at_least
@@ -195,6 +196,12 @@ def _plan(options: argparse.Namespace) -> tuple[Plan, dict[str, Any]]:
     path = find_space(options.search, record["algo"]["name"])
     written = read_space(path)
     space = search_space(written, {key: settings[key] for key in record}, str(path))
+    for key in by_key(options.overrides):
+        if key in space:
+            raise ValueError(
+                f"{key} is given, but {path} searches it: leave it out here, or write a search "
+                "space without it (--search FILE.yaml)"
+            )
     name = options.name
     if name is None:
         name = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")

@@ -219,8 +219,9 @@ def test_success_counts_first_and_equal_success_by_the_return():
         (["algo.learning_rat=1"], "did you mean 'algo.learning_rate'"),
         (["seed=0,1"], "takes no sweep, got seed=0,1"),
         (["evaluate_after=true"], "evaluate_after cannot be given"),
-        (["algo.n_steps=8"], "allows"),
-        (["algo.gamma=2"], "algo.gamma"),
+        (["training.num_envs=3"], "ppo.yaml allows algo."),
+        (["algo.n_steps=8"], "algo.n_steps is given, but"),
+        (["algo.clip_range=-1"], "algo.clip_range"),
     ],
 )
 def test_what_cannot_be_meant_is_said_before_any_work(arguments, said, tmp_path, capsys):
