@@ -493,8 +493,10 @@ def _plot(study: Study, folder: Path) -> None:
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
+        # Optuna would draw bars of equal height
+        warnings.filterwarnings("error", "The number of trials is too small", UserWarning)
         for name, draw in drawings.items():
             try:
                 write_plots(folder, {name: functools.partial(draw, study, target_name="value")})
-            except (ValueError, RuntimeError) as error:
+            except (ValueError, RuntimeError, UserWarning) as error:
                 print(f"no plot of the {name}: {error}", file=sys.stderr)

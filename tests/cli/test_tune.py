@@ -162,7 +162,10 @@ def test_a_trial_that_was_killed_counts_as_failed(tmp_path, capsys):
     assert _tune(tmp_path, "--name", "a", "--trials", "2") == 0
     assert "trial 1 failed: killed" in capsys.readouterr().err
     rows = _rows(tmp_path, "a")
-    assert [(row["state"], row["error"]) for row in rows] == [("complete", ""), ("failed", "killed")]
+    assert [(row["state"], row["error"]) for row in rows] == [
+        ("complete", ""),
+        ("failed", "killed"),
+    ]
     assert len(find_runs(tmp_path)) == 1
 
 
@@ -192,12 +195,17 @@ def test_a_trial_that_falls_behind_is_pruned(tmp_path):
 
 def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
     space = "algo.batch_size: {low: 16, high: 32}"  # of 32 decisions: 17 to 31 divide none
-    assert _tune(tmp_path, "--name", "a", "--trials", "2", space=space) == 1
-    rows = _rows(tmp_path, "a")
-    assert [row["state"] for row in rows] == ["failed", "failed"]
-    assert "algo.batch_size" in rows[0]["error"]
-    assert "no trial came to its end: 2 failed" in capsys.readouterr().out
+    assert _tune(tmp_path, "--name", "a", "--trials", "1", space=space) == 1
+    captured = capsys.readouterr()
+    assert "no trial came to its end: 1 failed" in captured.out
+    assert "trial 0 failed: ValueError: algo.batch_size" in captured.err
     assert find_runs(tmp_path) == []
+    assert _tune(tmp_path, "--name", "a", "--trials", "2", space=space) == 0
+    rows = _rows(tmp_path, "a")
+    assert [(row["state"], row["algo.batch_size"]) for row in rows] == [
+        ("failed", "25"),
+        ("complete", "32"),
+    ]
 
 
 def test_success_counts_first_and_equal_success_by_the_return():
