@@ -112,7 +112,8 @@ class Plan:
         from flyrl.cli.search_space import override_text  # noqa: PLC0415
 
         drawn = (f"{key}={override_text(value)}" for key, value in values.items())
-        return ["python", "train.py", *self.overrides, *drawn]
+        given = (item for item in self.overrides if not by_key((item,)).keys() & values.keys())
+        return ["python", "train.py", *given, *drawn]
 
 
 def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -198,10 +199,7 @@ def _plan(options: argparse.Namespace) -> tuple[Plan, dict[str, Any]]:
     space = search_space(written, {key: settings[key] for key in record}, str(path))
     for key in by_key(options.overrides):
         if key in space:
-            raise ValueError(
-                f"{key} is given, but {path} searches it: leave it out here, or write a search "
-                "space without it (--search FILE.yaml)"
-            )
+            print(f"{key} is searched: what is given for it is not taken", file=sys.stderr)
     name = options.name
     if name is None:
         name = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
