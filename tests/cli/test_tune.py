@@ -228,7 +228,7 @@ def test_success_counts_first_and_equal_success_by_the_return():
         (["algo.learning_rat=1"], "did you mean 'algo.learning_rate'"),
         (["seed=0,1"], "takes no sweep, got seed=0,1"),
         (["evaluate_after=true"], "evaluate_after cannot be given"),
-        (["training.num_envs=3"], "ppo.yaml allows algo."),
+        (["training.num_envs=4"], "ppo.yaml allows algo."),
         (["algo.clip_range=-1"], "algo.clip_range"),
     ],
 )
