@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from flyrl.cli import reproduce, runs, sweeps
+from flyrl.cli import reproduce, runs, sweeps, tune
 
-_SUBCOMMANDS: Final = (runs, sweeps, reproduce)
+_SUBCOMMANDS: Final = (runs, sweeps, reproduce, tune)
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand."""
 
 
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         With status 2, for a command line that cannot be meant so.
     """
     parser = argparse.ArgumentParser(
-        prog="flyrl", description="Look at training runs, compare and repeat them."
+        prog="flyrl", description="Look at training runs, compare, repeat and tune them."
     )
     subparsers = parser.add_subparsers(metavar="command", required=True)
     for module in _SUBCOMMANDS:

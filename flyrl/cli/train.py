@@ -72,7 +72,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
             finished = resume(config, interrupted, start.command)
         else:
             finished = train(config, start.sweep or record["runs_folder"], start.command)
-        _illustrate(config, finished, with_video=bool(record["video_after"]))
+        illustrate(config, finished, with_video=bool(record["video_after"]))
     except (ResumeError, OSError) as error:
         fail(error)
     if finished.interrupted_by is None and is_compared:
@@ -124,7 +124,7 @@ def _earlier(config: TrainingConfig, sweep: Path) -> tuple[Path | None, bool]:
     return None, False
 
 
-def _illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:
+def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:
     """Draw the learning curve into the run folder; at the end, film the best policy too."""
     from flyrl.evaluation import EvaluationConfig  # noqa: PLC0415
     from flyrl.files import write_bytes  # noqa: PLC0415

@@ -104,12 +104,17 @@ def write_learning_curve(
         return []
     figure = learning_curve(evaluations, training, folder.name)
     FigureCanvasAgg(figure)
-    paths = []
     with mpl.rc_context(_STYLE):
-        for kind in FORMATS:
-            path = folder / f"learning_curve.{kind}"
-            with replacing(path) as partial:
-                metadata = {"Date": None} if kind == "svg" else None
-                figure.savefig(partial, format=kind, dpi=150, metadata=metadata)
-            paths.append(path)
+        return save_figure(figure, folder, "learning_curve")
+
+
+def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
+    """Write a figure as `name.svg` and `name.png` into a folder; return their paths."""
+    paths = []
+    for kind in FORMATS:
+        path = folder / f"{name}.{kind}"
+        with replacing(path) as partial:
+            metadata = {"Date": None} if kind == "svg" else None
+            figure.savefig(partial, format=kind, dpi=150, metadata=metadata)
+        paths.append(path)
     return paths

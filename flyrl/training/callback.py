@@ -1,7 +1,7 @@
 """What happens on the way of a training run: progress, evaluation, saving, stopping."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -27,6 +27,9 @@ from flyrl.training.run_folder import RunFolder
 HELD_OUT_SEEDS: Final = range(2**31, 3 * 2**30)
 """Seeds of the held-out episodes: above those that training draws, below those of evaluations."""
 
+GoesOn = Callable[[Sequence[Mapping[str, float]]], bool]
+"""Takes the evaluations so far, the latest last, and returns whether the run is to go on."""
+
 
 def held_out_episodes(config: TrainingConfig) -> list[Episode]:
     """Episodes of the evaluation during training; no run learns from them."""
@@ -49,13 +52,19 @@ class RunCallback(BaseCallback):
     """Progress bar, evaluation, saving, and stopping when asked to."""
 
     def __init__(
-        self, config: TrainingConfig, folder: RunFolder, interrupted: Interruption
+        self,
+        config: TrainingConfig,
+        folder: RunFolder,
+        interrupted: Interruption,
+        goes_on: GoesOn | None = None,
     ) -> None:
         super().__init__()
         schedule = config.training
         self._config = config
         self._folder = folder
         self._interrupted = interrupted
+        self._goes_on = goes_on
+        self._is_pruned = False
         self._episodes = held_out_episodes(config)
         num_envs = min(schedule.num_envs, len(self._episodes))
         self._env = BatchedEnv(config.env, num_envs, schedule.num_threads)
@@ -126,15 +135,19 @@ class RunCallback(BaseCallback):
         if self.num_timesteps >= self._next_evaluation:
             self._evaluate()
             self._next_evaluation = self.num_timesteps + self._config.training.evaluation_interval
-        if self.num_timesteps >= self._next_checkpoint or self._interrupted:
+        is_ending = bool(self._interrupted) or self._is_pruned
+        if self.num_timesteps >= self._next_checkpoint or is_ending:
             self._next_checkpoint = self.num_timesteps + self._config.training.checkpoint_interval
             self._save_checkpoint()
         # the decision that follows is the last one, and not in the checkpoint: nothing is lost
-        self._is_ending = bool(self._interrupted)
+        self._is_ending = is_ending
 
     def _on_training_end(self) -> None:
+        interrupted_by = self._interrupted.signal and self._interrupted.signal.name
         if self._interrupted:
             self._save(self._bundle())
+        elif self._is_pruned:
+            interrupted_by = "pruning"  # right after an evaluation: it is saved
         else:
             self._evaluate()
             self.logger.dump(self.num_timesteps)
@@ -143,7 +156,7 @@ class RunCallback(BaseCallback):
             {
                 "decisions": self.num_timesteps,
                 "wall_time_s": round(time.monotonic() - self._start, 3),
-                "interrupted_by": self._interrupted.signal and self._interrupted.signal.name,
+                "interrupted_by": interrupted_by,
             },
         )
 
@@ -207,3 +220,5 @@ class RunCallback(BaseCallback):
             self._best = score
             save_bundle(bundle, self._folder.best)
         self._show()
+        if self._goes_on is not None:
+            self._is_pruned = not self._goes_on(self._evaluations)

@@ -17,7 +17,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.training.algorithms import OnPolicyConfig
-from flyrl.training.callback import RunCallback, fly_env
+from flyrl.training.callback import GoesOn, RunCallback, fly_env
 from flyrl.training.checkpoint import load_checkpoint, restore_learner
 from flyrl.training.config import TrainingConfig
 from flyrl.training.interruption import interruption
@@ -44,7 +44,12 @@ class Run:
     interrupted_by: int | None
 
 
-def train(config: TrainingConfig, runs: str | Path = "runs", command: Sequence[str] = ()) -> Run:
+def train(
+    config: TrainingConfig,
+    runs: str | Path = "runs",
+    command: Sequence[str] = (),
+    goes_on: GoesOn | None = None,
+) -> Run:
     """Train a policy.
 
     Parameters
@@ -55,6 +60,8 @@ def train(config: TrainingConfig, runs: str | Path = "runs", command: Sequence[s
         Folder in which the run folder is made.
     command
         The command that asked for it, for the record.
+    goes_on
+        Asked after every evaluation; False ends the run, as an interruption does.
 
     Returns
     -------
@@ -63,10 +70,15 @@ def train(config: TrainingConfig, runs: str | Path = "runs", command: Sequence[s
     model = _prepare(config)
     run_folder = RunFolder.create(config, Path(runs), command)
     with held(run_folder.path):
-        return _learn(config, model, run_folder, None)
+        return _learn(config, model, run_folder, None, goes_on)
 
 
-def resume(config: TrainingConfig, folder: str | Path, command: Sequence[str] = ()) -> Run:
+def resume(
+    config: TrainingConfig,
+    folder: str | Path,
+    command: Sequence[str] = (),
+    goes_on: GoesOn | None = None,
+) -> Run:
     """Go on with an interrupted run, from its latest checkpoint, to the end.
 
     On the same machine and versions, it ends with the policy that it would have had without the
@@ -80,6 +92,8 @@ def resume(config: TrainingConfig, folder: str | Path, command: Sequence[str] = 
         Its folder.
     command
         The command that asked for it, for the record.
+    goes_on
+        Asked after every evaluation; False ends the run, as an interruption does.
 
     Raises
     ------
@@ -93,7 +107,7 @@ def resume(config: TrainingConfig, folder: str | Path, command: Sequence[str] = 
     run_folder = RunFolder.open(config, Path(folder), command)
     with held(run_folder.path):
         state = load_checkpoint(run_folder.latest_checkpoint())
-        return _learn(config, _prepare(config), run_folder, state)
+        return _learn(config, _prepare(config), run_folder, state, goes_on)
 
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:
@@ -105,14 +119,18 @@ def _prepare(config: TrainingConfig) -> BaseAlgorithm:
 
 
 def _learn(
-    config: TrainingConfig, model: BaseAlgorithm, folder: RunFolder, state: dict[str, Any] | None
+    config: TrainingConfig,
+    model: BaseAlgorithm,
+    folder: RunFolder,
+    state: dict[str, Any] | None,
+    goes_on: GoesOn | None,
 ) -> Run:
     """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
     total = config.training.total_decisions
     model.set_logger(_logger(folder, None if state is None else state["run"]["decisions"]))
     env = fly_env(model)
     with interruption() as interrupted:
-        callback = RunCallback(config, folder, interrupted)
+        callback = RunCallback(config, folder, interrupted, goes_on)
         env.core.difficulty = callback.difficulty
         if state is not None:
             env.restore(state["env"])

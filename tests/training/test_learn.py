@@ -19,8 +19,9 @@ from flyrl.training.algorithms import PPOConfig, SACConfig
 from flyrl.training.callback import held_out_episodes
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.curriculum import CurriculumConfig
-from flyrl.training.learn import train
+from flyrl.training.learn import resume, train
 from flyrl.training.models import build_model
+from flyrl.training.runs import read_run
 
 SCHEDULE = ScheduleConfig(
     total_decisions=96,
@@ -154,6 +155,32 @@ def test_sigterm_saves_the_policy(config, tmp_path):
 
 
 SHORT_GOAL = replace(TASKS["target_goal"], time_limit_s=0.2)
+
+
+@pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
+def test_a_run_that_is_told_not_to_go_on_ends_after_the_evaluation(config, tmp_path):
+    config = replace(
+        config,
+        env=EnvConfig(physics="fast"),
+        training=replace(SCHEDULE, evaluation_episodes=1),
+    )
+    seen = []
+
+    def goes_on(evaluations):
+        seen.append([row["decisions"] for row in evaluations])
+        return len(evaluations) < 2
+
+    folder = train(config, tmp_path, goes_on=goes_on).folder
+    pruned = read_run(folder)
+    assert seen == [[32], [32, 64]]
+    assert [row["decisions"] for row in pruned.evaluations] == [32, 64]
+    assert pruned.state == "interrupted"
+    assert pruned.decisions < config.training.total_decisions
+
+    resume(config, folder)
+    whole = read_run(train(config, tmp_path).folder)
+    assert read_run(folder).evaluations == whole.evaluations
+    assert np.array_equal(_actions(folder), _actions(whole.path))
 
 
 def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):

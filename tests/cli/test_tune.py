@@ -1,0 +1,251 @@
+import csv
+import json
+import os
+import shlex
+import signal
+import sys
+import threading
+import time
+
+import optuna
+import pytest
+
+from flyrl.cli.config import training_config
+from flyrl.cli.main import main
+from flyrl.cli.tune import compose_training, score
+from flyrl.training.config import training_record
+from flyrl.training.runs import find_runs, read_run
+
+TINY = [
+    "physics=fast",
+    "training.total_decisions=96",
+    "training.num_envs=2",
+    "training.num_threads=1",
+    "training.evaluation_episodes=1",
+    "training.evaluation_interval=32",
+    "training.progress_bar=false",
+    "algo.n_steps=16",
+    "algo.batch_size=32",
+]
+SPACE = """
+algo.learning_rate: {low: 1e-4, high: 3e-2, log: true}
+algo.n_epochs: {low: 1, high: 2}
+algo.hidden_layers: {choices: [[8], [8, 8]]}
+"""
+
+
+def _tune(folder, *options, space=SPACE, overrides=()):
+    (folder / "space.yaml").write_text(space)
+    search = ["--search", str(folder / "space.yaml")]
+    return main(["tune", *options, *search, *TINY, f"runs_folder={folder}", *overrides])
+
+
+def _rows(folder, name):
+    with (folder / "studies" / name / "study.csv").open() as table:
+        return list(csv.DictReader(table))
+
+
+def _drawn(rows):
+    keys = ("state", "value", "algo.learning_rate", "algo.n_epochs", "algo.hidden_layers")
+    return [[row[key] for key in keys] for row in rows]
+
+
+def _load(folder, name):
+    return optuna.load_study(
+        study_name=name, storage=f"sqlite:///{folder / 'studies' / name / 'study.db'}"
+    )
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """A folder with a study of three trials, and what was printed."""
+    folder = tmp_path_factory.mktemp("runs")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["flyrl", "tune", "--name", "three"])
+        assert _tune(folder, "--name", "three", "--trials", "3") == 0
+    return folder
+
+
+def test_every_trial_is_a_run_with_what_was_drawn(study):
+    rows = _rows(study, "three")
+    assert [row["state"] for row in rows] == ["complete"] * 3
+    assert len(find_runs(study)) == 3
+    for row in rows:
+        run = read_run(study / "studies" / "three" / row["run"])
+        assert run.state == "finished"
+        assert run.setting("algo.learning_rate") == float(row["algo.learning_rate"])
+        assert run.setting("algo.n_epochs") == int(row["algo.n_epochs"])
+        assert str(run.setting("algo.hidden_layers")).replace(" ", "") == row["algo.hidden_layers"]
+        assert float(row["value"]) == score(run.best, 1)
+        assert int(row["decisions"]) == run.best["decisions"]
+
+
+def test_trials_differ(study):
+    assert len({row["algo.learning_rate"] for row in _rows(study, "three")}) == 3
+
+
+def test_the_command_of_a_run_trains_it_without_the_study(study):
+    for path in find_runs(study):
+        _, program, *overrides = shlex.split((path / "command.txt").read_text())
+        assert program == "train.py"
+        repeated = training_record(training_config(compose_training(overrides)))
+        assert repeated == read_run(path).settings
+
+
+def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
+    rows = _rows(study, "three")
+    assert _tune(study, "--name", "three", "--trials", "3") == 0
+    assert len(find_runs(study)) == 3
+    assert _rows(study, "three") == rows
+    best = max(rows, key=lambda row: float(row["value"]))
+    output = capsys.readouterr().out
+    (line,) = [line for line in output.splitlines() if line.startswith("best: ")]
+    _, _, *overrides = shlex.split(line.removeprefix("best: "))
+    settings = training_record(training_config(compose_training(overrides)))
+    assert settings == read_run(study / "studies" / "three" / best["run"]).settings
+    assert "3 trials: 3 complete" in output
+
+
+def test_the_plots_are_drawn(study):
+    folder = study / "studies" / "three"
+    for name in ("history", "slices"):
+        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert "<svg" in (folder / f"{name}.svg").read_text()
+
+
+def test_the_study_is_written_down(study):
+    record = json.loads((study / "studies" / "three" / "study.json").read_text())
+    assert record["commands"][0] == "flyrl tune --name three"
+    assert record["search"]["algo.n_epochs"] == {"low": 1, "high": 2}
+    assert record["settings"]["training"]["total_decisions"] == 96
+
+
+def test_a_study_with_other_settings_is_another(study, capsys):
+    name = ("--name", "three", "--trials", "3")
+    assert _tune(study, *name, overrides=["algo.gamma=0.5"]) == 2
+    assert "settings.algo.gamma is 0.98, now 0.5" in capsys.readouterr().err
+    assert _tune(study, *name, space=SPACE.replace("3e-2", "4e-2")) == 2
+    assert "learning_rate.high is 0.03, now 0.04" in capsys.readouterr().err
+    assert _tune(study, *name, "--seed", "1") == 2
+    assert "seed is 0, now 1" in capsys.readouterr().err
+
+
+def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, capsys):
+    folder = tmp_path / "studies" / "three"
+
+    def interrupt():
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            if any(folder.glob("*/evaluations.csv")):
+                os.kill(os.getpid(), signal.SIGTERM)
+                return
+            time.sleep(0.002)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    status = _tune(tmp_path, "--name", "three", "--trials", "3")
+    thread.join()
+    assert status == 128 + signal.SIGTERM
+    assert "interrupted; go on with the same command" in capsys.readouterr().out
+    before = _rows(tmp_path, "three")
+    assert [row["state"] for row in before] == ["interrupted"]
+    assert read_run(folder / before[0]["run"]).state == "interrupted"
+    assert _tune(tmp_path, "--name", "three", "--trials", "3") == 0
+    assert _drawn(_rows(tmp_path, "three")) == _drawn(_rows(study, "three"))
+    assert len(find_runs(tmp_path)) == 3
+
+
+def test_a_trial_that_was_killed_counts_as_failed(tmp_path, capsys):
+    assert _tune(tmp_path, "--name", "a", "--trials", "1") == 0
+    distributions = _load(tmp_path, "a").get_trials()[0].distributions
+    _load(tmp_path, "a").ask(distributions)  # what a kill leaves: a trial without an end
+    assert _tune(tmp_path, "--name", "a", "--trials", "2") == 0
+    assert "trial 1 failed: killed" in capsys.readouterr().err
+    rows = _rows(tmp_path, "a")
+    assert [(row["state"], row["error"]) for row in rows] == [
+        ("complete", ""),
+        ("failed", "killed"),
+    ]
+    assert len(find_runs(tmp_path)) == 1
+
+
+def test_a_trial_that_falls_behind_is_pruned(tmp_path):
+    assert _tune(tmp_path, "--name", "a", "--trials", "1") == 0
+    study = _load(tmp_path, "a")
+    (first,) = study.get_trials()
+    far_better = {1: 50.0, 2: 50.0, 3: 50.0}
+    for _ in range(2):
+        study.add_trial(
+            optuna.trial.create_trial(
+                params=first.params,
+                distributions=first.distributions,
+                value=50.0,
+                intermediate_values=far_better,
+            )
+        )
+    assert _tune(tmp_path, "--name", "a", "--trials", "4", "--prune-after", "3") == 0
+    last = _rows(tmp_path, "a")[3]
+    run = read_run(tmp_path / "studies" / "a" / last["run"])
+    assert last["state"] == "pruned"
+    assert [row["decisions"] for row in run.evaluations] == [32, 64]
+    assert '"interrupted_by": "pruning"' in (run.path / "status.json").read_text()
+    assert _tune(tmp_path, "--name", "a", "--trials", "5", "--no-pruning") == 0
+    assert _rows(tmp_path, "a")[4]["state"] == "complete"
+
+
+def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
+    space = "algo.batch_size: {low: 16, high: 32}"  # of 32 decisions: 17 to 31 divide none
+    assert _tune(tmp_path, "--name", "a", "--trials", "1", space=space) == 1
+    captured = capsys.readouterr()
+    assert "no trial came to its end: 1 failed" in captured.out
+    assert "algo.batch_size is searched: what is given for it is not taken" in captured.err
+    assert "trial 0 failed: ValueError: algo.batch_size" in captured.err
+    assert find_runs(tmp_path) == []
+    assert _tune(tmp_path, "--name", "a", "--trials", "2", space=space) == 0
+    rows = _rows(tmp_path, "a")
+    assert [(row["state"], row["algo.batch_size"]) for row in rows] == [
+        ("failed", "25"),
+        ("complete", "32"),
+    ]
+
+
+def test_success_counts_first_and_equal_success_by_the_return():
+    def of(success_rate, mean_return):
+        return score({"success_rate": success_rate, "mean_return": mean_return}, 4)
+
+    assert of(0.5, 0.0) == 0.5 + 0.5 / 4
+    assert of(0.5, 1.0) == pytest.approx(0.5 + 0.75 / 4)  # atan(1) = pi / 4
+    assert of(0.5, -1e6) < of(0.5, -1.0) < of(0.5, 2.0) < of(0.5, 1e6) < of(0.75, -1e6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--trials", "0"], "--trials"),
+        (["--name", "a/b"], "--name must be the name of a folder"),
+        (["--search", "none"], "--search must be one of"),
+        (["algo=ddpg"], "no search space for algo=ddpg"),
+        (["algo.learning_rat=1"], "did you mean 'algo.learning_rate'"),
+        (["seed=0,1"], "takes no sweep, got seed=0,1"),
+        (["evaluate_after=true"], "evaluate_after cannot be given"),
+        (["training.num_envs=4"], "ppo.yaml allows algo."),
+        (["algo.clip_range=-1"], "algo.clip_range"),
+    ],
+)
+def test_what_cannot_be_meant_is_said_before_any_work(arguments, said, tmp_path, capsys):
+    assert main(["tune", *arguments, f"runs_folder={tmp_path}"]) == 2
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_optuna_it_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "optuna", None)
+    assert main(["tune", "--trials", "1"]) == 2
+    assert "pip install 'flyrl[optuna]'" in capsys.readouterr().err
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path, capsys):
+    (tmp_path / "studies" / "a").mkdir(parents=True)
+    (tmp_path / "studies" / "a" / "mine.txt").write_text("")
+    assert _tune(tmp_path, "--name", "a", "--trials", "1") == 2
+    assert "something else than a study" in capsys.readouterr().err
