@@ -200,7 +200,10 @@ def _update(
 
 
 def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:
-    """Metrics as CSV, for TensorBoard and for more; of the first two, those logged after `decisions` are dropped."""
+    """Metrics as CSV, for TensorBoard and for `more`.
+
+    In the first two, those logged after `decisions` are dropped.
+    """
     tensorboard = TensorBoardOutputFormat(str(folder.path / "tensorboard"))
     table = folder.path / "progress.csv"
     rows: list[dict[str, str]] = []

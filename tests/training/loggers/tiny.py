@@ -29,12 +29,15 @@ TINY = TrainingConfig(
 
 
 def logged(folder):
-    """Rows of progress.csv: (step, key) -> value; the last row has the step of the one before."""
-    values, step = {}, 0
+    """What progress.csv holds: (step, key, value), in order of step and key.
+
+    The last row has the step of the one before; some keys are in both.
+    """
+    points, step = [], 0
     for row in read_rows(folder / "progress.csv"):
         step = int(row[DECISIONS] or step)
-        values |= {(step, key): float(text) for key, text in row.items() if text}
-    return values
+        points += [(step, key, float(text)) for key, text in row.items() if text]
+    return sorted(points, key=lambda point: point[:2])
 
 
 def crash_and_resume(logger, runs, monkeypatch):
