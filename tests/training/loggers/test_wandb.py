@@ -1,5 +1,6 @@
 import json
 import struct
+import time
 from dataclasses import replace
 
 import pytest
@@ -40,6 +41,17 @@ def _records(path):
             yield record
 
 
+def _records_to_the_end(path):
+    """The records, once W&B's own process has written the last one."""
+    deadline = time.monotonic() + 30
+    while True:
+        records = list(_records(path))
+        if any(record.HasField("exit") for record in records):
+            return records
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
 def _key(item):
     return item.key or "/".join(item.nested_key)
 
@@ -49,7 +61,7 @@ def _offline_runs(folder):
     runs = []
     for path in sorted(folder.glob("wandb/offline-run-*/*.wandb")):
         description, values = None, {}
-        for record in _records(path):
+        for record in _records_to_the_end(path):
             if record.HasField("run"):
                 description = record.run
             if record.HasField("history"):
