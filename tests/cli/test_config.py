@@ -16,8 +16,8 @@ from flyrl.tasks import TASKS, task_record
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.loggers import LOGGERS
 from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.loggers import LOGGERS
 
 
 def _composed(*overrides):
