@@ -17,6 +17,7 @@ from flyrl.tasks import TASKS, Task, extended
 from flyrl.terrains import TerrainConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.loggers import LOGGERS, LoggerConfig
 from flyrl.validation import one_of
 
 
@@ -53,6 +54,7 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
         algo=algorithm_config(config["algo"]),
         training=from_mapping(ScheduleConfig, config["training"], "training"),
         seed=whole_number("seed", config["seed"]),
+        logger=_logger_config(config.get("logger", {"name": "none"})),
     )
 
 
@@ -164,3 +166,10 @@ def algorithm_config(config: Mapping[str, Any]) -> AlgorithmConfig:
     settings = dict(config)
     name = one_of("algo.name", settings.pop("name", None), ALGORITHMS)
     return from_mapping(ALGORITHMS[name], settings, "algo")
+
+
+def _logger_config(config: Mapping[str, Any]) -> LoggerConfig | None:
+    """Settings of a logger; `name` picks which, without the group (as in records) none."""
+    settings = dict(config)
+    name = one_of("logger.name", settings.pop("name", None), ("none", *LOGGERS))
+    return None if name == "none" else from_mapping(LOGGERS[name], settings, "logger")

@@ -92,18 +92,23 @@ def _train(original: RunSummary, options: argparse.Namespace) -> Run | None:
     """Train anew, or go on with the repeat that was asked for; None if that is finished."""
     if options.repeat is not None:
         repeat = read_run(options.repeat)
-        if repeat.settings != original.settings:
+        if _without_logger(repeat.settings) != _without_logger(original.settings):
             raise ValueError(f"{options.repeat} is no repeat: it has other settings")
         if repeat.state == "finished":
             return None
     from flyrl.cli.config import training_config  # noqa: PLC0415
     from flyrl.training.learn import resume, train  # noqa: PLC0415
 
-    config = training_config(original.settings)
+    config = training_config(_without_logger(original.settings))
     command = [sys.executable, *sys.argv]
     if options.repeat is not None:
         return resume(config, options.repeat, command)
     return train(config, options.runs_folder, command)
+
+
+def _without_logger(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the same training, told to no service."""
+    return {key: value for key, value in settings.items() if key != "logger"}
 
 
 def compare(original: RunSummary, repeat: RunSummary) -> Comparison:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -52,6 +53,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
 
             record = {**record, **read_record(interrupted)}
         config = training_config(record)
+        if config.logger is not None:
+            config.logger.check_installed()
         settings = evaluation_settings(record["evaluation"], "evaluation")
         if is_compared:
             # a mistake in it shows before the training, not after
@@ -67,12 +70,14 @@ def run(record: dict[str, Any], start: Start) -> Path:
     from flyrl.training.checkpoint import ResumeError  # noqa: PLC0415
     from flyrl.training.learn import resume, train  # noqa: PLC0415
 
+    show = partial(illustrate, config, with_video=bool(record["video_after"]))
     try:
         if interrupted:
-            finished = resume(config, interrupted, start.command)
+            finished = resume(config, interrupted, start.command, at_end=show)
         else:
-            finished = train(config, start.sweep or record["runs_folder"], start.command)
-        illustrate(config, finished, with_video=bool(record["video_after"]))
+            finished = train(
+                config, start.sweep or record["runs_folder"], start.command, at_end=show
+            )
     except (ResumeError, OSError) as error:
         fail(error)
     if finished.interrupted_by is None and is_compared:

@@ -367,13 +367,13 @@ def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None)
     command = plan.command(values)
     try:
         config = plan.config(values)
+        show = functools.partial(illustrate, config, with_video=False)
         if interrupted is None:
-            finished = train(config, plan.folder, command, goes_on)
+            finished = train(config, plan.folder, command, goes_on=goes_on, at_end=show)
         else:
             trial.set_user_attr(_INTERRUPTED, None)  # if it is killed now, it counts as failed
-            finished = resume(config, interrupted, command, goes_on)
+            finished = resume(config, interrupted, command, goes_on=goes_on, at_end=show)
         trial.set_user_attr(_RUN, finished.folder.name)
-        illustrate(config, finished, with_video=False)
     except (OSError, KeyboardInterrupt) as error:
         _fail(study, trial, f"{type(error).__name__}: {error}")  # as would all that follow
         raise
@@ -388,11 +388,11 @@ def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None)
     summary = read_run(finished.folder)
     for key, value in (summary.best or {}).items():
         trial.set_user_attr(key, int(value) if key == "decisions" else value)
-    if summary.state == "finished":
-        study.tell(trial, best)
-    else:
+    if finished.is_pruned:
         study.tell(trial, state=TrialState.PRUNED)
         print(f"trial {trial.number} fell behind: it is pruned", file=sys.stderr)
+    else:
+        study.tell(trial, best)
     return None
 
 

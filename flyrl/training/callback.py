@@ -64,7 +64,7 @@ class RunCallback(BaseCallback):
         self._folder = folder
         self._interrupted = interrupted
         self._goes_on = goes_on
-        self._is_pruned = False
+        self.is_pruned = False
         self._episodes = held_out_episodes(config)
         num_envs = min(schedule.num_envs, len(self._episodes))
         self._env = BatchedEnv(config.env, num_envs, schedule.num_threads)
@@ -133,9 +133,9 @@ class RunCallback(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         if self.num_timesteps >= self._next_evaluation:
-            self._evaluate()
+            self.is_pruned = not self._evaluate()
             self._next_evaluation = self.num_timesteps + self._config.training.evaluation_interval
-        is_ending = bool(self._interrupted) or self._is_pruned
+        is_ending = bool(self._interrupted) or self.is_pruned
         if self.num_timesteps >= self._next_checkpoint or is_ending:
             self._next_checkpoint = self.num_timesteps + self._config.training.checkpoint_interval
             self._save_checkpoint()
@@ -146,7 +146,7 @@ class RunCallback(BaseCallback):
         interrupted_by = self._interrupted.signal and self._interrupted.signal.name
         if self._interrupted:
             self._save(self._bundle())
-        elif self._is_pruned:
+        elif self.is_pruned:
             interrupted_by = "pruning"  # right after an evaluation: it is saved
         else:
             self._evaluate()
@@ -200,8 +200,13 @@ class RunCallback(BaseCallback):
             with replacing(self._folder.normaliser) as partial:
                 normaliser.save(str(partial))
 
-    def _evaluate(self) -> None:
-        """Let the policy, as it would be saved, walk the held-out episodes; keep it if best."""
+    def _evaluate(self) -> bool:
+        """Let the policy, as it would be saved, walk the held-out episodes; keep it if best.
+
+        Returns
+        -------
+        Whether the run is to go on.
+        """
         records = run_episodes(self._env, LearnedPolicy(self._bundle()), self._episodes)
         evaluation = {
             "decisions": self.num_timesteps,
@@ -220,5 +225,4 @@ class RunCallback(BaseCallback):
             self._best = score
             save_bundle(bundle, self._folder.best)
         self._show()
-        if self._goes_on is not None:
-            self._is_pruned = not self._goes_on(self._evaluations)
+        return self._goes_on is None or self._goes_on(self._evaluations)

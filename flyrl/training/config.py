@@ -9,6 +9,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
 from flyrl.training.algorithms import AlgorithmConfig, HindsightConfig, PPOConfig
 from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.loggers import LoggerConfig
 from flyrl.validation import at_least, within
 
 LARGEST_SEED: Final = 2**31 - 1
@@ -82,12 +83,15 @@ class TrainingConfig:
         How long, and on how many flies.
     seed
         Of the network, the exploration and the episodes.
+    logger
+        Service that the metrics are sent to as well; None sends nothing.
     """
 
     env: EnvConfig = field(default_factory=EnvConfig)
     algo: AlgorithmConfig = field(default_factory=PPOConfig)
     training: ScheduleConfig = field(default_factory=ScheduleConfig)
     seed: int = 0
+    logger: LoggerConfig | None = None
 
     def __post_init__(self) -> None:
         within("seed", self.seed, 0, LARGEST_SEED)
@@ -145,9 +149,12 @@ class TrainingConfig:
 
 def training_record(config: TrainingConfig) -> dict[str, Any]:
     """Everything about a run as plain JSON values, keyed like `configs/train.yaml`."""
-    return {
+    record = {
         **env_record(config.env),
         "algo": {"name": config.algo.name, **plain(dataclasses.asdict(config.algo))},
         "training": plain(dataclasses.asdict(config.training)),
         "seed": config.seed,
     }
+    if config.logger is not None:
+        record["logger"] = {"name": config.logger.name, **dataclasses.asdict(config.logger)}
+    return record

@@ -1,15 +1,16 @@
 """Training itself: a config goes in, a run folder with a policy comes out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import (
     CSVOutputFormat,
+    KVWriter,
     Logger,
     TensorBoardOutputFormat,
 )
@@ -19,13 +20,13 @@ from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.training.algorithms import OnPolicyConfig
 from flyrl.training.callback import GoesOn, RunCallback, fly_env
 from flyrl.training.checkpoint import load_checkpoint, restore_learner
-from flyrl.training.config import TrainingConfig
+from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.interruption import interruption
+from flyrl.training.loggers.base import DECISIONS_LOGGED, Outcome
+from flyrl.training.loggers.remote import RemoteLog
 from flyrl.training.models import build_model
 from flyrl.training.run_folder import RunFolder
 from flyrl.training.runs import held, read_rows
-
-_DECISIONS_LOGGED: Final = "time/total_timesteps"
 
 
 @dataclass(frozen=True)
@@ -38,17 +39,26 @@ class Run:
         Its folder.
     interrupted_by
         Number of the signal that ended it early, or None.
+    is_pruned
+        Whether `goes_on` ended it early.
     """
 
     folder: Path
     interrupted_by: int | None
+    is_pruned: bool = False
+
+
+def _nothing(run: Run) -> None:
+    """What is left to do with a run that nobody asked more of."""
 
 
 def train(
     config: TrainingConfig,
     runs: str | Path = "runs",
     command: Sequence[str] = (),
+    *,
     goes_on: GoesOn | None = None,
+    at_end: Callable[[Run], None] = _nothing,
 ) -> Run:
     """Train a policy.
 
@@ -62,22 +72,36 @@ def train(
         The command that asked for it, for the record.
     goes_on
         Asked after every evaluation; False ends the run, as an interruption does.
+    at_end
+        Called with the run after the training, or its interruption; the files that it makes in the
+        folder go to the run's logger as well.
 
     Returns
     -------
     The run; its folder loads with `flyrl.load_policy`.
+
+    Raises
+    ------
+    ValueError
+        The logger's package is missing.
+    LoggerError
+        The logger cannot be used. Once training has begun, that is a warning.
     """
+    if config.logger is not None:
+        config.logger.check_installed()
     model = _prepare(config)
     run_folder = RunFolder.create(config, Path(runs), command)
     with held(run_folder.path):
-        return _learn(config, model, run_folder, None, goes_on)
+        return _learn(config, model, run_folder, None, goes_on, at_end)
 
 
 def resume(
     config: TrainingConfig,
     folder: str | Path,
     command: Sequence[str] = (),
+    *,
     goes_on: GoesOn | None = None,
+    at_end: Callable[[Run], None] = _nothing,
 ) -> Run:
     """Go on with an interrupted run, from its latest checkpoint, to the end.
 
@@ -94,20 +118,26 @@ def resume(
         The command that asked for it, for the record.
     goes_on
         Asked after every evaluation; False ends the run, as an interruption does.
+    at_end
+        As in `train`.
 
     Raises
     ------
     ResumeError
         There is no run in the folder, it has other settings, it is finished, or there is no
         checkpoint, or a damaged one.
+    ValueError
+        The logger's package is missing.
     OSError
         The folder cannot be written to, or another process trains in it; the latest checkpoint
         stays as it is.
     """
+    if config.logger is not None:
+        config.logger.check_installed()
     run_folder = RunFolder.open(config, Path(folder), command)
     with held(run_folder.path):
         state = load_checkpoint(run_folder.latest_checkpoint())
-        return _learn(config, _prepare(config), run_folder, state, goes_on)
+        return _learn(config, _prepare(config), run_folder, state, goes_on, at_end)
 
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:
@@ -124,10 +154,42 @@ def _learn(
     folder: RunFolder,
     state: dict[str, Any] | None,
     goes_on: GoesOn | None,
+    at_end: Callable[[Run], None],
+) -> Run:
+    """Learn until the end or an interruption, with a logger if there is one."""
+    if config.logger is None:
+        run = _update(config, model, folder, state, goes_on)
+        at_end(run)
+        return run
+    remote = RemoteLog(config.logger, folder, training_record(config))
+    if state is None:
+        remote.connect()
+    outcome: Outcome = "failed"
+    files: list[Path] = []
+    try:
+        run = _update(config, model, folder, state, goes_on, remote)
+        at_end(run)
+        outcome = "interrupted"
+        if run.interrupted_by is None and not run.is_pruned:
+            outcome = "finished"
+            files = [folder.best, folder.path / "learning_curve.png", folder.path / "best.mp4"]
+    finally:
+        remote.finish(outcome, files)
+    return run
+
+
+def _update(
+    config: TrainingConfig,
+    model: BaseAlgorithm,
+    folder: RunFolder,
+    state: dict[str, Any] | None,
+    goes_on: GoesOn | None,
+    *more: KVWriter,
 ) -> Run:
     """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
     total = config.training.total_decisions
-    model.set_logger(_logger(folder, None if state is None else state["run"]["decisions"]))
+    decisions = None if state is None else state["run"]["decisions"]
+    model.set_logger(_logger(folder, decisions, *more))
     env = fly_env(model)
     with interruption() as interrupted:
         callback = RunCallback(config, folder, interrupted, goes_on)
@@ -148,11 +210,14 @@ def _learn(
             callback.close()
             model.logger.close()
             env.close()
-    return Run(folder.path, interrupted.signal)
+    return Run(folder.path, interrupted.signal, callback.is_pruned)
 
 
-def _logger(folder: RunFolder, decisions: int | None) -> Logger:
-    """Metrics as CSV and for TensorBoard; those logged after `decisions` are dropped."""
+def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:
+    """Metrics as CSV, for TensorBoard and for `more`.
+
+    In the first two, those logged after `decisions` are dropped.
+    """
     tensorboard = TensorBoardOutputFormat(str(folder.path / "tensorboard"))
     table = folder.path / "progress.csv"
     rows: list[dict[str, str]] = []
@@ -160,12 +225,12 @@ def _logger(folder: RunFolder, decisions: int | None) -> Logger:
         tensorboard.writer.close()
         tensorboard.writer = SummaryWriter(folder.path / "tensorboard", purge_step=decisions + 1)
         # the header is torn if a kill came while the table got a new column: no row is safe then
-        rows = [row for row in read_rows(table) if _DECISIONS_LOGGED in row]
-        rows = [row for row in rows if int(row[_DECISIONS_LOGGED]) <= decisions]
+        rows = [row for row in read_rows(table) if DECISIONS_LOGGED in row]
+        rows = [row for row in rows if int(row[DECISIONS_LOGGED]) <= decisions]
     csv_format = CSVOutputFormat(str(table))
     for row in rows:
         csv_format.write({key: _number(text) for key, text in row.items() if text}, {})
-    return Logger(str(folder.path), [csv_format, tensorboard])
+    return Logger(str(folder.path), [csv_format, tensorboard, *more])
 
 
 def _number(text: str) -> float:

@@ -13,6 +13,8 @@ model.zip            Stable-Baselines3's model, to go on training (holds a pickl
 vecnormalize.pkl     Stable-Baselines3's VecNormalize for it, if the run normalises (a pickle too)
 checkpoints/         the latest ones, to go on from after an interruption
 status.json          how the run ended
+logger.json          the run's id at the service that it is logged to, if there is one
+wandb/               what Weights & Biases keeps, if that is the service
 .lock                held by the process that trains
 learning_curve.svg   success and return over the decisions, and the same as .png
 best.mp4             the best policy on a held-out episode, where a video can be made

@@ -17,6 +17,7 @@ from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.loggers import LOGGERS
 
 
 def _composed(*overrides):
@@ -82,7 +83,21 @@ def test_a_curriculum_is_a_group_of_keys():
     assert config.training.curriculum == CurriculumConfig(enabled=True, lower_at=0.2)
 
 
+@pytest.mark.parametrize("name", LOGGERS)
+def test_loggers(name):
+    config = training_config(_composed(f"logger={name}"))
+    assert config.logger == LOGGERS[name]()
+    # a resumed run has the one that it was started with
+    assert training_config(training_record(config)).logger == config.logger
+
+
+def test_a_logger_that_does_not_exist_is_an_error():
+    with pytest.raises(ValueError, match=r"logger.name must be one of 'none', 'wandb', 'mlflow'"):
+        training_config({**_composed(), "logger": {"name": "wanb"}})
+
+
 def test_every_file_is_tested_above():
+    assert _names("logger") == {"none", *LOGGERS}
     assert _names("algo") == set(ALGORITHMS)
     assert _names("physics") == set(PHYSICS_PRESETS)
     assert _names("randomisation") == set(RANDOMISATIONS)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from flyrl.policies.bundle import PolicyFileError
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
+from flyrl.training.loggers import MlflowConfig
 from flyrl.training.runs import read_run
 from tests.training.folders import make_run
 
@@ -31,6 +34,20 @@ def test_a_run_is_repeated_to_the_bit(tmp_path, capsys):
     assert output[:2] == ["policy: identical, bit for bit", "evaluations: identical"]
     repeat = output[-1].removeprefix("repeat: ")
     assert main(["reproduce", str(original.folder), "--repeat", repeat]) == 0
+
+
+def test_a_repeat_is_told_to_no_service(tmp_path, monkeypatch, capsys):
+    import mlflow
+
+    monkeypatch.setenv("MLFLOW_ALLOW_FILE_STORE", "true")
+    monkeypatch.setenv("MLFLOW_DISABLE_TELEMETRY", "true")
+    logger = MlflowConfig(tracking_uri=(tmp_path / "store").as_uri())
+    original = train(replace(TINY, logger=logger), tmp_path)
+    assert main(["reproduce", str(original.folder), "--runs-folder", str(tmp_path / "again")]) == 0
+    repeat = capsys.readouterr().out.splitlines()[-1].removeprefix("repeat: ")
+    assert main(["reproduce", str(original.folder), "--repeat", repeat]) == 0
+    client = mlflow.MlflowClient(tracking_uri=logger.tracking_uri)
+    assert len(client.search_runs([client.get_experiment_by_name("flyrl").experiment_id])) == 1
 
 
 def test_other_parameters_are_told_with_the_largest_difference(tmp_path):
