@@ -29,6 +29,7 @@ METRICS: Final[dict[str, str]] = {
     "duration_s": "simulated time until the episode ended, s",
     "time_to_goal_s": "time until success, s; none without success",
     "displacement_mm": "distance from start to end, as the crow flies, mm",
+    "advance_mm": "how far the fly came along the world's x axis, which traverse asks for, mm",
     "path_length_mm": "length of the path walked, from point to point every 0.1 s, mm",
     "path_efficiency": "displacement ÷ path length",
     "speed_mm_s": "displacement ÷ time, mm/s; failures over the full horizon",
@@ -38,6 +39,18 @@ METRICS: Final[dict[str, str]] = {
     "goal_progress_mm": "how much closer to the goal the fly ended than it started, mm",
 }
 """Name of every metric of an episode, and what it means."""
+
+COMPARED: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
+"""What controllers are compared by, episode by episode, unless the task has metrics of its own."""
+
+_COMPARED_IN_TASK: Final = {
+    "traverse": ("success", "time_to_goal_s", "advance_mm", "return"),
+}
+
+
+def compared_metrics(task: str) -> tuple[str, ...]:
+    """Names of the metrics that controllers are compared by in a task, `success` first."""
+    return _COMPARED_IN_TASK.get(task, COMPARED)
 
 
 def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
@@ -52,6 +65,7 @@ def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
         "duration_s": float(record.duration_s),
         "time_to_goal_s": float(record.duration_s) if record.success else None,
         "displacement_mm": displacement,
+        "advance_mm": float(position[-1, 0] - position[0, 0]),
         "path_length_mm": path,
         # The chord of a sampled path is never longer than the path; rounding may say so.
         "path_efficiency": min(1.0, displacement / path) if path > 0 else None,

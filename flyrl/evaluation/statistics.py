@@ -17,19 +17,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from flyrl.evaluation.metrics import METRICS
+from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.rollouts.records import OUTCOMES
 
 CONFIDENCE: Final = 0.95
 MIN_PAIRS: Final = 5
 MIN_RUNS: Final = 5
 RESAMPLES: Final = 9999
-
-PAIRED_METRICS: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
-"""What controllers are compared by, episode by episode.
-
-An episode without success counts its full horizon as time to goal, so that every pair counts.
-"""
 
 Row = Mapping[str, Any]
 
@@ -214,10 +208,11 @@ def summarise_controller(rows: Sequence[Row]) -> dict[str, Any]:
 def paired_differences(
     own: Mapping[int, Row], others: Mapping[int, Row], horizon_s: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Mean differences own - other with intervals, one per metric of `PAIRED_METRICS`."""
+    """Mean differences own - other with intervals, one per metric that the task is compared by."""
+    task = next(iter(own.values()))["task"]
     return {
         metric: asdict(paired_difference(paired_values(own, others, metric, horizon_s), rng))
-        for metric in PAIRED_METRICS
+        for metric in compared_metrics(task)
     }
 
 
@@ -225,6 +220,8 @@ def paired_values(
     own: Mapping[int, Row], others: Mapping[int, Row], metric: str, horizon_s: float
 ) -> list[float]:
     """Differences own - other of `metric` over the episodes that both walked.
+
+    An episode without success counts its full horizon as time to goal, so that every pair counts.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flyrl.evaluation.results import Json, Trajectory
-from flyrl.evaluation.statistics import PAIRED_METRICS, paired_values
+from flyrl.evaluation.statistics import paired_values
 from flyrl.report.palette import colours, marker, themed
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT
@@ -31,6 +31,7 @@ METRIC_LABELS: Final = {
     "speed_mm_s": "speed (mm/s)",
     "return": "return",
     "displacement_mm": "displacement (mm)",
+    "advance_mm": "way along +x (mm)",
     "path_efficiency": "path efficiency",
 }
 MAX_DOTS: Final = 400
@@ -116,7 +117,7 @@ def distributions_figure(
     rows: Sequence[Json],
     terrain: str,
     horizon_s: float,
-    metrics: Sequence[str] = ("time_to_goal_s", "speed_mm_s", "return"),
+    metrics: Sequence[str],
 ) -> str:
     """Every episode as a dot, with median and quartiles; a panel per metric.
 
@@ -147,13 +148,13 @@ def paired_figure(
     summary: Sequence[Json],
     terrain: str,
     horizon_s: float,
-    metrics: Sequence[str] = PAIRED_METRICS,
 ) -> str:
     """Differences to the reference, episode by episode, with the mean and its interval."""
     compared = [row for row in summary if row["terrain"] == terrain and row["paired"]]
     if not compared:
         return ""
     reference = compared[0]["paired"]["reference"]
+    metrics = list(compared[0]["paired"]["differences"])
     names = [row["controller"] for row in compared]
     colour = colours(_names(summary))
     other = {row["episode"]: row for row in _select(rows, terrain, reference)}

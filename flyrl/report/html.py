@@ -12,10 +12,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from flyrl.envs.record import randomisation_text
-from flyrl.evaluation.metrics import METRICS
+from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.evaluation.results import Json, Results
 from flyrl.files import write_text
 from flyrl.report.figures import (
+    METRIC_LABELS,
     distributions_figure,
     paired_figure,
     success_figure,
@@ -74,6 +75,9 @@ def format_report(
         stylesheet=Markup(stylesheet()),
         colours=colours(names),
         metrics=METRICS,
+        shown=[*_spread_metrics(results.protocol), "path_efficiency"],
+        compared=compared_metrics(results.protocol["task"]),
+        labels=METRIC_LABELS,
         success_svg=Markup(success_figure(results.summary)),
         rows=[_table_row(row) for row in results.summary],
         terrains=[
@@ -106,6 +110,11 @@ def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:
         detail += f" Best of the others, {best}: "
         detail += f"{_rates([row for row in summary if row['controller'] == best])}."
     return f"{first} {verb} {_listed(parts)}.", detail
+
+
+def _spread_metrics(protocol: Json) -> list[str]:
+    """Metrics with more than two values that the task is compared by."""
+    return [metric for metric in compared_metrics(protocol["task"]) if metric != "success"]
 
 
 def _share(summary: Sequence[Json], name: str) -> float:
@@ -178,7 +187,11 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
     summary = [row for row in results.summary if row["terrain"] == terrain]
     return {
         "name": terrain,
-        "distributions": Markup(distributions_figure(results.episodes, terrain, horizon_s)),
+        "distributions": Markup(
+            distributions_figure(
+                results.episodes, terrain, horizon_s, _spread_metrics(results.protocol)
+            )
+        ),
         "trajectories": Markup(trajectories),
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),

@@ -3,7 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from flyrl.evaluation.metrics import METRICS, episode_metrics
+from flyrl.evaluation.metrics import METRICS, compared_metrics, episode_metrics
+from flyrl.report.figures import METRIC_LABELS
+from flyrl.tasks import TASKS
 from tests.synthetic import make_record
 
 
@@ -32,6 +34,19 @@ def test_swaying_within_a_stride_does_not_lengthen_the_path():
 def test_displacement_is_as_the_crow_flies():
     metrics = episode_metrics(make_record([(1, 1), (9, 9), (4, 5)]))
     assert metrics["displacement_mm"] == pytest.approx(5)
+
+
+def test_advance_is_along_x_alone():
+    metrics = episode_metrics(make_record([(1, 1), (9, 9), (4, -5)]))
+    assert metrics["advance_mm"] == pytest.approx(3)
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_tasks_are_compared_by_metrics_that_there_are(task):
+    success, *others = compared_metrics(task)
+    assert success == "success"
+    assert set(others) <= set(METRICS)
+    assert set(others) <= set(METRIC_LABELS)
 
 
 def test_height_does_not_count():

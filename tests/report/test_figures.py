@@ -31,7 +31,9 @@ def figures(results):
     ]
     return {
         "success": success_figure(results.summary),
-        "distributions": distributions_figure(results.episodes, "flat", HORIZON_S),
+        "distributions": distributions_figure(
+            results.episodes, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s", "return"]
+        ),
         "paired": paired_figure(results.episodes, results.summary, "flat", HORIZON_S),
         "trajectories": trajectories_figure(results.episodes, results.trajectories, goals, "flat"),
     }
