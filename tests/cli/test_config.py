@@ -18,6 +18,7 @@ from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.loggers import LOGGERS
+from flyrl.training.runs import flat
 
 
 def _composed(*overrides):
@@ -106,6 +107,25 @@ def test_every_file_is_tested_above():
     assert _names("launcher") == set(EXTRAS)
     assert _names("body") == {"current", "classic"}
     assert _names("task") == set(TASKS) - {"hybrid_turning"}
+
+
+@pytest.mark.parametrize("name", sorted(_names("tuned")))
+def test_tuned_settings_hold_for_their_task_and_algorithm_alone(name):
+    task, algo = next(
+        (task, algo) for task in TASKS for algo in ALGORITHMS if f"{task}_{algo}" == name
+    )
+    choices = [f"task={task}", f"algo={algo}"]
+    tuned, plain = _composed(*choices), _composed(*choices, "~tuned")
+    loaded = OmegaConf.load(configs_folder() / "tuned" / f"{name}.yaml")
+    own = flat(OmegaConf.to_container(loaded))
+    assert flat(tuned) == {**flat(plain), **own}
+    assert not own.items() & flat(plain).items()  # nothing is said that holds anyway
+    training_config(tuned)
+
+
+def test_a_setting_on_the_command_line_beats_the_tuned_one():
+    config = training_config(_composed("task=traverse", "algo.log_std_init=-3"))
+    assert config.algo.log_std_init == -3
 
 
 def test_a_key_reaches_the_settings():
