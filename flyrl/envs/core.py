@@ -35,6 +35,7 @@ from flyrl.tasks import (
     TaskState,
 )
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
+from flyrl.tasks.failures import failure_info
 from flyrl.terrains import TERRAINS, TerrainConfig, draw_ground, terrain_bounds
 from flyrl.validation import one_of
 
@@ -359,9 +360,6 @@ class BatchedEnv:
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
                 outcome[is_success] = SUCCESS
-        if self.task.has_goals:
-            # were it an end in itself, it would save what the rest of the time costs
-            terminated, truncated = terminated & ~is_unstable, truncated | is_unstable
         return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
     def snapshot(self) -> dict[str, Any]:
@@ -421,6 +419,10 @@ class BatchedEnv:
         """What the task's terms see now."""
         return self._task_state(self.fly_state)
 
+    def failure_info(self) -> dict[str, NDArray[Any]]:
+        """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
+        return failure_info(self.task_state()) if self.task.has_goals else {}
+
     def _lay_ground(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Lay the ground of episodes that start, where the terrain is random."""
         terrain = self.config.scene.terrain
@@ -475,10 +477,9 @@ class BatchedEnv:
         if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
         if self._max_decisions is None:
-            remaining_s = np.full(self.num_envs, np.inf)
+            decisions_left = np.full(self.num_envs, np.inf)
         else:
-            remaining = self._max_decisions - self._decisions
-            remaining_s = remaining * self.config.decision_interval_s
+            decisions_left = (self._max_decisions - self._decisions).astype(np.float64)
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
@@ -489,7 +490,8 @@ class BatchedEnv:
             command=command,
             totals=totals,
             means=self._means,
-            remaining_s=remaining_s,
+            decisions_left=decisions_left,
+            decision_interval_s=self.config.decision_interval_s,
             bounds=self._bounds,
         )
 
