@@ -2,162 +2,34 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any, cast
+from dataclasses import asdict, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.bodies.fly import FlyConfig
-from flyrl.bodies.table import BodyName
-from flyrl.controllers.leg_controller import ControllerConfig, ControllerName, initial_state
+from flyrl.controllers.leg_controller import initial_state
+from flyrl.envs.config import EnvConfig, Observation, Transition
 from flyrl.envs.noise import SensorNoise, generator
 from flyrl.simulation.batch import FlyBatch
-from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
-from flyrl.simulation.randomisation import (
-    RANDOMISATIONS,
-    UNVARIED,
-    Randomisation,
-    RandomisationConfig,
-)
-from flyrl.simulation.scene import STEPS_OF_BODY, Scene, SceneConfig, build_scene
+from flyrl.simulation.randomisation import UNVARIED, Randomisation
+from flyrl.simulation.scene import Scene, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import (
     ACHIEVED_GOAL,
     DESIRED_GOAL,
     RUNNING,
     SUCCESS,
-    TASKS,
     TIMEOUT,
     UNSTABLE,
     Episode,
-    Task,
     TaskState,
 )
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
-from flyrl.terrains import TERRAINS, TerrainConfig, draw_ground, terrain_bounds
-from flyrl.validation import one_of
+from flyrl.tasks.failures import failure_info
+from flyrl.terrains import draw_ground, terrain_bounds
 
-Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
-
-
-@dataclass(frozen=True)
-class EnvConfig:
-    """Everything that makes an environment.
-
-    Parameters
-    ----------
-    task
-        A name in `flyrl.tasks.TASKS`, or a task of your own.
-    body, terrain, controller
-        Configs, or the name that picks one with default settings (of a terrain: one in
-        `flyrl.terrains.TERRAINS`). With None, the controller is the hybrid one whose recorded
-        step goes with the body.
-    physics
-        Settings, or the name of a preset.
-    decision_interval
-        s for which a decision is held; None takes the task's. A multiple of the physics step.
-    randomisation
-        Ranges that the fly of every episode is drawn from, or the name of some.
-    """
-
-    task: str | Task = "target"
-    body: str | FlyConfig = "current"
-    terrain: str | TerrainConfig = "flat"
-    controller: str | ControllerConfig | None = None
-    physics: str | PhysicsConfig = "balanced"
-    decision_interval: float | None = None
-    randomisation: str | RandomisationConfig = "none"
-
-    resolved_task: Task = field(init=False, repr=False)
-    resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
-    scene: SceneConfig = field(init=False, repr=False)
-    steps_per_decision: int = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        task = self.task
-        if isinstance(task, str):
-            task = TASKS[one_of("task", task, TASKS)]
-        body = (
-            FlyConfig(name=cast(BodyName, self.body)) if isinstance(self.body, str) else self.body
-        )
-        terrain = self.terrain
-        if isinstance(terrain, str):
-            terrain = TERRAINS[one_of("terrain", terrain, TERRAINS)]
-        controller = self.controller
-        if controller is None or isinstance(controller, str):
-            controller = ControllerConfig(
-                name=cast(ControllerName, controller or "hybrid"),
-                steps=STEPS_OF_BODY[body.name],
-            )
-        physics = self.physics
-        if isinstance(physics, str):
-            physics = PHYSICS_PRESETS[one_of("physics", physics, PHYSICS_PRESETS)]
-        interval = self.decision_interval
-        if interval is None:
-            interval = task.decision_interval_s or physics.timestep
-        steps = round(interval / physics.timestep)
-        if steps < 1 or abs(steps * physics.timestep - interval) > 1e-9:
-            raise ValueError(
-                f"decision_interval is {interval} s; it must be a positive multiple of the physics "
-                f"time step, {physics.timestep} s"
-            )
-        drawn_from = self.randomisation
-        if isinstance(drawn_from, str):
-            drawn_from = RANDOMISATIONS[one_of("randomisation", drawn_from, RANDOMISATIONS)]
-        is_sensed = any(term.spreads().any() for term in task.observation)
-        if drawn_from.sensor_noise and not is_sensed:
-            raise ValueError(
-                f"randomisation.sensor_noise is {drawn_from.sensor_noise}; it must be 0 in the "
-                f"task {task.name!r}, none of whose observation terms has a spread"
-            )
-        # with every drive another, as many are on their way as are decided on meanwhile
-        places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
-        object.__setattr__(self, "resolved_task", task)
-        object.__setattr__(self, "resolved_randomisation", drawn_from)
-        object.__setattr__(self, "scene", SceneConfig(body, terrain, controller, physics, places))
-        object.__setattr__(self, "steps_per_decision", steps)
-
-    @property
-    def decision_interval_s(self) -> float:
-        """How long a decision is held, s."""
-        return self.steps_per_decision * self.scene.physics.timestep
-
-    def sample_episode(self, seed: int, difficulty: float = 1.0) -> Episode:
-        """Draw the episode with a seed: the task's, of a fly from the ranges."""
-        episode = self.resolved_task.sample_episode(self.scene.terrain, seed, difficulty)
-        return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
-
-
-@dataclass(frozen=True)
-class Transition:
-    """What one decision led to, for every simulation of a batch.
-
-    Attributes
-    ----------
-    observation
-        float32, (n, size), or a dict of (n, ...) arrays; see `Task.is_flat`.
-    reward
-        (n,).
-    terminated, truncated
-        (n,); the outcome and success below are final where one of them holds.
-    outcome
-        "running", "timeout", "unstable" or the name of the task's termination, (n,).
-    is_success
-        (n,).
-    """
-
-    observation: Observation
-    reward: NDArray[np.float64]
-    terminated: NDArray[np.bool_]
-    truncated: NDArray[np.bool_]
-    outcome: NDArray[np.str_]
-    is_success: NDArray[np.bool_]
-
-    @property
-    def done(self) -> NDArray[np.bool_]:
-        """Whether the episode ended, (n,)."""
-        return self.terminated | self.truncated
+__all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]
 
 
 class BatchedEnv:
@@ -359,9 +231,6 @@ class BatchedEnv:
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
                 outcome[is_success] = SUCCESS
-        if self.task.has_goals:
-            # were it an end in itself, it would save what the rest of the time costs
-            terminated, truncated = terminated & ~is_unstable, truncated | is_unstable
         return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
 
     def snapshot(self) -> dict[str, Any]:
@@ -421,6 +290,10 @@ class BatchedEnv:
         """What the task's terms see now."""
         return self._task_state(self.fly_state)
 
+    def failure_info(self) -> dict[str, NDArray[Any]]:
+        """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
+        return failure_info(self.task_state()) if self.task.has_goals else {}
+
     def _lay_ground(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Lay the ground of episodes that start, where the terrain is random."""
         terrain = self.config.scene.terrain
@@ -475,10 +348,9 @@ class BatchedEnv:
         if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
         if self._max_decisions is None:
-            remaining_s = np.full(self.num_envs, np.inf)
+            decisions_left = np.full(self.num_envs, np.inf)
         else:
-            remaining = self._max_decisions - self._decisions
-            remaining_s = remaining * self.config.decision_interval_s
+            decisions_left = (self._max_decisions - self._decisions).astype(np.float64)
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
@@ -489,7 +361,8 @@ class BatchedEnv:
             command=command,
             totals=totals,
             means=self._means,
-            remaining_s=remaining_s,
+            decisions_left=decisions_left,
+            decision_interval_s=self.config.decision_interval_s,
             bounds=self._bounds,
         )
 

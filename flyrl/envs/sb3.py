@@ -20,7 +20,8 @@ class FlyVecEnv(VecEnv):
 
     An episode that ends is reset at once; `infos` then carries "terminal_observation",
     "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
-    would, and "difficulty". "outcome" and "is_success" are there at every step.
+    would, and "difficulty". "outcome" and "is_success" are there at every step; in a task with
+    goals "is_failure" and "decisions_lost", too (see `FlyEnv`).
 
     Parameters
     ----------
@@ -79,6 +80,9 @@ class FlyVecEnv(VecEnv):
             {"outcome": str(outcome), "is_success": bool(is_success)}
             for outcome, is_success in zip(transition.outcome, transition.is_success, strict=True)
         ]
+        for key, values in self.core.failure_info().items():
+            for info, value in zip(infos, values.tolist(), strict=True):
+                info[key] = value
         ended = np.flatnonzero(transition.done)
         for i in ended:
             terminal = (
@@ -150,12 +154,12 @@ class FlyVecEnv(VecEnv):
         return [result for _ in self._get_indices(indices)]
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Reward for goals (n, k) as observed, as in Gymnasium's GoalEnv; `info` has no say."""
-        return self.core.task.compute_reward(achieved_goal, desired_goal)
+        """Reward for goals (n, k) as observed and their `info`s, as in Gymnasium's GoalEnv."""
+        return self.core.task.compute_reward(achieved_goal, desired_goal, info)
 
     def compute_terminated(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Whether an episode ends with goals (n, k) as observed; `info` has no say."""
-        return self.core.task.compute_terminated(achieved_goal, desired_goal)
+        """Whether an episode ends with goals (n, k) as observed and their `info`s."""
+        return self.core.task.compute_terminated(achieved_goal, desired_goal, info)
 
     def env_is_wrapped(
         self,

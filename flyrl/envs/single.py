@@ -36,7 +36,8 @@ class FlyEnv(gymnasium.Env[Any, Any]):
     `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
     "is_success" and "time_s"; on random terrain also "ground". A task with a termination of its
     own has one more outcome. After a reset there is "randomisation" too, unless the fly is the
-    scene's own.
+    scene's own. In a task with goals there are also "is_failure" and "decisions_lost" (how many
+    before the time limit the failure cut off; 0 without one).
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ class FlyEnv(gymnasium.Env[Any, Any]):
             self._np_random, self._np_random_seed = seeding.np_random(seed)
         episode = episode_with_options(self.core.draw_episode(0, seed), options)
         observation = self.core.reset(episodes=[episode])
-        info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._ground()}
+        info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._facts()}
         if episode.randomisation != UNVARIED:
             info["randomisation"] = asdict(episode.randomisation)
         return _first(observation), info
@@ -80,15 +81,16 @@ class FlyEnv(gymnasium.Env[Any, Any]):
                 "outcome": str(transition.outcome[0]),
                 "is_success": bool(transition.is_success[0]),
                 "time_s": float(self.core.fly_state.time[0]),
-                **self._ground(),
+                **self._facts(),
             },
         )
 
-    def _ground(self) -> dict[str, int]:
-        if not self.config.scene.terrain.random:
-            return {}
-        (ground,) = self.core.grounds()
-        return {"ground": int(ground)}
+    def _facts(self) -> dict[str, Any]:
+        facts = {key: values[0].item() for key, values in self.core.failure_info().items()}
+        if self.config.scene.terrain.random:
+            (ground,) = self.core.grounds()
+            facts["ground"] = int(ground)
+        return facts
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the fly, (480, 640, 3), or None without a render mode."""
@@ -110,12 +112,12 @@ class FlyGoalEnv(FlyEnv):
     """One fly in a task with goals: a GoalEnv, as Gymnasium-Robotics and SB3 know it."""
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Reward for goals (..., k) as observed, as in Gymnasium's GoalEnv; `info` has no say."""
-        return self.core.task.compute_reward(achieved_goal, desired_goal)
+        """Reward for goals (..., k) as observed and their `info`s, as in Gymnasium's GoalEnv."""
+        return self.core.task.compute_reward(achieved_goal, desired_goal, info)
 
     def compute_terminated(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Whether an episode ends with goals (..., k) as observed; `info` has no say."""
-        return self.core.task.compute_terminated(achieved_goal, desired_goal)
+        """Whether an episode ends with goals (..., k) as observed and their `info`s."""
+        return self.core.task.compute_terminated(achieved_goal, desired_goal, info)
 
 
 def _first(observation: Observation) -> Any:

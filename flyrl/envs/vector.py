@@ -124,7 +124,8 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         elif transition.done.any():
             ids = np.flatnonzero(transition.done)
             info["final_obs"] = _rows(observation, transition.done)
-            info["final_info"] = {name: info[name].copy() for name in ("outcome", "is_success")}
+            names = ("outcome", "is_success", *self.core.failure_info())
+            info["final_info"] = {name: info[name].copy() for name in names}
             info["_final_obs"] = info["_final_info"] = transition.done.copy()
             observation = self.core.reset(ids=ids)
             self._elapsed_steps[ids] = 0
@@ -160,11 +161,12 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
 
     def _info(self, outcome: NDArray[np.str_], is_success: NDArray[np.bool_]) -> dict[str, Any]:
         everyone = np.ones(self.num_envs, dtype=bool)
-        ground: dict[str, Any] = {}
+        facts: dict[str, Any] = self.core.failure_info()
         if self.config.scene.terrain.random:
-            ground = {"ground": self.core.grounds(), "_ground": everyone.copy()}
+            facts["ground"] = self.core.grounds()
         return {
-            **ground,
+            **facts,
+            **{f"_{name}": everyone.copy() for name in facts},
             "outcome": outcome.astype(object),
             "_outcome": everyone,
             "is_success": is_success,

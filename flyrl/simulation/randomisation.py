@@ -124,6 +124,8 @@ class RandomisationConfig:
 
     def draw(self, seed: int) -> Randomisation:
         """Draw the fly of the episode with a seed; a range changes no draw but its own."""
+        if all(getattr(self, name) is None for name in _DRAWN):
+            return Randomisation(sensor_noise=self.sensor_noise)
         shares = np.random.default_rng([seed, _STREAM]).random(len(_DRAWN))
         drawn = {}
         for name, share in zip(_DRAWN, shares, strict=True):

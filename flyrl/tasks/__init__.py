@@ -12,9 +12,11 @@ from flyrl.tasks.target import TARGET
 from flyrl.tasks.target_goal import TARGET_GOAL
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
+    DECISIONS_LOST,
     DESIRED_GOAL,
     DRIVE_HIGH,
     DRIVE_LOW,
+    IS_FAILURE,
     RUNNING,
     SUCCESS,
     TIMEOUT,
@@ -37,10 +39,12 @@ TASKS: Final = {
 
 __all__ = [
     "ACHIEVED_GOAL",
+    "DECISIONS_LOST",
     "DESIRED_GOAL",
     "DRIVE_HIGH",
     "DRIVE_LOW",
     "FAILURES",
+    "IS_FAILURE",
     "RUNNING",
     "SUCCESS",
     "TASKS",

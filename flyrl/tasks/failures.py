@@ -5,7 +5,15 @@ from typing import Final
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.task import Array, RewardTerm, TaskState, Termination
+from flyrl.tasks.task import (
+    DECISIONS_LOST,
+    IS_FAILURE,
+    Array,
+    Mask,
+    RewardTerm,
+    TaskState,
+    Termination,
+)
 
 FAILURES: Final = (
     Termination("fall", terms.has_fallen),
@@ -13,12 +21,27 @@ FAILURES: Final = (
 )
 
 
-def time_lost(state: TaskState) -> Array:
-    """Time left, s, where the fly failed or its physics blew up, else 0, (n,)."""
-    is_lost = state.fly.is_unstable.copy()
+def has_failed(state: TaskState) -> Mask:
+    """Whether the fly failed or its physics blew up, (n,)."""
+    is_failure = state.fly.is_unstable.copy()
     for failure in FAILURES:
-        is_lost |= failure.holds(state)
-    return np.where(is_lost, state.remaining_s, 0.0)
+        is_failure |= failure.holds(state)
+    return is_failure
+
+
+def decisions_lost(state: TaskState) -> Array:
+    """Decisions left where the fly failed, else 0, (n,)."""
+    return np.where(has_failed(state), state.decisions_left, 0.0)
+
+
+def time_lost(state: TaskState) -> Array:
+    """Time left, s, where the fly failed, else 0, (n,)."""
+    return np.where(has_failed(state), state.remaining_s, 0.0)
+
+
+def failure_info(state: TaskState) -> dict[str, Array | Mask]:
+    """What replay with other goals must know of a decision besides its goals, (n,) by key."""
+    return {IS_FAILURE: has_failed(state), DECISIONS_LOST: decisions_lost(state)}
 
 
 def lost_time(weight: float) -> RewardTerm:

@@ -4,9 +4,11 @@ Goals are places in the world frame, in units of GOAL_UNIT, so that any place wh
 could have been its goal. The heading is observed beside them: with it, a policy can tell where the
 goal lies from the fly.
 
-Every decision costs the same until the goal is reached, and nothing else ends an episode early:
-were a fall to end it, falling would save what the rest of the time costs. A fly that fell or left
-the arena goes on from where it is.
+Every decision costs the same until the goal is reached. A failure ends the episode too, and costs
+what the decisions that it cuts off would have cost the fly where it is, so that it saves nothing.
+That holds wherever the goal is: of a decision that reaches its goal and fails, the rest is charged
+all the same. Hindsight would otherwise make successes of failures, since the place where a fly
+failed is the goal that its last decision is replayed with.
 """
 
 from typing import Final
@@ -15,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.tasks import terms
+from flyrl.tasks.failures import FAILURES, decisions_lost
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import TARGET, sample_episode
 from flyrl.tasks.task import (
@@ -64,9 +67,19 @@ def is_reached(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Mask:
     return np.asarray(distance(achieved_goal, desired_goal) < terms.REACH)
 
 
-def is_away(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Array:
+def is_away(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
     """1 where goals (..., 2) do not lie within REACH of each other, else 0, (...)."""
     return np.asarray(~is_reached(achieved_goal, desired_goal), dtype=np.float64)
+
+
+def distances(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
+    """Distance between goals (..., 2), mm, for this decision and each that is lost, (...)."""
+    return np.asarray(distance(achieved_goal, desired_goal) * (1.0 + np.asarray(lost)))
+
+
+def is_lost(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
+    """Decisions that are lost, whatever the goals, (...)."""
+    return np.asarray(lost, dtype=np.float64)
 
 
 def _goals(state: TaskState) -> tuple[ArrayLike, ArrayLike]:
@@ -81,12 +94,12 @@ def at_goal(state: TaskState) -> Mask:
 
 def away(state: TaskState) -> Array:
     """1 where the goal is not reached, as the goals are observed, (n,)."""
-    return is_away(*_goals(state))
+    return is_away(*_goals(state), 0.0)
 
 
-def goal_distance(state: TaskState) -> Array:
-    """Distance to the goal, as the goals are observed, mm, (n,)."""
-    return distance(*_goals(state))
+def goal_distances(state: TaskState) -> Array:
+    """Distance to the goal as observed, mm, for this decision and each that is lost, (n,)."""
+    return distances(*_goals(state), decisions_lost(state))
 
 
 TARGET_GOAL: Final = Task(
@@ -102,9 +115,19 @@ TARGET_GOAL: Final = Task(
     is_flat=False,
     reward=(
         RewardTerm("away", -1.0, away, "1 where the target is not reached", is_away),
-        RewardTerm("distance", 0.0, goal_distance, "mm to the target", distance),
+        RewardTerm(
+            "distance", 0.0, goal_distances,
+            "mm to the target, for this decision and each that a failure cuts off", distances,
+        ),
+        # no failure may save the decisions that it cuts off
+        RewardTerm(
+            "lost_time", -1.0, decisions_lost, "decisions left when the fly fails", is_lost
+        ),
     ),
-    terminations=(Termination(SUCCESS, at_goal),),
+    terminations=(
+        Termination(SUCCESS, at_goal),
+        *FAILURES,
+    ),
     time_limit_s=TARGET.time_limit_s,
     decision_interval_s=TARGET.decision_interval_s,
     action_low=TARGET.action_low,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,11 @@ ACHIEVED_GOAL: Final = "achieved_goal"
 DESIRED_GOAL: Final = "desired_goal"
 """Names of the first two observation terms of a task with goals, as in Gymnasium's GoalEnv."""
 
+IS_FAILURE: Final = "is_failure"
+DECISIONS_LOST: Final = "decisions_lost"
+"""Keys of `info` in a task with goals: whether the fly failed, and how many decisions before the
+time limit that cut off (0 without a failure)."""
+
 _OF_THE_ENVIRONMENT: Final = (RUNNING, TIMEOUT, UNSTABLE)
 
 
@@ -47,8 +52,10 @@ class TaskState:
         What each reward term has added up to in this episode, unweighted, (n,) by name.
     means
         The task's running means, (n, size) by name.
-    remaining_s
-        Time left before the time limit, s, (n,); infinite without one.
+    decisions_left
+        Decisions left before the time limit, (n,); infinite without one.
+    decision_interval_s
+        How long a decision is held, s.
     bounds
         The terrain's extent.
     """
@@ -59,8 +66,14 @@ class TaskState:
     command: Array
     totals: Mapping[str, Array]
     means: Mapping[str, Array]
-    remaining_s: Array
+    decisions_left: Array
+    decision_interval_s: float
     bounds: Bounds
+
+    @property
+    def remaining_s(self) -> Array:
+        """Time left before the time limit, s, (n,); infinite without one."""
+        return self.decisions_left * self.decision_interval_s
 
 
 @dataclass(frozen=True)
@@ -119,14 +132,15 @@ class RewardTerm:
     """A named part of the reward; it counts `weight` times, once per decision.
 
     `compute` gives (n,). In a task with goals, `of_goals` gives the same, to the bit, from the
-    goals achieved and desired as they are observed, (..., size of a goal) each, for any goals.
+    goals achieved and desired as they are observed, (..., size of a goal) each, and from the
+    decisions that a failure cut off, (...), for any goals.
     """
 
     name: str
     weight: float
     compute: Callable[[TaskState], Array]
     description: str
-    of_goals: Callable[[ArrayLike, ArrayLike], Array] | None = None
+    of_goals: Callable[[ArrayLike, ArrayLike, ArrayLike], Array] | None = None
 
     def __post_init__(self) -> None:
         number(f"weight of {self.name!r}", self.weight)
@@ -210,8 +224,8 @@ class Task:
     is_reached
         Makes a task one with goals, as in Gymnasium's GoalEnv: whether achieved goals are the
         desired ones, as they are observed, (..., size of a goal) each. The first two observation
-        terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and `is_reached` is what terminates an
-        episode: the time and physics that diverge truncate it.
+        terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and an episode terminates where `is_reached`
+        holds or the fly fails (see `flyrl.tasks.FAILURES`).
     succeeds_in_time
         Whether an episode that lasts until the time limit is a success then; without it, none is.
     means
@@ -254,13 +268,16 @@ class Task:
         """Whether an observation is one vector, or goals and a vector: what policies take."""
         return self.is_flat or self.has_goals
 
-    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Array:
+    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any) -> Array:
         """Reward of having achieved a goal when another was desired, in a task with goals.
 
         Parameters
         ----------
         achieved_goal, desired_goal
             As they are observed, (..., size of a goal).
+        info
+            What the environment tells of the same decisions, of which `DECISIONS_LOST` counts: one
+            dict, of numbers or of arrays (...), or dicts (...).
 
         Returns
         -------
@@ -269,28 +286,36 @@ class Task:
         Raises
         ------
         ValueError
-            A reward term that does not follow from the goals.
+            A reward term that does not follow from the goals, or an `info` without the key.
         """
+        decisions_lost = _of_info(info, DECISIONS_LOST)
         reward = np.zeros(np.shape(achieved_goal)[:-1])
         for term in self.reward:
             if term.of_goals is None:
                 raise ValueError(
                     f"the reward term {term.name!r} of {self.name} does not follow from the goals"
                 )
-            reward = reward + term.weight * term.of_goals(achieved_goal, desired_goal)
+            reward = reward + term.weight * term.of_goals(
+                achieved_goal, desired_goal, decisions_lost
+            )
         return reward
 
-    def compute_terminated(self, achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Mask:
+    def compute_terminated(
+        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any
+    ) -> Mask:
         """Whether it ends an episode to have achieved a goal when another was desired, (...).
+
+        The parameters are those of `compute_reward`; of `info`, `IS_FAILURE` counts.
 
         Raises
         ------
         ValueError
-            A task without goals.
+            A task without goals, or an `info` without the key.
         """
         if self.is_reached is None:
             raise ValueError(f"task {self.name!r} has no goals")
-        return self.is_reached(achieved_goal, desired_goal)
+        is_failure = _of_info(info, IS_FAILURE).astype(bool)
+        return np.asarray(self.is_reached(achieved_goal, desired_goal) | is_failure)
 
     def drive(self, action: Array) -> Array:
         """Map actions to drives (left, right), clipped to the action's range, (n, 2)."""
@@ -310,3 +335,17 @@ class Task:
             term.name: slice(int(end) - term.size, int(end))
             for term, end in zip(self.observation, ends, strict=True)
         }
+
+
+def _of_info(info: Any, key: str) -> NDArray[Any]:
+    """Values of a key: of one dict, or of each of several."""
+    try:
+        if isinstance(info, Mapping):
+            return np.asarray(info[key])
+        infos = np.asarray(info, dtype=object)
+        return np.array([each[key] for each in infos.flat]).reshape(infos.shape)
+    except (KeyError, TypeError):
+        raise ValueError(
+            f"info must be what step() gave for these decisions, with the key {key!r} "
+            f"(of Stable-Baselines3's HerReplayBuffer: copy_info_dict=True), got {info!r:.80}"
+        ) from None

@@ -25,7 +25,7 @@ from stable_baselines3.her import HerReplayBuffer
 from flyrl.files import write_bytes
 
 SUFFIX: Final = ".pt"
-_FORMAT: Final = 3
+_FORMAT: Final = 4
 
 _COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 _LAST: Final = ("_last_obs", "_last_original_obs", "_last_episode_starts")
@@ -37,7 +37,7 @@ _BUFFER_ARRAYS: Final[tuple[str, ...]] = (
     "dones",
     "timeouts",
 )
-_HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length")
+_HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length", "failures")
 
 
 class ResumeError(ValueError):

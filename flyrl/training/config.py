@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
+from flyrl.tasks import FAILURES
 from flyrl.training.algorithms import AlgorithmConfig, HindsightConfig, PPOConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.loggers import LoggerConfig
@@ -124,11 +125,12 @@ class TrainingConfig:
                 "(target_goal has goals)"
             )
         others = [term.name for term in task.reward if term.of_goals is None]
-        others += [end.outcome for end in task.terminations if not end.is_success]
+        ends = [end for end in task.terminations if end not in FAILURES]
+        others += [end.outcome for end in ends if not end.is_success]
         if others:
             raise ValueError(
-                "algo.her must be false unless goals decide all rewards and terminations, got true "
-                f"in {task.name!r} with {others[0]!r}"
+                "algo.her must be false unless goals and failures decide all rewards and "
+                f"terminations, got true in {task.name!r} with {others[0]!r}"
             )
         if task.time_limit_s is None:
             raise ValueError(f"algo.her must be false without a time limit, as in {task.name!r}")

@@ -5,7 +5,7 @@ import pytest
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.controllers.leg_controller import ControllerConfig
-from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.core import BatchedEnv, EnvConfig, Transition
 from flyrl.policies import OpenLoop
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import (
@@ -16,6 +16,7 @@ from flyrl.tasks import (
     RewardTerm,
     Task,
     Termination,
+    extended,
 )
 from flyrl.terrains import TERRAIN_NAMES
 
@@ -329,9 +330,12 @@ def test_rewards_and_ends_are_those_of_the_goals_observed() -> None:
         transition = env.step(straight)
         goals = (transition.observation[name] for name in ("achieved_goal", "desired_goal"))
         achieved, desired = goals
-        np.testing.assert_array_equal(transition.reward, env.task.compute_reward(achieved, desired))
+        info = env.failure_info()
         np.testing.assert_array_equal(
-            transition.terminated, env.task.compute_terminated(achieved, desired)
+            transition.reward, env.task.compute_reward(achieved, desired, info)
+        )
+        np.testing.assert_array_equal(
+            transition.terminated, env.task.compute_terminated(achieved, desired, info)
         )
         if transition.done[0]:
             break
@@ -339,17 +343,72 @@ def test_rewards_and_ends_are_those_of_the_goals_observed() -> None:
     assert transition.reward.tolist() == [0.0, -1.0]
 
 
-def test_falling_or_diverging_saves_nothing_in_a_task_with_goals() -> None:
-    env = BatchedEnv(EnvConfig(task="target_goal", physics=FAST), 3)
-    env.reset(seeds=[0, 1, 2])
+def fail(env: BatchedEnv) -> Transition:
+    """Let the first three flies fall, diverge and leave the arena, in one decision of all."""
     env.flies._qpos[0, 3:7] = [0, 1, 0, 0]
     env.flies._qvel[1, 20] = 1e13
     env.flies._qpos[2, 1] = 500.0
-    transition = env.step(np.zeros((3, 2)))
-    assert transition.outcome.tolist() == ["running", "unstable", "running"]
-    # cut off, so that what would have come counts
-    assert not transition.terminated.any()
-    assert transition.truncated.tolist() == [False, True, False]
+    return env.step(np.zeros((env.num_envs, 2)))
+
+
+@pytest.mark.parametrize("interval", [0.02, 0.05])
+def test_a_failure_ends_and_saves_nothing_in_a_task_with_goals(interval: float) -> None:
+    env = BatchedEnv(EnvConfig("target_goal", physics=FAST, decision_interval=interval), 4)
+    env.reset(seeds=[0, 1, 2, 3])
+    env.step(np.zeros((4, 2)))
+    transition = fail(env)
+    assert transition.outcome.tolist() == ["fall", "unstable", "left_arena", "running"]
+    assert transition.terminated.tolist() == [True, True, True, False]
+    assert not transition.truncated.any()
+    # as many as without the failure, but for the first
+    decisions = round(3.0 / interval)
+    assert transition.reward.tolist() == 3 * [-(decisions - 1)] + [-1]
+    info = env.failure_info()
+    assert info["is_failure"].tolist() == [True, True, True, False]
+    assert info["decisions_lost"].tolist() == 3 * [decisions - 2] + [0]
+
+
+def test_reaching_a_goal_in_a_failure_saves_nothing_either() -> None:
+    env = BatchedEnv(EnvConfig("target_goal", physics=FAST), 4)
+    env.reset(episodes=4 * [walk_to((0.0, 0.0))])
+    transition = fail(env)
+    assert transition.outcome.tolist() == ["success", "unstable", "left_arena", "success"]
+    assert transition.reward.tolist() == [-149, -149, -150, 0]
+    assert transition.terminated.all()
+
+
+def test_a_failure_at_the_time_limit_terminates() -> None:
+    task = dataclasses.replace(TASKS["target_goal"], time_limit_s=0.02)
+    env = BatchedEnv(EnvConfig(task, physics=FAST), 4)
+    env.reset(seeds=[0, 1, 2, 3])
+    transition = fail(env)
+    assert transition.terminated.tolist() == [True, True, True, False]
+    assert transition.truncated.tolist() == [False, False, False, True]
+    assert transition.reward.tolist() == 4 * [-1]
+    assert isinstance(transition.observation, dict)
+    achieved, desired = (transition.observation[f"{name}_goal"] for name in ("achieved", "desired"))
+    ends = env.task.compute_terminated(achieved, desired, env.failure_info())
+    assert ends.tolist() == transition.terminated.tolist()
+
+
+@pytest.mark.parametrize("is_reached", [False, True])
+def test_what_fails_is_rewarded_as_its_goals_and_info_tell(is_reached: bool) -> None:
+    task = extended(TASKS["target_goal"], {}, {"distance": -0.1})
+    env = BatchedEnv(EnvConfig(task, physics=FAST), 4)
+    env.reset(episodes=4 * [walk_to((0.0, 0.0) if is_reached else (8.0, 3.0))])
+    transition = fail(env)
+    assert isinstance(transition.observation, dict)
+    achieved, desired = (transition.observation[f"{name}_goal"] for name in ("achieved", "desired"))
+    info = env.failure_info()
+    np.testing.assert_array_equal(transition.reward, task.compute_reward(achieved, desired, info))
+    ends = task.compute_terminated(achieved, desired, info)
+    assert ends.tolist() == transition.terminated.tolist()
+
+
+def test_a_task_without_goals_tells_nothing_besides() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST), 1)
+    env.reset(seeds=[0])
+    assert env.failure_info() == {}
 
 
 def test_episodes_are_drawn_at_the_difficulty_of_the_batch() -> None:

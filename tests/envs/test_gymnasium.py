@@ -8,12 +8,15 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium
+from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
 import flyrl  # noqa: F401  (registers the ids)
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.single import FlyEnv, FlyGoalEnv
+from flyrl.envs.vector import FlyVectorEnv
 
 
 def warnings_of(check: object, env: gymnasium.Env) -> list[str]:
@@ -204,12 +207,66 @@ def test_sb3_vec_env_starts_as_the_single_environment_with_its_seed() -> None:
 def test_an_sb3_vec_env_computes_rewards_of_goals_for_every_fly() -> None:
     env = FlyVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
     achieved, desired = np.zeros((3, 2)), np.array([[0.0, 0.05], [1.0, 0.0], [0.2, 0.2]])
-    (rewards,) = env.env_method("compute_reward", achieved, desired, {}, indices=[0])
-    assert rewards.tolist() == [0, -1, -1]
-    ends = env.env_method("compute_terminated", achieved, desired, {})
-    assert [each.tolist() for each in ends] == 2 * [[True, False, False]]
+    infos = [{"is_failure": lost > 0, "decisions_lost": lost} for lost in (0, 0, 7)]
+    (rewards,) = env.env_method("compute_reward", achieved, desired, infos, indices=[0])
+    assert rewards.tolist() == [0, -1, -8]
+    ends = env.env_method("compute_terminated", achieved, desired, infos)
+    assert [each.tolist() for each in ends] == 2 * [[True, False, True]]
     with pytest.raises(NotImplementedError, match="no method 'render'"):
         env.env_method("render")
+
+
+def upturn(env: FlyEnv | FlyVectorEnv | FlyVecEnv) -> None:
+    env.core.flies._qpos[0, 3:7] = [0, 1, 0, 0]
+
+
+def test_a_goal_env_tells_in_info_what_a_failure_costs() -> None:
+    env = gymnasium.make("flyrl/TargetGoal-v0").unwrapped
+    assert isinstance(env, FlyGoalEnv)
+    _, info = env.reset(seed=0)
+    assert (info["is_failure"], info["decisions_lost"]) == (False, 0)
+    upturn(env)
+    observation, reward, terminated, truncated, info = env.step(np.zeros(2, dtype=np.float32))
+    assert (reward, terminated, truncated, info["outcome"]) == (-150, True, False, "fall")
+    assert (info["is_failure"], info["decisions_lost"]) == (True, 149)
+    goals = observation["achieved_goal"], observation["desired_goal"]
+    assert env.compute_reward(*goals, info) == reward
+    assert env.compute_terminated(*goals, info)
+
+
+def test_an_sb3_vec_env_tells_in_infos_what_a_failure_costs() -> None:
+    env = FlyVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
+    env.reset()
+    upturn(env)
+    observation, rewards, dones, infos = env.step(np.zeros((2, 2)))
+    assert dones.tolist() == [True, False]
+    assert not infos[0]["TimeLimit.truncated"]
+    assert [info["outcome"] for info in infos] == ["fall", "running"]
+    assert [info["is_failure"] for info in infos] == [True, False]
+    assert [info["decisions_lost"] for info in infos] == [149, 0]
+    assert isinstance(observation, dict)
+    observation["achieved_goal"][0] = infos[0]["terminal_observation"]["achieved_goal"]
+    observation["desired_goal"][0] = infos[0]["terminal_observation"]["desired_goal"]
+    goals = observation["achieved_goal"], observation["desired_goal"]
+    np.testing.assert_array_equal(env.compute_reward(*goals, np.array(infos)), rewards)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_a_vector_env_tells_in_info_what_a_failure_costs(mode: AutoresetMode) -> None:
+    env = FlyVectorEnv(2, task="target_goal", autoreset_mode=mode)
+    _, info = env.reset(seed=5)
+    assert info["is_failure"].tolist() == [False, False]
+    upturn(env)
+    _, rewards, terminated, _, info = env.step(np.zeros((2, 2), dtype=np.float32))
+    assert rewards.tolist() == [-150, -1]
+    assert terminated.tolist() == [True, False]
+    told = info["final_info"] if mode == AutoresetMode.SAME_STEP else info
+    assert told["is_failure"].tolist() == [True, False]
+    assert told["decisions_lost"].tolist() == [149, 0]
+    if mode == AutoresetMode.NEXT_STEP:
+        info = env.step(np.zeros((2, 2), dtype=np.float32))[-1]
+        assert info["is_failure"].tolist() == [False, False]
+        assert info["decisions_lost"].tolist() == [0, 0]
 
 
 def test_goals_of_a_task_without_goals_are_refused() -> None:

@@ -10,6 +10,16 @@ def test_without_ranges_every_fly_is_the_scenes_own() -> None:
     assert RandomisationConfig().draw(3) == UNVARIED == Randomisation(1, 1, 1, 1, 0, 0)
 
 
+def test_noise_needs_no_range() -> None:
+    assert RandomisationConfig(sensor_noise=0.1).draw(3) == Randomisation(sensor_noise=0.1)
+
+
+def test_draws_are_the_first_of_the_seeds_own_stream() -> None:
+    friction, *_, latency = np.random.default_rng([8, 171_006_537]).random(5)
+    drawn = RandomisationConfig(friction=(0.5, 1.5), drive_latency=(0.0, 0.05)).draw(8)
+    assert drawn == Randomisation(friction=0.5 + friction, drive_latency=0.05 * latency)
+
+
 def test_a_range_of_one_value_gives_this_value() -> None:
     config = RandomisationConfig((0.5, 0.5), (2, 2), (0.3, 0.3), (0, 0), 0.2, (0.05, 0.05))
     assert config.draw(11) == Randomisation(0.5, 2.0, 0.3, 0.0, 0.2, 0.05)

@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 
 from flyrl.tasks import RewardTerm, extended
+from flyrl.tasks.failures import failure_info
 from flyrl.tasks.target_goal import TARGET_GOAL, is_reached
-from tests.tasks.test_terms import fly_state, task_state
+from tests.tasks.test_terms import fly_state, task_state, turned
 
 # 5, 0.9 and 1.1 mm apart
 ACHIEVED = [[0.0, 0.0], [1.0, 1.0], [1.0, 1.0]]
 DESIRED = [[0.3, 0.4], [1.09, 1.0], [1.0, 1.11]]
+NO_FAILURE = {"is_failure": False, "decisions_lost": 0.0}
+FAILURES_OF_TWO = [
+    {"is_failure": True, "decisions_lost": 10.0},
+    {"is_failure": True, "decisions_lost": 20.0},
+    NO_FAILURE,
+]
+DENSE = extended(TARGET_GOAL, {}, {"away": -3.0, "distance": -0.1})
 
 
 def test_a_goal_is_reached_within_1_mm() -> None:
@@ -20,10 +28,55 @@ def test_a_goal_is_reached_within_1_mm() -> None:
 
 
 def test_the_reward_of_goals_is_weighed_as_the_tables() -> None:
-    assert TARGET_GOAL.compute_reward(ACHIEVED, DESIRED).tolist() == [-1, 0, -1]
-    task = extended(TARGET_GOAL, {}, {"away": -3.0, "distance": -0.1})
-    rewards = task.compute_reward(ACHIEVED, DESIRED)
+    assert TARGET_GOAL.compute_reward(ACHIEVED, DESIRED, NO_FAILURE).tolist() == [-1, 0, -1]
+    rewards = DENSE.compute_reward(ACHIEVED, DESIRED, NO_FAILURE)
     np.testing.assert_allclose(rewards, [-3.5, -0.09, -3.11])
+
+
+def test_a_failure_is_charged_for_the_decisions_lost_whatever_the_goal() -> None:
+    rewards = TARGET_GOAL.compute_reward(ACHIEVED, DESIRED, FAILURES_OF_TWO)
+    assert rewards.tolist() == [-1 - 10, -20, -1]
+    rewards = DENSE.compute_reward(ACHIEVED, DESIRED, FAILURES_OF_TWO)
+    np.testing.assert_allclose(rewards, [-3 - 11 * 0.5 - 10, -21 * 0.09 - 20, -3.11])
+
+
+def test_a_failure_costs_what_waiting_in_its_place_would() -> None:
+    weights = {term.name: term.weight for term in TARGET_GOAL.reward}
+    assert weights["lost_time"] == weights["away"] < 0
+    # 5 mm from the target, with 100 decisions left
+    state = task_state(fly_state(rotation_w=turned(roll=np.pi)), goal=[[3, 4]])
+    values = {term.name: float(term.compute(state)[0]) for term in TARGET_GOAL.reward}
+    assert values == pytest.approx({"away": 1, "distance": 101 * 5, "lost_time": 100})
+
+
+def test_reaching_a_goal_is_an_end_and_so_is_a_failure() -> None:
+    ends = TARGET_GOAL.compute_terminated(ACHIEVED, DESIRED, NO_FAILURE)
+    assert ends.tolist() == [False, True, False]
+    # a failure in the last decision before the time limit costs no more, and ends all the same
+    late = {"is_failure": [True, False, True], "decisions_lost": np.zeros(3)}
+    assert TARGET_GOAL.compute_terminated(ACHIEVED, DESIRED, late).tolist() == [True, True, True]
+
+
+def test_infos_are_one_dict_or_many() -> None:
+    expected = DENSE.compute_reward(ACHIEVED, DESIRED, FAILURES_OF_TWO)
+    columns = {key: [info[key] for info in FAILURES_OF_TWO] for key in NO_FAILURE}
+    for infos in (columns, np.array(FAILURES_OF_TWO)):
+        assert DENSE.compute_reward(ACHIEVED, DESIRED, infos).tolist() == expected.tolist()
+    for i, info in enumerate(FAILURES_OF_TWO):
+        assert DENSE.compute_reward(ACHIEVED[i], DESIRED[i], info) == expected[i]
+        ends = DENSE.compute_terminated(ACHIEVED[i], DESIRED[i], info)
+        assert ends == (i < 2)
+    grid = np.array([FAILURES_OF_TWO, FAILURES_OF_TWO])
+    rewards = DENSE.compute_reward([ACHIEVED, ACHIEVED], [DESIRED, DESIRED], grid)
+    assert rewards.tolist() == [expected.tolist()] * 2
+
+
+@pytest.mark.parametrize("info", [None, {}, [{}, {}, {}], {"outcome": "fall"}])
+def test_infos_that_do_not_tell_of_failures_are_refused(info) -> None:
+    with pytest.raises(ValueError, match=r"info must .* 'decisions_lost' .*copy_info_dict=True"):
+        TARGET_GOAL.compute_reward(ACHIEVED, DESIRED, info)
+    with pytest.raises(ValueError, match=r"info must .* 'is_failure'"):
+        TARGET_GOAL.compute_terminated(ACHIEVED, DESIRED, info)
 
 
 def test_goals_are_places_in_units_of_10_mm() -> None:
@@ -37,18 +90,20 @@ def test_rewards_of_the_table_are_those_of_the_goals_shown() -> None:
     rng = np.random.default_rng(0)
     places = rng.uniform(-20, 20, (1000, 3))
     goal = places[:, :2] + rng.normal(size=(1000, 2))
+    # those beyond x = -10 have left the arena
     state = task_state(fly_state(1000, position_w=places), goal=goal)
     achieved, desired = (t.shown(t.compute(state)) for t in TARGET_GOAL.observation[:2])
+    lost = failure_info(state)["decisions_lost"]
     for term in TARGET_GOAL.reward:
         assert np.ptp(term.compute(state)) > 0
-        np.testing.assert_array_equal(term.compute(state), term.of_goals(achieved, desired))
+        np.testing.assert_array_equal(term.compute(state), term.of_goals(achieved, desired, lost))
 
 
 def test_a_reward_that_does_not_follow_from_goals_is_refused_by_name() -> None:
     speed = RewardTerm("speed", 1.0, lambda state: state.fly.velocity_w[:, 0], "mm/s")
     task = extended(TARGET_GOAL, {"mine:SPEED": speed}, {})
     with pytest.raises(ValueError, match="'speed' of target_goal does not follow from the goals"):
-        task.compute_reward(ACHIEVED, DESIRED)
+        task.compute_reward(ACHIEVED, DESIRED, NO_FAILURE)
 
 
 def test_goals_must_come_first() -> None:

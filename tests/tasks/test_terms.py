@@ -54,7 +54,8 @@ def task_state(
         command=np.asarray(command, dtype=float),
         totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
         means={name: np.asarray(values) for name, values in (means or {}).items()},
-        remaining_s=np.full(len(fly.time), 2.0),
+        decisions_left=np.full(len(fly.time), 100.0),
+        decision_interval_s=0.02,
         bounds=Bounds(-10.0, 25.0, -20.0, 20.0),
     )
 

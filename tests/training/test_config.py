@@ -6,7 +6,7 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
-from flyrl.tasks import FAILURES, TASKS, RewardTerm, extended
+from flyrl.tasks import FAILURES, TASKS, RewardTerm, Termination, extended
 from flyrl.training.algorithms import ALGORITHMS, A2CConfig, CrossQConfig, SACConfig, TD3Config
 from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
 from flyrl.training.curriculum import CurriculumConfig
@@ -133,7 +133,8 @@ def test_hindsight_is_refused_where_it_cannot_be():
     with pytest.raises(ValueError, match=r"algo\.her must be false without a time limit"):
         _hindsight(replace(goals, time_limit_s=None))
     speed = RewardTerm("speed", 1.0, lambda state: state.fly.velocity_w[:, 0], "mm/s")
-    for term, name in ((speed, "speed"), (FAILURES[0], "fall")):
+    collapse = Termination("collapse", FAILURES[0].holds)
+    for term, name in ((speed, "speed"), (collapse, "collapse")):
         with pytest.raises(ValueError, match=f"got true in 'target_goal' with '{name}'"):
             _hindsight(extended(goals, {"mine:TERM": term}, {}))
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from gymnasium import spaces
+from stable_baselines3.her import HerReplayBuffer
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
@@ -16,28 +17,47 @@ def env():
     return FlyVecEnv(EnvConfig("target_goal"), 1, num_threads=1, seed=0)
 
 
-def _walked(env, strategy):
-    """A buffer with one episode: from 0 in steps of 2 mm to its goal at 12 mm, which ends it."""
+LOST = 30.0
+
+
+def _walked(env, strategy, is_failure=False, buffer_type=HindsightBuffer, **settings):
+    """A buffer with one episode: from 0 in steps of 2 mm to its goal at 12 mm, which ends it.
+
+    With a failure, the goal is at 20 mm, and the last step is one that cuts LOST decisions off.
+    """
     assert isinstance(env.observation_space, spaces.Dict)
-    buffer = HindsightBuffer(
+    buffer = buffer_type(
         20,
         env.observation_space,
         env.action_space,
         env,
         n_sampled_goal=10**6,
         goal_selection_strategy=strategy,
+        **settings,
     )
+    goal = 2.0 if is_failure else 0.2 * STEPS
     others = np.zeros((1, *env.observation_space["observation"].shape))
 
     def seen(step):
-        goals = {"achieved_goal": [[0.2 * step, 0.0]], "desired_goal": [[0.2 * STEPS, 0.0]]}
+        goals = {"achieved_goal": [[0.2 * step, 0.0]], "desired_goal": [[goal, 0.0]]}
         return {**{name: np.array(goal) for name, goal in goals.items()}, "observation": others}
 
     for step in range(STEPS):
         is_end = np.array([step == STEPS - 1])
-        action, reward = np.full((1, 2), step / 10), np.where(is_end, 0.0, -1.0)
-        buffer.add(seen(step), seen(step + 1), action, reward, is_end, [{}])
+        has_failed = is_failure and bool(is_end)
+        info = {"is_failure": has_failed, "decisions_lost": LOST * has_failed}
+        reward = np.where(is_end, -1.0 - LOST if has_failed else 0.0, -1.0)
+        action = np.full((1, 2), step / 10)
+        buffer.add(seen(step), seen(step + 1), action, reward, is_end, [info])
     return buffer
+
+
+def _fields(samples):
+    """Goal, place come to, end, reward, and whether it was the last decision, of each sample."""
+    is_last = samples.actions.numpy()[:, 0] == np.float32((STEPS - 1) / 10)
+    goals = samples.observations["desired_goal"].numpy()[:, 0]
+    places = samples.next_observations["achieved_goal"].numpy()[:, 0]
+    return goals, places, samples.dones.numpy()[:, 0], samples.rewards.numpy()[:, 0], is_last
 
 
 @pytest.mark.parametrize("strategy", ["future", "final", "episode"])
@@ -62,3 +82,51 @@ def test_the_last_step_is_no_end_for_a_goal_passed_before(env):
     is_other = samples.observations["desired_goal"].numpy()[:, 0] < 1.1
     assert (is_last & is_other).sum() > 20
     assert not samples.dones.numpy()[is_last & is_other].any()
+
+
+@pytest.mark.parametrize("strategy", ["future", "final", "episode"])
+def test_a_failure_ends_and_is_charged_whatever_the_new_goal(strategy, env):
+    np.random.seed(0)
+    samples = _walked(env, strategy, is_failure=True).sample(400)
+    goals, places, ends, rewards, is_last = _fields(samples)
+    is_reached = np.abs(goals - places) < 0.1
+    # the goal that the fly reached in the very decision in which it failed is among them
+    assert (is_last & is_reached).any()
+    np.testing.assert_array_equal(ends, is_last | is_reached)
+    np.testing.assert_array_equal(rewards, is_reached - 1.0 - LOST * is_last)
+
+
+def test_a_failure_is_charged_with_its_own_goal_too(env):
+    np.random.seed(0)
+    buffer = _walked(env, "future", is_failure=True)
+    buffer.her_ratio = 0.0
+    goals, _, ends, rewards, is_last = _fields(buffer.sample(400))
+    assert (goals == 2.0).all()
+    assert is_last.any()
+    np.testing.assert_array_equal(ends, is_last)
+    np.testing.assert_array_equal(rewards, -1.0 - LOST * is_last)
+
+
+def test_a_decision_that_takes_the_place_of_a_failure_is_none(env):
+    buffer = _walked(env, "future", is_failure=True)
+    buffer.pos = 0
+    seen = {name: values[0] for name, values in buffer.observations.items()}
+    info = {"is_failure": False, "decisions_lost": 0.0}
+    for _ in range(STEPS):
+        buffer.add(seen, seen, np.zeros((1, 2)), np.zeros(1), np.array([False]), [info])
+    assert not any(values.any() for values in buffer.failures.values())
+
+
+def test_stable_baselines_own_buffer_gives_the_same_rewards_if_it_keeps_infos(env):
+    ours, theirs = (
+        _walked(env, "episode", True, HindsightBuffer),
+        _walked(env, "episode", True, HerReplayBuffer, copy_info_dict=True),
+    )
+    rewards = []
+    for buffer in (ours, theirs):
+        np.random.seed(0)
+        rewards.append(buffer.sample(100).rewards.numpy())
+    np.testing.assert_array_equal(*rewards)
+    forgetful = _walked(env, "episode", True, HerReplayBuffer)
+    with pytest.raises(ValueError, match="copy_info_dict=True"):
+        forgetful.sample(100)
