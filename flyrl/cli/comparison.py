@@ -1,16 +1,20 @@
-"""The table that a sweep ends with: what came of every setting, over its seeds."""
+"""What came of every setting, over its seeds: a table, and a figure of the learning curves."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from flyrl.cli.runs import names_of
 from flyrl.cli.sweep import Job, Note, by_key, read_jobs, swept_keys
-from flyrl.cli.tables import NOTHING, csv_text, print_table
+from flyrl.cli.tables import NOTHING, csv_text, print_table, printable
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
-from flyrl.training.runs import RunSummary, read_run
+from flyrl.report import write_learning_curves
+from flyrl.training.runs import RunSummary, find_runs, flat, read_run
 
 COMPARISON_FILE: Final = "comparison.csv"
 
@@ -22,34 +26,118 @@ _FIGURES: Final = {
 }
 """Column -> which evaluation of a run, which of its figures, and what that lies within."""
 
+_WITHOUT_EFFECT: Final = (
+    "logger",
+    "training.checkpoint",
+    "training.num_threads",
+    "training.progress_bar",
+)
+"""How settings begin that do not change what a run comes to."""
+
 Row = dict[str, Any]
+Settings = Mapping[str, Any]
 
 
-def compare_jobs(jobs: Sequence[tuple[Job, RunSummary | None]]) -> list[Row]:
-    """A row per combination of swept settings, with its figures over the finished runs.
+@dataclass(frozen=True)
+class Group:
+    """Runs that differ in nothing but their seed.
+
+    Attributes
+    ----------
+    settings
+        What sets the group apart from the others; the same keys in each.
+    jobs
+        How many were asked for, or found.
+    runs
+        The finished ones.
+    """
+
+    settings: Settings
+    jobs: int
+    runs: tuple[RunSummary, ...]
+
+
+def group_jobs(jobs: Sequence[tuple[Job, RunSummary | None]]) -> list[Group]:
+    """A group per combination of swept settings, but for the seed.
 
     Parameters
     ----------
     jobs
         Overrides of each job, and its run where it made one.
+    """
+    keys = [key for key in swept_keys([job for job, _ in jobs]) if key != "seed"]
+    return _grouped([({key: by_key(job).get(key) for key in keys}, run) for job, run in jobs])
+
+
+def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
+    """A group per combination of the settings in which runs differ, but for the seed.
+
+    Settings without an effect on the result set nothing apart, and of runs that are the same but
+    for these, one counts. What follows from the task, terrain, algorithm, body or leg controller
+    (the learning rate that is SAC's default, say) is not told beside its name.
+    """
+    settings: dict[str, Settings] = {}
+    chosen: dict[str, RunSummary] = {}
+    for run in runs:
+        own = _settings(run)
+        same = repr(sorted(own.items()))
+        is_first = same not in chosen
+        if is_first or (run.state == "finished" and chosen[same].state != "finished"):
+            settings[same], chosen[same] = own, run
+    keys = [key for key in _differing(list(settings.values())) if key != "seed"]
+    return _grouped(
+        [({key: settings[same].get(key) for key in keys}, run) for same, run in chosen.items()]
+    )
+
+
+def _settings(run: RunSummary) -> Settings:
+    """Dotted settings that have an effect: names first, `algo.name` as `algo`."""
+    names = names_of(run)
+    dotted = {key.removesuffix(".name"): value for key, value in flat(run.settings).items()}
+    settings = {**names, **dotted, **names}
+    return {key: v for key, v in settings.items() if not key.startswith(_WITHOUT_EFFECT)}
+
+
+def _differing(settings: Sequence[Settings]) -> list[str]:
+    """Keys whose values differ, also where the section of the key has the same name."""
+    keys = dict.fromkeys(key for own in settings for key in own)
+    told = []
+    for key in keys:
+        section = key.partition(".")[0]
+        values: dict[str, set[str]] = {}
+        for own in settings:
+            name = None if section == key else own.get(section)
+            values.setdefault(repr(name), set()).add(repr(own.get(key)))
+        if any(len(different) > 1 for different in values.values()):
+            told.append(key)
+    return told
+
+
+def _grouped(runs: Sequence[tuple[Settings, RunSummary | None]]) -> list[Group]:
+    """Groups in order of their first run; a run that is there twice counts once."""
+    alike: dict[str, tuple[Settings, list[RunSummary | None]]] = {}
+    for settings, run in runs:
+        alike.setdefault(repr(settings), (settings, []))[1].append(run)
+    groups = []
+    for settings, members in alike.values():
+        finished = {run.path: run for run in members if run and run.state == "finished"}
+        groups.append(Group(settings, len(members), tuple(finished.values())))
+    return groups
+
+
+def table(groups: Sequence[Group]) -> list[Row]:
+    """A row per group, with its figures over the finished runs.
 
     Returns
     -------
-    Rows with the swept keys, `jobs`, `runs` (the finished ones, which the figures are over), and
-    for each figure its `_mean`, `_low` and `_high`, None where there is none.
+    Rows with the settings, `jobs`, `runs` (the finished ones, which the figures are over), and for
+    each figure its `_mean`, `_low` and `_high`, None where there is none.
     """
-    keys = [key for key in swept_keys([job for job, _ in jobs]) if key != "seed"]
-    groups: dict[tuple[str | None, ...], list[RunSummary | None]] = {}
-    for job, run in jobs:
-        settings = by_key(job)
-        groups.setdefault(tuple(settings.get(key) for key in keys), []).append(run)
     rows = []
-    for values, runs in groups.items():
-        finished = {run.path: run for run in runs if run and run.state == "finished"}
-        row: Row = dict(zip(keys, values, strict=True))
-        row.update(jobs=len(runs), runs=len(finished))
+    for group in groups:
+        row: Row = {**group.settings, "jobs": group.jobs, "runs": len(group.runs)}
         for column in _FIGURES:
-            interval = _figure(column, list(finished.values()))
+            interval = _figure(column, group.runs)
             row[f"{column}_mean"] = interval.value
             row[f"{column}_low"], row[f"{column}_high"] = interval.low, interval.high
         rows.append(row)
@@ -62,8 +150,15 @@ def _figure(column: str, runs: Sequence[RunSummary]) -> Interval:
     return mean_over_runs([row[key] for row in evaluations if row is not None], *limits)
 
 
-def compare_sweep(folder: Path) -> None:
-    """Print the table that compares the runs of a sweep, and write it to `comparison.csv`.
+def compare_sweep(folder: Path, output: Path | None = None) -> None:
+    """Compare the runs of a sweep: print the table, write it and the learning curves.
+
+    Parameters
+    ----------
+    folder
+        Of the sweep.
+    output
+        Where to write to; None is the folder of the sweep.
 
     Raises
     ------
@@ -72,9 +167,46 @@ def compare_sweep(folder: Path) -> None:
     OSError
         The folder cannot be written to.
     """
-    rows = compare_jobs([(job, _run(folder, note)) for job, note in read_jobs(folder)])
-    write_text(folder / COMPARISON_FILE, csv_text(list(rows[0]), rows))
-    keys = [key for key in rows[0] if key not in _columns()]
+    _tell(
+        group_jobs([(job, _run(folder, note)) for job, note in read_jobs(folder)]), output or folder
+    )
+
+
+def compare_folders(folders: Sequence[Path], output: Path) -> None:
+    """Compare all runs in some folders, which may be of sweeps or of single runs, as of one sweep.
+
+    Raises
+    ------
+    ValueError
+        A folder does not exist, or holds no run.
+    OSError
+        A folder cannot be read, or `output` cannot be written to.
+    """
+    found: dict[Path, RunSummary] = {}
+    for folder in folders:
+        paths = find_runs(folder) if folder.is_dir() else []
+        if not paths:
+            raise ValueError(f"there is no run in {folder}")
+        found.update({path.resolve(): read_run(path) for path in paths})
+    for run in found.values():
+        if not run.settings:
+            print(f"left out: {run.path}: {'; '.join(run.problems)}", file=sys.stderr)
+    readable = [run for run in found.values() if run.settings]
+    if not readable:
+        raise ValueError("there are no settings of any run to compare")
+    _tell(group_runs(readable), output)
+
+
+def _tell(groups: Sequence[Group], output: Path) -> None:
+    """Print the table, and write it and the learning curves."""
+    rows = table(groups)
+    output.mkdir(parents=True, exist_ok=True)
+    write_text(output / COMPARISON_FILE, csv_text(list(rows[0]), rows))
+    keys = telling_keys(groups)
+    labels = [label(group, keys) for group in groups]
+    evaluations = [[run.evaluations for run in group.runs] for group in groups]
+    curves = list(zip(labels, evaluations, strict=True))
+    write_learning_curves(output, curves, _in_common(groups) if keys else "")
     shown = [
         {
             **{key: row[key] for key in keys},
@@ -88,11 +220,33 @@ def compare_sweep(folder: Path) -> None:
         f"mean over finished runs [{CONFIDENCE:.0%} interval of the mean, Student's t]; fewer than "
         f"{MIN_RUNS} runs, or equal ones, have no interval"
     )
+    if others := [key for key in groups[0].settings if key not in keys]:
+        print(printable(f"they differ also in {', '.join(others)}: see {output / COMPARISON_FILE}"))
 
 
-def _columns() -> set[str]:
-    ends = ("mean", "low", "high")
-    return {"jobs", "runs", *(f"{column}_{end}" for column in _FIGURES for end in ends)}
+def telling_keys(groups: Sequence[Group]) -> list[str]:
+    """The first of the settings that are enough to tell the groups apart."""
+    keys: list[str] = []
+    told = 1
+    for key in groups[0].settings:
+        apart = {repr([group.settings[k] for k in (*keys, key)]) for group in groups}
+        if len(apart) > told:
+            keys, told = [*keys, key], len(apart)
+    return keys
+
+
+def label(group: Group, keys: Sequence[str]) -> str:
+    """Some settings of a group; without any, what its runs have learnt."""
+    values = {key: group.settings[key] for key in keys}
+    text = " ".join(f"{key}={NOTHING if v is None else v}" for key, v in values.items())
+    return printable(text or _in_common([group]))
+
+
+def _in_common(groups: Sequence[Group]) -> str:
+    """Task, terrain and algorithm, as far as all finished runs have the same."""
+    names = [names_of(run) for group in groups for run in group.runs]
+    values = [{own[key] for own in names} for key in (names[0] if names else ())]
+    return printable(" ".join(value.pop() for value in values if len(value) == 1))
 
 
 def _run(folder: Path, note: Note | None) -> RunSummary | None:

@@ -101,9 +101,7 @@ def row(run: RunSummary) -> Row:
     best, last = run.best, run.last
     return {
         "name": run.path.name,
-        "task": run.setting("task.name"),
-        "terrain": terrain_label(run.setting("terrain.name"), run.setting("terrain.random")),
-        "algo": run.setting("algo.name"),
+        **names_of(run),
         "seed": run.setting("seed"),
         "decisions": run.decisions,
         "state": run.state,
@@ -112,6 +110,15 @@ def row(run: RunSummary) -> Row:
         "time": run.wall_time_s,
         "commit": commit(run),
         "problems": "; ".join(run.problems),
+    }
+
+
+def names_of(run: RunSummary) -> Row:
+    """Names of the task, the terrain and the algorithm, as one gives them on the command line."""
+    return {
+        "task": run.setting("task.name"),
+        "terrain": terrain_label(run.setting("terrain.name"), run.setting("terrain.random")),
+        "algo": run.setting("algo.name"),
     }
 
 

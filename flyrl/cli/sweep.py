@@ -5,7 +5,7 @@ The folder of a sweep holds
 - `sweep.json`: the command, and the overrides of every job;
 - `jobs/`: a JSON note per job that ended: its folder, or its error;
 - the run folders;
-- `comparison.csv`, once it has ended.
+- `comparison.csv` and `learning_curves.svg` and `.png`, once it has ended.
 """
 
 from __future__ import annotations

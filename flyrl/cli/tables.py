@@ -48,4 +48,9 @@ def _text(value: Any) -> Text:
         return Text(NOTHING)
     if isinstance(value, float):
         return Text(f"{value:.4g}")
-    return Text("".join(c if c.isprintable() else "?" for c in str(value)))
+    return Text(printable(str(value)))
+
+
+def printable(text: str) -> str:
+    """What a stranger's file holds, with a question mark for every control character."""
+    return "".join(c if c.isprintable() else "?" for c in text)

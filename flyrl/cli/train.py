@@ -95,7 +95,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
 
 
 def end_of_sweep(folder: Path) -> None:
-    """Print and write the table that compares the runs of a sweep."""
+    """Compare the runs of a sweep in a table and in a figure."""
     from flyrl.cli.comparison import compare_sweep  # noqa: PLC0415
 
     compare_sweep(folder)

@@ -1,7 +1,13 @@
 """Results -> figures, videos, one HTML file."""
 
-from flyrl.report.curves import write_learning_curve
+from flyrl.report.curves import write_learning_curve, write_learning_curves
 from flyrl.report.html import write_report
 from flyrl.report.video import Video, record_videos
 
-__all__ = ["Video", "record_videos", "write_learning_curve", "write_report"]
+__all__ = [
+    "Video",
+    "record_videos",
+    "write_learning_curve",
+    "write_learning_curves",
+    "write_report",
+]

@@ -11,11 +11,8 @@ import pytest
 
 from flyrl.cli import train
 from flyrl.cli.arguments import Failure
-from flyrl.cli.comparison import compare_jobs, compare_sweep
-from flyrl.cli.main import main
 from flyrl.cli.sweep import Interrupted, read_jobs, run_job, swept_keys, titles
 from flyrl.training.runs import read_run
-from tests.training.folders import make_run
 
 ROOT = Path(__file__).parents[2]
 TINY = [
@@ -107,69 +104,6 @@ def test_a_job_without_a_note_has_not_ended(tmp_path):
     assert read_jobs(tmp_path) == [(("a=1",), None)]
 
 
-def _jobs(tmp_path, algo, successes):
-    for seed, success in enumerate(successes):
-        rows = [(100, 1.0, 5.0), (200, success, 2.0)]
-        folder = make_run(tmp_path / f"{algo}{seed}", seed=seed, evaluations=rows)
-        yield (f"seed={seed}", f"algo={algo}"), read_run(folder)
-
-
-def test_five_seeds_have_an_interval(tmp_path):
-    (row,) = compare_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8, 0.9])))
-    assert (row["jobs"], row["runs"]) == (5, 5)
-    assert row["final_success_mean"] == pytest.approx(0.7)
-    # t(0.975, 4) = 2.776; standard error = sqrt(0.025 / 5)
-    assert row["final_success_low"] == pytest.approx(0.7 - 2.776 * 0.0707107, abs=1e-4)
-    assert row["final_success_high"] == pytest.approx(0.7 + 2.776 * 0.0707107, abs=1e-4)
-    assert (row["best_success_mean"], row["best_success_low"]) == (1.0, None)
-
-
-def test_four_seeds_have_none(tmp_path):
-    (row,) = compare_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8])))
-    assert row["final_success_mean"] == pytest.approx(0.65)
-    assert row["final_success_low"] is None
-
-
-def test_a_row_per_swept_setting_over_finished_runs_only(tmp_path):
-    jobs = [*_jobs(tmp_path, "ppo", [0.5, 0.75]), *_jobs(tmp_path, "sac", [0.25])]
-    unfinished = make_run(tmp_path / "x", interrupted_by="SIGTERM")
-    jobs += [(("seed=1", "algo=sac"), read_run(unfinished)), (("seed=2", "algo=sac"), None)]
-    rows = compare_jobs(jobs)
-    assert [(row["algo"], row["jobs"], row["runs"]) for row in rows] == [
-        ("ppo", 2, 2),
-        ("sac", 3, 1),
-    ]
-    assert [row["final_success_mean"] for row in rows] == [0.625, 0.25]
-
-
-def test_a_run_that_two_jobs_share_counts_once(tmp_path):
-    jobs = list(_jobs(tmp_path, "ppo", [0.5]))
-    assert compare_jobs(jobs * 2)[0]["runs"] == 1
-
-
-def test_the_table_is_printed_and_written(tmp_path, capsys):
-    _sweep(tmp_path, [["seed=0", "algo=ppo"], ["seed=0", "algo=sac"]])
-    folder = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.25)])
-    run_job(tmp_path, Path.cwd(), ("seed=0", "algo=ppo"), "", lambda: folder)
-    assert main(["sweep", str(tmp_path)]) == 0
-    with (tmp_path / "comparison.csv").open(newline="") as file:
-        first, second = csv.DictReader(file)
-    assert (first["algo"], first["final_success_mean"], first["best_return_mean"]) == (
-        *("ppo", "0.5"),
-        "1.25",
-    )
-    assert (second["runs"], second["final_success_mean"]) == ("0", "")
-    output = capsys.readouterr().out
-    assert "50.0%" in output
-    assert "fewer than 5 runs, or equal ones, have no interval" in output
-
-
-def test_a_sweep_over_nothing_but_seeds_has_one_row(tmp_path, capsys):
-    _sweep(tmp_path, [["seed=0"], ["seed=1"]])
-    compare_sweep(tmp_path)
-    assert "0 of 2" in capsys.readouterr().out
-
-
 def _only_sweep(folder):
     (sweep,) = (folder / "runs" / "sweeps").iterdir()
     return sweep
@@ -187,6 +121,7 @@ def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
     assert result.stdout.splitlines()[-1] == f"sweep: {sweep.relative_to(tmp_path)}"
     (run,) = sweep.glob("*_target_flat_ppo_0")
     assert read_run(run).state == "finished"
+    assert (sweep / "learning_curves.svg").is_file()
     command = (run / "command.txt").read_text()
     assert "algo.gamma=0.9" in command
     assert "launcher" not in command

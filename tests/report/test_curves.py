@@ -1,9 +1,16 @@
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
-from flyrl.report.curves import learning_curve, write_learning_curve
+from flyrl.report.curves import (
+    learning_curve,
+    learning_curves,
+    write_learning_curve,
+    write_learning_curves,
+)
 
 EVALUATIONS = [
     {"decisions": 100.0, "success_rate": 0.25, "mean_return": -1.0},
@@ -49,4 +56,105 @@ def test_a_run_without_a_whole_episode_yet(tmp_path):
 
 def test_nothing_to_draw_draws_nothing(tmp_path):
     assert write_learning_curve(tmp_path, [], []) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def _run(*rows):
+    keys = ("decisions", "success_rate", "mean_return")
+    return [dict(zip(keys, map(float, row), strict=True)) for row in rows]
+
+
+TWO_GROUPS = [
+    (
+        "algo=ppo",
+        [
+            _run((100, 0.0, 1), (200, 0.5, 2), (300, 1.0, 4)),
+            _run((100, 0.5, 3), (250, 0.5, 5), (300, 0.5, 5), (400, 1.0, 6)),
+        ],
+    ),
+    ("algo=sac", [_run((150, 0.25, 0))]),
+]
+
+
+def _points(axes, colour):
+    lines = [line for line in axes.get_lines() if line.get_color() == colour]
+    return [line.get_xydata().tolist() for line in lines]
+
+
+def _legend(figure):
+    (legend,) = figure.legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    return {text: line.get_color() for text, line in zip(texts, legend.get_lines(), strict=True)}
+
+
+def test_every_run_is_drawn_and_the_mean_where_all_were_evaluated():
+    figure = learning_curves(TWO_GROUPS)
+    upper, lower = figure.axes
+    colour = _legend(figure)["algo=ppo, n = 2"]
+    first, second, mean = _points(upper, colour)
+    assert first == [[100, 0.0], [200, 0.5], [300, 1.0]]
+    assert second == [[100, 0.5], [250, 0.5], [300, 0.5], [400, 1.0]]
+    assert mean == [[100, 0.25], [300, 0.75]]
+    assert _points(lower, colour)[2] == [[100, 2.0], [300, 4.5]]
+
+
+def test_groups_need_no_evaluation_in_common():
+    figure = learning_curves(TWO_GROUPS)
+    assert _points(figure.axes[0], _legend(figure)["algo=sac, n = 1"]) == [[[150, 0.25]]] * 2
+
+
+def test_the_mean_stands_out_before_the_runs():
+    first, second, mean = learning_curves(TWO_GROUPS[:1]).axes[0].get_lines()
+    for run in (first, second):
+        assert run.get_alpha() < 0.5
+        assert run.get_linewidth() < mean.get_linewidth()
+        assert run.get_zorder() < mean.get_zorder()
+    assert mean.get_alpha() is None
+
+
+def test_runs_without_a_common_evaluation_have_no_mean_but_a_legend():
+    figure = learning_curves([("a", [_run((100, 0.5, 1)), _run((200, 0.5, 1))])])
+    assert list(_legend(figure)) == ["a, n = 2"]
+    assert _points(figure.axes[0], _legend(figure)["a, n = 2"])[2] == []
+
+
+def test_a_group_without_evaluations_keeps_its_colour_for_later():
+    empty = [("algo=ppo", []), TWO_GROUPS[1]]
+    colours = _legend(learning_curves(empty))
+    assert colours == {"algo=sac, n = 1": _legend(learning_curves(TWO_GROUPS))["algo=sac, n = 1"]}
+
+
+def test_nine_groups_look_different():
+    groups = [(str(index), [_run((100, 0.5, 1))]) for index in range(9)]
+    lines = learning_curves(groups).axes[0].get_lines()
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 9
+
+
+def test_long_labels_stay_within_the_figure():
+    label = " ".join(f"algo.setting_{index}={index}" for index in range(20))
+    figure = learning_curves([(label, [_run((100, 0.5, 1))])] * 4)
+    FigureCanvasAgg(figure).draw()
+    box = figure.legends[0].get_window_extent()
+    assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
+    assert all(axes.get_window_extent().height > 100 for axes in figure.axes)
+
+
+@pytest.mark.parametrize("kind", ["svg", "png"])
+def test_the_same_curves_are_the_same_bytes(tmp_path, kind):
+    written = []
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_learning_curves(tmp_path / name, TWO_GROUPS, "target flat")
+        written.append((tmp_path / name / f"learning_curves.{kind}").read_bytes())
+    assert written[0] == written[1]
+
+
+def test_text_stays_text(tmp_path):
+    svg, _ = write_learning_curves(tmp_path, TWO_GROUPS, "target $flat$")
+    texts = {text.text for text in ET.parse(svg).iter("{http://www.w3.org/2000/svg}text")}
+    assert {"target $flat$", "algo=ppo, n = 2", "held-out success", "held-out return"} <= texts
+
+
+def test_groups_without_evaluations_draw_nothing(tmp_path):
+    assert write_learning_curves(tmp_path, [("a", []), ("b", [[]])]) == []
     assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,237 @@
+import csv
+import json
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+import yaml
+
+from flyrl.cli.comparison import compare_sweep, group_jobs, group_runs, label, table, telling_keys
+from flyrl.cli.main import main
+from flyrl.cli.sweep import run_job
+from flyrl.training.runs import read_run
+from tests.training.folders import make_run
+
+
+def _sweep(folder, jobs):
+    (folder / "sweep.json").write_text(json.dumps({"commands": [], "jobs": jobs}))
+
+
+def _jobs(tmp_path, algo, successes):
+    for seed, success in enumerate(successes):
+        rows = [(100, 1.0, 5.0), (200, success, 2.0)]
+        folder = make_run(tmp_path / f"{algo}{seed}", seed=seed, evaluations=rows)
+        yield (f"seed={seed}", f"algo={algo}"), read_run(folder)
+
+
+def _run(folder, settings=None, **arguments):
+    """A run folder with other settings than the default ones, by dotted key."""
+    path = make_run(folder, **arguments) / "config.yaml"
+    record = yaml.safe_load(path.read_text())
+    for key, value in (settings or {}).items():
+        *sections, name = key.split(".")
+        section = record
+        for part in sections:
+            section = section[part]
+        section[name] = value
+    path.write_text(yaml.safe_dump(record))
+    return folder
+
+
+def _groups(*folders):
+    return group_runs([read_run(folder) for folder in folders])
+
+
+def _labels(groups):
+    return [label(group, telling_keys(groups)) for group in groups]
+
+
+def _rows(folder):
+    with (folder / "comparison.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _texts(folder):
+    svg = ET.parse(folder / "learning_curves.svg")
+    return [text.text for text in svg.iter("{http://www.w3.org/2000/svg}text")]
+
+
+def test_five_seeds_have_an_interval(tmp_path):
+    (row,) = table(group_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8, 0.9]))))
+    assert (row["jobs"], row["runs"]) == (5, 5)
+    assert row["final_success_mean"] == pytest.approx(0.7)
+    # t(0.975, 4) = 2.776; standard error = sqrt(0.025 / 5)
+    assert row["final_success_low"] == pytest.approx(0.7 - 2.776 * 0.0707107, abs=1e-4)
+    assert row["final_success_high"] == pytest.approx(0.7 + 2.776 * 0.0707107, abs=1e-4)
+    assert (row["best_success_mean"], row["best_success_low"]) == (1.0, None)
+
+
+def test_four_seeds_have_none(tmp_path):
+    (row,) = table(group_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8]))))
+    assert row["final_success_mean"] == pytest.approx(0.65)
+    assert row["final_success_low"] is None
+
+
+def test_a_row_per_swept_setting_over_finished_runs_only(tmp_path):
+    jobs = [*_jobs(tmp_path, "ppo", [0.5, 0.75]), *_jobs(tmp_path, "sac", [0.25])]
+    unfinished = make_run(tmp_path / "x", interrupted_by="SIGTERM")
+    jobs += [(("seed=1", "algo=sac"), read_run(unfinished)), (("seed=2", "algo=sac"), None)]
+    rows = table(group_jobs(jobs))
+    assert [(row["algo"], row["jobs"], row["runs"]) for row in rows] == [
+        ("ppo", 2, 2),
+        ("sac", 3, 1),
+    ]
+    assert [row["final_success_mean"] for row in rows] == [0.625, 0.25]
+
+
+def test_a_run_that_two_jobs_share_counts_once(tmp_path):
+    jobs = list(_jobs(tmp_path, "ppo", [0.5]))
+    assert len(group_jobs(jobs * 2)[0].runs) == 1
+
+
+def test_a_sweep_is_printed_written_and_drawn(tmp_path, capsys):
+    _sweep(tmp_path, [["seed=0", "algo=ppo"], ["seed=0", "algo=sac"]])
+    folder = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.25)])
+    run_job(tmp_path, Path.cwd(), ("seed=0", "algo=ppo"), "", lambda: folder)
+    assert main(["sweep", str(tmp_path)]) == 0
+    first, second = _rows(tmp_path)
+    assert (first["algo"], first["final_success_mean"], first["best_return_mean"]) == (
+        *("ppo", "0.5"),
+        "1.25",
+    )
+    assert (second["runs"], second["final_success_mean"]) == ("0", "")
+    output = capsys.readouterr().out
+    assert "50.0%" in output
+    assert "fewer than 5 runs, or equal ones, have no interval" in output
+    assert {"target flat ppo", "algo=ppo, n = 1"} <= set(_texts(tmp_path))
+    assert (tmp_path / "learning_curves.png").is_file()
+
+
+def test_a_sweep_without_a_finished_run_has_one_row_and_no_figure(tmp_path, capsys):
+    _sweep(tmp_path, [["seed=0"], ["seed=1"]])
+    compare_sweep(tmp_path)
+    assert "0 of 2" in capsys.readouterr().out
+    assert {path.name for path in tmp_path.iterdir()} == {"sweep.json", "comparison.csv"}
+
+
+def test_a_sweep_can_be_written_elsewhere(tmp_path):
+    sweep = tmp_path / "sweep"
+    sweep.mkdir()
+    _sweep(sweep, [["seed=0"]])
+    assert main(["sweep", str(sweep), "--output", str(tmp_path / "a" / "b")]) == 0
+    assert _rows(tmp_path / "a" / "b")[0]["runs"] == "0"
+    assert [path.name for path in sweep.iterdir()] == ["sweep.json"]
+
+
+def test_sweeps_and_single_runs_are_compared_as_one_sweep(tmp_path):
+    for seed, success in enumerate([0.25, 0.5]):
+        rows = [(100, success, 1.0)]
+        make_run(tmp_path / "A" / f"run{seed}", seed=seed, evaluations=rows)
+        make_run(tmp_path / "B" / f"run{seed}", seed=seed, evaluations=rows, algo="sac")
+    single = make_run(tmp_path / "C", seed=2, evaluations=[(100, 0.75, 1.0)], algo="sac")
+    folders = [str(tmp_path / "A"), str(tmp_path / "B"), str(single)]
+    assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
+    rows = [
+        (row["algo"], row["runs"], row["final_success_mean"]) for row in _rows(tmp_path / "out")
+    ]
+    assert rows == [("ppo", "2", "0.375"), ("sac", "3", "0.5")]
+    assert list(_rows(tmp_path / "out")[0])[:2] == ["algo", "jobs"]
+    texts = set(_texts(tmp_path / "out"))
+    assert {"target flat", "algo=ppo, n = 2", "algo=sac, n = 3"} <= texts
+
+
+def test_seeds_in_several_folders_are_one_group_named_by_what_they_learn(tmp_path):
+    groups = _groups(make_run(tmp_path / "a", seed=0), make_run(tmp_path / "b", seed=1))
+    assert (groups[0].jobs, len(groups[0].runs)) == (2, 2)
+    assert _labels(groups) == ["target flat ppo"]
+
+
+def test_what_follows_from_the_name_of_the_algorithm_is_not_told(tmp_path):
+    fast, slow = {"algo.learning_rate": 0.01}, {"algo.learning_rate": 0.001}
+    folders = [
+        _run(tmp_path / "a", fast),
+        _run(tmp_path / "b", slow),
+        _run(tmp_path / "c", {"algo.learning_rate": 0.1}, algo="sac"),
+    ]
+    assert [group.settings for group in _groups(folders[0], folders[2])] == [
+        {"algo": "ppo"},
+        {"algo": "sac"},
+    ]
+    assert _labels(_groups(*folders)) == [
+        "algo=ppo algo.learning_rate=0.01",
+        "algo=ppo algo.learning_rate=0.001",
+        "algo=sac algo.learning_rate=0.1",
+    ]
+
+
+def test_terrain_is_named_as_on_the_command_line(tmp_path):
+    blocks = {"terrain.name": "blocks", "terrain.height_range": [0.2, 0.3]}
+    groups = _groups(
+        _run(tmp_path / "a", blocks), _run(tmp_path / "b", {**blocks, "terrain.random": True})
+    )
+    assert [group.settings for group in groups] == [
+        {"terrain": "blocks"},
+        {"terrain": "random_blocks"},
+    ]
+
+
+def test_what_differs_beside_the_labels_is_said_and_written(tmp_path, capsys):
+    _run(tmp_path / "a")
+    _run(tmp_path / "b", {"physics.timestep": 0.001}, algo="sac")
+    folders = [str(tmp_path / name) for name in "ab"]
+    assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
+    assert "they differ also in physics.timestep: see " in capsys.readouterr().out
+    assert [row["physics.timestep"] for row in _rows(tmp_path / "out")] == ["0.0005", "0.001"]
+    assert "algo=sac, n = 1" in _texts(tmp_path / "out")
+
+
+def test_the_same_run_again_counts_once_the_finished_one(tmp_path):
+    threads = {"training.num_threads": 7}
+    folders = [
+        _run(tmp_path / "a", interrupted_by="SIGTERM"),
+        _run(tmp_path / "b", threads),
+        _run(tmp_path / "c"),
+    ]
+    (group,) = _groups(*folders)
+    assert group.jobs == 1
+    assert [run.path.name for run in group.runs] == ["b"]
+
+
+def test_unfinished_runs_are_counted_but_not_averaged(tmp_path):
+    (group,) = _groups(
+        make_run(tmp_path / "a", seed=0, evaluations=[(100, 0.5, 1.0)]),
+        make_run(tmp_path / "b", seed=1, interrupted_by="SIGTERM"),
+    )
+    (row,) = table([group])
+    assert (row["jobs"], row["runs"], row["final_success_mean"]) == (2, 1, 0.5)
+
+
+def test_a_run_without_settings_is_left_out_with_a_word(tmp_path, capsys):
+    folders = [make_run(tmp_path / "a"), make_run(tmp_path / "b")]
+    (folders[1] / "config.yaml").unlink()
+    assert main(["sweep", *map(str, folders), "--output", str(tmp_path / "out")]) == 0
+    assert f"left out: {folders[1]}: config.yaml is missing\n" in capsys.readouterr().err
+    assert [row["jobs"] for row in _rows(tmp_path / "out")] == ["1"]
+
+
+def test_control_characters_do_not_reach_the_figure(tmp_path):
+    groups = _groups(_run(tmp_path / "a"), _run(tmp_path / "b", {"algo.name": "p\x1b[31mo"}))
+    assert _labels(groups) == ["algo=ppo", "algo=p?[31mo"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["a", "a"], "error: several folders need --output, the folder to write to\n"),
+        (["a", "b", "--output", "out"], "error: there is no run in b\n"),
+        (["a", "none", "--output", "out"], "error: there is no run in none\n"),
+        (["a"], "error: a is not the folder of a sweep: "),
+    ],
+)
+def test_wrong_command_lines(tmp_path, monkeypatch, capsys, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    make_run(tmp_path / "a")
+    (tmp_path / "b").mkdir()
+    assert main(["sweep", *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
