@@ -26,6 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from flyrl.cli.config import training_config  # noqa: E402
 from flyrl.evaluation import EvaluationConfig, evaluate  # noqa: E402
+from flyrl.evaluation.metrics import compared_metrics  # noqa: E402
 from flyrl.files import write_bytes, write_text  # noqa: E402
 from flyrl.policies.bundle import load_bundle, policy_file, save_bundle  # noqa: E402
 from flyrl.policies.card import model_card  # noqa: E402
@@ -127,7 +128,12 @@ def judge(run: Path, record: dict[str, Any], episodes: int, num_threads: int) ->
     )
     kept = ("controller", "outcomes", "success_rate", "metrics", "paired")
     results = [{key: row[key] for key in kept} for row in evaluate(config).summary]
-    return {"episodes": episodes, "seed": config.seed, "results": results}
+    return {
+        "episodes": episodes,
+        "seed": config.seed,
+        "compared": list(compared_metrics(config.resolved_task.name)),
+        "results": results,
+    }
 
 
 if __name__ == "__main__":

@@ -27,9 +27,10 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
         Of the policy.
     bundle
         The policy. Of `bundle.training`, the card shows "algo", "seed", "decisions", "command",
-        "provenance" (as in a run folder) and "held_out": "episodes", "seed", and "results", one
-        row per entrant with "controller", "success_rate" and "metrics" as in an evaluation's
-        summary. What is missing is said to be.
+        "provenance" (as in a run folder) and "held_out": "episodes", "seed", "compared" (the
+        metrics that the task is compared by, success first), and "results", one row per entrant
+        with "controller", "success_rate" and "metrics" as in an evaluation's summary. What is
+        missing is said to be.
     """
     env, training = bundle.env, bundle.training
     held_out = _mapping(training.get("held_out"))
@@ -108,23 +109,27 @@ def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
 def _figures(held_out: Mapping[str, Any]) -> str:
     if not held_out:
         return f"Figures are {_UNKNOWN}."
+    metrics = held_out["compared"][1:]
     rows = []
     for result in held_out["results"]:
-        rate, time = result["success_rate"], result["metrics"]["time_to_goal_s"]["median"]
+        rate = result["success_rate"]
         rows.append(
             (
                 result["controller"],
                 f"{rate['value']:.1%}",
                 f"{rate['low']:.1%} to {rate['high']:.1%}",
-                "none" if time is None else f"{time:.2f}",
-                f"{result['metrics']['return']['mean']:.2f}",
+                *(_rounded(result["metrics"][metric]["median"]) for metric in metrics),
             )
         )
-    header = ("who", "success", "95 % interval", "median time to success, s", "mean return")
+    header = ("who", "success", "95 % interval", *(f"median {metric}" for metric in metrics))
     return (
         f"The same {held_out['episodes']} episodes for everybody, none of them trained or chosen "
         f"on (`episodes={held_out['episodes']} seed={held_out['seed']}`):\n\n{_table(header, rows)}"
     )
+
+
+def _rounded(value: float | None) -> str:
+    return "none" if value is None else f"{value:.2f}"
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:

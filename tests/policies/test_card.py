@@ -15,12 +15,12 @@ def card(bundle):
     result = {
         "controller": "ppo",
         "success_rate": RATE,
-        "metrics": {"time_to_goal_s": {"median": 1.234}, "return": {"mean": -2.0}},
+        "metrics": {"time_to_goal_s": {"median": 1.234}, "return": {"median": -2.0}},
     }
     failing = {
         "controller": "zero",
         "success_rate": RATE | {"value": 0.0},
-        "metrics": {"time_to_goal_s": {"median": None}, "return": {"mean": 0.5}},
+        "metrics": {"time_to_goal_s": {"median": None}, "return": {"median": 0.5}},
     }
     training = {
         "algo": "ppo",
@@ -33,7 +33,12 @@ def card(bundle):
             "packages": {"mujoco": "4.0.0", "flyrl": None},
             "cpu": {"model": "A CPU"},
         },
-        "held_out": {"episodes": 4, "seed": 1, "results": [result, failing]},
+        "held_out": {
+            "episodes": 4,
+            "seed": 1,
+            "compared": ["success", "time_to_goal_s", "return"],
+            "results": [result, failing],
+        },
     }
     env = env_record(EnvConfig(terrain="random_mixed", physics="fast"))
     return model_card("target-mixed", replace(bundle, env=env, training=training))
@@ -58,6 +63,7 @@ def card(bundle):
         "| commit | c0ffee |",
         "| versions | python 3.11.7, mujoco 4.0.0 |",
         "| CPU | A CPU |",
+        "| who | success | 95 % interval | median time_to_goal_s | median return |",
         "| ppo | 50.0% | 25.0% to 75.0% | 1.23 | -2.00 |",
         "| zero | 0.0% | 25.0% to 75.0% | none | 0.50 |",
         "| bearing | 2 |",
