@@ -7,6 +7,7 @@ that any changed byte is noticed.
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -58,6 +59,12 @@ class TermLayout:
 
     name: str
     size: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise ValueError(f"name of an observation term: {self.name!r}; allowed: a text")
+        if type(self.size) is not int or self.size < 1:
+            raise ValueError(f"size of {self.name!r}: {self.size!r}; allowed: 1, 2, 3, …")
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +123,9 @@ class PolicyBundle:
                 f"action bounds of {len(self.action_low)} and {len(self.action_high)} values, "
                 f"the network gives {sizes[-1]}"
             )
+        for low, high in zip(self.action_low, self.action_high, strict=True):
+            if not -math.inf < low <= high < math.inf:
+                raise ValueError(f"action bounds: {low} and {high}; allowed: finite, low <= high")
 
     @property
     def num_inputs(self) -> int:

@@ -71,9 +71,14 @@ def _check_layers(layers: Sequence[LSTMLayer]) -> None:
     """Raise ValueError unless every layer takes what the one before it gives."""
     if not layers:
         raise ValueError("an LSTM has at least one layer, got none")
-    units = layers[0].recurrent_weight.shape[-1]
     for i, layer in enumerate(layers):
-        inputs = layer.input_weight.shape[-1] if i == 0 else units
+        if not layer.input_weight.ndim == layer.recurrent_weight.ndim == 2:
+            raise ValueError(
+                f"LSTM layer {i}: weights of shapes {layer.input_weight.shape} and "
+                f"{layer.recurrent_weight.shape}; allowed: two axes each"
+            )
+        units = layers[0].recurrent_weight.shape[1]
+        inputs = layer.input_weight.shape[1] if i == 0 else units
         shapes = (
             layer.input_weight.shape,
             layer.recurrent_weight.shape,

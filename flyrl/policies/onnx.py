@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ except ImportError as error:
 
 from flyrl.files import write_bytes
 from flyrl.policies.bundle import PolicyBundle
+from flyrl.policies.lstm import LSTM
 
 _OPSET: Final = 17
 _IR_VERSION: Final = 8
@@ -27,9 +28,13 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     """Write the deterministic policy as an ONNX file, whole or not at all.
 
     The graph takes "observation", float32 (n, k), and gives "action", float32 (n, a), inside the
-    bounds, for any n. The file's metadata say as JSON how the observation is laid out
-    ("flyrl.observation"), what bounds the action has ("flyrl.action"), what the policy was trained
-    in ("flyrl.env") and what training came to ("flyrl.training").
+    bounds, for any n. If the policy has a memory, it also takes "hidden" and "cell", float32
+    (layers, n, units), zeros at first, and "episode_start", bool (n,): where one starts, the memory
+    is set to zeros first. It then gives "next_hidden" and "next_cell" too, for the next step.
+
+    The file's metadata say as JSON how the observation is laid out ("flyrl.observation"), what
+    bounds the action has ("flyrl.action"), what the policy was trained in ("flyrl.env") and what
+    training came to ("flyrl.training").
 
     Parameters
     ----------
@@ -37,15 +42,8 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
         The policy.
     path
         File to write (.onnx); an existing one is replaced.
-
-    Raises
-    ------
-    ValueError
-        A policy with a memory.
     """
-    if bundle.lstm is not None:
-        raise ValueError("lstm: LSTM; allowed: None (an ONNX file here holds no memory)")
-    constants: dict[str, NDArray[np.float32]] = {
+    constants: dict[str, NDArray[Any]] = {
         "low": np.array(bundle.action_low, np.float32),
         "high": np.array(bundle.action_high, np.float32),
     }
@@ -54,23 +52,39 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     if bundle.normaliser is not None:
         normaliser = bundle.normaliser
         constants |= {
-            "mean": normaliser.mean.astype(np.float32),
+            "mean": (mean := normaliser.mean.astype(np.float32)),
+            "rest_of_mean": (normaliser.mean - mean).astype(np.float32),
             "scale": (1 / np.sqrt(normaliser.variance + normaliser.epsilon)).astype(np.float32),
             "least": np.array(-normaliser.clip, np.float32),
             "most": np.array(normaliser.clip, np.float32),
         }
         nodes += [
-            helper.make_node("Sub", [value, "mean"], ["centred"]),
+            # in two parts: one float32 is too coarse where the mean is large against its deviation
+            helper.make_node("Sub", [value, "mean"], ["almost_centred"]),
+            helper.make_node("Sub", ["almost_centred", "rest_of_mean"], ["centred"]),
             helper.make_node("Mul", ["centred", "scale"], ["scaled"]),
             helper.make_node("Clip", ["scaled", "least", "most"], ["normalised"]),
         ]
         value = "normalised"
+    sizes = bundle.network.sizes
+    inputs = [_value("observation", "n", bundle.num_inputs)]
+    outputs = [_value("action", "n", sizes[-1])]
+    if bundle.lstm is not None:
+        lstm_nodes, lstm_constants = _lstm(bundle.lstm, value)
+        nodes += lstm_nodes
+        constants |= lstm_constants
+        value = "remembered"
+        memory = (len(bundle.lstm.layers), "n", bundle.lstm.sizes[-1])
+        inputs += [_value(name, *memory) for name in ("hidden", "cell")]
+        inputs.append(_value("episode_start", "n", kind=TensorProto.BOOL))
+        outputs += [_value(f"next_{name}", *memory) for name in ("hidden", "cell")]
     layers = bundle.network.layers
     for i, layer in enumerate(layers):
         constants[f"{i}.weight"], constants[f"{i}.bias"] = layer.weight, layer.bias
-        inputs = [value, f"{i}.weight", f"{i}.bias"]
+        nodes.append(
+            helper.make_node("Gemm", [value, f"{i}.weight", f"{i}.bias"], [f"{i}.sum"], transB=1)
+        )
         value = f"{i}.sum"
-        nodes.append(helper.make_node("Gemm", inputs, [value], transB=1))
         if i < len(layers) - 1:
             kind = _ACTIVATIONS[bundle.network.activation]
             nodes.append(helper.make_node(kind, [value], [f"{i}.unit"]))
@@ -89,12 +103,11 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
         helper.make_node("Max", [value, "low"], ["not_too_low"]),
         helper.make_node("Min", ["not_too_low", "high"], ["action"]),
     ]
-    sizes = bundle.network.sizes
     graph = helper.make_graph(
         nodes,
         "flyrl_policy",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["n", sizes[0]])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["n", sizes[-1]])],
+        inputs,
+        outputs,
         [numpy_helper.from_array(array, name) for name, array in constants.items()],
     )
     model = helper.make_model(
@@ -116,3 +129,45 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     )
     onnx.checker.check_model(model, full_check=True)
     write_bytes(path, model.SerializeToString())
+
+
+def _value(name: str, *shape: int | str, kind: int = TensorProto.FLOAT) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(name, kind, shape)
+
+
+def _lstm(lstm: LSTM, value: str) -> tuple[list[onnx.NodeProto], dict[str, NDArray[Any]]]:
+    """Nodes and constants from `value` to "remembered", the last layer's output."""
+    units = lstm.sizes[-1]
+    constants: dict[str, NDArray[Any]] = {
+        "zero": np.array(0, np.float32),
+        "first_axis": np.array([0]),
+        "last_axis": np.array([1]),
+    }
+    nodes = [
+        helper.make_node("Unsqueeze", ["episode_start", "last_axis"], ["starts"]),
+        # a sequence of one step
+        helper.make_node("Unsqueeze", [value, "first_axis"], ["sequence"]),
+    ]
+    names = [f"lstm.{i}" for i in range(len(lstm.layers))]
+    for state in ("hidden", "cell"):
+        nodes += [
+            helper.make_node("Where", ["starts", "zero", state], [f"kept_{state}"]),
+            helper.make_node("Split", [f"kept_{state}"], [f"{n}.{state}" for n in names], axis=0),
+        ]
+    value = "sequence"
+    for name, layer in zip(names, lstm.layers, strict=True):
+        bias = np.concatenate([layer.input_bias, layer.recurrent_bias])
+        parts = {"W": layer.input_weight, "R": layer.recurrent_weight, "B": bias}
+        for part, array in parts.items():
+            # ONNX wants the gates in the order input, output, forget, candidate
+            gates = array.reshape(-1, 4, units, *array.shape[1:])[:, [0, 3, 1, 2]]
+            constants[f"{name}.{part}"] = gates.reshape(1, *array.shape)
+        weights = [f"{name}.{part}" for part in parts]
+        taken = [value, *weights, "", f"{name}.hidden", f"{name}.cell"]
+        given = ["", f"{name}.next_hidden", f"{name}.next_cell"]
+        nodes.append(helper.make_node("LSTM", taken, given, hidden_size=units))
+        value = f"{name}.next_hidden"
+    for state in ("next_hidden", "next_cell"):
+        nodes.append(helper.make_node("Concat", [f"{n}.{state}" for n in names], [state], axis=0))
+    nodes.append(helper.make_node("Squeeze", [value, "first_axis"], ["remembered"]))
+    return nodes, constants

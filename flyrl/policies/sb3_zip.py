@@ -6,13 +6,16 @@ import pickle
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+import gymnasium
+import numpy as np
 import torch
 from gymnasium import Space
+from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
 from flyrl.envs.core import EnvConfig
@@ -26,8 +29,19 @@ from flyrl.policies.export import (
     normaliser_of,
 )
 from flyrl.policies.learned import LearnedPolicy
+from flyrl.policies.lstm import LSTM
+from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import TASKS, Task
 from flyrl.validation import one_of
+
+# a policy needs no memory of what it learned from, and hindsight's cannot be made without its env
+_WITHOUT_BUFFER: Final[dict[str, Any]] = {
+    "buffer_size": 1,
+    "replay_buffer_class": None,
+    "replay_buffer_kwargs": {},
+}
+_COUNT_UNKNOWN: Final = 100_000
+"""Observations that statistics stand for where nothing is recorded, about a short training's."""
 
 
 def import_sb3(
@@ -70,11 +84,12 @@ def import_sb3(
             "which can run any code when they are read. Say trust=True if you know who made it"
         )
     with _unpickling(path, f"a model of {algorithm.__name__}"):
-        model = algorithm.load(Path(path), device="cpu")
+        model = algorithm.load(Path(path), device="cpu", custom_objects=_WITHOUT_BUFFER)
     task = env.resolved_task
     _check_space("observations", model.observation_space, observation_space(task), task)
     _check_space("actions", model.action_space, action_space(task), task)
-    training = {"algo": algorithm.__name__.lower(), "decisions": int(model.num_timesteps)}
+    algo = "recurrent_ppo" if algorithm is RecurrentPPO else algorithm.__name__.lower()
+    training = {"algo": algo, "decisions": int(model.num_timesteps)}
     bundle = bundle_from_sb3(model, observation_layout(task), env_record(env), training)
     if vec_normalize is None:
         return bundle
@@ -108,11 +123,17 @@ def _check_space(what: str, given: Space[Any], wanted: Space[Any], task: Task) -
 def export_sb3(
     bundle: PolicyBundle, task: str | Task | None = None, *, seed: int = 0
 ) -> BaseAlgorithm:
-    """Stable-Baselines3 model that acts as the bundle: a PPO, or a SAC if the output is squashed.
+    """Stable-Baselines3 model that acts as the bundle.
 
+    It is a PPO, a SAC if the output is squashed, or a RecurrentPPO if the policy has a memory.
     `model.save` writes its zip file, from which `load` with an environment lets it learn on. The
     value function, the exploration noise and the optimiser are new: a bundle holds the
     deterministic policy alone.
+
+    A model of Stable-Baselines3 takes observations that are normalised already. If the bundle
+    normalises them, `model.get_vec_normalize_env()` is the VecNormalize that does the same: its
+    `normalize_obs` makes the model's observations, its `save` writes what `VecNormalize.load`
+    wraps an environment with. Else it is None.
 
     Parameters
     ----------
@@ -133,13 +154,12 @@ def export_sb3(
     PolicyFileError
         The task has other observations or actions than the bundle. A ValueError.
     ValueError
-        The task is not known by name, or the bundle normalises observations or has a memory.
+        The task is not known by name, or the bundle has a memory and a squashed output.
     """
-    for name, part in (("normaliser", bundle.normaliser), ("lstm", bundle.lstm)):
-        if part is not None:
-            raise ValueError(
-                f"{name}: {type(part).__name__}; allowed: None (a zip file holds neither)"
-            )
+    if bundle.lstm is not None and bundle.squashing != "clip":
+        raise ValueError(
+            f"squashing: {bundle.squashing!r}; allowed with a memory: 'clip' (as of RecurrentPPO)"
+        )
     if task is None:
         record = bundle.env.get("task")
         task = str(record.get("name") if isinstance(record, Mapping) else record)
@@ -154,18 +174,26 @@ def export_sb3(
             f"those of {task.name} within {bounds[0]} and {bounds[1]}"
         )
     # a model without an environment, made as SB3's own `load` does it
+    of_policy: dict[str, Any] = {
+        "net_arch": list(bundle.network.sizes[1:-1]),
+        "activation_fn": ACTIVATION_MODULES[bundle.network.activation],
+    }
+    memory = ""
+    if bundle.lstm is not None:
+        memory = "Lstm"
+        of_policy["lstm_hidden_size"] = bundle.lstm.sizes[-1]
+        of_policy["n_lstm_layers"] = len(bundle.lstm.layers)
     common: dict[str, Any] = {
-        "policy": "MlpPolicy" if task.is_flat else "MultiInputPolicy",
+        "policy": f"{'Mlp' if task.is_flat else 'MultiInput'}{memory}Policy",
         "env": None,
         "device": "cpu",
-        "policy_kwargs": {
-            "net_arch": list(bundle.network.sizes[1:-1]),
-            "activation_fn": ACTIVATION_MODULES[bundle.network.activation],
-        },
+        "policy_kwargs": of_policy,
         "_init_setup_model": False,
     }
     model: BaseAlgorithm
-    if bundle.squashing == "tanh":
+    if bundle.lstm is not None:
+        model = RecurrentPPO(**common)
+    elif bundle.squashing == "tanh":
         # else SAC takes its default for this, minus the number of actions, from the environment
         model = SAC(**common, target_entropy=float(-len(bundle.action_low)))
     else:
@@ -179,4 +207,48 @@ def export_sb3(
         for linear, layer in zip(linears, bundle.network.layers, strict=True):
             linear.weight.copy_(torch.from_numpy(layer.weight))
             linear.bias.copy_(torch.from_numpy(layer.bias))
+        if bundle.lstm is not None:
+            _fill(model.policy.get_submodule("lstm_actor"), bundle.lstm)
+    if bundle.normaliser is not None:
+        model._vec_normalize_env = _vec_normalize(
+            bundle.normaliser, model, bundle.training.get("decisions")
+        )
     return model
+
+
+def _fill(module: nn.Module, lstm: LSTM) -> None:
+    for i, layer in enumerate(lstm.layers):
+        for name, values in (
+            ("weight_ih", layer.input_weight),
+            ("weight_hh", layer.recurrent_weight),
+            ("bias_ih", layer.input_bias),
+            ("bias_hh", layer.recurrent_bias),
+        ):
+            module.get_parameter(f"{name}_l{i}").copy_(torch.from_numpy(values))
+
+
+class _SpacesOnly(gymnasium.Env[Any, Any]):
+    """What a VecNormalize needs to be made: spaces, and nothing behind them."""
+
+    def __init__(self, model: BaseAlgorithm) -> None:
+        self.observation_space, self.action_space = model.observation_space, model.action_space
+
+
+def _vec_normalize(normaliser: Normaliser, model: BaseAlgorithm, decisions: Any) -> VecNormalize:
+    """The statistics as Stable-Baselines3 keeps them; those of the rewards are not in a bundle."""
+    env = VecNormalize(
+        DummyVecEnv([lambda: _SpacesOnly(model)]),
+        norm_reward=False,
+        clip_obs=normaliser.clip,
+        epsilon=normaliser.epsilon,
+    )
+    moments = env.obs_rms
+    parts = [moments[name] for name in sorted(moments)] if isinstance(moments, dict) else [moments]
+    ends = np.cumsum([len(part.mean) for part in parts])[:-1]
+    means, variances = np.split(normaliser.mean, ends), np.split(normaliser.variance, ends)
+    # else what is learned on first would outweigh them
+    is_known = isinstance(decisions, int) and decisions > 0
+    for part, mean, variance in zip(parts, means, variances, strict=True):
+        part.mean, part.var = mean.copy(), variance.copy()
+        part.count = float(decisions if is_known else _COUNT_UNKNOWN)
+    return env

@@ -6,6 +6,8 @@ from itertools import pairwise
 import gymnasium
 import numpy as np
 import pytest
+import torch
+from sb3_contrib.common.torch_layers import BatchRenorm
 
 from flyrl.policies.bundle import PolicyBundle, TermLayout
 from flyrl.policies.lstm import LSTM, LSTMLayer
@@ -59,6 +61,19 @@ def recurrent(bundle) -> PolicyBundle:
         lstm=LSTM((layer, layer)),
         normaliser=Normaliser(np.array([0.1, 0, -1]), np.array([1, 0.3, 2]), 1e-8, 10.0),
     )
+
+
+def perturbed(model):
+    """A model with larger weights: a fresh one's are too tiny for bounds and tanh to matter."""
+    generator = torch.Generator().manual_seed(0)
+    with torch.no_grad():
+        for parameter in model.policy.parameters():
+            parameter.add_(0.1 * torch.randn(parameter.shape, generator=generator))
+        for module in model.policy.modules():
+            if isinstance(module, BatchRenorm):
+                module.ra_mean.add_(torch.randn(module.ra_mean.shape, generator=generator))
+                module.ra_var.mul_(0.1 + torch.rand(module.ra_var.shape, generator=generator))
+    return model
 
 
 class Bandit(gymnasium.Env):

@@ -166,6 +166,11 @@ def test_other_schema(file):
         ({"architecture": {"lstm_sizes": [3, 3, 4]}}, r"lstm_sizes \[3, 3, 4\], but"),
         ({"architecture": {"lstm_sizes": 7}}, "incomplete or wrong record"),
         ({"architecture": {"kind": "gru"}}, "architecture: 'gru'; allowed: mlp, lstm"),
+        ({"action": {"low": [float("nan"), -1], "high": [1, 1]}}, "bounds: nan and 1.0; allowed"),
+        ({"action": {"low": [-1, 2], "high": [1, 1]}}, "bounds: 2.0 and 1.0; allowed: finite"),
+        ({"observation": [{"name": "all", "size": 3.0}]}, "size of 'all': 3.0; allowed: 1, 2"),
+        ({"observation": [{"name": "all", "size": -1}]}, "size of 'all': -1; allowed: 1, 2"),
+        ({"observation": [{"name": 7, "size": 3}]}, "name of an observation term: 7; allowed"),
     ],
 )
 def test_a_record_that_does_not_fit(recurrent, tmp_path, changes, message):

@@ -1,34 +1,19 @@
 import numpy as np
 import pytest
-import torch
 from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
-from sb3_contrib.common.torch_layers import BatchRenorm
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
-from tests.policies.conftest import Bandit, DictBandit
+from tests.policies.conftest import Bandit, DictBandit, perturbed
 
 LAYOUT = (TermLayout("all", 40),)
 
 
-def _perturbed(model):
-    # Fresh SB3 policies have tiny output weights: with larger ones, the bounds and tanh matter.
-    generator = torch.Generator().manual_seed(0)
-    with torch.no_grad():
-        for parameter in model.policy.parameters():
-            parameter.add_(0.1 * torch.randn(parameter.shape, generator=generator))
-        for module in model.policy.modules():
-            if isinstance(module, BatchRenorm):
-                module.ra_mean.add_(torch.randn(module.ra_mean.shape, generator=generator))
-                module.ra_var.mul_(0.1 + torch.rand(module.ra_var.shape, generator=generator))
-    return model
-
-
 def _model(algorithm, env, policy="MlpPolicy", **kwargs):
-    return _perturbed(algorithm(policy, env, policy_kwargs=kwargs, device="cpu", seed=0))
+    return perturbed(algorithm(policy, env, policy_kwargs=kwargs, device="cpu", seed=0))
 
 
 def _observations(*shape):
@@ -136,7 +121,7 @@ def test_later_training_does_not_change_the_bundle():
     model = PPO("MlpPolicy", env, device="cpu")
     policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
     before, _ = policy.predict(np.ones(40))
-    _perturbed(model)
+    perturbed(model)
     env.obs_rms.mean += 1
     after, _ = LearnedPolicy(policy.bundle).predict(np.ones(40))
     np.testing.assert_array_equal(before, after)

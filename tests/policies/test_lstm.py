@@ -91,3 +91,5 @@ def test_layers_that_do_not_fit():
         LSTM((replace(first, input_bias=second.input_bias[:-1]),))
     with pytest.raises(ValueError, match="LSTM layer 0"):
         LSTM((replace(first, recurrent_weight=np.zeros(5, np.float32)),))
+    with pytest.raises(ValueError, match=r"LSTM layer 0: .* \(\); allowed: two axes each"):
+        LSTM((replace(first, recurrent_weight=np.zeros((), np.float32)),))

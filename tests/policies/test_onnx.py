@@ -5,10 +5,14 @@ import numpy as np
 import onnx
 import onnxruntime
 import pytest
+from stable_baselines3.common.vec_env import DummyVecEnv
 
 from flyrl.policies import LearnedPolicy, TermLayout, export_onnx
+from flyrl.policies.export import bundle_from_sb3
 from flyrl.policies.normaliser import Normaliser
-from tests.policies.conftest import random_network
+from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.models import build_model
+from tests.policies.conftest import Bandit, perturbed, random_network
 
 
 @pytest.fixture(params=[("tanh", "clip"), ("relu", "clip"), ("tanh", "tanh"), ("relu", "tanh")])
@@ -55,10 +59,62 @@ def test_observations_are_normalised_as_by_the_policy(policy, tmp_path):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
 
 
-def test_a_policy_with_a_memory_is_refused(recurrent, tmp_path):
-    with pytest.raises(ValueError, match="lstm: LSTM; allowed: None"):
-        export_onnx(recurrent, tmp_path / "policy.onnx")
-    assert not any(tmp_path.iterdir())
+def test_a_narrow_spread_far_from_zero_is_normalised_as_precisely(policy, tmp_path):
+    rng = np.random.default_rng(2)
+    policy = replace(policy, normaliser=Normaliser(rng.normal(size=40), [1e-8] * 40, 1e-12, 10.0))
+    export_onnx(policy, tmp_path / "policy.onnx")
+    spread = rng.normal(scale=1e-4, size=(200, 40))
+    observations = (policy.normaliser.mean + spread).astype(np.float32)
+    expected, _ = LearnedPolicy(policy).predict(observations)
+    assert np.ptp(expected) > 1
+    actions = _run(tmp_path / "policy.onnx", observations)
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
+
+
+def _walk(path, steps, starts, state):
+    """Actions and memory, step by step; `steps` is (t, n, k), `starts` (t, n)."""
+    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
+    for observation, start in zip(steps, starts, strict=True):
+        given = {"observation": observation}
+        if state:
+            given |= {"hidden": state[0], "cell": state[1], "episode_start": start}
+        action, *state = session.run(None, given)
+        yield action, state
+
+
+def test_a_memory_goes_from_step_to_step_as_the_policy_s(recurrent, tmp_path):
+    export_onnx(recurrent, tmp_path / "policy.onnx")
+    rng = np.random.default_rng(1)
+    steps, starts = rng.normal(size=(30, 5, 3)).astype(np.float32), rng.random((30, 5)) < 0.2
+    policy, state = LearnedPolicy(recurrent), None
+    zeros = [np.zeros((2, 5, 3), np.float32)] * 2
+    for i, (action, memory) in enumerate(_walk(tmp_path / "policy.onnx", steps, starts, zeros)):
+        expected, state = policy.predict(steps[i], state, starts[i])
+        np.testing.assert_allclose(action, expected, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(memory, state, rtol=0, atol=1e-5)
+    assert np.abs(state).max() > 0.5
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_same_actions_as_the_model_that_was_trained(name, tmp_path):
+    """From torch, over the bundle, to ONNX."""
+    algo = ALGORITHMS[name](hidden_layers=(32, 32), normalize_observation=True)
+    env = DummyVecEnv(8 * [Bandit])
+    model = perturbed(build_model(algo, env, seed=0))
+    statistics, rng = model.get_vec_normalize_env(), np.random.default_rng(1)
+    statistics.obs_rms.mean = rng.normal(size=40)
+    statistics.obs_rms.var = rng.uniform(0.1, 4, size=40)
+    export_onnx(bundle_from_sb3(model, (TermLayout("all", 40),), {}, {}), tmp_path / "policy.onnx")
+    steps, starts = rng.normal(size=(20, 10, 40)).astype(np.float32), rng.random((20, 10)) < 0.2
+    lstm = getattr(model.policy, "lstm_actor", None)
+    zeros = lstm and [np.zeros((lstm.num_layers, 10, lstm.hidden_size), np.float32)] * 2
+    state, given = None, []
+    for i, (action, _) in enumerate(_walk(tmp_path / "policy.onnx", steps, starts, zeros)):
+        seen = statistics.normalize_obs(steps[i])
+        expected, state = model.predict(seen, state, starts[i], deterministic=True)
+        np.testing.assert_allclose(action, expected, rtol=0, atol=1e-5)
+        given.append(expected)
+    assert np.ptp(given) > 0.5
 
 
 def test_actions_stay_inside_their_bounds(policy, tmp_path):

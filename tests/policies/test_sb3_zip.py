@@ -7,6 +7,7 @@ import cloudpickle
 import numpy as np
 import pytest
 import torch
+from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.vec_env import VecNormalize
 
@@ -21,7 +22,12 @@ from flyrl.policies import (
     import_sb3,
     observation_layout,
 )
+from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.lstm import LSTM, LSTMLayer
+from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import TASKS
+from flyrl.training.algorithms import SACConfig
+from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, random_network
 
 ENV = EnvConfig("target", terrain="gapped")
@@ -65,6 +71,17 @@ def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
     assert bundle.env == env_record(ENV)
     assert bundle.training["algo"] == algorithm.__name__.lower()
+
+
+def test_a_model_with_hindsight_can_be_imported(tmp_path):
+    config = EnvConfig("target_goal")
+    env = FlyVecEnv(config, 2, num_threads=1, seed=0)
+    model = build_model(SACConfig(her=True, learning_starts=1000, hidden_layers=(8,)), env, seed=0)
+    model.save(tmp_path / "model.zip")
+    bundle = import_sb3(tmp_path / "model.zip", SAC, config, trust=True)
+    weights = model.actor.latent_pi[0].weight.detach().numpy()
+    np.testing.assert_array_equal(bundle.network.layers[0].weight, weights)
+    env.close()
 
 
 @pytest.fixture
@@ -216,6 +233,85 @@ def test_exported_model_learns_on(bundle, squashing, algorithm, settings, fly_en
     assert np.any(model.predict(_observations(), deterministic=True)[0] != before)
 
 
+@pytest.fixture
+def remembering(bundle):
+    """A bundle for the task Target that normalises, and remembers in two layers."""
+    rng = np.random.default_rng(3)
+    layers = []
+    for inputs in (SIZE, 6):
+        shapes = ((24, inputs), (24, 6), (24,), (24,))
+        layers.append(LSTMLayer(*(rng.normal(0, 0.5, s).astype(np.float32) for s in shapes)))
+    return replace(
+        _bundle(bundle),
+        network=random_network((6, 16, 2), "tanh"),
+        lstm=LSTM(tuple(layers)),
+        normaliser=Normaliser(rng.normal(size=SIZE), rng.uniform(0.1, 4, SIZE), 1e-6, 1.5),
+    )
+
+
+def test_exported_model_normalises_and_remembers_as_the_bundle(remembering):
+    policy, model = LearnedPolicy(remembering), export_sb3(remembering)
+    statistics = model.get_vec_normalize_env()
+    rng = np.random.default_rng(4)
+    state = own_state = None
+    for observations in np.split(_observations(), 40):
+        starts = rng.random(5) < 0.2
+        expected, state = policy.predict(observations, state, starts)
+        seen = statistics.normalize_obs(observations)
+        actions, own_state = model.predict(seen, own_state, starts, deterministic=True)
+        np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+    np.testing.assert_allclose(own_state, state, rtol=0, atol=5e-6)
+    assert np.abs(state).max() > 0.5
+
+
+def test_memory_and_statistics_come_back_from_their_files(remembering, tmp_path):
+    model = export_sb3(remembering)
+    model.save(tmp_path / "model.zip")
+    model.get_vec_normalize_env().save(tmp_path / "statistics.pkl")
+    again = import_sb3(
+        tmp_path / "model.zip",
+        RecurrentPPO,
+        ENV,
+        vec_normalize=tmp_path / "statistics.pkl",
+        trust=True,
+    )
+    np.testing.assert_array_equal(again.lstm.packed(), remembering.lstm.packed())
+    np.testing.assert_array_equal(again.network.packed(), remembering.network.packed())
+    for name in ("mean", "variance", "epsilon", "clip"):
+        given = getattr(remembering.normaliser, name)
+        np.testing.assert_array_equal(getattr(again.normaliser, name), given)
+    assert again.training["algo"] == "recurrent_ppo"
+
+
+def test_statistics_of_dicts_come_back(bundle):
+    env = EnvConfig("target_goal")
+    layout = observation_layout(env.resolved_task)
+    size, rng = sum(term.size for term in layout), np.random.default_rng(5)
+    bundle = replace(
+        bundle,
+        network=random_network((size, 8, 2), "tanh"),
+        observation=layout,
+        env=env_record(env),
+        normaliser=Normaliser(rng.normal(size=size), rng.uniform(0.1, 4, size), 1e-8, 10.0),
+    )
+    again = bundle_from_sb3(export_sb3(bundle), layout, {}, {})
+    np.testing.assert_array_equal(again.normaliser.mean, bundle.normaliser.mean)
+    np.testing.assert_array_equal(again.normaliser.variance, bundle.normaliser.variance)
+
+
+def test_exported_memory_and_statistics_learn_on(remembering, fly_env, tmp_path):
+    model = export_sb3(replace(remembering, training={"decisions": 900}))
+    model.save(tmp_path / "model.zip")
+    model.get_vec_normalize_env().save(tmp_path / "statistics.pkl")
+    env = VecNormalize.load(tmp_path / "statistics.pkl", fly_env)
+    model = RecurrentPPO.load(tmp_path / "model.zip", env=env, n_steps=8, n_epochs=1)
+    before = model.predict(_observations(), deterministic=True)[0]
+    model.learn(16)
+    assert np.any(model.predict(_observations(), deterministic=True)[0] != before)
+    # 2 observations from the reset and 16 from the steps, on top of what is recorded
+    assert env.obs_rms.count == 900 + 2 + 16
+
+
 def test_same_seed_same_model(bundle):
     def parameters(seed):
         policy = export_sb3(_bundle(bundle), seed=seed).policy
@@ -239,11 +335,9 @@ def test_export_with_other_action_bounds_is_refused(bundle):
         export_sb3(narrow)
 
 
-@pytest.mark.parametrize("kept", ["normaliser", "lstm"])
-def test_export_of_what_a_model_cannot_hold_is_refused(recurrent, kept):
-    other = {"normaliser": "lstm", "lstm": "normaliser"}[kept]
-    with pytest.raises(ValueError, match=f"{kept}: .*; allowed: None"):
-        export_sb3(replace(recurrent, **{other: None}))
+def test_export_of_a_memory_with_squashed_output_is_refused(recurrent):
+    with pytest.raises(ValueError, match="squashing: 'tanh'; allowed with a memory: 'clip'"):
+        export_sb3(replace(recurrent, squashing="tanh"))
 
 
 def test_export_for_an_unknown_task_is_refused(bundle):
