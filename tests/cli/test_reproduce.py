@@ -1,11 +1,15 @@
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.cli.reproduce import compare
-from flyrl.policies.bundle import PolicyFileError
+from flyrl.cli.reproduce import compare, difference
+from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout
+from flyrl.policies.lstm import LSTM, LSTMLayer
+from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.normaliser import Normaliser
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
@@ -61,6 +65,63 @@ def test_other_parameters_are_told_with_the_largest_difference(tmp_path):
 def test_zeros_of_the_other_sign_are_other_bits(tmp_path):
     runs = [read_run(make_run(tmp_path / name, bias=b)) for name, b in (("a", 0.0), ("b", -0.0))]
     assert "by at most 0" in compare(*runs).policy
+
+
+NORMALISER = Normaliser(np.zeros(2), np.ones(2), 1e-8, 10.0)
+
+
+def _bundle():
+    layer = Layer(np.ones((2, 3), np.float32), np.zeros(2, np.float32))
+    memory = LSTMLayer(*(np.ones(shape, np.float32) for shape in ((12, 2), (12, 3), 12, 12)))
+    return PolicyBundle(
+        MLP((layer,), "tanh"),
+        "clip",
+        (TermLayout("a", 2),),
+        (0.0, 0.0),
+        (1.0, 1.0),
+        {},
+        {},
+        NORMALISER,
+        LSTM((memory,)),
+    )
+
+
+def test_a_memory_with_other_parameters_is_told():
+    first, second = _bundle(), _bundle()
+    assert difference(first, second) is None
+    second.lstm.layers[0].recurrent_weight[7, 1] += 0.5
+    # 2 * 3 + 2 of the layer, 12 * 2 + 12 * 3 + 12 + 12 of the memory
+    assert difference(first, second) == "1 of 92 parameters differ, by at most 0.5"
+
+
+def test_a_normaliser_with_other_statistics_is_told():
+    other = replace(NORMALISER, mean=[0.0, 2.0**-60])
+    assert difference(_bundle(), replace(_bundle(), normaliser=other)) == (
+        "1 of 4 statistics of the normaliser differ, by at most 8.67e-19"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"squashing": "tanh"}, "squashing clip, in the repeat tanh"),
+        ({"network": MLP(_bundle().network.layers, "relu")}, "activation tanh, in the repeat relu"),
+        ({"normaliser": None}, r"epsilon and clip \(1e-08, 10.0\), in the repeat None"),
+        ({"normaliser": replace(NORMALISER, clip=5.0)}, r"\(1e-08, 10.0\), in the repeat"),
+        ({"action_high": (1.0, 2.0)}, "action bounds"),
+        ({"observation": (TermLayout("b", 2),)}, "observation"),
+        (
+            {
+                "lstm": None,
+                "observation": (TermLayout("a", 3),),
+                "normaliser": Normaliser(np.zeros(3), np.ones(3), 1e-8, 10.0),
+            },
+            r"LSTM \(2, 3\), in the repeat None",
+        ),
+    ],
+)
+def test_another_architecture_is_told(changes, told):
+    assert re.search(told, difference(_bundle(), replace(_bundle(), **changes)))
 
 
 def test_the_first_evaluation_that_differs_is_told(tmp_path):
