@@ -210,7 +210,7 @@ def _update(
             callback.close()
             model.logger.close()
             env.close()
-    return Run(folder.path, interrupted.signal, callback.is_pruned)
+    return Run(folder.path, callback.interrupted_by, callback.is_pruned)
 
 
 def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:

@@ -15,7 +15,7 @@ from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
-from flyrl.training.runs import read_rows
+from flyrl.training.runs import read_rows, read_run
 
 ENV = EnvConfig(physics="fast")
 SCHEDULE = ScheduleConfig(
@@ -102,6 +102,32 @@ def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     resumed = resume(config, part.folder)
     assert resumed.folder == part.folder
     assert _results(resumed) == _results(whole)
+
+
+def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path, monkeypatch):
+    # the last rollout goes beyond the total
+    schedule = replace(SCHEDULE, total_decisions=90, checkpoint_interval=10_000)
+    config = replace(PPO_CONFIG, training=schedule)
+    whole = train(config, tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        InterruptedAt(patch, decision=22)
+        part = train(config, tmp_path / "part")
+    assert read_run(part.folder).state == "interrupted"
+    assert _results(resume(config, part.folder)) == _results(whole)
+
+
+def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path, monkeypatch):
+    evaluate = RunCallback._evaluate
+
+    def interrupted(callback):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return evaluate(callback)
+
+    monkeypatch.setattr(RunCallback, "_evaluate", interrupted)
+    config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32))
+    run = train(config, tmp_path)
+    assert read_run(run.folder).state == "finished"
+    assert run.interrupted_by is None
 
 
 @pytest.mark.parametrize(
