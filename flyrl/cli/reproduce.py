@@ -6,11 +6,12 @@ import argparse
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flyrl.training.runs import RunSummary, flat, read_run
+from flyrl.training.provenance import differences
+from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -160,7 +161,7 @@ def _architecture(bundle: PolicyBundle) -> dict[str, Any]:
 
 def _parameters(bundle: PolicyBundle) -> list[NDArray[Any]]:
     layers = (*bundle.network.layers, *(bundle.lstm.layers if bundle.lstm else ()))
-    return [getattr(layer, field.name) for layer in layers for field in fields(layer)]
+    return [array for layer in layers for array in vars(layer).values()]
 
 
 def _statistics(bundle: PolicyBundle) -> list[NDArray[Any]]:
@@ -194,23 +195,13 @@ def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
 
 
 def _origins_differ(original: Mapping[str, Any], repeat: Mapping[str, Any]) -> list[str]:
-    """What differs in commit, versions and machine, but for the time."""
-    before, now = flat(original), flat(repeat)
-    lines = []
-    for key in dict.fromkeys([*before, *now]):
-        if key == "started" or before.get(key) == now.get(key):
-            continue
-        if key == "cpu.flags":
-            lost, new = _set_difference(before.get(key), now.get(key))
-            lines.append(f"CPU flags: without {lost}; with {new}")
-        else:
-            lines.append(f"{key}: {before.get(key)}, in the repeat {now.get(key)}")
-    if now.get("git.is_dirty"):
-        lines.append("the code has changes beyond its commit: see code.diff of both")
+    """What differs in commit, versions and machine, from run to repeat and within each."""
+    lines = differences(original, repeat, "in the repeat")
+    for name, origin in (("run", original), ("repeat", repeat)):
+        resumed = origin.get("resumed")
+        for later in resumed if isinstance(resumed, list) else ():
+            lines += [
+                f"within the {name}: {line}"
+                for line in differences(origin, later, "after an interruption")
+            ]
     return lines
-
-
-def _set_difference(before: Any, now: Any) -> tuple[str, str]:
-    """Words only in the first text, and only in the second."""
-    first, second = set(str(before or "").split()), set(str(now or "").split())
-    return " ".join(sorted(first - second)) or "none", " ".join(sorted(second - first)) or "none"

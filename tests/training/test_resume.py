@@ -15,7 +15,8 @@ from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
-from flyrl.training.runs import read_rows, read_run
+from flyrl.training.runs import RunIsHeldError, held, read_rows, read_run
+from tests.training.folders import make_run
 
 ENV = EnvConfig(physics="fast")
 SCHEDULE = ScheduleConfig(
@@ -204,6 +205,15 @@ def test_other_settings_are_not_resumed(tmp_path, monkeypatch):
     run = train(PPO_CONFIG, tmp_path)
     with pytest.raises(ResumeError, match="other settings"):
         resume(replace(PPO_CONFIG, seed=1), run.folder)
+
+
+def test_a_run_that_another_process_trains_is_left_as_it_is(tmp_path):
+    folder = make_run(tmp_path / "run", interrupted_by="SIGTERM")
+    with held(folder):
+        before = {path: path.read_bytes() for path in folder.iterdir()}
+        with pytest.raises(RunIsHeldError):
+            resume(TrainingConfig(), folder, ["train.py"])
+        assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_a_folder_without_a_run_is_an_error(tmp_path):
