@@ -45,7 +45,7 @@ def provenance(terms: Sequence[str] = ()) -> dict[str, Any]:
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _PACKAGES},
         "system": platform.platform(),
-        "cpu": _cpu(),
+        "cpu": cpu(_text(Path("/proc/cpuinfo"))),
         "num_cpus": len(os.sched_getaffinity(0)),
     }
 
@@ -155,13 +155,17 @@ def _run(*command: str) -> bytes | None:
         return None
 
 
-def _cpu() -> dict[str, Any]:
-    model, flags = None, None
+def _text(path: Path) -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return path.read_text()
     except OSError:
-        lines = []
-    for line in lines:
+        return ""
+
+
+def cpu(info: str) -> dict[str, Any]:
+    """Model and instruction sets of the first CPU, from what Linux says in `/proc/cpuinfo`."""
+    model, flags = None, None
+    for line in info.splitlines():
         key, _, value = line.partition(":")
         if key.strip() == "model name" and model is None:
             model = value.strip()

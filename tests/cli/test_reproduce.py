@@ -15,7 +15,7 @@ from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
 from flyrl.training.runs import read_run
-from tests.training.folders import make_run
+from tests.training.folders import COMMIT, make_run
 
 TINY = TrainingConfig(
     algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2),
@@ -152,6 +152,26 @@ def test_where_they_come_from_is_told_but_is_no_difference_of_results(tmp_path):
         "packages.numpy: 2.0, in the repeat 2.1",
         "CPU flags: without avx; with fma",
     )
+
+
+def test_where_a_run_went_on_is_told(tmp_path):
+    origin = {"packages": {"numpy": "2.0"}}
+    commits = {"git": {"commit": COMMIT, "is_dirty": False}}
+    resumed = [{**commits, "packages": {"numpy": "2.1"}}, {**commits, **origin}]
+    first = make_run(tmp_path / "a", provenance={**origin, "resumed": resumed})
+    second = make_run(tmp_path / "b", provenance=origin)
+    told = ("within the run: packages.numpy: 2.0, after an interruption 2.1",)
+    assert compare(read_run(first), read_run(second)).origins == told
+
+
+def test_only_other_changes_of_the_code_are_told(tmp_path):
+    gits = [{"commit": COMMIT, "is_dirty": True, "diff": digest} for digest in "xxy"]
+    first, same, other = (
+        read_run(make_run(tmp_path / str(i), provenance={"git": git})) for i, git in enumerate(gits)
+    )
+    assert compare(first, same).origins == ()
+    (told,) = compare(first, other).origins
+    assert "other changes beyond its commit: see code.diff" in told
 
 
 def test_a_difference_is_the_exit_status(tmp_path, capsys):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import flyrl
-from flyrl.training.provenance import code_changes, differences, provenance
+from flyrl.training.provenance import code_changes, cpu, differences, provenance
 from tests.training.folders import checkout, git
 
 
@@ -67,6 +67,12 @@ def test_other_code_of_a_term_is_told(tmp_path, monkeypatch):
         records.append(provenance(["some_terms:A", "some_terms:B"]))
     (told,) = differences(*records, "now")
     assert told.startswith("terms.some_terms: ")
+
+
+@pytest.mark.parametrize("key", ["flags", "Features"], ids=["x86", "arm"])
+def test_instruction_sets_of_the_first_cpu(key):
+    info = f"model name\t: A\n{key}\t\t: fp asimd\n\nmodel name\t: B\n{key}\t\t: fp\n"
+    assert cpu(info) == {"model": "A", "flags": "fp asimd"}
 
 
 def test_an_installed_package_has_neither(tmp_path, monkeypatch):
