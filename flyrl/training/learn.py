@@ -41,11 +41,15 @@ class Run:
         Number of the signal that ended it early, or None.
     is_pruned
         Whether `goes_on` ended it early.
+    signal
+        Number of the signal that came, also if it was too late to end the run early: nothing that
+        takes long should follow it. Or None.
     """
 
     folder: Path
     interrupted_by: int | None
     is_pruned: bool = False
+    signal: int | None = None
 
 
 def _nothing(run: Run) -> None:
@@ -215,7 +219,7 @@ def _update(
             callback.close()
             model.logger.close()
             env.close()
-    return Run(folder.path, callback.interrupted_by, callback.is_pruned)
+    return Run(folder.path, callback.interrupted_by, callback.is_pruned, interrupted.signal)
 
 
 def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:

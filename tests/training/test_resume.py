@@ -128,7 +128,7 @@ def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path, monkeypatch):
     config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32))
     run = train(config, tmp_path)
     assert read_run(run.folder).state == "finished"
-    assert run.interrupted_by is None
+    assert (run.interrupted_by, run.signal) == (None, signal.SIGTERM)
 
 
 @pytest.mark.parametrize(
