@@ -5,14 +5,17 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flyrl.training.runs import RunSummary, flat, read_run
+from flyrl.training.provenance import differences
+from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from flyrl.policies.bundle import PolicyBundle
     from flyrl.training.learn import Run
 
@@ -26,7 +29,7 @@ class Comparison:
     Attributes
     ----------
     policy
-        How the parameters of the final policies differ; None if they are the same bits.
+        How the final policies differ; None if they are the same bits.
     evaluations
         Where the evaluations differ first; None if they are the same.
     origins
@@ -130,20 +133,52 @@ def compare(original: RunSummary, repeat: RunSummary) -> Comparison:
 
 
 def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
-    """How the parameters of two policies differ; None if they are the same bits."""
-    if first.network.sizes != second.network.sizes:
-        return f"layers of {first.network.sizes}, in the repeat of {second.network.sizes}"
-    pairs = [
-        (one, other)
-        for left, right in zip(first.network.layers, second.network.layers, strict=True)
-        for one, other in ((left.weight, right.weight), (left.bias, right.bias))
-    ]
-    changed = sum(int((one.view("u4") != other.view("u4")).sum()) for one, other in pairs)
+    """How two policies differ in what they make of an observation; None if in no bit."""
+    others = _architecture(second)
+    for key, value in _architecture(first).items():
+        if value != others[key]:
+            return f"{key} {value}, in the repeat {others[key]}"
+    told = (
+        _arrays_differ("parameters", _parameters(first), _parameters(second)),
+        _arrays_differ("statistics of the normaliser", _statistics(first), _statistics(second)),
+    )
+    return "; ".join(filter(None, told)) or None
+
+
+def _architecture(bundle: PolicyBundle) -> dict[str, Any]:
+    """All that decides how the policy acts, but for its arrays: these are of the same shapes."""
+    normaliser = bundle.normaliser
+    return {
+        "layers": bundle.network.sizes,
+        "LSTM": bundle.lstm and bundle.lstm.sizes,
+        "activation": bundle.network.activation,
+        "squashing": bundle.squashing,
+        "observation": [(term.name, term.size) for term in bundle.observation],
+        "action bounds": (bundle.action_low, bundle.action_high),
+        "normaliser's epsilon and clip": normaliser and (normaliser.epsilon, normaliser.clip),
+    }
+
+
+def _parameters(bundle: PolicyBundle) -> list[NDArray[Any]]:
+    layers = (*bundle.network.layers, *(bundle.lstm.layers if bundle.lstm else ()))
+    return [array for layer in layers for array in vars(layer).values()]
+
+
+def _statistics(bundle: PolicyBundle) -> list[NDArray[Any]]:
+    return [bundle.normaliser.mean, bundle.normaliser.variance] if bundle.normaliser else []
+
+
+def _arrays_differ(
+    what: str, first: Sequence[NDArray[Any]], second: Sequence[NDArray[Any]]
+) -> str | None:
+    pairs = list(zip(first, second, strict=True))
+    bits = [[array.view(f"u{array.itemsize}") for array in pair] for pair in pairs]
+    changed = sum(int((one != other).sum()) for one, other in bits)
     if not changed:
         return None
     largest = max(float(abs(one.astype("f8") - other).max()) for one, other in pairs)
     total = sum(one.size for one, _ in pairs)
-    return f"{changed} of {total} parameters differ, by at most {largest:.3g}"
+    return f"{changed} of {total} {what} differ, by at most {largest:.3g}"
 
 
 def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
@@ -160,23 +195,13 @@ def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
 
 
 def _origins_differ(original: Mapping[str, Any], repeat: Mapping[str, Any]) -> list[str]:
-    """What differs in commit, versions and machine, but for the time."""
-    before, now = flat(original), flat(repeat)
-    lines = []
-    for key in dict.fromkeys([*before, *now]):
-        if key == "started" or before.get(key) == now.get(key):
-            continue
-        if key == "cpu.flags":
-            lost, new = _set_difference(before.get(key), now.get(key))
-            lines.append(f"CPU flags: without {lost}; with {new}")
-        else:
-            lines.append(f"{key}: {before.get(key)}, in the repeat {now.get(key)}")
-    if now.get("git.is_dirty"):
-        lines.append("the code has changes beyond its commit: see code.diff of both")
+    """What differs in commit, versions and machine, from run to repeat and within each."""
+    lines = differences(original, repeat, "in the repeat")
+    for name, origin in (("run", original), ("repeat", repeat)):
+        resumed = origin.get("resumed")
+        for later in resumed if isinstance(resumed, list) else ():
+            lines += [
+                f"within the {name}: {line}"
+                for line in differences(origin, later, "after an interruption")
+            ]
     return lines
-
-
-def _set_difference(before: Any, now: Any) -> tuple[str, str]:
-    """Words only in the first text, and only in the second."""
-    first, second = set(str(before or "").split()), set(str(now or "").split())
-    return " ".join(sorted(first - second)) or "none", " ".join(sorted(second - first)) or "none"

@@ -90,7 +90,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
     print(f"run: {finished.folder}", flush=True)
     if finished.interrupted_by is not None:
         print(f"interrupted; go on with: resume={finished.folder}", file=sys.stderr)
-        raise Interrupted(finished.folder, finished.interrupted_by)
+    if finished.signal is not None:  # of a run that came to its end, too: a sweep ends here
+        raise Interrupted(finished.folder, finished.signal)
     return finished.folder
 
 

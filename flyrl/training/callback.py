@@ -1,5 +1,6 @@
 """What happens on the way of a training run: progress, evaluation, saving, stopping."""
 
+import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
@@ -65,6 +66,7 @@ class RunCallback(BaseCallback):
         self._interrupted = interrupted
         self._goes_on = goes_on
         self.is_pruned = False
+        self.interrupted_by: signal.Signals | None = None
         self._episodes = held_out_episodes(config)
         num_envs = min(schedule.num_envs, len(self._episodes))
         self._env = BatchedEnv(config.env, num_envs, schedule.num_threads)
@@ -88,7 +90,7 @@ class RunCallback(BaseCallback):
         self._start -= state["wall_time_s"]
         if self._curriculum is not None:
             self._curriculum.restore(state["curriculum"])
-        self._bar.initial = state["decisions"]
+        self._bar.initial = min(state["decisions"], self._config.training.total_decisions)
         self._bar.reset()
         self._show()
 
@@ -143,11 +145,15 @@ class RunCallback(BaseCallback):
         self._is_ending = is_ending
 
     def _on_training_end(self) -> None:
-        interrupted_by = self._interrupted.signal and self._interrupted.signal.name
-        if self._interrupted:
+        # settled here: a signal during the last evaluation comes too late to interrupt the run
+        self.interrupted_by = self._interrupted.signal
+        reason = self.interrupted_by and self.interrupted_by.name
+        if self.interrupted_by is not None:
+            if not self._is_ending:
+                self._save_checkpoint()  # the signal came after the last rollout had begun
             self._save(self._bundle())
         elif self.is_pruned:
-            interrupted_by = "pruning"  # right after an evaluation: it is saved
+            reason = "pruning"  # right after an evaluation: it is saved
         else:
             self._evaluate()
             self.logger.dump(self.num_timesteps)
@@ -156,7 +162,7 @@ class RunCallback(BaseCallback):
             {
                 "decisions": self.num_timesteps,
                 "wall_time_s": round(time.monotonic() - self._start, 3),
-                "interrupted_by": interrupted_by,
+                "interrupted_by": reason,
             },
         )
 

@@ -19,13 +19,13 @@ from torch.utils.tensorboard import SummaryWriter
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.training.algorithms import OnPolicyConfig
 from flyrl.training.callback import GoesOn, RunCallback, fly_env
-from flyrl.training.checkpoint import load_checkpoint, restore_learner
+from flyrl.training.checkpoint import restore_learner
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.interruption import interruption
 from flyrl.training.loggers.base import DECISIONS_LOGGED, Outcome
 from flyrl.training.loggers.remote import RemoteLog
 from flyrl.training.models import build_model
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import RunFolder, read_record
 from flyrl.training.runs import held, read_rows
 
 
@@ -41,11 +41,15 @@ class Run:
         Number of the signal that ended it early, or None.
     is_pruned
         Whether `goes_on` ended it early.
+    signal
+        Number of the signal that came, also if it was too late to end the run early: nothing that
+        takes long should follow it. Or None.
     """
 
     folder: Path
     interrupted_by: int | None
     is_pruned: bool = False
+    signal: int | None = None
 
 
 def _nothing(run: Run) -> None:
@@ -106,7 +110,8 @@ def resume(
     """Go on with an interrupted run, from its latest checkpoint, to the end.
 
     On the same machine and versions, it ends with the policy that it would have had without the
-    interruption, to the bit.
+    interruption, to the bit; on others, a warning says so. Of checkpoints that are damaged, those
+    before them take the place.
 
     Parameters
     ----------
@@ -125,7 +130,7 @@ def resume(
     ------
     ResumeError
         There is no run in the folder, it has other settings, it is finished, or there is no
-        checkpoint, or a damaged one.
+        checkpoint that can be read.
     ValueError
         The logger's package is missing.
     OSError
@@ -134,10 +139,14 @@ def resume(
     """
     if config.logger is not None:
         config.logger.check_installed()
-    run_folder = RunFolder.open(config, Path(folder), command)
-    with held(run_folder.path):
-        state = load_checkpoint(run_folder.latest_checkpoint())
-        return _learn(config, _prepare(config), run_folder, state, goes_on, at_end)
+    folder = Path(folder)
+    read_record(folder)  # before a lock is left where there is no run
+    with held(folder):
+        run_folder = RunFolder.open(config, folder)
+        state = run_folder.load_latest_checkpoint()
+        model = _prepare(config)
+        run_folder.go_on(config, command)
+        return _learn(config, model, run_folder, state, goes_on, at_end)
 
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:
@@ -210,7 +219,7 @@ def _update(
             callback.close()
             model.logger.close()
             env.close()
-    return Run(folder.path, interrupted.signal, callback.is_pruned)
+    return Run(folder.path, callback.interrupted_by, callback.is_pruned, interrupted.signal)
 
 
 def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:

@@ -1,49 +1,96 @@
 """Where a run comes from: code, packages, machine."""
 
+import hashlib
 import os
 import platform
 import subprocess
+import sys
+from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
 import flyrl
+from flyrl.training.runs import flat
 
 _PACKAGES: Final = (
     "flyrl",
     "gymnasium",
+    "hydra-core",
     "mujoco",
     "numba",
     "numpy",
+    "optuna",
     "sb3-contrib",
     "scipy",
     "stable-baselines3",
     "torch",
 )
+_OWN_FOLDERS: Final = ("assets", "configs", "flyrl")
+"""Of a checkout: what a run depends on."""
 
 
-def provenance() -> dict[str, Any]:
-    """Commit, versions and CPU, as plain JSON values; what cannot be known is null."""
+def provenance(terms: Sequence[str] = ()) -> dict[str, Any]:
+    """Commit, versions and CPU, as plain JSON values; what cannot be known is null.
+
+    Parameters
+    ----------
+    terms
+        Names of a user's own terms, `module:attribute` each; of the modules, the SHA-256 is noted.
+    """
+    modules = dict.fromkeys(name.partition(":")[0] for name in terms)
     return {
         "git": _git(),
+        "terms": {name: _module_digest(name) for name in modules},
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _PACKAGES},
         "system": platform.platform(),
-        "cpu": _cpu(),
+        "cpu": cpu(_text(Path("/proc/cpuinfo"))),
         "num_cpus": len(os.sched_getaffinity(0)),
     }
 
 
-def code_changes() -> str:
-    """What the checkout that flyrl runs from has beyond its commit, as `git diff` says it.
+def code_changes() -> bytes:
+    """What the checkout that flyrl runs from has beyond its commit, for `git apply`.
 
-    Empty for an installed package, and where git cannot be asked.
+    Without untracked files. Empty for an installed package, and where git cannot be asked.
     """
     checkout = _checkout()
     if checkout is None:
-        return ""
-    difference = _run("git", "-C", str(checkout), "diff", "HEAD")
-    return difference + "\n" if difference else ""
+        return b""
+    plain = ("--binary", "--no-ext-diff", "--no-textconv", "--no-color")
+    return _run("git", "-C", str(checkout), "diff", *plain, "HEAD") or b""
+
+
+def differences(before: Mapping[str, Any], now: Mapping[str, Any], when: str) -> list[str]:
+    """What differs between two records of `provenance`, a line each.
+
+    Parameters
+    ----------
+    before, now
+        The records.
+    when
+        What the second one is, in a word or two.
+    """
+    first, second = flat(before), flat(now)
+    lines = []
+    for key in dict.fromkeys([*first, *second]):
+        if key in {"started", "resumed"} or first.get(key) == second.get(key):
+            continue
+        if key == "cpu.flags":
+            lost, new = _set_difference(first.get(key), second.get(key))
+            lines.append(f"CPU flags: without {lost}; with {new}")
+        elif key == "git.diff":
+            lines.append("the code has other changes beyond its commit: see code.diff")
+        else:
+            lines.append(f"{key}: {first.get(key)}, {when} {second.get(key)}")
+    return lines
+
+
+def _set_difference(before: Any, now: Any) -> tuple[str, str]:
+    """Words only in the first text, and only in the second."""
+    first, second = set(str(before or "").split()), set(str(now or "").split())
+    return " ".join(sorted(first - second)) or "none", " ".join(sorted(second - first)) or "none"
 
 
 def _checkout() -> Path | None:
@@ -65,30 +112,63 @@ def _git() -> dict[str, Any] | None:
     if checkout is None:
         return None
     commit = _run("git", "-C", str(checkout), "rev-parse", "HEAD")
-    changes = _run("git", "-C", str(checkout), "status", "--porcelain")
-    if commit is None or changes is None:
+    status = _run("git", "-C", str(checkout), "status", "--porcelain")
+    if commit is None or status is None:
         return None
-    return {"commit": commit, "is_dirty": bool(changes)}
+    changes = code_changes()
+    return {
+        "commit": commit.decode().strip(),
+        "is_dirty": bool(status),
+        "diff": hashlib.sha256(changes).hexdigest() if changes else None,
+        "untracked": _untracked(checkout),
+    }
 
 
-def _run(*command: str) -> str | None:
+def _untracked(checkout: Path) -> dict[str, str | None]:
+    """SHA-256 of the files of flyrl that git does not know, nor ignores."""
+    asked = ("ls-files", "--others", "--exclude-standard", "-z", "--", *_OWN_FOLDERS)
+    names = (_run("git", "-C", str(checkout), *asked) or b"").split(b"\0")
+    return {
+        name.decode(errors="replace"): _digest(checkout / os.fsdecode(name))
+        for name in names
+        if name
+    }
+
+
+def _module_digest(name: str) -> str | None:
+    file = getattr(sys.modules.get(name), "__file__", None)
+    return None if file is None else _digest(Path(file))
+
+
+def _digest(path: Path) -> str | None:
     try:
-        result = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+def _run(*command: str) -> bytes | None:
+    try:
+        return subprocess.run(command, capture_output=True, timeout=10, check=True).stdout
     except (OSError, subprocess.SubprocessError):
         return None
-    return result.stdout.strip()
 
 
-def _cpu() -> dict[str, Any]:
-    model, flags = None, None
+def _text(path: Path) -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return path.read_text()
     except OSError:
-        lines = []
-    for line in lines:
+        return ""
+
+
+def cpu(info: str) -> dict[str, Any]:
+    """Model and instruction sets of the first CPU, from what Linux says in `/proc/cpuinfo`."""
+    model, flags = None, None
+    for line in info.splitlines():
         key, _, value = line.partition(":")
         if key.strip() == "model name" and model is None:
             model = value.strip()
-        elif key.strip() == "flags" and flags is None:
+        elif key.strip() in {"flags", "Features"} and flags is None:  # on x86, on ARM
             flags = value.strip()
     return {"model": model or platform.processor() or None, "flags": flags}

@@ -2,8 +2,9 @@
 
 config.yaml          every setting, resolved
 command.txt          the command, if there was one
-code.diff            what the code had beyond its commit, if anything
-provenance.json      commit, package versions, CPU
+code.diff            what the code had beyond its commit, if anything; code_2.diff: what it had
+                     when the run went on, if that was something else
+provenance.json      commit, package versions, CPU; the same of every time that the run went on
 progress.csv         metrics, one row per update
 tensorboard/         the same for TensorBoard
 evaluations.csv      success and return on the held-out episodes
@@ -25,6 +26,7 @@ import datetime
 import io
 import json
 import shlex
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,11 +34,11 @@ from typing import Any
 
 import yaml
 
-from flyrl.files import new_folder, write_text
-from flyrl.training.checkpoint import SUFFIX, ResumeError
+from flyrl.files import new_folder, write_bytes, write_text
+from flyrl.training.checkpoint import SUFFIX, ResumeError, load_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.provenance import code_changes, provenance
-from flyrl.training.runs import CONFIG_FILE, STATUS_FILE
+from flyrl.training.provenance import code_changes, differences, provenance
+from flyrl.training.runs import CONFIG_FILE, STATUS_FILE, nested, read_run
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -85,15 +87,13 @@ class RunFolder:
         record = yaml.safe_dump(training_record(config), sort_keys=False)
         write_text(path / CONFIG_FILE, record)
         folder._note_command(command)
-        changes = code_changes()
-        if changes:
-            write_text(path / "code.diff", changes)
-        folder.write_json("provenance.json", {"started": started.isoformat(), **provenance()})
+        folder.write_json("provenance.json", folder._origin(config, started))
+        folder._write_changes("code.diff")
         return folder
 
     @classmethod
-    def open(cls, config: TrainingConfig, path: Path, command: Sequence[str] = ()) -> "RunFolder":
-        """Open the folder of an interrupted run, to go on with it.
+    def open(cls, config: TrainingConfig, path: Path) -> "RunFolder":
+        """Open the folder of an interrupted run, to go on with it; nothing is written.
 
         Parameters
         ----------
@@ -101,8 +101,6 @@ class RunFolder:
             As the run was started with.
         path
             The folder.
-        command
-            Program and arguments, for another line of `command.txt`.
 
         Raises
         ------
@@ -114,9 +112,50 @@ class RunFolder:
         status = path / STATUS_FILE
         if status.exists() and json.loads(status.read_text())["interrupted_by"] is None:
             raise ResumeError(f"the run in {path} is finished; there is nothing to go on with")
-        folder = cls(path)
-        folder._note_command(command)
-        return folder
+        return cls(path)
+
+    def go_on(self, config: TrainingConfig, command: Sequence[str] = ()) -> None:
+        """Note that the run goes on, and clear away what its interruption left.
+
+        Warns on stderr if code, packages or machine are not those of before.
+
+        Parameters
+        ----------
+        config
+            As the run was started with.
+        command
+            Program and arguments, for another line of `command.txt`.
+        """
+        for folder in (self.path, self.path / "checkpoints"):
+            for left in folder.glob(".partial-*"):  # of `flyrl.files`, by a process that was killed
+                left.unlink(missing_ok=True)
+        self._note_command(command)
+        record = dict(read_run(self.path).provenance)
+        resumed = record.get("resumed")
+        resumed = resumed if isinstance(resumed, list) else []
+        earlier = resumed[-1] if resumed else record
+        now = self._origin(config, datetime.datetime.now().astimezone())
+        self.write_json("provenance.json", {**record, "resumed": [*resumed, now]})
+        if changed := differences(earlier, now, "now"):
+            print(
+                "warning: code, packages or machine are not those of before: the bits may differ:",
+                *changed,
+                sep="\n  ",
+                file=sys.stderr,
+            )
+        if nested(earlier, "git.diff") != nested(now, "git.diff"):
+            self._write_changes(f"code_{len(resumed) + 2}.diff")
+        # what it says is true no more
+        (self.path / STATUS_FILE).unlink(missing_ok=True)
+
+    @staticmethod
+    def _origin(config: TrainingConfig, started: datetime.datetime) -> dict[str, Any]:
+        terms = config.env.resolved_task.added
+        return {"started": started.isoformat(), **provenance(terms)}
+
+    def _write_changes(self, name: str) -> None:
+        if changes := code_changes():
+            write_bytes(self.path / name, changes)
 
     @property
     def best(self) -> Path:
@@ -148,18 +187,34 @@ class RunFolder:
         """The checkpoints there are, oldest first."""
         return sorted((self.path / "checkpoints").glob(f"[0-9]*{SUFFIX}"))
 
-    def latest_checkpoint(self) -> Path:
-        """The checkpoint to go on from.
+    def load_latest_checkpoint(self) -> dict[str, Any]:
+        """Read the latest checkpoint that can be read; those after it are renamed, with a warning.
 
         Raises
         ------
         ResumeError
-            There is none.
+            There is none; of several damaged ones, the latest is named.
         """
-        checkpoints = self.checkpoints()
+        checkpoints = self.checkpoints()[::-1]
         if not checkpoints:
             raise ResumeError(f"there is no checkpoint in {self.path / 'checkpoints'}")
-        return checkpoints[-1]
+        errors: list[ResumeError] = []
+        for path in checkpoints:
+            try:
+                state = load_checkpoint(path)
+            except ResumeError as error:
+                errors.append(error)
+                continue
+            # out of the way: as the latest, they would be kept instead of the new ones
+            for damaged in checkpoints[: len(errors)]:
+                aside = damaged.rename(damaged.with_suffix(".damaged"))
+                print(
+                    f"warning: {damaged} cannot be read: it is now {aside.name}, and the run goes "
+                    f"on from {path.name}",
+                    file=sys.stderr,
+                )
+            return state
+        raise errors[0]
 
     def drop_checkpoints(self, keep: int) -> None:
         """Delete all checkpoints but the latest."""

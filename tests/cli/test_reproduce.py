@@ -1,17 +1,21 @@
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.cli.reproduce import compare
-from flyrl.policies.bundle import PolicyFileError
+from flyrl.cli.reproduce import compare, difference
+from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout
+from flyrl.policies.lstm import LSTM, LSTMLayer
+from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.normaliser import Normaliser
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
 from flyrl.training.runs import read_run
-from tests.training.folders import make_run
+from tests.training.folders import COMMIT, make_run
 
 TINY = TrainingConfig(
     algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2),
@@ -63,6 +67,63 @@ def test_zeros_of_the_other_sign_are_other_bits(tmp_path):
     assert "by at most 0" in compare(*runs).policy
 
 
+NORMALISER = Normaliser(np.zeros(2), np.ones(2), 1e-8, 10.0)
+
+
+def _bundle():
+    layer = Layer(np.ones((2, 3), np.float32), np.zeros(2, np.float32))
+    memory = LSTMLayer(*(np.ones(shape, np.float32) for shape in ((12, 2), (12, 3), 12, 12)))
+    return PolicyBundle(
+        MLP((layer,), "tanh"),
+        "clip",
+        (TermLayout("a", 2),),
+        (0.0, 0.0),
+        (1.0, 1.0),
+        {},
+        {},
+        NORMALISER,
+        LSTM((memory,)),
+    )
+
+
+def test_a_memory_with_other_parameters_is_told():
+    first, second = _bundle(), _bundle()
+    assert difference(first, second) is None
+    second.lstm.layers[0].recurrent_weight[7, 1] += 0.5
+    # 2 * 3 + 2 of the layer, 12 * 2 + 12 * 3 + 12 + 12 of the memory
+    assert difference(first, second) == "1 of 92 parameters differ, by at most 0.5"
+
+
+def test_a_normaliser_with_other_statistics_is_told():
+    other = replace(NORMALISER, mean=[0.0, 2.0**-60])
+    assert difference(_bundle(), replace(_bundle(), normaliser=other)) == (
+        "1 of 4 statistics of the normaliser differ, by at most 8.67e-19"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"squashing": "tanh"}, "squashing clip, in the repeat tanh"),
+        ({"network": MLP(_bundle().network.layers, "relu")}, "activation tanh, in the repeat relu"),
+        ({"normaliser": None}, r"epsilon and clip \(1e-08, 10.0\), in the repeat None"),
+        ({"normaliser": replace(NORMALISER, clip=5.0)}, r"\(1e-08, 10.0\), in the repeat"),
+        ({"action_high": (1.0, 2.0)}, "action bounds"),
+        ({"observation": (TermLayout("b", 2),)}, "observation"),
+        (
+            {
+                "lstm": None,
+                "observation": (TermLayout("a", 3),),
+                "normaliser": Normaliser(np.zeros(3), np.ones(3), 1e-8, 10.0),
+            },
+            r"LSTM \(2, 3\), in the repeat None",
+        ),
+    ],
+)
+def test_another_architecture_is_told(changes, told):
+    assert re.search(told, difference(_bundle(), replace(_bundle(), **changes)))
+
+
 def test_the_first_evaluation_that_differs_is_told(tmp_path):
     first = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.0), (200, 0.5, 2.0)])
     second = make_run(tmp_path / "b", evaluations=[(100, 0.5, 1.0), (200, 0.5, 2.5)])
@@ -91,6 +152,26 @@ def test_where_they_come_from_is_told_but_is_no_difference_of_results(tmp_path):
         "packages.numpy: 2.0, in the repeat 2.1",
         "CPU flags: without avx; with fma",
     )
+
+
+def test_where_a_run_went_on_is_told(tmp_path):
+    origin = {"packages": {"numpy": "2.0"}}
+    commits = {"git": {"commit": COMMIT, "is_dirty": False}}
+    resumed = [{**commits, "packages": {"numpy": "2.1"}}, {**commits, **origin}]
+    first = make_run(tmp_path / "a", provenance={**origin, "resumed": resumed})
+    second = make_run(tmp_path / "b", provenance=origin)
+    told = ("within the run: packages.numpy: 2.0, after an interruption 2.1",)
+    assert compare(read_run(first), read_run(second)).origins == told
+
+
+def test_only_other_changes_of_the_code_are_told(tmp_path):
+    gits = [{"commit": COMMIT, "is_dirty": True, "diff": digest} for digest in "xxy"]
+    first, same, other = (
+        read_run(make_run(tmp_path / str(i), provenance={"git": git})) for i, git in enumerate(gits)
+    )
+    assert compare(first, same).origins == ()
+    (told,) = compare(first, other).origins
+    assert "other changes beyond its commit: see code.diff" in told
 
 
 def test_a_difference_is_the_exit_status(tmp_path, capsys):

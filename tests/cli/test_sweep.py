@@ -12,6 +12,7 @@ import pytest
 from flyrl.cli import train
 from flyrl.cli.arguments import Failure
 from flyrl.cli.sweep import Interrupted, read_jobs, run_job, swept_keys, titles
+from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
 
 ROOT = Path(__file__).parents[2]
@@ -97,6 +98,21 @@ def test_an_interrupted_job_ends_the_sweep_only_in_its_own_process(tmp_path, mon
     monkeypatch.setenv("FLYRL_SWEEP_PROCESS", str(os.getpid()))
     with pytest.raises(Interrupted):
         run_job(tmp_path, Path.cwd(), ("a=1",), "", interrupted)
+
+
+@pytest.mark.slow
+def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_here, monkeypatch):
+    evaluate = RunCallback._evaluate
+
+    def interrupted(callback):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return evaluate(callback)
+
+    monkeypatch.setattr(RunCallback, "_evaluate", interrupted)  # once, at the end of each job
+    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here", "physics=fast")
+    assert result.returncode == 128 + signal.SIGTERM
+    (run,) = (tmp_path / "here").glob("*_target_*")
+    assert read_run(run).state == "finished"
 
 
 def test_a_job_without_a_note_has_not_ended(tmp_path):

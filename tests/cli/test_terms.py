@@ -76,6 +76,15 @@ def test_the_record_of_a_run_gives_its_task_back(tmp_path):
     assert again.env.resolved_task == config.env.resolved_task
 
 
+def test_a_run_that_goes_on_with_other_terms_says_so(my_terms, tmp_path, capsys):
+    config = training_config(groups(terms=ADDED))
+    folder = RunFolder.create(config, tmp_path / "runs")
+    with (my_terms / "my_terms.py").open("a") as code:
+        code.write("# as before, but for this\n")
+    folder.go_on(config)
+    assert "\n  terms.my_terms: " in capsys.readouterr().err
+
+
 @pytest.mark.usefixtures("my_terms")
 def test_an_evaluation_takes_the_same_terms():
     config = evaluation_config(

@@ -1,6 +1,7 @@
 """Run folders as training leaves them, without the training."""
 
 import json
+import subprocess
 
 import numpy as np
 import yaml
@@ -12,6 +13,7 @@ from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, env_record, training_record
 
+_IDENTITY = ("-c", "user.name=a", "-c", "user.email=a@b.c")
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
 
 
@@ -45,3 +47,19 @@ def make_run(
     )
     save_bundle(bundle, folder / "last.safetensors")
     return folder
+
+
+def git(folder, *arguments):
+    """Run git in a folder."""
+    subprocess.run(["git", "-C", folder, *_IDENTITY, *arguments], check=True, capture_output=True)
+
+
+def checkout(folder, contents=b"a = 1\n"):
+    """Make a checkout with one commit, of a package with one module; return that."""
+    package = folder / "flyrl" / "__init__.py"
+    package.parent.mkdir()
+    package.write_bytes(contents)
+    git(folder, "init")
+    git(folder, "add", package)
+    git(folder, "commit", "-m", "first")
+    return package

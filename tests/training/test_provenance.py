@@ -1,41 +1,81 @@
-import subprocess
+import hashlib
+import sys
+import types
+from pathlib import Path
+
+import pytest
 
 import flyrl
-from flyrl.training.provenance import code_changes, provenance
-
-
-def _git(folder, *arguments):
-    identity = ("-c", "user.name=a", "-c", "user.email=a@b.c")
-    subprocess.run(["git", "-C", folder, *identity, *arguments], check=True, capture_output=True)
-
-
-def _checkout(folder, monkeypatch):
-    package = folder / "flyrl" / "__init__.py"
-    package.parent.mkdir()
-    package.write_text("a = 1\n")
-    _git(folder, "init")
-    _git(folder, "add", ".")
-    _git(folder, "commit", "-m", "first")
-    monkeypatch.setattr(flyrl, "__file__", str(package))
-    return package
+from flyrl.training.provenance import code_changes, cpu, differences, provenance
+from tests.training.folders import checkout, git
 
 
 def test_a_clean_checkout_has_a_commit_and_no_changes(tmp_path, monkeypatch):
-    _checkout(tmp_path, monkeypatch)
-    git = provenance()["git"]
-    assert len(git["commit"]) == 40
-    assert git["is_dirty"] is False
-    assert code_changes() == ""
+    monkeypatch.setattr(flyrl, "__file__", str(checkout(tmp_path)))
+    record = provenance()["git"]
+    assert len(record["commit"]) == 40
+    assert record["is_dirty"] is False
+    assert record["diff"] is None
+    assert record["untracked"] == {}
+    assert code_changes() == b""
 
 
 def test_changes_are_a_diff(tmp_path, monkeypatch):
-    package = _checkout(tmp_path, monkeypatch)
+    package = checkout(tmp_path)
+    monkeypatch.setattr(flyrl, "__file__", str(package))
     package.write_text("a = 2\n")
     assert provenance()["git"]["is_dirty"] is True
-    assert code_changes().endswith("-a = 1\n+a = 2\n")
+    changes = code_changes()
+    assert changes.endswith(b"-a = 1\n+a = 2\n")
+    assert provenance()["git"]["diff"] == hashlib.sha256(changes).hexdigest()
+
+
+@pytest.mark.parametrize(
+    "contents",
+    [b"a = 2\n\n", b"a = '\xe9'\n\n", b"\0\xff\n\n"],
+    ids=["blank_last_line", "latin_1", "binary"],
+)
+def test_changes_can_be_applied(tmp_path, monkeypatch, contents):
+    package = checkout(tmp_path, b"a = 1\n\n")
+    monkeypatch.setattr(flyrl, "__file__", str(package))
+    git(tmp_path, "config", "diff.external", "true")
+    git(tmp_path, "config", "color.diff", "always")
+    package.write_bytes(contents)
+    (tmp_path / "code.diff").write_bytes(code_changes())
+    git(tmp_path, "checkout", ".")
+    git(tmp_path, "apply", "code.diff")
+    assert package.read_bytes() == contents
+
+
+def test_files_that_git_does_not_know_are_named(tmp_path, monkeypatch):
+    package = checkout(tmp_path)
+    monkeypatch.setattr(flyrl, "__file__", str(package))
+    (package.parent / "new.py").write_bytes(b"")
+    (tmp_path / "notes").write_text("")
+    # of no bytes, as FIPS 180 has it
+    digest = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
+    assert provenance()["git"]["untracked"] == {"flyrl/new.py": digest}
+
+
+def test_other_code_of_a_term_is_told(tmp_path, monkeypatch):
+    module = types.ModuleType("some_terms")
+    module.__file__ = str(tmp_path / "some_terms.py")
+    monkeypatch.setitem(sys.modules, "some_terms", module)
+    records = []
+    for code in ("a = 1", "a = 2"):
+        Path(module.__file__).write_text(code)
+        records.append(provenance(["some_terms:A", "some_terms:B"]))
+    (told,) = differences(*records, "now")
+    assert told.startswith("terms.some_terms: ")
+
+
+@pytest.mark.parametrize("key", ["flags", "Features"], ids=["x86", "arm"])
+def test_instruction_sets_of_the_first_cpu(key):
+    info = f"model name\t: A\n{key}\t\t: fp asimd\n\nmodel name\t: B\n{key}\t\t: fp\n"
+    assert cpu(info) == {"model": "A", "flags": "fp asimd"}
 
 
 def test_an_installed_package_has_neither(tmp_path, monkeypatch):
     monkeypatch.setattr(flyrl, "__file__", str(tmp_path / "flyrl" / "__init__.py"))
     assert provenance()["git"] is None
-    assert code_changes() == ""
+    assert code_changes() == b""

@@ -15,7 +15,8 @@ from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
-from flyrl.training.runs import read_rows
+from flyrl.training.runs import RunIsHeldError, held, read_rows, read_run
+from tests.training.folders import make_run
 
 ENV = EnvConfig(physics="fast")
 SCHEDULE = ScheduleConfig(
@@ -104,6 +105,32 @@ def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     assert _results(resumed) == _results(whole)
 
 
+def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path, monkeypatch):
+    # the last rollout goes beyond the total
+    schedule = replace(SCHEDULE, total_decisions=90, checkpoint_interval=10_000)
+    config = replace(PPO_CONFIG, training=schedule)
+    whole = train(config, tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        InterruptedAt(patch, decision=22)
+        part = train(config, tmp_path / "part")
+    assert read_run(part.folder).state == "interrupted"
+    assert _results(resume(config, part.folder)) == _results(whole)
+
+
+def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path, monkeypatch):
+    evaluate = RunCallback._evaluate
+
+    def interrupted(callback):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return evaluate(callback)
+
+    monkeypatch.setattr(RunCallback, "_evaluate", interrupted)
+    config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32))
+    run = train(config, tmp_path)
+    assert read_run(run.folder).state == "finished"
+    assert (run.interrupted_by, run.signal) == (None, signal.SIGTERM)
+
+
 @pytest.mark.parametrize(
     "config",
     [PPO_CONFIG, SAC_CONFIG, CURRICULUM_CONFIG],
@@ -178,6 +205,15 @@ def test_other_settings_are_not_resumed(tmp_path, monkeypatch):
     run = train(PPO_CONFIG, tmp_path)
     with pytest.raises(ResumeError, match="other settings"):
         resume(replace(PPO_CONFIG, seed=1), run.folder)
+
+
+def test_a_run_that_another_process_trains_is_left_as_it_is(tmp_path):
+    folder = make_run(tmp_path / "run", interrupted_by="SIGTERM")
+    with held(folder):
+        before = {path: path.read_bytes() for path in folder.iterdir()}
+        with pytest.raises(RunIsHeldError):
+            resume(TrainingConfig(), folder, ["train.py"])
+        assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_a_folder_without_a_run_is_an_error(tmp_path):
