@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from flyrl.cli import train
-from flyrl.cli.arguments import Failure
-from flyrl.cli.sweep import Interrupted, read_jobs, run_job, swept_keys, titles
+from flyrl.cli.arguments import Failure, Sweep
+from flyrl.cli.sweep import Interrupted, read_jobs, run_job, run_sweep, swept_keys, titles
 from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
 
@@ -118,6 +118,46 @@ def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_h
 def test_a_job_without_a_note_has_not_ended(tmp_path):
     _sweep(tmp_path, [["a=1"]])
     assert read_jobs(tmp_path) == [(("a=1",), None)]
+
+
+def test_a_note_that_cannot_be_written_raises_nothing(tmp_path, capsys):
+    _sweep(tmp_path, [["a=1"]])
+    (tmp_path / "jobs").write_text("a file")
+    run_job(tmp_path, Path.cwd(), ("a=1",), "", lambda: tmp_path / "run")
+    assert capsys.readouterr().err.splitlines()[1:] == [
+        f"error: [Errno 17] File exists: '{tmp_path / 'jobs'}'"
+    ]
+    assert read_jobs(tmp_path) == [(("a=1",), None)]
+
+
+@pytest.mark.parametrize(
+    ("where", "error"),
+    [
+        ("runs_folder=/proc/none", "[Errno 2] No such file or directory: '/proc/none'"),
+        ("hydra.sweep.dir=file", "[Errno 17] File exists: 'file'"),
+        ("hydra.sweep.dir=broken", "broken is not the folder of a sweep: "),
+    ],
+)
+def test_a_folder_that_cannot_be_used_is_an_error_in_one_line(tmp_path, train_here, where, error):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "sweep.json").write_text("{")
+    result = train_here("-m", "seed=0,1", where)
+    assert result.returncode == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"error: {error}")
+
+
+def test_a_comparison_that_cannot_be_written_is_an_error_in_one_line(tmp_path, monkeypatch, capsys):
+    def at_end(folder):
+        raise OSError(28, "No space left on device", str(folder / "comparison.csv"))
+
+    monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")
+    with pytest.raises(SystemExit) as end:
+        run_sweep(Sweep(tmp_path, True, (), False), ["train.py"], lambda: None, at_end)
+    assert end.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"error: [Errno 28] No space left on device: '{tmp_path / 'comparison.csv'}'"
 
 
 def _only_sweep(folder):

@@ -6,7 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from flyrl.cli.train import _with_way_on
+from flyrl.envs.core import EnvConfig
 from flyrl.policies import load_policy
+from flyrl.training.config import TrainingConfig
+from flyrl.training.run_folder import RunFolder
 
 ROOT = Path(__file__).parents[2]
 TINY = [
@@ -110,3 +114,14 @@ def test_a_folder_that_cannot_be_written_to_is_an_error_in_one_line(tmp_path):
     result = _python(tmp_path, str(ROOT / "train.py"), *TINY)
     assert result.returncode == 2
     assert result.stderr == "error: [Errno 17] File exists: 'runs'\n"
+
+
+def test_an_error_of_the_system_says_how_to_go_on_once_there_is_a_checkpoint(tmp_path):
+    config = TrainingConfig(env=EnvConfig())
+    run = RunFolder.create(config, tmp_path)
+    full = OSError(28, "No space left on device")
+    assert _with_way_on(full, config, tmp_path) is full
+    run.checkpoint(64).write_text("")
+    told = f"{full}; once {run.path} can be written to, go on with: resume={run.path}"
+    assert str(_with_way_on(full, config, tmp_path)) == told
+    assert str(_with_way_on(full, config, run.path)) == told
