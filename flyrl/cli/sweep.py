@@ -14,6 +14,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import shlex
 import signal
 import sys
@@ -33,6 +34,7 @@ SWEEP_FILE: Final = "sweep.json"
 _NOTES: Final = "jobs"
 _LOOK_S: Final = 1.0
 _PARENT: Final = "FLYRL_SWEEP_PROCESS"
+_ESCAPED: Final = re.compile(r"\\([\\()\[\]{}:=, \t])")
 
 Job = tuple[str, ...]
 
@@ -71,8 +73,9 @@ class Note:
 
 
 def by_key(job: Job) -> dict[str, str]:
-    """Overrides of a job as key and value."""
-    return {key.lstrip("+"): value for key, _, value in (item.partition("=") for item in job)}
+    """Overrides of a job as key and value, without the backslashes that Hydra escapes with."""
+    pairs = (item.partition("=") for item in job)
+    return {key.lstrip("+"): _ESCAPED.sub(r"\1", value) for key, _, value in pairs}
 
 
 def swept_keys(jobs: Sequence[Job]) -> list[str]:
