@@ -206,8 +206,10 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["-m", "launcher=joblib"])
+@pytest.mark.parametrize("how", ["-m", "launcher=joblib", "launcher=ray"])
 def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how):
+    if how == "launcher=ray":
+        pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
     endless = ["training.total_decisions=1000000", "seed=0,1", "training.progress_bar=false"]
     command = [sys.executable, str(ROOT / "train.py"), how, *TINY[1:], *endless]
     process = subprocess.Popen(
