@@ -206,8 +206,15 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["-m", "launcher=joblib", "launcher=ray"])
-def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how):
+@pytest.mark.parametrize(
+    ("how", "number"),
+    [
+        ("-m", signal.SIGTERM),
+        ("launcher=joblib", signal.SIGTERM),
+        ("launcher=ray", signal.SIGINT),  # Ray catches SIGTERM itself
+    ],
+)
+def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
     if how == "launcher=ray":
         pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
     endless = ["training.total_decisions=1000000", "seed=0,1", "training.progress_bar=false"]
@@ -220,9 +227,9 @@ def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how):
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.2)
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=120)
-    assert process.returncode == 128 + signal.SIGTERM
+    assert process.returncode == 128 + number
     sweep = _only_sweep(tmp_path)
     assert f"the same command with hydra.sweep.dir={sweep.relative_to(tmp_path)}" in errors
     states = {read_run(path).state for path in sweep.glob("*_target_*")}
