@@ -1,12 +1,14 @@
 # make train   set up .venv; train a steering policy, compare it with the fixed controllers, write the report
 # make test    set up .venv; run the tests
+# make test-ray  run the tests of launcher=ray in an environment of its own, without constraints.txt
 # make check   lint, format, types, import contracts (what CI and pre-commit run before the tests)
 # make bench   speed of every part on this machine, and how the fly walks beside the literature
 # make format  let ruff rewrite what make check complains about
-# make clean   remove .venv and caches; runs/ and reports/ stay
+# make clean   remove .venv, .venv-ray and caches; runs/ and reports/ stay
 
 PYTHON ?= python3
 VENV ?= .venv
+VENV_RAY ?= .venv-ray
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -14,13 +16,18 @@ INSTALLED := $(VENV)/.installed
 INSTALLED_DEV := $(VENV)/.installed-dev
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --constraint constraints.txt
 
-.PHONY: train test check bench format clean
+.PHONY: train test test-ray check bench format clean
 
 train: $(INSTALLED)
 	$(BIN)/python train.py experiment=main $(ARGS)
 
 test: $(INSTALLED_DEV)
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
+
+test-ray:
+	$(PYTHON) -m venv $(VENV_RAY)
+	$(VENV_RAY)/bin/python -m pip install --quiet --editable '.[ray]' pytest
+	$(VENV_RAY)/bin/python -m pytest tests/cli/test_sweep.py -k ray $(ARGS)
 
 check: $(INSTALLED_DEV)
 	$(BIN)/ruff check
@@ -37,7 +44,7 @@ format: $(INSTALLED_DEV)
 	$(BIN)/ruff format
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(VENV_RAY) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("flyrl needs Python 3.11 or newer, but $(PYTHON) is " + sys.version.split()[0] + "; name another: make PYTHON=python3.12")'

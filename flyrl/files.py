@@ -1,6 +1,7 @@
 """Writing files whole or not at all."""
 
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,11 @@ def replacing(path: Path) -> Iterator[Path]:
     ----------
     path
         File to write or replace; its folder exists.
+
+    Raises
+    ------
+    OSError
+        Naming `path`, also where the system names no file (a full disk) or the one in its place.
     """
     # The suffix stays last: some writers add their own to a name without it.
     partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
@@ -24,6 +30,10 @@ def replacing(path: Path) -> Iterator[Path]:
         with partial.open("rb") as file:
             os.fsync(file.fileno())
         partial.replace(path)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, partial, str(partial)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
     finally:
         partial.unlink(missing_ok=True)
 
@@ -37,6 +47,19 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` as UTF-8, whole or not at all."""
     write_bytes(path, text.encode())
+
+
+def usable_folder(path: Path) -> Path:
+    """Make a folder if it is missing; return it.
+
+    Raises
+    ------
+    OSError
+        It cannot be made, or written to.
+    """
+    path.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryFile(dir=path):
+        return path
 
 
 def new_folder(parent: Path, name: str) -> Path:

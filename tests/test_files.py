@@ -1,6 +1,8 @@
+import resource
+
 import pytest
 
-from flyrl.files import replacing, write_text
+from flyrl.files import replacing, usable_folder, write_text
 
 
 def test_writes_and_replaces(tmp_path):
@@ -19,3 +21,24 @@ def test_an_error_leaves_the_old_file(tmp_path):
         raise RuntimeError
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_error_of_the_system_names_the_file_that_was_asked_for(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8, limits[1]))  # as a full disk: names no file
+    try:
+        with pytest.raises(OSError, match=r"File too large: '.*/a\.txt'$") as full:
+            write_text(tmp_path / "a.txt", "more than eight")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert full.value.filename == str(tmp_path / "a.txt")
+    with pytest.raises(FileNotFoundError, match=r"'.*/none/a\.txt'$"):
+        write_text(tmp_path / "none" / "a.txt", "")
+
+
+def test_a_folder_that_files_can_be_written_to(tmp_path):
+    assert usable_folder(tmp_path / "a" / "b").is_dir()
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileExistsError, match="file"):
+        usable_folder(tmp_path / "file")

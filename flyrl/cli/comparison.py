@@ -95,7 +95,16 @@ def _settings(run: RunSummary) -> Settings:
     names = names_of(run)
     dotted = {key.removesuffix(".name"): value for key, value in flat(run.settings).items()}
     settings = {**names, **dotted, **names}
-    return {key: v for key, v in settings.items() if not key.startswith(_WITHOUT_EFFECT)}
+    return with_effect(settings)
+
+
+def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
+    """Dotted settings without those that do not change what a run comes to, `but` for these."""
+    return {
+        key: value
+        for key, value in flat(settings).items()
+        if not key.startswith(_WITHOUT_EFFECT) or f"{key}.".startswith(tuple(f"{k}." for k in but))
+    }
 
 
 def _differing(settings: Sequence[Settings]) -> list[str]:

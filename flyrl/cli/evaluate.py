@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
-from flyrl.files import new_folder
+from flyrl.files import new_folder, usable_folder
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
@@ -46,13 +46,17 @@ def run(record: dict[str, Any], start: Start) -> Path:
         config = comparison(record, settings, start.command)
     except ValueError as error:
         fail(error)
-    if settings.folder is None:
-        now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
-        parent = start.sweep or Path("reports")
-        folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
-    else:
-        folder = Path(settings.folder)
-    print(f"report: {compare(config, folder, settings.videos)}")
+    try:
+        if settings.folder is None:
+            now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
+            parent = start.sweep or Path("reports")
+            folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
+        else:
+            folder = usable_folder(Path(settings.folder))
+        report = compare(config, folder, settings.videos)
+    except OSError as error:
+        fail(error)
+    print(f"report: {report}")
     return folder
 
 

@@ -14,6 +14,7 @@ import contextlib
 import hashlib
 import json
 import os
+import re
 import shlex
 import signal
 import sys
@@ -25,14 +26,15 @@ from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn
 
-from flyrl.cli.arguments import Failure, Sweep
-from flyrl.files import new_folder, write_text
+from flyrl.cli.arguments import Failure, Sweep, fail
+from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.progress import progress_bar
 
 SWEEP_FILE: Final = "sweep.json"
 _NOTES: Final = "jobs"
 _LOOK_S: Final = 1.0
 _PARENT: Final = "FLYRL_SWEEP_PROCESS"
+_ESCAPED: Final = re.compile(r"\\([\\()\[\]{}:=, \t])")
 
 Job = tuple[str, ...]
 
@@ -71,8 +73,9 @@ class Note:
 
 
 def by_key(job: Job) -> dict[str, str]:
-    """Overrides of a job as key and value."""
-    return {key.lstrip("+"): value for key, _, value in (item.partition("=") for item in job)}
+    """Overrides of a job as key and value, without the backslashes that Hydra escapes with."""
+    pairs = (item.partition("=") for item in job)
+    return {key.lstrip("+"): _ESCAPED.sub(r"\1", value) for key, _, value in pairs}
 
 
 def swept_keys(jobs: Sequence[Job]) -> list[str]:
@@ -143,8 +146,11 @@ def _note_path(folder: Path, job: Job) -> Path:
 
 def _write_note(folder: Path, note: Note) -> None:
     path = _note_path(folder, note.overrides)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text(path, json.dumps(asdict(note), indent=2) + "\n")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, json.dumps(asdict(note), indent=2) + "\n")
+    except OSError as error:  # the job counts as one that has not ended; the others go on
+        print(f"error: {error}", file=sys.stderr)
 
 
 def read_jobs(folder: Path) -> list[tuple[Job, Note | None]]:
@@ -194,15 +200,19 @@ def run_sweep(
     Raises
     ------
     SystemExit
-        A job failed (1), or the sweep was interrupted (128 + the signal's number).
+        A job failed (1), the sweep was interrupted (128 + the signal's number), or its folder
+        cannot be used (2).
     """
     folder = asked.folder
-    if asked.is_named:
-        folder.mkdir(parents=True, exist_ok=True)
-    else:
-        folder = new_folder(folder.parent, folder.name)
-        sys.argv.append("hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'")))
-    _announce(folder, asked.jobs, command)
+    try:
+        if asked.is_named:
+            usable_folder(folder)
+        else:
+            folder = new_folder(folder.parent, folder.name)
+            sys.argv.append("hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'")))
+        _announce(folder, asked.jobs, command)
+    except (OSError, ValueError) as error:
+        fail(error)
     os.environ[_PARENT] = str(os.getpid())
     code: int | str | None = 0
     try:
@@ -215,7 +225,11 @@ def run_sweep(
         code = 128 + signal.SIGINT
     except SystemExit as error:
         code = error.code
-    at_end(folder)
+    try:
+        at_end(folder)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = code or 2
     ended = [_read_note(folder, job) for job in asked.jobs]
     failures = _tell_failures(asked.jobs, ended)
     if failures:

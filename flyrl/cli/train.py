@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
-from flyrl.cli.sweep import Interrupted
+from flyrl.cli.sweep import Interrupted, by_key
+from flyrl.files import usable_folder
 
 if TYPE_CHECKING:
     from flyrl.training.config import TrainingConfig
     from flyrl.training.learn import Run
+    from flyrl.training.runs import RunSummary
 
 _BESIDE_RESUME: Final = ("resume", "evaluate_after", "evaluation", "video_after")
 
@@ -33,8 +35,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
     record
         Plain values, resolved.
     start
-        How the command was started. In the folder of a sweep, a run with these settings is gone on
-        with, or left as it is if it is finished.
+        How the command was started. In the folder of a sweep, a run that comes to the same is gone
+        on with, with its own settings, or left as it is if it is finished.
 
     Returns
     -------
@@ -59,32 +61,27 @@ def run(record: dict[str, Any], start: Start) -> Path:
         if is_compared:
             # a mistake in it shows before the training, not after
             comparison(record, settings, start.command)
-    except ValueError as error:
+            if settings.folder is not None:
+                usable_folder(Path(settings.folder))
+        if not interrupted and (earlier := _earlier(config, start)):
+            if earlier.state == "finished":
+                print(f"run: {earlier.path}", flush=True)
+                return earlier.path
+            interrupted = earlier.path
+            config = training_config({**record, **earlier.settings})
+    except (ValueError, OSError) as error:
         fail(error)
-    if start.sweep and not interrupted:
-        interrupted, is_finished = _earlier(config, start.sweep)
-        if interrupted and is_finished:
-            print(f"run: {interrupted}", flush=True)
-            return interrupted
-    # a wrong value has been reported by now, without torch
-    from flyrl.training.checkpoint import ResumeError  # noqa: PLC0415
-    from flyrl.training.learn import resume, train  # noqa: PLC0415
-
     show = partial(illustrate, config, with_video=bool(record["video_after"]))
-    try:
-        if interrupted:
-            finished = resume(config, interrupted, start.command, at_end=show)
-        else:
-            finished = train(
-                config, start.sweep or record["runs_folder"], start.command, at_end=show
-            )
-    except (ResumeError, OSError) as error:
-        fail(error)
+    runs = start.sweep or Path(record["runs_folder"])
+    finished = _learn(config, start, interrupted, runs, show)
     if finished.interrupted_by is None and is_compared:
         with_run = replace(settings, policies=(str(finished.folder), *settings.policies))
         folder = settings.folder or finished.folder / "evaluation"
         entrants = comparison(record, with_run, start.command)
-        report = compare(entrants, Path(folder), settings.videos)
+        try:
+            report = compare(entrants, Path(folder), settings.videos)
+        except OSError as error:
+            fail(error)
         print(f"report: {report}")
     # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end
     print(f"run: {finished.folder}", flush=True)
@@ -93,6 +90,28 @@ def run(record: dict[str, Any], start: Start) -> Path:
     if finished.signal is not None:  # of a run that came to its end, too: a sweep ends here
         raise Interrupted(finished.folder, finished.signal)
     return finished.folder
+
+
+def _learn(
+    config: TrainingConfig,
+    start: Start,
+    interrupted: Path | None,
+    runs: Path,
+    show: Callable[[Run], None],
+) -> Run:
+    """Go on with an interrupted run, or make one in `runs`; end the program if that cannot be."""
+    # a wrong value has been reported by now, without torch
+    from flyrl.training.checkpoint import ResumeError  # noqa: PLC0415
+    from flyrl.training.learn import resume, train  # noqa: PLC0415
+
+    try:
+        if interrupted:
+            return resume(config, interrupted, start.command, at_end=show)
+        return train(config, runs, start.command, at_end=show)
+    except ResumeError as error:
+        fail(error)
+    except OSError as error:
+        fail(_with_way_on(error, config, interrupted or runs))
 
 
 def end_of_sweep(folder: Path) -> None:
@@ -113,21 +132,62 @@ def _check_nothing_changes(overrides: Sequence[str]) -> None:
             )
 
 
-def _earlier(config: TrainingConfig, sweep: Path) -> tuple[Path | None, bool]:
-    """Folder in a sweep of a run with these settings, and whether it is finished."""
+def _with_way_on(error: OSError, config: TrainingConfig, runs: Path) -> OSError:
+    """The error of the system that ended a run, with how to go on where that left a checkpoint.
+
+    Parameters
+    ----------
+    error
+        It need not say which file it is about.
+    config
+        Of the run.
+    runs
+        Its folder, or the one that it was made in.
+    """
     from flyrl.training.config import training_record  # noqa: PLC0415
     from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
     from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 
-    wanted = training_record(config)
-    for path in find_runs(sweep):
+    if error.errno is None or not runs.is_dir():
+        return error
+    for folder in reversed(find_runs(runs, depth=1)):  # the latest first, by name
+        if RunFolder(folder).checkpoints() and read_run(folder).settings == training_record(config):
+            return OSError(f"{error}; once {folder} can be written to, go on with: resume={folder}")
+    return error
+
+
+def _earlier(config: TrainingConfig, start: Start) -> RunSummary | None:
+    """The finished or interrupted run in a sweep that comes to the same as one with these settings.
+
+    Of the settings without an effect on the result, which another launcher has others of, only
+    those count that were asked for.
+
+    Raises
+    ------
+    ValueError
+        Another process is at it.
+    """
+    from flyrl.cli.comparison import with_effect  # noqa: PLC0415
+    from flyrl.training.config import training_record  # noqa: PLC0415
+    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
+    from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
+
+    if start.sweep is None:
+        return None
+    asked = tuple(by_key(start.overrides))
+    wanted = with_effect(training_record(config), but=asked)
+    found: RunSummary | None = None
+    for path in find_runs(start.sweep):
         run = read_run(path)
-        if run.settings == wanted:
-            if run.state == "finished":
-                return path, True
-            if run.state == "interrupted" and RunFolder(path).checkpoints():
-                return path, False
-    return None, False
+        if with_effect(run.settings, but=asked) != wanted:
+            continue
+        if run.state == "finished":
+            return run
+        if run.state == "running":
+            raise ValueError(f"another process trains in {path}")
+        if run.state == "interrupted" and RunFolder(path).checkpoints():
+            found = found or run
+    return found
 
 
 def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:

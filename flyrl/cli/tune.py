@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from flyrl.cli.search_space import Choices, Range, Space
     from flyrl.training.config import TrainingConfig
     from flyrl.training.interruption import Interruption
+    from flyrl.training.runs import RunSummary
 
 STUDY_FILE: Final = "study.json"
 STORAGE_FILE: Final = "study.db"
@@ -58,9 +59,8 @@ _STATES: Final = {
     "RUNNING": "interrupted",
     "WAITING": "waiting",
 }
-_RUN, _INTERRUPTED, _ERROR = "run", "interrupted", "error"
-"""What a trial carries in the storage: name of its run folder, the same if it is to be gone on
-with, and why it failed."""
+_RUN, _ERROR = "run", "error"
+"""What a trial carries in the storage: name of its run folder, and why it failed."""
 
 Row = dict[str, Any]
 
@@ -113,7 +113,7 @@ class Plan:
 
         drawn = (f"{key}={override_text(value)}" for key, value in values.items())
         given = (item for item in self.overrides if not by_key((item,)).keys() & values.keys())
-        return ["python", "train.py", *given, *drawn]
+        return ["flyrl-train", *given, *drawn]
 
 
 def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -283,18 +283,32 @@ def _opened(plan: Plan, prune_after: int | None) -> Iterator[Study]:
     if prune_after is not None:
         pruner = optuna.pruners.MedianPruner(prune_after, n_warmup_steps=_FIRST_PRUNED)
     path = (plan.folder / STORAGE_FILE).resolve()
-    storage = optuna.storages.RDBStorage(f"sqlite:///{path}")
     try:
-        yield optuna.create_study(
-            storage=storage,
-            study_name=plan.folder.name,
-            direction="maximize",
-            pruner=pruner,
-            load_if_exists=True,
-        )
-    finally:
-        storage.remove_session()
-        storage.engine.dispose()
+        storage = optuna.storages.RDBStorage(f"sqlite:///{path}")
+        try:
+            yield optuna.create_study(
+                storage=storage,
+                study_name=plan.folder.name,
+                direction="maximize",
+                pruner=pruner,
+                load_if_exists=True,
+            )
+        finally:
+            storage.remove_session()
+            storage.engine.dispose()
+    except _storage_errors() as error:
+        cause: BaseException = error
+        while cause.__cause__ is not None:  # the last is SQLite's own, in one line
+            cause = cause.__cause__
+        raise OSError(f"{plan.folder / STORAGE_FILE} cannot be used: {cause}") from error
+
+
+def _storage_errors() -> tuple[type[Exception], ...]:
+    """What Optuna's storage raises, of a full disk say."""
+    from optuna.exceptions import StorageInternalError  # noqa: PLC0415
+    from sqlalchemy.exc import SQLAlchemyError  # noqa: PLC0415
+
+    return StorageInternalError, SQLAlchemyError
 
 
 def _search(study: Study, plan: Plan, interrupted: Interruption) -> int | None:
@@ -305,11 +319,12 @@ def _search(study: Study, plan: Plan, interrupted: Interruption) -> int | None:
     number: int | None = None
     for left in study.get_trials(states=(TrialState.RUNNING,)):
         trial = Trial(study, left._trial_id)
-        earlier = left.user_attrs.get(_INTERRUPTED)
+        earlier = _left_run(study, left, plan)
         if earlier is None:
             _fail(study, trial, "killed")
         elif number is None:
-            number = _run_trial(study, trial, plan, plan.folder / earlier)
+            told = max(left.intermediate_values, default=0)
+            number = _run_trial(study, trial, plan, earlier, told)
     distributions = {key: _distribution(dimension) for key, dimension in plan.space.items()}
     while number is None and (count := len(study.trials)) < plan.trials:
         if interrupted.signal is not None:
@@ -318,8 +333,29 @@ def _search(study: Study, plan: Plan, interrupted: Interruption) -> int | None:
         # the study was interrupted between them
         seed = np.random.SeedSequence([plan.seed, count]).generate_state(1)[0]
         study.sampler = TPESampler(seed=int(seed))
-        number = _run_trial(study, study.ask(distributions), plan, None)
+        number = _run_trial(study, study.ask(distributions), plan)
     return number
+
+
+def _left_run(study: Study, trial: FrozenTrial, plan: Plan) -> RunSummary | None:
+    """The run of a trial without an end, if there is something of it to go on with."""
+    from flyrl.training.config import training_record  # noqa: PLC0415
+    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
+    from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
+
+    others = [other for other in study.get_trials(deepcopy=False) if other.number != trial.number]
+    taken = {other.user_attrs.get(_RUN) for other in others}
+    try:
+        settings = training_record(plan.config(plan.values(trial)))
+    except ValueError:
+        return None
+    # by its settings: a trial that is killed knows nothing of its run
+    for path in find_runs(plan.folder):
+        run = read_run(path)
+        can_go_on = run.state == "finished" or RunFolder(path).checkpoints()
+        if path.name not in taken and run.settings == settings and can_go_on:
+            return run
+    return None
 
 
 def _distribution(dimension: Range | Choices) -> BaseDistribution:
@@ -339,8 +375,19 @@ def _distribution(dimension: Range | Choices) -> BaseDistribution:
     return FloatDistribution(low, high, log=dimension.log, step=step)
 
 
-def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None) -> int | None:
-    """Train as a trial says, or go on with its interrupted run, and tell Optuna what came of it.
+def _run_trial(
+    study: Study, trial: Trial, plan: Plan, earlier: RunSummary | None = None, told: int = 0
+) -> int | None:
+    """Train as a trial says, or go on with its earlier run, and tell Optuna what came of it.
+
+    Parameters
+    ----------
+    study, trial, plan
+        What to train.
+    earlier
+        Its run.
+    told
+        How many evaluations of it Optuna knows; none of them ended it.
 
     Returns
     -------
@@ -349,31 +396,36 @@ def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None)
     from optuna.trial import TrialState  # noqa: PLC0415
 
     from flyrl.cli.train import illustrate  # noqa: PLC0415
-    from flyrl.training.learn import resume, train  # noqa: PLC0415
+    from flyrl.training.learn import Run, resume, train  # noqa: PLC0415
     from flyrl.training.runs import read_run  # noqa: PLC0415
 
     values = plan.values(trial)
     drawn = " ".join(f"{key}={_short(value)}" for key, value in values.items())
     print(f"trial {trial.number} ({trial.number + 1} of {plan.trials}): {drawn}", file=sys.stderr)
     episodes = plan.config({}).training.evaluation_episodes
-    best = -math.inf
+
+    def best(evaluations: Sequence[Mapping[str, float]]) -> float:
+        return max(score(evaluation, episodes) for evaluation in evaluations)
 
     def goes_on(evaluations: Sequence[Mapping[str, float]]) -> bool:
-        nonlocal best
-        best = max(score(evaluation, episodes) for evaluation in evaluations)
-        trial.report(best, len(evaluations))
+        if len(evaluations) <= told:
+            return True
+        trial.report(best(evaluations), len(evaluations))
         return not trial.should_prune()
 
     command = plan.command(values)
     try:
         config = plan.config(values)
         show = functools.partial(illustrate, config, with_video=False)
-        if interrupted is None:
+        if earlier is None:
             finished = train(config, plan.folder, command, goes_on=goes_on, at_end=show)
+        elif earlier.state == "finished":
+            finished = Run(earlier.path, None)
         else:
-            trial.set_user_attr(_INTERRUPTED, None)  # if it is killed now, it counts as failed
-            finished = resume(config, interrupted, command, goes_on=goes_on, at_end=show)
+            finished = resume(config, earlier.path, command, goes_on=goes_on, at_end=show)
         trial.set_user_attr(_RUN, finished.folder.name)
+    except _storage_errors():
+        raise
     except (OSError, KeyboardInterrupt) as error:
         _fail(study, trial, f"{type(error).__name__}: {error}")  # as would all that follow
         raise
@@ -383,7 +435,6 @@ def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None)
         _fail(study, trial, f"{type(error).__name__}: {error}")
         return None
     if finished.interrupted_by is not None:
-        trial.set_user_attr(_INTERRUPTED, finished.folder.name)
         return finished.interrupted_by
     summary = read_run(finished.folder)
     for key, value in (summary.best or {}).items():
@@ -392,7 +443,7 @@ def _run_trial(study: Study, trial: Trial, plan: Plan, interrupted: Path | None)
         study.tell(trial, state=TrialState.PRUNED)
         print(f"trial {trial.number} fell behind: it is pruned", file=sys.stderr)
     else:
-        study.tell(trial, best)
+        study.tell(trial, best(summary.evaluations))
     return None
 
 
@@ -459,7 +510,7 @@ def _row(trial: FrozenTrial, plan: Plan) -> Row:
         "return": trial.user_attrs.get("mean_return"),
         "decisions": trial.user_attrs.get("decisions"),
         "seconds": None if duration is None else duration.total_seconds(),
-        "run": trial.user_attrs.get(_RUN) or trial.user_attrs.get(_INTERRUPTED),
+        "run": trial.user_attrs.get(_RUN),
         "error": trial.user_attrs.get(_ERROR),
         **{
             key: override_text(value) if isinstance(value, list) else value

@@ -15,7 +15,7 @@ from flyrl.policies.bundle import (
     observation_layout,
     save_bundle,
 )
-from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit
+from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
 from flyrl.policies.learned import LearnedPolicy, load_policy
 from flyrl.policies.library import named_policies
 
@@ -37,6 +37,7 @@ __all__ = [
     "PolicyBundle",
     "PolicyFileError",
     "Pursuit",
+    "PursuitOfGoal",
     "TermLayout",
     "export_onnx",
     "export_sb3",

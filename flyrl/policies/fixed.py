@@ -95,10 +95,46 @@ class Pursuit(_FixedPolicy):
         self._bounds = (weakest, strongest)
 
     def _drive(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
-        direction = observation[..., self._direction]
+        direction = self._towards(observation)
         bearing = np.arctan2(direction[..., 1], direction[..., 0])
         turn = self._gain * bearing[..., None] * np.array([-1.0, 1.0])
         return np.asarray(np.clip(self._forward + turn, *self._bounds))
+
+    def _towards(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Vectors (..., 2) towards the target, forward and left."""
+        return observation[..., self._direction]
+
+
+class PursuitOfGoal(Pursuit):
+    """The same, of a goal that is observed as a place in the world.
+
+    Parameters
+    ----------
+    achieved, desired
+        Where in the flat observation x and y of the fly and of the target stand (world frame).
+    compass
+        Where the cosine and sine of the heading stand.
+    drive_to_action, **tuned
+        As of `Pursuit`.
+    """
+
+    def __init__(
+        self,
+        achieved: slice,
+        desired: slice,
+        compass: slice,
+        drive_to_action: DriveToAction,
+        **tuned: float,
+    ) -> None:
+        super().__init__(desired, drive_to_action, **tuned)
+        self._achieved = achieved
+        self._compass = compass
+
+    def _towards(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+        offset_w = observation[..., self._direction] - observation[..., self._achieved]
+        cos, sin = np.moveaxis(observation[..., self._compass], -1, 0)
+        x, y = np.moveaxis(offset_w, -1, 0)
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
 
 
 class OpenLoop(_FixedPolicy):

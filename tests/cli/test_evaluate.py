@@ -67,6 +67,7 @@ def test_decision_interval_is_refused():
         (["controllers=[cgp]"], "did you mean 'cpg'?"),
         (["terrains=flat"], "error: terrains must be a list, got 'flat'"),
         (["terrains=[flat,blokcs]"], "blocks"),
+        (["folder=/proc/x"], "error: [Errno 2] No such file or directory: '/proc/x'"),
         (["episdes=3"], "error: there is no key 'episdes'; did you mean 'episodes'?"),
     ],
 )

@@ -4,14 +4,15 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from flyrl.cli import train
-from flyrl.cli.arguments import Failure
-from flyrl.cli.sweep import Interrupted, read_jobs, run_job, swept_keys, titles
+from flyrl.cli.arguments import Failure, Sweep
+from flyrl.cli.sweep import Interrupted, by_key, read_jobs, run_job, run_sweep, swept_keys, titles
 from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
 
@@ -43,10 +44,10 @@ def _train(folder, *arguments):
 def train_here(tmp_path, monkeypatch, capsys):
     """The same in this process, which has loaded everything: quicker; not for other launchers."""
 
-    def train_here(*arguments):
+    def train_here(*arguments, tiny=TINY):
         monkeypatch.chdir(tmp_path)
         monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")  # so that what the sweep sets is put back
-        command = ["train.py", *arguments, *TINY]
+        command = ["train.py", *arguments, *tiny]
         monkeypatch.setattr(sys, "argv", command.copy())
         with pytest.raises(SystemExit) as end:
             train.main()
@@ -63,6 +64,7 @@ def test_what_is_swept():
     jobs = [("seed=0", "algo=ppo", "x=1"), ("seed=1", "algo=ppo", "x=1", "+y=2")]
     assert swept_keys(jobs) == ["seed", "y"]
     assert titles(jobs)[jobs[1]] == "job 2 of 2: seed=1 y=2"
+    assert by_key([r"task.terms=[my_terms\:HEIGHT]"]) == {"task.terms": "[my_terms:HEIGHT]"}
 
 
 def _fail():
@@ -120,6 +122,46 @@ def test_a_job_without_a_note_has_not_ended(tmp_path):
     assert read_jobs(tmp_path) == [(("a=1",), None)]
 
 
+def test_a_note_that_cannot_be_written_raises_nothing(tmp_path, capsys):
+    _sweep(tmp_path, [["a=1"]])
+    (tmp_path / "jobs").write_text("a file")
+    run_job(tmp_path, Path.cwd(), ("a=1",), "", lambda: tmp_path / "run")
+    assert capsys.readouterr().err.splitlines()[1:] == [
+        f"error: [Errno 17] File exists: '{tmp_path / 'jobs'}'"
+    ]
+    assert read_jobs(tmp_path) == [(("a=1",), None)]
+
+
+@pytest.mark.parametrize(
+    ("where", "error"),
+    [
+        ("runs_folder=/proc/none", "[Errno 2] No such file or directory: '/proc/none'"),
+        ("hydra.sweep.dir=file", "[Errno 17] File exists: 'file'"),
+        ("hydra.sweep.dir=broken", "broken is not the folder of a sweep: "),
+    ],
+)
+def test_a_folder_that_cannot_be_used_is_an_error_in_one_line(tmp_path, train_here, where, error):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "broken").mkdir()
+    (tmp_path / "broken" / "sweep.json").write_text("{")
+    result = train_here("-m", "seed=0,1", where)
+    assert result.returncode == 2
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f"error: {error}")
+
+
+def test_a_comparison_that_cannot_be_written_is_an_error_in_one_line(tmp_path, monkeypatch, capsys):
+    def at_end(folder):
+        raise OSError(28, "No space left on device", str(folder / "comparison.csv"))
+
+    monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")
+    with pytest.raises(SystemExit) as end:
+        run_sweep(Sweep(tmp_path, True, (), False), ["train.py"], lambda: None, at_end)
+    assert end.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"error: [Errno 28] No space left on device: '{tmp_path / 'comparison.csv'}'"
+
+
 def _only_sweep(folder):
     (sweep,) = (folder / "runs" / "sweeps").iterdir()
     return sweep
@@ -164,25 +206,84 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["-m", "launcher=joblib"])
-def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how):
+@pytest.mark.parametrize(
+    ("how", "number"),
+    [
+        ("-m", signal.SIGTERM),
+        ("launcher=joblib", signal.SIGTERM),
+        ("launcher=ray", signal.SIGINT),  # Ray catches SIGTERM itself
+    ],
+)
+def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
+    if how == "launcher=ray":
+        pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
     endless = ["training.total_decisions=1000000", "seed=0,1", "training.progress_bar=false"]
     command = [sys.executable, str(ROOT / "train.py"), how, *TINY[1:], *endless]
     process = subprocess.Popen(
         command, cwd=tmp_path, env=ENVIRONMENT, text=True, stderr=subprocess.PIPE
     )
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 240
     while not any(tmp_path.glob("runs/sweeps/*/*/checkpoints/*.pt")):
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.2)
-    process.send_signal(signal.SIGTERM)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=120)
-    assert process.returncode == 128 + signal.SIGTERM
+    assert process.returncode == 128 + number
     sweep = _only_sweep(tmp_path)
     assert f"the same command with hydra.sweep.dir={sweep.relative_to(tmp_path)}" in errors
     states = {read_run(path).state for path in sweep.glob("*_target_*")}
     assert states == {"interrupted"}
+
+
+@pytest.mark.slow
+def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train_here):
+    sweep = tmp_path / "here"
+    asked = ("-m", "seed=0,1", "hydra.sweep.dir=here", "physics=fast")
+    longer = ["training.total_decisions=512", *TINY[1:]]
+
+    def interrupt():
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            if any(file.stat().st_size for file in sweep.glob("*/progress.csv")):
+                os.kill(os.getpid(), signal.SIGTERM)
+                return
+            time.sleep(0.002)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    result = train_here(*asked, tiny=longer)
+    thread.join()
+    assert result.returncode == 128 + signal.SIGTERM
+    notes = [note for _, note in read_jobs(sweep)]
+    assert notes[0].error == "interrupted"
+    assert notes[1] is None
+    (first,) = sweep.glob("*_target_*")
+    assert 0 < read_run(first).decisions < 512
+    result = train_here(*asked, tiny=longer)
+    assert result.returncode == 0, result.stderr
+    assert sorted(path.name[-2:] for path in sweep.glob("*_target_*")) == ["_0", "_1"]
+    assert {read_run(path).decisions for path in sweep.glob("*_target_*")} == {512}
+    assert len((first / "command.txt").read_text().splitlines()) == 2
+
+
+@pytest.mark.slow
+def test_terms_of_your_own_can_be_swept(tmp_path, train_here):
+    (tmp_path / "swept_terms.py").write_text(
+        "from flyrl.tasks import RewardTerm\n"
+        "BONUS = RewardTerm('bonus', 1.0, lambda state: state.fly.position_w[:, 2], 'mm')\n"
+    )
+    result = train_here("-m", "task.terms=[],[swept_terms:BONUS]")
+    assert result.returncode == 0, result.stderr
+    sweep = _only_sweep(tmp_path)
+    terms = [read_run(path).setting("task.terms") for path in sorted(sweep.glob("*_target_*"))]
+    assert terms == [[], ["swept_terms:BONUS"]]
+    assert "job 2 of 2: task.terms=[swept_terms:BONUS]\n" in result.stderr
+    with (sweep / "comparison.csv").open(newline="") as file:
+        assert [(row["task.terms"], row["runs"]) for row in csv.DictReader(file)] == [
+            ("[]", "1"),
+            ("[swept_terms:BONUS]", "1"),
+        ]
 
 
 @pytest.mark.slow

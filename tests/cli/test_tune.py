@@ -2,6 +2,7 @@ import csv
 import json
 import os
 import shlex
+import shutil
 import signal
 import sys
 import threading
@@ -34,10 +35,10 @@ algo.hidden_layers: {choices: [[8], [8, 8]]}
 """
 
 
-def _tune(folder, *options, space=SPACE, overrides=()):
+def _tune(folder, *options, space=SPACE, overrides=(), runs=None):
     (folder / "space.yaml").write_text(space)
     search = ["--search", str(folder / "space.yaml")]
-    return main(["tune", *options, *search, *TINY, f"runs_folder={folder}", *overrides])
+    return main(["tune", *options, *search, *TINY, f"runs_folder={runs or folder}", *overrides])
 
 
 def _rows(folder, name):
@@ -86,8 +87,8 @@ def test_trials_differ(study):
 
 def test_the_command_of_a_run_trains_it_without_the_study(study):
     for path in find_runs(study):
-        _, program, *overrides = shlex.split((path / "command.txt").read_text())
-        assert program == "train.py"
+        program, *overrides = shlex.split((path / "command.txt").read_text())
+        assert program == "flyrl-train"
         repeated = training_record(training_config(compose_training(overrides)))
         assert repeated == read_run(path).settings
 
@@ -100,7 +101,7 @@ def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
     best = max(rows, key=lambda row: float(row["value"]))
     output = capsys.readouterr().out
     (line,) = [line for line in output.splitlines() if line.startswith("best: ")]
-    _, _, *overrides = shlex.split(line.removeprefix("best: "))
+    _, *overrides = shlex.split(line.removeprefix("best: "))
     settings = training_record(training_config(compose_training(overrides)))
     assert settings == read_run(study / "studies" / "three" / best["run"]).settings
     assert "3 trials: 3 complete" in output
@@ -130,7 +131,8 @@ def test_a_study_with_other_settings_is_another(study, capsys):
     assert "seed is 0, now 1" in capsys.readouterr().err
 
 
-def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, capsys):
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, capsys, is_killed):
     folder = tmp_path / "studies" / "three"
 
     def interrupt():
@@ -150,6 +152,10 @@ def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, 
     before = _rows(tmp_path, "three")
     assert [row["state"] for row in before] == ["interrupted"]
     assert read_run(folder / before[0]["run"]).state == "interrupted"
+    if is_killed:  # what a kill after the checkpoint leaves: the trial does not know its run
+        left = _load(tmp_path, "three")
+        left._storage.set_trial_user_attr(left.get_trials()[0]._trial_id, "run", None)
+        (folder / before[0]["run"] / "status.json").unlink()
     assert _tune(tmp_path, "--name", "three", "--trials", "3") == 0
     assert _drawn(_rows(tmp_path, "three")) == _drawn(_rows(study, "three"))
     assert len(find_runs(tmp_path)) == 3
@@ -242,6 +248,15 @@ def test_without_optuna_it_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "optuna", None)
     assert main(["tune", "--trials", "1"]) == 2
     assert "pip install 'flyrl[optuna]'" in capsys.readouterr().err
+
+
+def test_a_storage_that_cannot_be_used_is_an_error_in_one_line(study, tmp_path, capsys):
+    shutil.copytree(study, tmp_path / "runs")
+    (tmp_path / "runs" / "studies" / "three" / "study.db").write_text("no database " * 100)
+    assert _tune(study, "--name", "three", "--trials", "3", runs=tmp_path / "runs") == 2
+    assert capsys.readouterr().err == (
+        f"error: {tmp_path}/runs/studies/three/study.db cannot be used: file is not a database\n"
+    )
 
 
 def test_a_folder_with_something_else_is_left_alone(tmp_path, capsys):

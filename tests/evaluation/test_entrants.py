@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from flyrl.controllers import ControllerConfig
+from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import reference_name
 from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
@@ -159,7 +160,29 @@ def test_pursuit_turns_left_towards_a_target_on_the_left():
     assert left < right
 
 
-@pytest.mark.parametrize(("task", "other"), [("target", "open_loop"), ("velocity", "pursuit")])
+def test_pursuit_drives_alike_whether_it_sees_the_direction_or_goals():
+    actions = []
+    for task in ("target", "target_goal"):
+        config = EvaluationConfig(task=task, controllers=("pursuit",))
+        (entrant,) = make_entrants(config)
+        env = BatchedEnv(entrant.env(config, config.terrain_configs[0]), 32)
+        observation = env.reset(episodes=[env.config.sample_episode(seed) for seed in range(32)])
+        actions.append(entrant.policy.predict(observation)[0])
+    np.testing.assert_allclose(*actions, atol=1e-5)
+    assert len(np.unique(actions[0], axis=0)) > 4
+
+
+def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
+    env = {"task": {"decision_interval": 0.00025}}
+    path = save_policy(tmp_path / "a.safetensors", env=env)
+    with pytest.raises(ValueError, match=r"a\.safetensors cannot walk here: decision_interval is"):
+        make_entrants(EvaluationConfig(policies=(path,), controllers=(), physics="fast"))
+
+
+@pytest.mark.parametrize(
+    ("task", "other"),
+    [("target", "open_loop"), ("velocity", "pursuit"), ("target_goal", "open_loop")],
+)
 def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, other):
     assert names(EvaluationConfig(task=task)) == [name for name in FIXED if name != other]
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flyrl.policies import ConstantDrive, OpenLoop, Pursuit
+from flyrl.policies import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
 
 
 def _normalised(drive):
@@ -28,6 +28,14 @@ def test_pursuit_turns_towards_the_target(forward, left, drive):
     policy = Pursuit(slice(1, 3), lambda drive: drive, gain=1.0)
     action, _ = policy.predict([99.0, forward, left])
     np.testing.assert_allclose(action, drive, rtol=1e-6)
+
+
+def test_pursuit_of_a_goal_turns_towards_it():
+    policy = PursuitOfGoal(slice(0, 2), slice(2, 4), slice(4, 6), lambda drive: drive)
+    facing_y = (0.0, 1.0)
+    ahead, left, right = (1.0, 5.0), (0.0, 2.0), (3.0, 2.0)  # of a fly at (1, 2)
+    drives = policy.predict([[1.0, 2.0, *goal, *facing_y] for goal in (ahead, left, right)])[0]
+    np.testing.assert_allclose(drives, [(1.0, 1.0), (0.2, 1.2), (1.2, 0.2)], rtol=1e-6)
 
 
 def test_pursuit_in_batches():
