@@ -391,7 +391,7 @@ def _run_trial(
 
     Returns
     -------
-    Number of the signal that interrupted it; it is then gone on with.
+    Number of the signal that ended the search. The trial is gone on with, unless it was over.
     """
     from optuna.trial import TrialState  # noqa: PLC0415
 
@@ -444,7 +444,7 @@ def _run_trial(
         print(f"trial {trial.number} fell behind: it is pruned", file=sys.stderr)
     else:
         study.tell(trial, best(summary.evaluations))
-    return None
+    return finished.signal
 
 
 def _fail(study: Study, trial: Trial, error: str) -> None:
