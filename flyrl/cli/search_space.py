@@ -311,3 +311,10 @@ def override_text(value: Any) -> str:
         escaped = re.sub(r"(\\*)('|$)", lambda found: found[1] * 2 + "\\'" * len(found[2]), value)
         return f"'{escaped}'"
     return repr(value)
+
+
+def short_text(value: Any) -> Any:
+    """A value as it is shown: with four digits, lists as on the command line."""
+    if isinstance(value, float):
+        return float(f"{value:.4g}")
+    return override_text(value) if isinstance(value, list) else value

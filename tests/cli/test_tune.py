@@ -13,7 +13,8 @@ import pytest
 
 from flyrl.cli.config import training_config
 from flyrl.cli.main import main
-from flyrl.cli.tune import compose_training, score
+from flyrl.cli.study import score
+from flyrl.cli.tune import compose_training
 from flyrl.training.config import training_record
 from flyrl.training.runs import find_runs, read_run
 
@@ -213,15 +214,6 @@ def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
         ("failed", "25"),
         ("complete", "32"),
     ]
-
-
-def test_success_counts_first_and_equal_success_by_the_return():
-    def of(success_rate, mean_return):
-        return score({"success_rate": success_rate, "mean_return": mean_return}, 4)
-
-    assert of(0.5, 0.0) == 0.5 + 0.5 / 4
-    assert of(0.5, 1.0) == pytest.approx(0.5 + 0.75 / 4)  # atan(1) = pi / 4
-    assert of(0.5, -1e6) < of(0.5, -1.0) < of(0.5, 2.0) < of(0.5, 1e6) < of(0.75, -1e6)
 
 
 @pytest.mark.parametrize(
