@@ -74,7 +74,9 @@ def test_tasks(name):
 def test_the_experiment_with_hindsight_is_one():
     config = training_config(_composed("experiment=her"))
     assert config.env.resolved_task == TASKS["target_goal"]
-    assert config.algo == ALGORITHMS["sac"](her=True, learning_starts=4800)
+    assert config.algo == ALGORITHMS["sac"](
+        her=True, learning_starts=4800, hidden_layers=(256, 256), gamma=0.98, tau=0.01
+    )
 
 
 def test_a_curriculum_is_a_group_of_keys():

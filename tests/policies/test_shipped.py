@@ -1,0 +1,30 @@
+"""The policies that come with flyrl do what their cards say."""
+
+import pytest
+
+from flyrl.cli.config import training_config
+from flyrl.evaluation import EvaluationConfig, evaluate
+from flyrl.policies import named_policies
+from flyrl.policies.bundle import load_bundle
+
+EPISODES = 24
+
+
+@pytest.mark.parametrize("name", named_policies())
+def test_policy_solves_its_task_as_often_as_its_card_says_and_standing_does_not(name):
+    bundle = load_bundle(named_policies()[name])
+    env = training_config({**bundle.env, **bundle.training["settings"], "seed": 0}).env
+    held_out = bundle.training["held_out"]
+    config = EvaluationConfig(
+        policies=(name,),
+        controllers=("zero",),
+        task=env.resolved_task,
+        terrains=(env.scene.terrain,),
+        episodes=EPISODES,
+        seed=held_out["seed"] + 1,
+    )
+    policy, zero = evaluate(config).summary
+    promised = held_out["results"][0]  # learned policies come first
+    assert policy["success_rate"]["high"] >= promised["success_rate"]["low"]
+    assert policy["successes"] > zero["successes"]
+    assert policy["metrics"]["return"]["mean"] > zero["metrics"]["return"]["mean"]
