@@ -7,9 +7,10 @@ from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import named_policies
 from flyrl.policies.bundle import load_bundle
 
-EPISODES = 24
+EPISODES = 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", named_policies())
 def test_policy_solves_its_task_as_often_as_its_card_says_and_standing_does_not(name):
     bundle = load_bundle(named_policies()[name])
