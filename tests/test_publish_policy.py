@@ -1,6 +1,7 @@
 """tools/publish_policy.py, and the policies that it put into assets/."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -69,6 +70,15 @@ def test_card_is_that_of_the_file(published):
     text = (published / "target-flat.md").read_text(encoding="utf-8")
     assert text == model_card("target-flat", bundle)
     assert "| commit | c0ffee |" in text
+
+
+def test_a_policy_that_is_too_large_is_refused_before_it_is_judged(run, tmp_path):
+    large = tmp_path / "run"
+    shutil.copytree(run, large)
+    (large / "best.safetensors").write_bytes(bytes(200_001))
+    with pytest.raises(ValueError, match="the policy has 200001 bytes; allowed: 200000"):
+        publish(large, "large", tmp_path / "policies", 1, 1)
+    assert not (tmp_path / "policies").exists()
 
 
 def test_uncommitted_code_is_refused(run, tmp_path):

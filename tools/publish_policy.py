@@ -86,6 +86,7 @@ def publish(run: Path, name: str, folder: Path, episodes: int, num_threads: int)
     provenance = json.loads((run / "provenance.json").read_text())
     if (provenance["git"] or {}).get("is_dirty"):
         raise ValueError(f"{run} ran code that is in no commit; see its code.diff")
+    _check_size(policy_file(run).stat().st_size)  # before it is judged, which takes minutes
     bundle = load_bundle(run)
     training = {
         **bundle.training,
@@ -98,12 +99,16 @@ def publish(run: Path, name: str, folder: Path, episodes: int, num_threads: int)
     with tempfile.TemporaryDirectory() as scratch:
         save_bundle(bundle, Path(scratch) / "policy")
         data = (Path(scratch) / "policy").read_bytes()
-    if len(data) > LARGEST_BYTES:
-        raise ValueError(f"the policy has {len(data)} bytes; allowed: {LARGEST_BYTES}")
+    _check_size(len(data))
     folder.mkdir(parents=True, exist_ok=True)
     write_bytes(folder / f"{name}{SUFFIX}", data)
     write_text(folder / f"{name}.md", model_card(name, bundle))
     print(f"policy: {folder / name}{SUFFIX} ({len(data)} bytes)")
+
+
+def _check_size(size: int) -> None:
+    if size > LARGEST_BYTES:
+        raise ValueError(f"the policy has {size} bytes; allowed: {LARGEST_BYTES}")
 
 
 def _command_anywhere(command: str) -> str:
