@@ -14,6 +14,7 @@ from flyrl.envs.options import episode_with_options
 from flyrl.envs.single import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.rendering import FlyRenderer
+from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
 from flyrl.validation import at_least
 
 
@@ -124,8 +125,8 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         elif transition.done.any():
             ids = np.flatnonzero(transition.done)
             info["final_obs"] = _rows(observation, transition.done)
-            names = ("outcome", "is_success", *self.core.failure_info())
-            info["final_info"] = {name: info[name].copy() for name in names}
+            names = ("outcome", "is_success", IS_FAILURE, DECISIONS_LOST)
+            info["final_info"] = {name: info[name].copy() for name in names if name in info}
             info["_final_obs"] = info["_final_info"] = transition.done.copy()
             observation = self.core.reset(ids=ids)
             self._elapsed_steps[ids] = 0
