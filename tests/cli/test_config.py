@@ -75,7 +75,7 @@ def test_the_experiment_with_hindsight_is_one():
     config = training_config(_composed("experiment=her"))
     assert config.env.resolved_task == TASKS["target_goal"]
     assert config.algo == ALGORITHMS["sac"](
-        her=True, learning_starts=4800, hidden_layers=(256, 256), gamma=0.98, tau=0.01
+        her=True, learning_starts=4800, hidden_layers=(128, 128), gamma=0.98, tau=0.01
     )
 
 
