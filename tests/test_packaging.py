@@ -12,6 +12,7 @@ import pytest
 from flyrl.policies import LearnedPolicy, PolicyBundle, observation_layout, save_bundle
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.tasks import TASKS
+from tests.tiny import TINY_ARGUMENTS
 
 ROOT = Path(__file__).parents[1]
 
@@ -109,11 +110,7 @@ def test_a_tiny_training_run_in_an_empty_folder(python):
     output = python(
         "-c",
         code,
-        "training.total_decisions=32",
-        "training.num_envs=2",
-        "training.evaluation_episodes=1",
-        "algo.n_steps=16",
-        "algo.batch_size=32",
+        *TINY_ARGUMENTS,
         "video_after=false",
     )
     assert output.splitlines()[-1].startswith("run: runs/")

@@ -12,7 +12,6 @@ from hydra import compose, initialize_config_dir
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
-from hydra.core.object_type import ObjectType
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, Override
 from hydra.errors import HydraException
@@ -129,19 +128,23 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
             parser = OverridesParser.create(GlobalHydra.instance().config_loader())
             overrides = parser.parse_overrides(options.overrides)
             jobs = _jobs(overrides)
+            plain = tuple(str(o.input_line) for o in overrides if not o.is_sweep_override())
+            composed = {}
             if is_our_own:  # in others, Hydra alone knows what they hold
-                _check_overrides(config_name, overrides, jobs)
+                composed = _check_overrides(config_name, overrides, jobs)
             if options.cfg or options.info or options.help or options.hydra_help:
                 return None
-            plain = [str(o.input_line) for o in overrides if not o.is_sweep_override()]
-            composed = compose(name, plain + search, return_hydra_config=True).hydra
-            if not (options.multirun or composed.mode == RunMode.MULTIRUN):
+            if plain in composed:
+                ours = composed[plain].hydra
+            else:
+                ours = compose(name, [*plain, *search], return_hydra_config=True).hydra
+            if not (options.multirun or ours.mode == RunMode.MULTIRUN):
                 return None
             return Sweep(
-                Path(composed.sweep.dir),
+                Path(ours.sweep.dir),
                 any(override.key_or_group == "hydra.sweep.dir" for override in overrides),
                 tuple(own_overrides(job) for job in jobs),
-                "basic_launcher" not in composed.launcher._target_,
+                "basic_launcher" not in ours.launcher._target_,
             )
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise UsageError(str(error).partition("\nSee http")[0]) from error
@@ -149,27 +152,45 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
 
 def _check_overrides(
     config_name: str, overrides: Sequence[Override], jobs: Sequence[tuple[str, ...]]
-) -> None:
-    """Check choices, keys, and that every combination of choices in a sweep can be composed."""
+) -> dict[tuple[str, ...], DictConfig]:
+    """Check choices, keys, and that every combination of choices in a sweep can be composed.
+
+    Returns
+    -------
+    What was composed, with Hydra's own: for each of these combinations the first job with it.
+    """
     groups = _groups()
     for override in overrides:
         if override.key_or_group in groups:
             _check_choice(override, groups[override.key_or_group])
     _check_launcher(overrides)
-    parser = OverridesParser.create()
+    composed: dict[tuple[str, ...], DictConfig] = {}
     checked = set()
     for job in jobs:
         choices = tuple(item for item in job if item.lstrip("+~").partition("=")[0] in groups)
         if choices in checked:
             continue  # other values of the same keys
         checked.add(choices)
-        single = parser.parse_overrides(list(job))
-        keys = set(_keys(compose(config_name, list(choices)))) | set(groups)
-        for override in single:
-            if _is_unknown(override, keys):
-                _check_not_elsewhere(config_name, override.key_or_group, groups)
-                raise unknown_key(override.key_or_group, keys)
-        compose(config_name, list(job), return_hydra_config=True)
+        try:
+            composed[job] = compose(config_name, list(job), return_hydra_config=True)
+        except HydraException:
+            _explain(config_name, job, choices, groups)
+            raise
+    return composed
+
+
+def _explain(
+    config_name: str,
+    job: Sequence[str],
+    choices: Sequence[str],
+    groups: Mapping[str, list[str]],
+) -> None:
+    """Raise UsageError if a key is why a job cannot be composed."""
+    keys = set(_keys(compose(config_name, list(choices)))) | set(groups)
+    for override in OverridesParser.create().parse_overrides(list(job)):
+        if _is_unknown(override, keys):
+            _check_not_elsewhere(config_name, override.key_or_group, groups)
+            raise unknown_key(override.key_or_group, keys)
 
 
 def _jobs(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
@@ -201,13 +222,8 @@ def _check_launcher(overrides: Sequence[Override]) -> None:
 
 def _groups() -> dict[str, list[str]]:
     """Config groups and their choices."""
-    loader = GlobalHydra.instance().config_loader()
-    names = loader.list_groups("")
-    return {
-        name: loader.get_group_options(name, results_filter=ObjectType.CONFIG)
-        for name in names
-        if name != "hydra"
-    }
+    folders = (path for path in configs_folder().iterdir() if path.is_dir())
+    return {path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in folders}
 
 
 def _keys(config: Any, prefix: str = "") -> Iterator[str]:

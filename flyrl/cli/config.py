@@ -27,13 +27,14 @@ class _TaskSettings:
 
     name: str
     decision_interval: float | None = None
+    time_limit: float | None = None
     terms: tuple[str, ...] = ()
     weights: dict[str, float] = field(default_factory=dict)
 
     def task(self) -> Task:
-        """The task, with the user's own terms and weights; imports the modules of the terms."""
+        """The task, with what the user changed of it; imports the modules of the terms."""
         task = TASKS[one_of("task.name", self.name, TASKS)]
-        return extended(task, load_terms(self.terms), self.weights)
+        return extended(task, load_terms(self.terms), self.weights, self.time_limit)
 
 
 def training_config(config: Mapping[str, Any]) -> TrainingConfig:

@@ -81,6 +81,11 @@ class EnvConfig:
                 f"decision_interval is {interval} s; it must be a positive multiple of the physics "
                 f"time step, {physics.timestep} s"
             )
+        if task.time_limit_s is not None and round(task.time_limit_s / interval) < 1:
+            raise ValueError(
+                f"the time limit of {task.name} must be at least one decision, {interval} s, "
+                f"got {task.time_limit_s}"
+            )
         drawn_from = self.randomisation
         if isinstance(drawn_from, str):
             drawn_from = RANDOMISATIONS[one_of("randomisation", drawn_from, RANDOMISATIONS)]

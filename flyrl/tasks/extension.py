@@ -1,20 +1,26 @@
-"""Adding a user's own terms to a task, and weighing its rewards anew."""
+"""A task of the table with a user's own terms, weights and time limit."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task, Termination
-from flyrl.validation import number, one_of
+from flyrl.validation import number, one_of, positive
 
 Term = ObservationTerm | RewardTerm | MeanTerm | Termination
 
 TERM_TYPES: Final = (ObservationTerm, RewardTerm, MeanTerm, Termination)
 
 
-def extended(task: Task, terms: Mapping[str, Term], weights: Mapping[str, float]) -> Task:
-    """Append terms to a task's tables, and weigh its rewards anew.
+def extended(
+    task: Task,
+    terms: Mapping[str, Term],
+    weights: Mapping[str, float],
+    time_limit_s: float | None = None,
+) -> Task:
+    """Append terms to a task's tables, weigh its rewards anew, and shorten its episodes.
 
     Parameters
     ----------
@@ -25,13 +31,20 @@ def extended(task: Task, terms: Mapping[str, Term], weights: Mapping[str, float]
         observation term is appended to the observation, a reward term to the reward, and so on.
     weights
         Of reward terms by name, the task's own and the appended ones.
+    time_limit_s
+        s until an episode is truncated, at most the task's own; None takes that.
 
     Raises
     ------
     ValueError
-        A term that is of no such type or whose name is taken in its table, or a weight that is no
-        finite number or of no reward term.
+        A term that is of no such type or whose name is taken in its table, a weight that is no
+        finite number or of no reward term, or a time limit that the task does not allow.
     """
+    own = math.inf if task.time_limit_s is None else task.time_limit_s
+    if time_limit_s is not None and positive("task.time_limit", time_limit_s) > own:
+        raise ValueError(
+            f"task.time_limit must be at most that of {task.name}, {own} s, got {time_limit_s}"
+        )
     for source, term in terms.items():
         if not isinstance(term, TERM_TYPES):
             names = ", ".join(kind.__name__ for kind in TERM_TYPES)
@@ -54,6 +67,7 @@ def extended(task: Task, terms: Mapping[str, Term], weights: Mapping[str, float]
         means=means,
         terminations=terminations,
         added=(*task.added, *terms),
+        time_limit_s=task.time_limit_s if time_limit_s is None else time_limit_s,
     )
 
 
@@ -63,6 +77,7 @@ def task_record(task: Task) -> dict[str, Any]:
         "name": task.name,
         "terms": list(task.added),
         "weights": {term.name: term.weight for term in task.reward},
+        "time_limit": task.time_limit_s,
     }
 
 

@@ -140,6 +140,7 @@ def test_a_key_reaches_the_settings():
             "terrain.random=true",
             "terrain.height_range=[0.15,0.45]",
             "task.decision_interval=0.01",
+            "task.time_limit=1.5",
             "task.weights.progress=0.1",
             "randomisation.mass=[0.5,2]",
         )
@@ -151,6 +152,7 @@ def test_a_key_reaches_the_settings():
     weights = {term.name: term.weight for term in config.env.resolved_task.reward}
     assert config.env.resolved_randomisation == RandomisationConfig(mass=(0.5, 2.0))
     assert weights == {"progress": 0.1, "success": 2.0, "time": -0.5, "lost_time": -0.5}
+    assert config.env.resolved_task.time_limit_s == 1.5
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)
 
 

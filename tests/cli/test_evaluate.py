@@ -1,30 +1,13 @@
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings
 from flyrl.evaluation import EvaluationConfig
+from tests.tiny import TINY_ARGUMENTS
 
-ROOT = Path(__file__).parents[2]
-TINY = [
-    "training.total_decisions=64",
-    "training.num_envs=4",
-    "training.evaluation_episodes=2",
-    "algo.n_steps=16",
-    "algo.batch_size=32",
-    "video_after=false",
-]
 GROUPS = {"task": {"name": "target"}, "body": {}, "physics": {}}
-
-
-def _python(folder, *arguments):
-    return subprocess.run(
-        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, check=False
-    )
 
 
 def test_the_command_of_the_readme_is_fine():
@@ -71,8 +54,8 @@ def test_decision_interval_is_refused():
         (["episdes=3"], "error: there is no key 'episdes'; did you mean 'episodes'?"),
     ],
 )
-def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):
-    result = _python(tmp_path, str(ROOT / "evaluate.py"), *arguments)
+def test_wrong_command_lines_end_in_one_line(tmp_path, run_here, arguments, message):
+    result = run_here("evaluate.py", *arguments)
     assert result.returncode == 2
     assert message in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -80,28 +63,21 @@ def test_wrong_command_lines_end_in_one_line(tmp_path, arguments, message):
 
 
 @pytest.mark.slow
-def test_train_then_evaluate_end_to_end(tmp_path):
-    trained = _python(
-        tmp_path,
-        str(ROOT / "train.py"),
-        "experiment=main",
-        "evaluation.episodes=2",
-        "evaluation.controllers=[zero]",
-        "evaluation.videos=false",
-        *TINY,
-    )
+def test_train_then_evaluate_end_to_end(tmp_path, run_here):
+    asked = ("evaluation.episodes=2", "evaluation.controllers=[zero]", "evaluation.videos=false")
+    trained = run_here("train.py", "experiment=main", *asked, *TINY_ARGUMENTS, "video_after=false")
     assert trained.returncode == 0, trained.stderr
     *_, first, last = trained.stdout.splitlines()
     run = last.removeprefix("run: ")
     assert first == f"report: {run}/evaluation/report.html"
     assert (tmp_path / run / "evaluation" / "report.html").is_file()
 
-    compared = _python(
-        tmp_path,
-        str(ROOT / "evaluate.py"),
+    compared = run_here(
+        "evaluate.py",
         f"policies=[{run}]",
         "controllers=[cpg,hybrid]",
         "task=target",
+        "task.time_limit=0.5",
         "terrains=[flat]",
         "episodes=2",
         "videos=false",
@@ -109,5 +85,6 @@ def test_train_then_evaluate_end_to_end(tmp_path):
     assert compared.returncode == 0, compared.stderr
     report = tmp_path / compared.stdout.splitlines()[-1].removeprefix("report: ")
     results = json.loads((report.parent / "results.json").read_text())
+    assert results["protocol"]["horizon_s"] == 0.5
     assert {row["controller"] for row in results["episodes"]} == {"ppo", "cpg", "hybrid"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["reports", "runs"]

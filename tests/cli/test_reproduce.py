@@ -10,24 +10,11 @@ from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout
 from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.policies.normaliser import Normaliser
-from flyrl.training.algorithms import PPOConfig
-from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
 from flyrl.training.runs import read_run
+from tests.tiny import TINY
 from tests.training.folders import COMMIT, make_run
-
-TINY = TrainingConfig(
-    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2),
-    training=ScheduleConfig(
-        total_decisions=32,
-        num_envs=2,
-        num_threads=1,
-        evaluation_interval=16,
-        evaluation_episodes=1,
-        progress_bar=False,
-    ),
-)
 
 
 def test_a_run_is_repeated_to_the_bit(tmp_path, capsys):

@@ -10,28 +10,26 @@ from pathlib import Path
 
 import pytest
 
-from flyrl.cli import train
 from flyrl.cli.arguments import Failure, Sweep
 from flyrl.cli.sweep import Interrupted, by_key, read_jobs, run_job, run_sweep, swept_keys, titles
 from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
+from tests.tiny import TINY_ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
-TINY = [
-    "training.total_decisions=32",
-    "training.num_envs=2",
-    "training.num_threads=1",
-    "training.evaluation_episodes=1",
-    "algo.n_steps=16",
-    "algo.batch_size=32",
-    "video_after=false",
-]
+TINY = (*TINY_ARGUMENTS, "training.evaluation_episodes=1", "video_after=false")
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def _tiny(*arguments):
+    """The arguments, with what makes a training tiny where they ask for nothing else."""
+    asked = {argument.partition("=")[0] for argument in arguments}
+    return [*arguments, *(one for one in TINY if one.partition("=")[0] not in asked)]
 
 
 def _train(folder, *arguments):
     return subprocess.run(
-        [sys.executable, str(ROOT / "train.py"), *arguments, *TINY],
+        [sys.executable, str(ROOT / "train.py"), *_tiny(*arguments)],
         cwd=folder,
         env=ENVIRONMENT,
         capture_output=True,
@@ -41,19 +39,9 @@ def _train(folder, *arguments):
 
 
 @pytest.fixture
-def train_here(tmp_path, monkeypatch, capsys):
-    """The same in this process, which has loaded everything: quicker; not for other launchers."""
-
-    def train_here(*arguments, tiny=TINY):
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")  # so that what the sweep sets is put back
-        command = ["train.py", *arguments, *tiny]
-        monkeypatch.setattr(sys, "argv", command.copy())
-        with pytest.raises(SystemExit) as end:
-            train.main()
-        return subprocess.CompletedProcess(command, end.value.code, *capsys.readouterr())
-
-    return train_here
+def train_here(run_here):
+    """The same in this process; not for other launchers."""
+    return lambda *arguments: run_here("train.py", *_tiny(*arguments))
 
 
 def _sweep(folder, jobs):
@@ -111,7 +99,7 @@ def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_h
         return evaluate(callback)
 
     monkeypatch.setattr(RunCallback, "_evaluate", interrupted)  # once, at the end of each job
-    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here", "physics=fast")
+    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here", "training.evaluation_interval=64")
     assert result.returncode == 128 + signal.SIGTERM
     (run,) = (tmp_path / "here").glob("*_target_*")
     assert read_run(run).state == "finished"
@@ -217,8 +205,8 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
 def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
     if how == "launcher=ray":
         pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
-    endless = ["training.total_decisions=1000000", "seed=0,1", "training.progress_bar=false"]
-    command = [sys.executable, str(ROOT / "train.py"), how, *TINY[1:], *endless]
+    endless = ["training.total_decisions=1000000", "seed=0,1"]
+    command = [sys.executable, str(ROOT / "train.py"), *_tiny(how, *endless)]
     process = subprocess.Popen(
         command, cwd=tmp_path, env=ENVIRONMENT, text=True, stderr=subprocess.PIPE
     )
@@ -239,8 +227,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
 @pytest.mark.slow
 def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train_here):
     sweep = tmp_path / "here"
-    asked = ("-m", "seed=0,1", "hydra.sweep.dir=here", "physics=fast")
-    longer = ["training.total_decisions=512", *TINY[1:]]
+    asked = ("-m", "seed=0,1", "hydra.sweep.dir=here", "training.total_decisions=512")
 
     def interrupt():
         deadline = time.monotonic() + 60
@@ -252,7 +239,7 @@ def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train
 
     thread = threading.Thread(target=interrupt)
     thread.start()
-    result = train_here(*asked, tiny=longer)
+    result = train_here(*asked)
     thread.join()
     assert result.returncode == 128 + signal.SIGTERM
     notes = [note for _, note in read_jobs(sweep)]
@@ -260,7 +247,7 @@ def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train
     assert notes[1] is None
     (first,) = sweep.glob("*_target_*")
     assert 0 < read_run(first).decisions < 512
-    result = train_here(*asked, tiny=longer)
+    result = train_here(*asked)
     assert result.returncode == 0, result.stderr
     assert sorted(path.name[-2:] for path in sweep.glob("*_target_*")) == ["_0", "_1"]
     assert {read_run(path).decisions for path in sweep.glob("*_target_*")} == {512}

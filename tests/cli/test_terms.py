@@ -2,7 +2,6 @@
 
 import re
 import shlex
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from flyrl.tasks import TASKS
 from flyrl.training.config import training_record
 from flyrl.training.run_folder import RunFolder, read_record
 from tests.tasks.test_terms import fly_state, task_state
+from tests.tiny import TINY_ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
 DOCS = (ROOT / "docs" / "tasks.md").read_text()
@@ -137,23 +137,14 @@ def _commands(run):
     return [shlex.split(line.replace("\\\n", " ")) for line in lines]
 
 
-def _python(script, *arguments):
-    return subprocess.run(
-        [sys.executable, str(ROOT / script), *arguments],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("my_terms")
-def test_the_commands_of_the_docs_train_and_evaluate():
+def test_the_commands_of_the_docs_train_and_evaluate(run_here):
     train, _ = _commands("")
-    tiny = ["training.total_decisions=32", "training.num_envs=4", "training.evaluation_episodes=1"]
-    trained = _python(*train, *tiny, "algo.n_steps=8", "algo.batch_size=8")
+    trained = run_here(*train, *TINY_ARGUMENTS, "video_after=false")
     assert trained.returncode == 0, trained.stderr
     _, evaluate = _commands(trained.stdout.splitlines()[-1].removeprefix("run: "))
-    evaluated = _python(*evaluate, "controllers=[zero]", "episodes=1", "videos=false")
+    short = ("controllers=[zero]", "episodes=1", "videos=false", "task.time_limit=0.2")
+    evaluated = run_here(*evaluate, *short)
     assert evaluated.returncode == 0, evaluated.stderr
     assert "report: " in evaluated.stdout

@@ -17,18 +17,16 @@ from flyrl.cli.study import score
 from flyrl.cli.tune import compose_training
 from flyrl.training.config import training_record
 from flyrl.training.runs import find_runs, read_run
+from tests.tiny import TINY_ARGUMENTS
 
-TINY = [
-    "physics=fast",
+TINY = (
+    *(argument for argument in TINY_ARGUMENTS if not argument.startswith("algo.")),
     "training.total_decisions=96",
     "training.num_envs=2",
-    "training.num_threads=1",
     "training.evaluation_episodes=1",
-    "training.evaluation_interval=32",
-    "training.progress_bar=false",
     "algo.n_steps=16",
     "algo.batch_size=32",
-]
+)
 SPACE = """
 algo.learning_rate: {low: 1e-4, high: 3e-2, log: true}
 algo.n_epochs: {low: 1, high: 2}

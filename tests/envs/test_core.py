@@ -1,4 +1,5 @@
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -168,6 +169,7 @@ def test_steps_of_some_leave_the_others_where_they_are() -> None:
         ({"controller": "cpq"}, "cpg"),
         ({"physics": "balancd"}, "balanced"),
         ({"decision_interval": 0.0203}, "multiple"),
+        ({"task": replace(TASKS["target"], time_limit_s=0.005)}, "at least one decision, 0.02 s"),
         ({"body": "classic", "controller": ControllerConfig()}, "tethered"),
     ],
 )

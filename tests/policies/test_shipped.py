@@ -7,7 +7,7 @@ from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import named_policies
 from flyrl.policies.bundle import load_bundle
 
-EPISODES = 12
+EPISODES = 8
 
 
 @pytest.mark.slow

@@ -45,11 +45,22 @@ def test_rewards_are_weighed_anew_by_name():
 
 
 def test_the_record_says_what_to_extend_the_task_with():
-    task = extended(TARGET, {"a:HEIGHT": HEIGHT, "b:SLIP": SLIP}, {"progress": 0.1})
+    task = extended(TARGET, {"a:HEIGHT": HEIGHT, "b:SLIP": SLIP}, {"progress": 0.1}, 1.5)
     record = task_record(task)
     assert record["terms"] == ["a:HEIGHT", "b:SLIP"]
     terms = dict(zip(record["terms"], (HEIGHT, SLIP), strict=True))
-    assert extended(TASKS[record["name"]], terms, record["weights"]) == task
+    own = TASKS[record["name"]]
+    assert extended(own, terms, record["weights"], record["time_limit"]) == task
+
+
+@pytest.mark.parametrize(("time_limit_s", "message"), [(3.02, "at most .* 3.0 s"), (0, "above 0")])
+def test_a_time_limit_beyond_the_tasks_own_is_refused(time_limit_s, message):
+    with pytest.raises(ValueError, match=r"task\.time_limit must be .*" + message):
+        extended(TARGET, {}, {}, time_limit_s)
+
+
+def test_a_task_without_a_time_limit_takes_any():
+    assert extended(TASKS["hybrid_turning"], {}, {}, 100).time_limit_s == 100
 
 
 @pytest.mark.parametrize(

@@ -184,6 +184,7 @@ def test_record_is_plain_json():
         "name": "target",
         "terms": [],
         "weights": {"progress": 0.2, "success": 2.0, "time": -0.5, "lost_time": -0.5},
+        "time_limit": 3.0,
         "decision_interval": 0.02,
     }
     assert record["algo"]["name"] == "ppo"

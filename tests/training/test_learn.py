@@ -22,6 +22,7 @@ from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import resume, train
 from flyrl.training.models import build_model
 from flyrl.training.runs import read_run
+from tests.tiny import TINY_ENV
 
 SCHEDULE = ScheduleConfig(
     total_decisions=96,
@@ -32,10 +33,12 @@ SCHEDULE = ScheduleConfig(
     progress_bar=False,
 )
 PPO_CONFIG = TrainingConfig(
+    env=TINY_ENV,
     algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(16, 16)),
     training=SCHEDULE,
 )
 SAC_CONFIG = TrainingConfig(
+    env=TINY_ENV,
     algo=SACConfig(learning_starts=16, batch_size=16, gradient_steps=1, hidden_layers=(16,)),
     training=SCHEDULE,
 )
@@ -159,11 +162,6 @@ SHORT_GOAL = replace(TASKS["target_goal"], time_limit_s=0.2)
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 def test_a_run_that_is_told_not_to_go_on_ends_after_the_evaluation(config, tmp_path):
-    config = replace(
-        config,
-        env=EnvConfig(physics="fast"),
-        training=replace(SCHEDULE, evaluation_episodes=1),
-    )
     seen = []
 
     def goes_on(evaluations):

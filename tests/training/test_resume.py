@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flyrl.envs.core import EnvConfig
-from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import ResumeError
@@ -16,9 +14,10 @@ from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.runs import RunIsHeldError, held, read_rows, read_run
+from tests.tiny import TINY_ENV
 from tests.training.folders import make_run
 
-ENV = EnvConfig(physics="fast")
+ENV = TINY_ENV
 SCHEDULE = ScheduleConfig(
     total_decisions=512,
     num_envs=4,
@@ -52,15 +51,13 @@ RECURRENT_CONFIG = TrainingConfig(
 )
 RANDOM_CONFIG = replace(
     PPO_CONFIG,
-    env=EnvConfig(terrain="random_blocks", physics="fast", randomisation="default"),
+    env=replace(ENV, terrain="random_blocks", randomisation="default"),
     training=replace(SCHEDULE, total_decisions=256),
 )
 # of ten decisions, so that some end; and with two in a row, whatever comes of them, it gets harder
 CURRICULUM_CONFIG = replace(
     PPO_CONFIG,
-    env=EnvConfig(
-        replace(TASKS["target"], time_limit_s=0.2), terrain="random_blocks", physics="fast"
-    ),
+    env=replace(ENV, terrain="random_blocks"),
     training=replace(
         SCHEDULE,
         total_decisions=256,

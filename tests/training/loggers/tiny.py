@@ -4,26 +4,21 @@ from dataclasses import replace
 
 import pytest
 
-from flyrl.envs.core import EnvConfig
-from flyrl.training.algorithms import PPOConfig
 from flyrl.training.callback import RunCallback
-from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import resume, train
 from flyrl.training.runs import read_rows
+from tests import tiny
 
 DECISIONS = "time/total_timesteps"
 UPDATES = [32, 64, 96, 128]
-TINY = TrainingConfig(
-    env=EnvConfig(physics="fast"),
-    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=1, hidden_layers=(8,)),
-    training=ScheduleConfig(
+TINY = replace(
+    tiny.TINY,
+    training=replace(
+        tiny.TINY.training,
         total_decisions=128,
-        num_envs=4,
-        num_threads=1,
         evaluation_interval=64,
         evaluation_episodes=1,
         checkpoint_interval=64,
-        progress_bar=False,
     ),
 )
 
