@@ -55,11 +55,13 @@ def test_decisions_are_those_of_the_specification(seed, steps):
     recording = oracle.Steps(steps)
     expected = oracle.Walknet(1e-4, oracle.DURATION[steps], recording.swing_end, seed)
     actual = coordinator(seed, steps)
+    ours, theirs = [], []  # compared at the end, which is quicker
     for _ in range(30_000):
         expected.step()
         actual.step()
-        np.testing.assert_array_equal(actual.leg_phases, expected.phases)
-        np.testing.assert_array_equal(actual.mask_is_stepping, expected.stepping)
+        ours.append((actual.leg_phases.copy(), actual.mask_is_stepping.copy()))
+        theirs.append((np.array(expected.phases), np.array(expected.stepping)))
+    np.testing.assert_array_equal(ours, theirs)
     assert expected.num_steps_started > 20
 
 
