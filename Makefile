@@ -1,6 +1,6 @@
 # make train   set up .venv; train a steering policy, compare it with the fixed controllers, write the report
 # make test    set up .venv; run the tests
-# make test-ray  run the tests of launcher=ray in an environment of its own, without constraints.txt
+# make test-ray  run the tests of launcher=ray in an environment of its own, with a cloudpickle of its own
 # make check   lint, format, types, import contracts (what CI and pre-commit run before the tests)
 # make bench   speed of every part on this machine, and how the fly walks beside the literature
 # make format  let ruff rewrite what make check complains about
@@ -26,7 +26,9 @@ test: $(INSTALLED_DEV)
 
 test-ray:
 	$(PYTHON) -m venv $(VENV_RAY)
-	$(VENV_RAY)/bin/python -m pip install --quiet --editable '.[ray]' pytest
+	grep --invert-match ^cloudpickle constraints.txt > $(VENV_RAY)/constraints.txt
+	$(VENV_RAY)/bin/python -m pip install --quiet --constraint $(VENV_RAY)/constraints.txt \
+		--editable '.[ray]' pytest
 	$(VENV_RAY)/bin/python -m pytest tests/cli/test_sweep.py -k ray $(ARGS)
 
 check: $(INSTALLED_DEV)
