@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import shlex
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,16 +66,23 @@ def comparison(
 ) -> EvaluationConfig:
     """Settings of the evaluation, checked down to the policy files.
 
+    Warns on stderr of terms that a policy was trained with in another version.
+
     Raises
     ------
     ValueError
         A setting, controller or policy file that cannot be used.
     """
     from flyrl.cli.config import evaluation_config  # noqa: PLC0415
-    from flyrl.evaluation import make_entrants  # noqa: PLC0415
+    from flyrl.evaluation import changed_terms, make_entrants  # noqa: PLC0415
 
     config = evaluation_config(record, settings, shlex.join(command))
-    make_entrants(config)
+    for entrant in make_entrants(config):
+        for module in changed_terms(entrant, config.resolved_task):
+            print(
+                f"warning: {entrant.name} was trained with another version of {module}",
+                file=sys.stderr,
+            )
     return config
 
 

@@ -1,7 +1,7 @@
 """Every entrant on every terrain -> paired results: metrics, statistics, results files."""
 
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.entrants import FIXED, Entrant, make_entrants
+from flyrl.evaluation.entrants import FIXED, Entrant, changed_terms, make_entrants
 from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
 from flyrl.evaluation.run import evaluate
 
@@ -11,6 +11,7 @@ __all__ = [
     "EvaluationConfig",
     "Results",
     "ResultsError",
+    "changed_terms",
     "evaluate",
     "load_results",
     "make_entrants",

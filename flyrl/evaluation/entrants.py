@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from flyrl.controllers import ControllerConfig
 from flyrl.controllers.leg_controller import ControllerName
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
+from flyrl.files import file_digest
 from flyrl.policies import (
     ConstantDrive,
     LearnedPolicy,
@@ -25,7 +25,7 @@ from flyrl.policies import (
 from flyrl.policies.bundle import policy_file
 from flyrl.policies.library import policy_name
 from flyrl.rollouts import Policy
-from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, Task
+from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, Task, term_digests
 from flyrl.terrains import TerrainConfig, terrain_label
 from flyrl.validation import one_of
 
@@ -132,6 +132,16 @@ def controller_names(config: EvaluationConfig) -> tuple[str, ...]:
     return tuple(name for name, fixed in FIXED.items() if fixed.goes_with(config.resolved_task))
 
 
+def changed_terms(entrant: Entrant, task: Task) -> list[str]:
+    """Modules of the user's own terms that are not what a learned policy was trained with."""
+    training = entrant.record.get("training")
+    before = training.get("terms") if isinstance(training, dict) else None
+    if not isinstance(before, dict):  # fixed, or from before they were noted
+        return []
+    now = term_digests(task.added)
+    return [module for module, digest in now.items() if before.get(module) != digest]
+
+
 def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     """All entrants of an evaluation: learned policies first, then the fixed controllers.
 
@@ -215,7 +225,7 @@ def _learned(path: str, config: EvaluationConfig, taken: set[str]) -> Entrant:
         "leg_controller": controller.name,
         "policy": _how_learned(env, training),
         "source": str(file),
-        "sha256": hashlib.sha256(file.read_bytes()).hexdigest(),
+        "sha256": file_digest(file),
         "controller_config": dataclasses.asdict(controller),
         "trained_in": dict(env),
         "training": dict(training),

@@ -3,7 +3,7 @@
 from typing import Final
 
 from flyrl.tasks.episode import Episode
-from flyrl.tasks.extension import Term, extended, task_record
+from flyrl.tasks.extension import Term, extended, task_record, term_digests
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.heading import HEADING
 from flyrl.tasks.hybrid_turning import HYBRID_TURNING
@@ -61,4 +61,5 @@ __all__ = [
     "Termination",
     "extended",
     "task_record",
+    "term_digests",
 ]

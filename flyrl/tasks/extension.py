@@ -1,11 +1,14 @@
 """A task of the table with a user's own terms, weights and time limit."""
 
 import math
+import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
+from flyrl.files import file_digest
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task, Termination
 from flyrl.validation import number, one_of, positive
 
@@ -79,6 +82,19 @@ def task_record(task: Task) -> dict[str, Any]:
         "weights": {term.name: term.weight for term in task.reward},
         "time_limit": task.time_limit_s,
     }
+
+
+def term_digests(names: Iterable[str]) -> dict[str, str | None]:
+    """SHA-256 of the modules that terms come from, by module; None where there is no file.
+
+    Parameters
+    ----------
+    names
+        `module:attribute` each, of terms that are loaded.
+    """
+    modules = dict.fromkeys(name.partition(":")[0] for name in names)
+    files = {name: getattr(sys.modules.get(name), "__file__", None) for name in modules}
+    return {name: file and file_digest(Path(file)) for name, file in files.items()}
 
 
 def _of(kind: type[Any], terms: Mapping[str, Term]) -> list[Any]:

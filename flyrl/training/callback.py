@@ -18,7 +18,7 @@ from flyrl.policies.bundle import PolicyBundle, save_bundle
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.progress import progress_bar
 from flyrl.rollouts import run_episodes
-from flyrl.tasks import Episode
+from flyrl.tasks import Episode, term_digests
 from flyrl.training.checkpoint import learner_state, save_checkpoint
 from flyrl.training.config import TrainingConfig
 from flyrl.training.curriculum import Curriculum
@@ -194,6 +194,7 @@ class RunCallback(BaseCallback):
                 "seed": self._config.seed,
                 "decisions": self.num_timesteps,
                 "evaluation": evaluation,
+                "terms": term_digests(self._config.env.resolved_task.added),
             },
         )
 

@@ -4,13 +4,14 @@ import hashlib
 import os
 import platform
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
 import flyrl
+from flyrl.files import file_digest
+from flyrl.tasks import term_digests
 from flyrl.training.runs import flat
 
 _PACKAGES: Final = (
@@ -38,10 +39,9 @@ def provenance(terms: Sequence[str] = ()) -> dict[str, Any]:
     terms
         Names of a user's own terms, `module:attribute` each; of the modules, the SHA-256 is noted.
     """
-    modules = dict.fromkeys(name.partition(":")[0] for name in terms)
     return {
         "git": _git(),
-        "terms": {name: _module_digest(name) for name in modules},
+        "terms": term_digests(terms),
         "python": platform.python_version(),
         "packages": {name: _version(name) for name in _PACKAGES},
         "system": platform.platform(),
@@ -129,23 +129,10 @@ def _untracked(checkout: Path) -> dict[str, str | None]:
     asked = ("ls-files", "--others", "--exclude-standard", "-z", "--", *_OWN_FOLDERS)
     names = (_run("git", "-C", str(checkout), *asked) or b"").split(b"\0")
     return {
-        name.decode(errors="replace"): _digest(checkout / os.fsdecode(name))
+        name.decode(errors="replace"): file_digest(checkout / os.fsdecode(name))
         for name in names
         if name
     }
-
-
-def _module_digest(name: str) -> str | None:
-    file = getattr(sys.modules.get(name), "__file__", None)
-    return None if file is None else _digest(Path(file))
-
-
-def _digest(path: Path) -> str | None:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError:
-        return None
 
 
 def _run(*command: str) -> bytes | None:

@@ -138,8 +138,7 @@ def _commands(run):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("my_terms")
-def test_the_commands_of_the_docs_train_and_evaluate(run_here):
+def test_the_commands_of_the_docs_train_and_evaluate(my_terms, run_here):
     train, _ = _commands("")
     trained = run_here(*train, *TINY_ARGUMENTS, "video_after=false")
     assert trained.returncode == 0, trained.stderr
@@ -148,3 +147,8 @@ def test_the_commands_of_the_docs_train_and_evaluate(run_here):
     evaluated = run_here(*evaluate, *short)
     assert evaluated.returncode == 0, evaluated.stderr
     assert "report: " in evaluated.stdout
+    assert "warning" not in evaluated.stderr
+    with (my_terms / "my_terms.py").open("a") as code:
+        code.write("# as before, but for this\n")
+    evaluated = run_here(*evaluate, *short)
+    assert "warning: ppo was trained with another version of my_terms\n" in evaluated.stderr

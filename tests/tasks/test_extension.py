@@ -1,4 +1,7 @@
 import dataclasses
+import sys
+import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from flyrl.tasks import (
     Termination,
     extended,
     task_record,
+    term_digests,
 )
 
 TARGET = TASKS["target"]
@@ -57,6 +61,17 @@ def test_the_record_says_what_to_extend_the_task_with():
 def test_a_time_limit_beyond_the_tasks_own_is_refused(time_limit_s, message):
     with pytest.raises(ValueError, match=r"task\.time_limit must be .*" + message):
         extended(TARGET, {}, {}, time_limit_s)
+
+
+def test_the_module_of_terms_has_a_digest(tmp_path, monkeypatch):
+    module = types.ModuleType("some_terms")
+    module.__file__ = str(tmp_path / "some_terms.py")
+    Path(module.__file__).write_text("abc")
+    monkeypatch.setitem(sys.modules, "some_terms", module)
+    # of "abc", as FIPS 180 has it
+    digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    names = ["some_terms:A", "some_terms:B", "nowhere:C"]
+    assert term_digests(names) == {"some_terms": digest, "nowhere": None}
 
 
 def test_a_task_without_a_time_limit_takes_any():
