@@ -31,7 +31,7 @@ from flyrl.files import write_bytes, write_text  # noqa: E402
 from flyrl.policies.bundle import load_bundle, policy_file, save_bundle  # noqa: E402
 from flyrl.policies.card import model_card  # noqa: E402
 from flyrl.policies.library import SUFFIX, named_policies, policies_folder  # noqa: E402
-from flyrl.training.run_folder import read_record  # noqa: E402
+from flyrl.training.runs import read_record  # noqa: E402
 
 LARGEST_BYTES: Final = 200_000
 

@@ -153,7 +153,6 @@ def search(study: Study, plan: Plan, interrupted: Interruption) -> int | None:
 def _left_run(study: Study, trial: FrozenTrial, plan: Plan) -> RunSummary | None:
     """The run of a trial without an end, if there is something of it to go on with."""
     from flyrl.training.config import training_record  # noqa: PLC0415
-    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
     from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 
     others = [other for other in study.get_trials(deepcopy=False) if other.number != trial.number]
@@ -165,7 +164,7 @@ def _left_run(study: Study, trial: FrozenTrial, plan: Plan) -> RunSummary | None
     # by its settings: a trial that is killed knows nothing of its run
     for path in find_runs(plan.folder):
         run = read_run(path)
-        can_go_on = run.state == "finished" or RunFolder(path).checkpoints()
+        can_go_on = run.state == "finished" or run.has_checkpoint
         if path.name not in taken and run.settings == settings and can_go_on:
             return run
     return None

@@ -51,7 +51,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     try:
         if interrupted:
             _check_nothing_changes(start.overrides)
-            from flyrl.training.run_folder import read_record  # noqa: PLC0415
+            from flyrl.training.runs import read_record  # noqa: PLC0415
 
             record = {**record, **read_record(interrupted)}
         config = training_config(record)
@@ -101,8 +101,8 @@ def _learn(
 ) -> Run:
     """Go on with an interrupted run, or make one in `runs`; end the program if that cannot be."""
     # a wrong value has been reported by now, without torch
-    from flyrl.training.checkpoint import ResumeError  # noqa: PLC0415
     from flyrl.training.learn import resume, train  # noqa: PLC0415
+    from flyrl.training.runs import ResumeError  # noqa: PLC0415
 
     try:
         if interrupted:
@@ -145,13 +145,13 @@ def _with_way_on(error: OSError, config: TrainingConfig, runs: Path) -> OSError:
         Its folder, or the one that it was made in.
     """
     from flyrl.training.config import training_record  # noqa: PLC0415
-    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
     from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 
     if error.errno is None or not runs.is_dir():
         return error
     for folder in reversed(find_runs(runs, depth=1)):  # the latest first, by name
-        if RunFolder(folder).checkpoints() and read_run(folder).settings == training_record(config):
+        run = read_run(folder)
+        if run.has_checkpoint and run.settings == training_record(config):
             return OSError(f"{error}; once {folder} can be written to, go on with: resume={folder}")
     return error
 
@@ -169,7 +169,6 @@ def _earlier(config: TrainingConfig, start: Start) -> RunSummary | None:
     """
     from flyrl.cli.comparison import with_effect  # noqa: PLC0415
     from flyrl.training.config import training_record  # noqa: PLC0415
-    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
     from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 
     if start.sweep is None:
@@ -185,7 +184,7 @@ def _earlier(config: TrainingConfig, start: Start) -> RunSummary | None:
             return run
         if run.state == "running":
             raise ValueError(f"another process trains in {path}")
-        if run.state == "interrupted" and RunFolder(path).checkpoints():
+        if run.state == "interrupted" and run.has_checkpoint:
             found = found or run
     return found
 

@@ -23,8 +23,8 @@ from stable_baselines3.common.vec_env import VecNormalize
 from stable_baselines3.her import HerReplayBuffer
 
 from flyrl.files import write_bytes
+from flyrl.training.runs import ResumeError
 
-SUFFIX: Final = ".pt"
 _FORMAT: Final = 4
 
 _COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
@@ -38,10 +38,6 @@ _BUFFER_ARRAYS: Final[tuple[str, ...]] = (
     "timeouts",
 )
 _HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length", "failures")
-
-
-class ResumeError(ValueError):
-    """A run that cannot be gone on with."""
 
 
 def learner_state(model: BaseAlgorithm) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from flyrl.training.interruption import interruption
 from flyrl.training.loggers.base import DECISIONS_LOGGED, Outcome
 from flyrl.training.loggers.remote import RemoteLog
 from flyrl.training.models import build_model
-from flyrl.training.run_folder import RunFolder, read_record
-from flyrl.training.runs import held, read_rows
+from flyrl.training.run_folder import RunFolder
+from flyrl.training.runs import held, read_record, read_rows
 
 
 @dataclass(frozen=True)

@@ -35,25 +35,19 @@ from typing import Any
 import yaml
 
 from flyrl.files import new_folder, write_bytes, write_text
-from flyrl.training.checkpoint import SUFFIX, ResumeError, load_checkpoint
+from flyrl.training.checkpoint import load_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.provenance import code_changes, differences, provenance
-from flyrl.training.runs import CONFIG_FILE, STATUS_FILE, nested, read_run
-
-
-def read_record(path: Path) -> dict[str, Any]:
-    """Settings of the run in a folder, as `config.training_record` gave them.
-
-    Raises
-    ------
-    ResumeError
-        There is no run in the folder.
-    """
-    try:
-        record: dict[str, Any] = yaml.safe_load((path / CONFIG_FILE).read_text())
-    except (OSError, yaml.YAMLError) as error:
-        raise ResumeError(f"{path} is not the folder of a run: {error}") from error
-    return record
+from flyrl.training.runs import (
+    CHECKPOINT_SUFFIX,
+    CONFIG_FILE,
+    STATUS_FILE,
+    ResumeError,
+    checkpoint_files,
+    nested,
+    read_record,
+    read_run,
+)
 
 
 @dataclass(frozen=True)
@@ -181,11 +175,11 @@ class RunFolder:
         """Checkpoint after so many decisions."""
         folder = self.path / "checkpoints"
         folder.mkdir(exist_ok=True)
-        return folder / f"{decisions:012}{SUFFIX}"
+        return folder / f"{decisions:012}{CHECKPOINT_SUFFIX}"
 
     def checkpoints(self) -> list[Path]:
         """The checkpoints there are, oldest first."""
-        return sorted((self.path / "checkpoints").glob(f"[0-9]*{SUFFIX}"))
+        return checkpoint_files(self.path)
 
     def load_latest_checkpoint(self) -> dict[str, Any]:
         """Read the latest checkpoint that can be read; those after it are renamed, with a warning.

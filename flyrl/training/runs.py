@@ -17,12 +17,17 @@ import yaml
 
 CONFIG_FILE: Final = "config.yaml"
 STATUS_FILE: Final = "status.json"
+CHECKPOINT_SUFFIX: Final = ".pt"
 _LOCK: Final = ".lock"
 _FILES: Final = (CONFIG_FILE, "provenance.json", "progress.csv", STATUS_FILE, "last.safetensors")
 """Any of these makes a folder one of a run."""
 
 State = Literal["finished", "interrupted", "running", "damaged"]
 T = TypeVar("T")
+
+
+class ResumeError(ValueError):
+    """A run that cannot be gone on with."""
 
 
 class RunIsHeldError(OSError):
@@ -74,6 +79,21 @@ def _is_locked(descriptor: int, kind: int) -> bool:
     return False
 
 
+def read_record(path: Path) -> dict[str, Any]:
+    """Settings of the run in a folder, as `config.training_record` gave them.
+
+    Raises
+    ------
+    ResumeError
+        There is no run in the folder.
+    """
+    try:
+        record: dict[str, Any] = yaml.safe_load((path / CONFIG_FILE).read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise ResumeError(f"{path} is not the folder of a run: {error}") from error
+    return record
+
+
 def read_rows(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file by column, without a last one that was cut off; none without a file."""
     if not path.exists():
@@ -87,6 +107,11 @@ def training_returns(folder: Path) -> list[tuple[float, float]]:
     keys = ("time/total_timesteps", "rollout/ep_rew_mean")
     rows = [[row.get(key) for key in keys] for row in read_rows(folder / "progress.csv")]
     return [(float(count), float(value)) for count, value in rows if count and value]
+
+
+def checkpoint_files(folder: Path) -> list[Path]:
+    """Checkpoints of the run in `folder`, oldest first."""
+    return sorted((folder / "checkpoints").glob(f"[0-9]*{CHECKPOINT_SUFFIX}"))
 
 
 @dataclass(frozen=True)
@@ -126,6 +151,11 @@ class RunSummary:
     def setting(self, key: str) -> Any:
         """Value of a dotted key of the settings; None where there is none."""
         return nested(self.settings, key)
+
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether there is something to go on from."""
+        return bool(checkpoint_files(self.path))
 
     @property
     def last(self) -> Mapping[str, float] | None:

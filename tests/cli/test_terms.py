@@ -15,7 +15,8 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.envs.record import env_record
 from flyrl.tasks import TASKS
 from flyrl.training.config import training_record
-from flyrl.training.run_folder import RunFolder, read_record
+from flyrl.training.run_folder import RunFolder
+from flyrl.training.runs import read_record
 from tests.tasks.test_terms import fly_state, task_state
 from tests.tiny import TINY_ARGUMENTS
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from flyrl.training.checkpoint import ResumeError, load_checkpoint, save_checkpoint
+from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
+from flyrl.training.runs import ResumeError
 
 STATE = {
     "learner": {"parameters": {"policy": {"weight": torch.ones(2, 3)}}, "attributes": {"n": 3}},

@@ -9,11 +9,10 @@ import pytest
 
 from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
-from flyrl.training.checkpoint import ResumeError
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
-from flyrl.training.runs import RunIsHeldError, held, read_rows, read_run
+from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
 from tests.tiny import TINY_ENV
 from tests.training.folders import make_run
 

@@ -7,10 +7,10 @@ import yaml
 
 import flyrl
 from flyrl.files import replacing
-from flyrl.training.checkpoint import ResumeError, save_checkpoint
+from flyrl.training.checkpoint import save_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.run_folder import RunFolder
-from flyrl.training.runs import read_run
+from flyrl.training.runs import ResumeError, read_run
 from tests.training.folders import checkout, make_run
 
 
