@@ -6,8 +6,14 @@ from flyrl.cli.config import training_config
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import named_policies
 from flyrl.policies.bundle import load_bundle
+from flyrl.tasks import TASKS
 
 EPISODES = 8
+
+
+def test_every_task_that_can_be_learned_has_a_policy():
+    learned = {load_bundle(path).env["task"]["name"] for path in named_policies().values()}
+    assert learned == {name for name, task in TASKS.items() if task.time_limit_s is not None}
 
 
 @pytest.mark.slow
