@@ -162,12 +162,17 @@ def _run(config, runs, folder):
 @CONFIGS
 def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
     config = replace(config, training=replace(SCHEDULE, checkpoint_interval=32))
-    start = time.monotonic()
-    whole = train(config, tmp_path / "whole")
-    duration = time.monotonic() - start
     context = multiprocessing.get_context("forkserver")
     # the second is what torch's optimisers import when the first is made
     context.set_forkserver_preload(["flyrl.training.learn", "torch._dynamo"])
+    # twice: the first process of all compiles and imports what later ones find
+    for name in ("first", "whole"):
+        start = time.monotonic()
+        process = context.Process(target=train, args=(config, tmp_path / name))
+        process.start()
+        process.join()
+        duration = time.monotonic() - start
+    (whole,) = (Run(path, None) for path in (tmp_path / "whole").iterdir())
     rng = np.random.default_rng(0)
     part, folder, killed, stages = tmp_path / "part0", None, 0, set()
     while killed < 20:
