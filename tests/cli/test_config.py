@@ -37,7 +37,7 @@ def test_defaults():
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_algorithms(name):
-    config = training_config(_composed(f"algo={name}"))
+    config = training_config(_composed(f"algo={name}", "~tuned"))
     assert config.algo == ALGORITHMS[name]()
 
 
