@@ -15,7 +15,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.policies import load_policy
 from flyrl.training.config import TrainingConfig
 from flyrl.training.run_folder import RunFolder
-from flyrl.training.runs import held, read_run
+from flyrl.training.runs import held, read_run, training_returns
 from tests.tiny import TINY_ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
@@ -74,6 +74,16 @@ def test_help_names_the_choices(tmp_path):
     assert "terrain: blocks, flat, gapped, mixed, random_blocks, random_gapped" in result.stdout
 
 
+def _terminate_beyond(folder, decisions):
+    """Send SIGTERM to this process once its run has learned from so many decisions and more."""
+    deadline = time.monotonic() + 120
+    while not any(count > decisions for count, _ in training_returns(folder)):
+        if time.monotonic() > deadline:
+            return
+        time.sleep(0.05)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
 @pytest.mark.slow
 def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path, run_here):
     longer = "training.total_decisions=20000"
@@ -91,10 +101,10 @@ def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path, run_he
     before = load_policy(folder / "last.safetensors").bundle.training["decisions"]
     assert before >= 32
     assert (folder / "learning_curve.svg").is_file()
-    timer = threading.Timer(3, os.kill, (os.getpid(), signal.SIGTERM))
-    timer.start()
+    ending = threading.Thread(target=_terminate_beyond, args=(folder, before))
+    ending.start()
     resumed = run_here("train.py", f"resume={folder}", "video_after=false")
-    timer.join()
+    ending.join()
     assert resumed.returncode == 128 + signal.SIGTERM
     assert load_policy(folder / "last.safetensors").bundle.training["decisions"] > before
     assert read_run(folder).state == "interrupted"
