@@ -38,6 +38,9 @@ class EnvConfig:
         s for which a decision is held; None takes the task's. A multiple of the physics step.
     randomisation
         Ranges that the fly of every episode is drawn from, or the name of some.
+    log_gait
+        Whether the engine logs how the flies walk (see `flyrl.controllers.gait_log`); they walk
+        the same with and without.
     """
 
     task: str | Task = "target"
@@ -47,6 +50,7 @@ class EnvConfig:
     physics: str | PhysicsConfig = "balanced"
     decision_interval: float | None = None
     randomisation: str | RandomisationConfig = "none"
+    log_gait: bool = False
 
     resolved_task: Task = field(init=False, repr=False)
     resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
@@ -97,9 +101,12 @@ class EnvConfig:
             )
         # with every drive another, as many are on their way as are decided on meanwhile
         places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
+        scene = SceneConfig(body, terrain, controller, physics, places)
+        if self.log_gait:  # all samples of a decision are kept until its end
+            scene = replace(scene, gait_places=1 + steps // scene.steps_per_gait_sample)
         object.__setattr__(self, "resolved_task", task)
         object.__setattr__(self, "resolved_randomisation", drawn_from)
-        object.__setattr__(self, "scene", SceneConfig(body, terrain, controller, physics, places))
+        object.__setattr__(self, "scene", scene)
         object.__setattr__(self, "steps_per_decision", steps)
 
     @property

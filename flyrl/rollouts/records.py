@@ -12,6 +12,7 @@ from flyrl import tasks
 from flyrl.tasks import RUNNING, SUCCESS, TIMEOUT, UNSTABLE, Episode
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 FAILURES: Final = (*(failure.outcome for failure in tasks.FAILURES), UNSTABLE)
 """Outcomes that end an episode by failing; they are scored over the full horizon."""
@@ -21,6 +22,34 @@ OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
 
 SAMPLING_S: Final = 0.02
 """Least spacing of a record's samples, s: a quarter of a stride."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gait:
+    """How a fly walked: what its legs did, sample by sample, and what it cost.
+
+    Attributes
+    ----------
+    interval_s
+        Time from one sample to the next, s.
+    grounded, adhesion
+        Whether a leg is on the ground, and whether it grips, shape (S, 6), ordered as
+        `anatomy.LEGS`.
+    retraction, stumbling
+        Whether that reflex corrects a leg, shape (S, 6).
+    work_nj
+        Done by the servos, nJ; what is done on them is not taken off.
+    slip_mm
+        Way of each leg's tip along the ground while it is on it, mm, shape (6,).
+    """
+
+    interval_s: float
+    grounded: BoolArray
+    adhesion: BoolArray
+    retraction: BoolArray
+    stumbling: BoolArray
+    work_nj: float
+    slip_mm: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +86,9 @@ class EpisodeRecord:
         Heading about the world's z axis, rad, unwrapped, shape (T,).
     drive
         Descending drive (left, right) held up to the sample, shape (T, 2); zero at the start.
+    gait
+        How the fly walked until then, where the environment logs it. Of a fly whose physics
+        diverged, until the decision before.
     """
 
     controller: str
@@ -72,6 +104,7 @@ class EpisodeRecord:
     position_w: FloatArray
     yaw: FloatArray
     drive: FloatArray
+    gait: Gait | None = None
 
     def __post_init__(self) -> None:
         if self.outcome in ("", RUNNING):

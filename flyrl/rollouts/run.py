@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.rollouts.records import SAMPLING_S, EpisodeRecord
+from flyrl.controllers.gait_log import unpack
+from flyrl.rollouts.records import SAMPLING_S, EpisodeRecord, Gait
 from flyrl.tasks import TIMEOUT, Episode
 from flyrl.validation import positive
 
@@ -77,6 +78,7 @@ def run_episodes(
                 index=start + i,
                 episode=episode,
                 horizon_s=decisions * env.config.decision_interval_s,
+                gait=path.gait(env),
                 **path.fields(),
             )
             for i, (episode, path) in enumerate(
@@ -103,6 +105,10 @@ class _Path:
 
     def __init__(self) -> None:
         self.samples: list[tuple[float, NDArray[np.float64], float, NDArray[np.float64]]] = []
+        self.gait_samples: list[NDArray[np.uint32]] = []
+        self.num_gait_samples = 0
+        self.work_nj = 0.0
+        self.slip_mm = np.zeros(6)
         self.return_ = 0.0
         self.outcome = ""
 
@@ -111,6 +117,29 @@ class _Path:
         fly = env.fly_state
         self.samples.append(
             (time_s, fly.position_w[sim].copy(), float(fly.yaw[sim]), fly.drive[sim].copy())
+        )
+
+    def add_gait(self, env: BatchedEnv, sim: int) -> None:
+        """Take what simulation `sim` has logged of its gait since the last time."""
+        logs = env.flies.gait_logs
+        if logs is None or env.fly_state.is_unstable[sim]:
+            return
+        samples = env.flies.gait_samples(sim, self.num_gait_samples)
+        self.gait_samples.append(samples)
+        self.num_gait_samples += len(samples)
+        self.work_nj = float(logs["work"][sim])
+        self.slip_mm = logs["slip"][sim].copy()
+
+    def gait(self, env: BatchedEnv) -> Gait | None:
+        """How the fly walked."""
+        if env.flies.gait_logs is None:
+            return None
+        scene = env.config.scene
+        return Gait(
+            interval_s=scene.steps_per_gait_sample * scene.physics.timestep,
+            **unpack(np.concatenate([np.empty(0, np.uint32), *self.gait_samples])),
+            work_nj=self.work_nj,
+            slip_mm=self.slip_mm,
         )
 
     def fields(self) -> dict[str, Any]:
@@ -153,6 +182,7 @@ def _run_batch(
         done = transition.done if decision < decisions else np.ones(env.num_envs, dtype=bool)
         for i in active:
             paths[i].return_ += float(transition.reward[i])
+            paths[i].add_gait(env, int(i))
             if done[i] or decision % stride == 0:
                 paths[i].add(env, int(i), decision * interval)
             if done[i]:

@@ -8,8 +8,9 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import spawn_offset, stretch_pose
+from flyrl.controllers.gait_log import GAIT_LOG
 from flyrl.controllers.leg_controller import STATE
-from flyrl.simulation.callback import STATE_SIZE, install
+from flyrl.simulation.callback import GAIT_LOG_SIZE, STATE_SIZE, gait_log_at, install
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState
@@ -38,6 +39,9 @@ class FlyBatch:
     controllers
         Live view of the leg controllers' records (dtype leg_controller.STATE), (num_sims,). A
         write is the controller's state at the next step.
+    gait_logs
+        Live view of the logs of the gaits (dtype gait_log.GAIT_LOG), (num_sims,); None where the
+        scene has no room for them.
     """
 
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
@@ -58,6 +62,12 @@ class FlyBatch:
         self._xmat = self._batch.bind("xmat")
         self._actuator_force = self._batch.bind("actuator_force")
         self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
+        self.gait_logs: NDArray[np.void] | None = None
+        if scene.config.gait_places:
+            start = gait_log_at(scene.config.queue_places)
+            end = start + GAIT_LOG_SIZE
+            self.gait_logs = self._userdata[:, start:end].view(GAIT_LOG)[:, 0]
+            self._gait_samples = self._userdata[:, end : end + scene.config.gait_places]
         self._ground: slice | None = None
         if scene.config.terrain.random:
             first = scene.model.geom("ground_0").id
@@ -234,6 +244,21 @@ class FlyBatch:
             adhesion=controllers["adhesion"].copy(),
             is_unstable=self._is_unstable.copy(),
         )
+
+    def gait_samples(self, sim: int, first: int) -> NDArray[np.uint32]:
+        """Copy a simulation's samples of its gait from number `first` to the latest.
+
+        Raises
+        ------
+        ValueError
+            If some of them are not kept any more, or the scene has no room for any.
+        """
+        if self.gait_logs is None:
+            raise ValueError("gait_places is 0; it must be > 0 to log the gait")
+        end, places = int(self.gait_logs["num_samples"][sim]), self._gait_samples.shape[1]
+        if end - first > places:
+            raise ValueError(f"first is {first}; of {end} samples, the last {places} are kept")
+        return self._gait_samples[sim, np.arange(first, end) % places].astype(np.uint32)
 
     def warnings(self) -> NDArray[np.intp]:
         """How often MuJoCo warned of each simulation since its reset, (n, mjNWARNING)."""

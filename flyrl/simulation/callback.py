@@ -23,6 +23,7 @@ from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
 
 from flyrl.controllers.compilation import kernel, native_callback
+from flyrl.controllers.gait_log import GAIT_LOG, log_gait
 from flyrl.controllers.latency import PLACE_SIZE, advance_drive
 from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
 from flyrl.simulation.layout import Layout, layout
@@ -41,6 +42,8 @@ ENGINE = np.dtype(
         ("thorax_body", "f8"),
         ("num_intervals", "f8"),
         ("queue_places", "f8"),
+        ("gait_places", "f8"),
+        ("steps_per_gait_sample", "f8"),
         ("tibia_bodies", "f8", (NUM_LEGS,)),
         ("end_effector_bodies", "f8", (NUM_LEGS,)),
     ],
@@ -48,17 +51,31 @@ ENGINE = np.dtype(
 )
 """Where the callback finds the body in the model; every field a float64."""
 
-SCRATCH = np.dtype([("end_effector_z", "f8", (NUM_LEGS,)), ("heading", "f8", (3,))], align=True)
+SCRATCH = np.dtype(
+    [
+        ("end_effector_z", "f8", (NUM_LEGS,)),
+        ("heading", "f8", (3,)),
+        ("tips_w", "f8", (NUM_LEGS, 3)),
+        ("grounded", "f8", (NUM_LEGS,)),
+    ],
+    align=True,
+)
 
 ENGINE_SIZE = ENGINE.itemsize // 8
 PARAMETERS_SIZE = PARAMETERS.itemsize // 8
 STATE_SIZE = STATE.itemsize // 8
+GAIT_LOG_SIZE = GAIT_LOG.itemsize // 8
 USERDATA_SIZE = STATE_SIZE + SCRATCH.itemsize // 8
-"""Without the queue of drives on their way, which comes last."""
+"""Without the queue of drives on their way and the log of the gait, which come last."""
 
 
-def userdata_size(queue_places: int) -> int:
-    """How many numbers a simulation carries for the callback."""
+def userdata_size(queue_places: int, gait_places: int = 0) -> int:
+    """How many numbers a simulation carries for the callback; without places, there is no log."""
+    return gait_log_at(queue_places) + (GAIT_LOG_SIZE + gait_places if gait_places else 0)
+
+
+def gait_log_at(queue_places: int) -> int:
+    """Where in the userdata the log of the gait is; its samples follow it."""
     return USERDATA_SIZE + PLACE_SIZE * queue_places
 
 
@@ -95,6 +112,7 @@ _as_engine = _pointer_cast(numba.from_dtype(ENGINE))
 _as_parameters = _pointer_cast(numba.from_dtype(PARAMETERS))
 _as_state = _pointer_cast(numba.from_dtype(STATE))
 _as_scratch = _pointer_cast(numba.from_dtype(SCRATCH))
+_as_gait_log = _pointer_cast(numba.from_dtype(GAIT_LOG))
 
 
 @kernel
@@ -235,7 +253,16 @@ def _sensor_callback(found: Layout) -> Any:
     geom1_at = found.contact["geom1"]
     geom2_at = found.contact["geom2"]
     row_at = found.contact["efc_address"]
+    time_at = found.data["time"]
+    positions_at = found.data["xpos"]
+    torques_at = found.data["actuator_force"]
+    velocities_at = found.data["actuator_velocity"]
     acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
+    engine_bytes = ENGINE.itemsize
+    state_bytes = STATE.itemsize
+    queue_bytes = 8 * USERDATA_SIZE
+    place_bytes = 8 * PLACE_SIZE
+    gait_log_bytes = GAIT_LOG.itemsize
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
@@ -245,7 +272,8 @@ def _sensor_callback(found: Layout) -> Any:
         if address == 0:
             return
         engine = carray(_as_engine(address), (1,))[0]
-        state = carray(_as_state(_int64(data + userdata_at)), (1,))[0]
+        userdata = _int64(data + userdata_at)
+        state = carray(_as_state(userdata), (1,))[0]
         state.contact_forces_w[:, :] = 0.0
         bodies = _int64(model + geom_body_at)
         contacts = _int64(data + contacts_at)
@@ -267,6 +295,33 @@ def _sensor_callback(found: Layout) -> Any:
                 _int32(contact + dim_at),
                 engine.is_elliptic != 0.0,
             )
+        places = int(engine.gait_places)
+        if places == 0:
+            return
+        log_address = userdata + queue_bytes + place_bytes * int(engine.queue_places)
+        log = carray(_as_gait_log(log_address), (1,))[0]
+        time = carray(_as_float64(data + time_at), (1,))[0]
+        # mj_forward at the same time must not log a second time
+        if log.num_steps > 0.0 and time == log.last_time:
+            return
+        log.last_time = time
+        parameters = carray(_as_parameters(address + engine_bytes), (1,))[0]
+        scratch = carray(_as_scratch(userdata + state_bytes), (1,))[0]
+        positions = _int64(data + positions_at)
+        for leg in range(NUM_LEGS):
+            body = int(engine.end_effector_bodies[leg])
+            scratch.tips_w[leg, :] = carray(_as_float64(positions + 24 * body), (3,))
+        log_gait(
+            log,
+            carray(_as_float64(log_address + gait_log_bytes), (places,)),
+            int(engine.steps_per_gait_sample),
+            parameters.timestep,
+            state,
+            scratch.grounded,
+            carray(_as_float64(_int64(data + torques_at)), (NUM_SERVOS,)),
+            carray(_as_float64(_int64(data + velocities_at)), (NUM_SERVOS,)),
+            scratch.tips_w,
+        )
 
     return sense_contacts
 

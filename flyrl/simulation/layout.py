@@ -25,7 +25,16 @@ _C_TYPES: dict[str, Any] = {
 }
 
 MODEL_FIELDS = ("opt", "nuserdata", "nnumericdata", "numeric_data", "geom_bodyid")
-DATA_FIELDS = ("time", "ncon", "ctrl", "userdata", "xpos", "xmat", "contact", "efc_force")
+DATA_POINTERS = (
+    "ctrl",
+    "userdata",
+    "xpos",
+    "xmat",
+    "actuator_force",
+    "actuator_velocity",
+    "efc_force",
+)
+DATA_FIELDS = ("time", "ncon", "contact", *DATA_POINTERS)
 CONTACT_FIELDS = ("frame", "friction", "dim", "geom1", "geom2", "efc_address")
 
 
@@ -133,7 +142,7 @@ def _check(found: Layout) -> None:
     pairs += [(data_read("ncon", ctypes.c_int), data.ncon)]
     pairs += [
         (data_read(name, ctypes.c_void_p), getattr(data, name).ctypes.data)
-        for name in ("ctrl", "userdata", "xpos", "xmat", "efc_force")
+        for name in DATA_POINTERS
     ]
     pairs += [(data_read("contact", ctypes.c_void_p), contacts)]
     pairs += [

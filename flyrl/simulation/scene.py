@@ -9,6 +9,7 @@ import numpy as np
 from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
 from flyrl.bodies.fly import FlyConfig, build_fly
 from flyrl.bodies.table import BodyName
+from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
 from flyrl.controllers.steps import StepsName
 from flyrl.simulation.callback import ENGINE, MAGIC, pack_model_data, userdata_size
@@ -37,6 +38,9 @@ class SceneConfig:
     queue_places
         How many drives may be on their way to the legs at the same time, where these are to come
         with latency.
+    gait_places
+        How many samples of the legs a simulation keeps, one per ms or physics step, whichever is
+        longer; 0 logs no gait.
 
     Raises
     ------
@@ -50,15 +54,22 @@ class SceneConfig:
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
     queue_places: int = 0
+    gait_places: int = 0
 
     def __post_init__(self) -> None:
         at_least("queue_places", self.queue_places, 0)
+        at_least("gait_places", self.gait_places, 0)
         expected = STEPS_OF_BODY[self.body.name]
         if self.controller.steps != expected:
             raise ValueError(
                 f"controller.steps is {self.controller.steps!r}, recorded for another order of "
                 f"coxa joints than body.name {self.body.name!r} has; that body takes {expected!r}"
             )
+
+    @property
+    def steps_per_gait_sample(self) -> int:
+        """Physics steps from one sample of the legs to the next."""
+        return max(1, round(SAMPLING_S / self.physics.timestep))
 
 
 @dataclass(frozen=True)
@@ -101,7 +112,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     pair_with_planes(spec, config.physics.contact.plane_friction_across)
     apply_physics(spec, config.physics)
     spec.compiler.fusestatic = True
-    spec.nuserdata = userdata_size(config.queue_places)
+    spec.nuserdata = userdata_size(config.queue_places, config.gait_places)
     # a user sensor makes MuJoCo call the sensor callback
     spec.add_sensor(
         name="contact_forces",
@@ -117,6 +128,8 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
     engine["num_intervals"] = coefficients.shape[1]
     engine["queue_places"] = config.queue_places
+    engine["gait_places"] = config.gait_places
+    engine["steps_per_gait_sample"] = config.steps_per_gait_sample
     model_data = pack_model_data(engine, parameters, coefficients)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
     model = spec.compile()

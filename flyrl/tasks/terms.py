@@ -7,6 +7,7 @@ x forward along the heading's horizontal direction, y to the left.
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.controllers.gait_log import grounded_legs_of
 from flyrl.tasks.task import Array, Mask, TaskState
 
 FALL_TILT = np.deg2rad(75.0)
@@ -40,9 +41,6 @@ LOOK_AHEAD = 4.0
 
 FINISH_LINE = 22.0
 """mm; x at which the ground is crossed."""
-
-CONTACT_THRESHOLD = 1.0
-"""µN; a leg touches the ground when the ground pushes it harder than this (as in stumbling)."""
 
 CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
@@ -209,8 +207,9 @@ def magnitudes(state: TaskState) -> Array:
 
 def leg_contacts(state: TaskState) -> Array:
     """1 for each leg that touches the ground, (n, 6)."""
-    forces_w = state.fly.contact_forces_w.reshape(-1, 6, 6, 3).sum(axis=2)
-    return np.asarray(np.linalg.norm(forces_w, axis=2) > CONTACT_THRESHOLD, dtype=np.float64)
+    is_grounded = np.empty((len(state.fly.time), 6))
+    grounded_legs_of(state.fly.contact_forces_w, is_grounded)
+    return is_grounded
 
 
 def reflexes(state: TaskState) -> Array:

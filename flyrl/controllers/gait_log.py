@@ -1,0 +1,137 @@
+"""A log of how a fly walks, kept while it walks: work, slip, and what each leg does.
+
+The engine writes it at every physics step where a scene asks for it; nothing reads it while the fly
+walks, so that a fly with a log walks as one without, to the bit.
+"""
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.controllers.compilation import kernel
+from flyrl.validation import FloatArray
+
+CONTACT_THRESHOLD: Final = 1.0
+"""µN; a leg is on the ground when the ground pushes it harder than this (as in stumbling)."""
+
+SAMPLING_S: Final = 1e-3
+"""Time from one sample of the legs to the next, s."""
+
+_NUM_LEGS: Final = 6
+_NUM_SERVOS: Final = 42
+_SEGMENTS_PER_LEG: Final = 6
+
+GAIT_LOG: Final = np.dtype(
+    [
+        ("last_time", "f8"),  # s, of the last step that was logged
+        ("num_steps", "f8"),
+        ("num_samples", "f8"),
+        ("work", "f8"),  # nJ, done by the servos; what is done on them does not come back
+        ("slip", "f8", (_NUM_LEGS,)),  # mm, way of each leg's tip along the ground while on it
+        ("is_grounded", "f8", (_NUM_LEGS,)),
+        ("tips_w", "f8", (_NUM_LEGS, 2)),  # mm, in the step before
+    ],
+    align=True,
+)
+"""Record of the running sums; the samples follow it. All float64."""
+
+BITS: Final = ("grounded", "adhesion", "retraction", "stumbling")
+"""What a sample says of the legs. The bit of leg i and the k-th of these is 6 k + i."""
+
+
+@kernel
+def grounded_legs(contact_forces_w: FloatArray, is_grounded: FloatArray) -> None:
+    """Tell which legs are on the ground: 1, else 0.
+
+    Parameters
+    ----------
+    contact_forces_w
+        µN, shape (36, 3), ordered as `anatomy.CONTACT_SEGMENTS`.
+    is_grounded
+        Shape (6,), written.
+    """
+    for leg in range(_NUM_LEGS):
+        square = 0.0
+        for axis in range(3):
+            force = 0.0
+            for segment in range(_SEGMENTS_PER_LEG):
+                force += contact_forces_w[leg * _SEGMENTS_PER_LEG + segment, axis]
+            square += force * force
+        is_grounded[leg] = 1.0 if square > CONTACT_THRESHOLD * CONTACT_THRESHOLD else 0.0
+
+
+@kernel
+def grounded_legs_of(contact_forces_w: FloatArray, is_grounded: FloatArray) -> None:
+    """Apply `grounded_legs` to n flies at a time: (n, 36, 3) to (n, 6)."""
+    for i in range(len(contact_forces_w)):
+        grounded_legs(contact_forces_w[i], is_grounded[i])
+
+
+@kernel
+def log_gait(
+    log: Any,
+    samples: FloatArray,
+    steps_per_sample: int,
+    timestep: float,
+    state: Any,
+    grounded: FloatArray,
+    torques: FloatArray,
+    velocities: FloatArray,
+    tips_w: FloatArray,
+) -> None:
+    """Log one physics step in place, after its contact forces were summed.
+
+    Parameters
+    ----------
+    log
+        Record of type `GAIT_LOG`.
+    samples
+        The latest samples, shape (places,); sample i stands at i modulo places.
+    steps_per_sample
+        Every how many steps the legs are sampled; the first step is.
+    timestep
+        s.
+    state
+        Record of type `leg_controller.STATE`, with the contact forces of this step.
+    grounded
+        Room for which legs are on the ground, shape (6,).
+    torques, velocities
+        Of the servos, µN·mm and rad/s, shape (42,).
+    tips_w
+        End effectors, mm, shape (6, 3).
+    """
+    grounded_legs(state.contact_forces_w, grounded)
+    for servo in range(_NUM_SERVOS):
+        power = torques[servo] * velocities[servo]
+        if power > 0.0:
+            log.work += power * timestep
+    for leg in range(_NUM_LEGS):
+        if grounded[leg] != 0.0 and log.is_grounded[leg] != 0.0:
+            dx = tips_w[leg, 0] - log.tips_w[leg, 0]
+            dy = tips_w[leg, 1] - log.tips_w[leg, 1]
+            log.slip[leg] += np.sqrt(dx * dx + dy * dy)
+        log.is_grounded[leg] = grounded[leg]
+        log.tips_w[leg, 0] = tips_w[leg, 0]
+        log.tips_w[leg, 1] = tips_w[leg, 1]
+    if int(log.num_steps) % steps_per_sample == 0:
+        bits = 0
+        for leg in range(_NUM_LEGS):
+            if grounded[leg] != 0.0:
+                bits |= 1 << leg
+            if state.adhesion[leg] != 0.0:
+                bits |= 1 << (leg + 6)
+            if state.retraction[leg] > 0.0:
+                bits |= 1 << (leg + 12)
+            if state.stumbling[leg] > 0.0:
+                bits |= 1 << (leg + 18)
+        samples[int(log.num_samples) % len(samples)] = bits
+        log.num_samples += 1.0
+    log.num_steps += 1.0
+
+
+def unpack(samples: NDArray[np.uint32]) -> dict[str, NDArray[np.bool_]]:
+    """Samples as one raster (T, 6) for each of `BITS`; its columns are ordered as `anatomy.LEGS`."""
+    flags = (samples[:, np.newaxis] >> np.arange(len(BITS) * _NUM_LEGS, dtype=np.uint32)) & 1
+    rasters = flags.astype(bool).reshape(len(samples), len(BITS), _NUM_LEGS)
+    return {name: rasters[:, k] for k, name in enumerate(BITS)}

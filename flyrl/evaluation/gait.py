@@ -1,0 +1,125 @@
+"""What a gait is measured by: strides, duty factor, coordination of the tripods, slip, cost.
+
+Each function takes plain arrays; a figure that a gait cannot have (the length of a stride that was
+never taken) is None. Rasters have a row per sample and a column per leg, ordered as `anatomy.LEGS`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from flyrl.anatomy import LEGS
+from flyrl.rollouts.records import BoolArray, FloatArray
+
+BLIP_S: Final = 0.01
+"""A leg that touches, or leaves, the ground for less than half of this has not, s."""
+
+TRIPODS: Final = (("LM", "RF", "RH"), ("RM", "LF", "LH"))
+"""Legs that swing together in a tripod gait, the middle leg first."""
+
+Interval = tuple[int, int]
+
+
+def without_blips(grounded: BoolArray, interval_s: float) -> BoolArray:
+    """A raster (S, 6) without what is shorter than half of `BLIP_S`."""
+    window = 2 * round(BLIP_S / interval_s / 2) + 1
+    if len(grounded) == 0:
+        return grounded
+    filtered = ndimage.median_filter(grounded.astype(np.uint8), size=(window, 1), mode="nearest")
+    return np.asarray(filtered, dtype=bool)
+
+
+def touchdowns(grounded: BoolArray) -> list[NDArray[np.intp]]:
+    """Samples at which each leg comes to the ground, in order."""
+    steps = np.diff(grounded.astype(np.int8), axis=0)
+    return [np.flatnonzero(steps[:, leg] == 1) + 1 for leg in range(grounded.shape[1])]
+
+
+def swings(grounded: BoolArray) -> list[list[Interval]]:
+    """Whole swings of each leg: samples of lift-off and of touchdown."""
+    steps = np.diff(grounded.astype(np.int8), axis=0)
+    found = []
+    for leg, ends in enumerate(touchdowns(grounded)):
+        starts = np.flatnonzero(steps[:, leg] == -1) + 1
+        after = np.searchsorted(ends, starts, side="right")
+        found.append(
+            [
+                (int(start), int(ends[i]))
+                for start, i in zip(starts, after, strict=True)
+                if i < len(ends)
+            ]
+        )
+    return found
+
+
+def stride_frequency_hz(grounded: BoolArray, interval_s: float) -> float | None:
+    """Strides per second, from touchdown to touchdown: mean over the legs that took one."""
+    rates = [
+        (len(downs) - 1) / ((downs[-1] - downs[0]) * interval_s)
+        for downs in touchdowns(grounded)
+        if len(downs) > 1
+    ]
+    return float(np.mean(rates)) if rates else None
+
+
+def duty_factor(grounded: BoolArray) -> float | None:
+    """Share of a leg's strides that it is on the ground: mean over the legs that took one."""
+    shares = [
+        grounded[downs[0] : downs[-1], leg].mean()
+        for leg, downs in enumerate(touchdowns(grounded))
+        if len(downs) > 1
+    ]
+    return float(np.mean(shares)) if shares else None
+
+
+def tripod_coordination(grounded: BoolArray) -> float | None:
+    """How far the legs of a tripod swing at the same time: 1 as one, 0 never all three.
+
+    For each swing of a middle leg and the swings of its partners that are nearest to it in time:
+    the time during which all three swing, over that from the first lift-off to the last touchdown.
+    The mean over all swings of both middle legs.
+
+    Notes
+    -----
+    Wosnitza et al. 2013, doi 10.1242/jeb.078139.
+    """
+    found = dict(zip(LEGS, swings(grounded), strict=True))
+    strengths = []
+    for middle, *partners in TRIPODS:
+        if not all(found[leg] for leg in partners):
+            continue
+        for swing in found[middle]:
+            three = [swing, *(_nearest(found[leg], swing) for leg in partners)]
+            starts, ends = zip(*three, strict=True)
+            together, whole = min(ends) - max(starts), max(ends) - min(starts)
+            strengths.append(max(0, together) / whole)
+    return float(np.mean(strengths)) if strengths else None
+
+
+def _nearest(candidates: list[Interval], swing: Interval) -> Interval:
+    return min(candidates, key=lambda other: abs(sum(other) - sum(swing)))
+
+
+def reflex_activity(retraction: BoolArray, stumbling: BoolArray) -> float | None:
+    """Share of the time that a reflex corrects a leg, mean over the legs."""
+    return float((retraction | stumbling).mean()) if len(retraction) else None
+
+
+def drive_variation(drive: FloatArray, time_s: FloatArray) -> float | None:
+    """How much the drives change per second, mean of left and right, 1/s; 0 if they are held.
+
+    Parameters
+    ----------
+    drive
+        Left and right, shape (T, 2); the first, before any decision, does not count.
+    time_s
+        Since the start, shape (T,).
+    """
+    if len(drive) < 3:
+        return None
+    changes = np.abs(np.diff(drive[1:], axis=0)).sum(axis=0)
+    return float(changes.mean() / (time_s[-1] - time_s[1]))

@@ -1,0 +1,123 @@
+"""The gait as the engine logs it, beside what can be read off the flies after every step."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+
+from flyrl.controllers.gait_log import grounded_legs_of, unpack
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.scene import build_scene
+from tests.simulation.test_callback import make_batch, reset
+
+STEPS_PER_SAMPLE = 5  # 1 ms at 2e-4 s
+
+
+def with_log(places: int, terrain: str = "flat", num_sims: int = 1) -> FlyBatch:
+    """Flies that log their gait, walking ahead."""
+    config = make_batch(terrain=terrain).scene.config
+    scene = build_scene(dataclasses.replace(config, gait_places=places))
+    batch = FlyBatch(scene, num_sims, num_threads=1)
+    reset(batch)
+    batch.set_drive(np.ones((num_sims, 2)))
+    return batch
+
+
+def test_a_fly_with_a_log_walks_as_one_without() -> None:
+    logged, plain = with_log(100, "gapped"), make_batch(terrain="gapped")
+    plain.set_drive(np.ones((1, 2)))
+    for batch in (logged, plain):
+        batch.step(1000)
+    np.testing.assert_array_equal(logged._qpos, plain._qpos)
+    np.testing.assert_array_equal(logged._qvel, plain._qvel)
+
+
+def test_sums_and_samples_are_those_of_the_steps() -> None:
+    batch = with_log(200, "gapped")
+    assert batch.gait_logs is not None
+    work, slip, rasters = 0.0, np.zeros(6), []
+    was_grounded = np.zeros(6)
+    for step in range(750):
+        before = batch.state()
+        batch.step()
+        # forces, torques and reflexes are of the step from the pose before
+        state = batch.state()
+        grounded = np.empty((1, 6))
+        grounded_legs_of(state.contact_forces_w, grounded)
+        power = state.actuator_torques[0] * before.joint_velocities[0]
+        work += power[power > 0].sum() * 2e-4
+        tips = before.end_effectors_w[0, :, :2]
+        if step:
+            both = (grounded[0] * was_grounded).astype(bool)
+            slip[both] += np.linalg.norm(tips - tips_before, axis=1)[both]
+        if step % STEPS_PER_SAMPLE == 0:
+            flags = (grounded, state.adhesion, state.retraction, state.stumbling)
+            rasters.append([flag[0] > 0 for flag in flags])
+        was_grounded, tips_before = grounded[0], tips
+    log = batch.gait_logs[0]
+    assert work > 0 and (slip > 0).all()
+    assert log["work"] == pytest.approx(work, rel=1e-9)
+    np.testing.assert_allclose(log["slip"], slip, rtol=1e-9)
+    samples = unpack(batch.gait_samples(0, 0))
+    expected = np.array(rasters)
+    assert len(expected) == 150
+    assert expected[:, 2].any()  # a gap was met
+    for k, name in enumerate(("grounded", "adhesion", "retraction", "stumbling")):
+        np.testing.assert_array_equal(samples[name], expected[:, k])
+
+
+def test_samples_come_out_in_parts() -> None:
+    whole, parts = with_log(100), with_log(7)
+    whole.step(500)
+    taken = []
+    for _ in range(20):
+        parts.step(25)
+        taken.append(parts.gait_samples(0, 5 * len(taken)))
+    np.testing.assert_array_equal(np.concatenate(taken), whole.gait_samples(0, 0))
+
+
+def test_samples_that_are_gone_are_an_error() -> None:
+    batch = with_log(7)
+    batch.step(STEPS_PER_SAMPLE * 8)
+    with pytest.raises(ValueError, match="of 8 samples, the last 7 are kept"):
+        batch.gait_samples(0, 0)
+
+
+def test_without_room_there_are_no_samples() -> None:
+    batch = make_batch()
+    assert batch.gait_logs is None
+    with pytest.raises(ValueError, match="gait_places is 0"):
+        batch.gait_samples(0, 0)
+
+
+def test_the_log_starts_anew_with_a_reset_and_leaves_the_others_alone() -> None:
+    batch = with_log(100, num_sims=2)
+    assert batch.gait_logs is not None
+    batch.step(250)
+    other = batch.gait_logs[1].copy()
+    controller = batch.controllers[0].copy()
+    batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [controller])
+    assert batch.gait_logs[0]["num_samples"] == batch.gait_logs[0]["work"] == 0
+    assert batch.gait_logs[1] == other
+
+
+def test_the_log_is_part_of_the_state() -> None:
+    batch = with_log(100)
+    batch.step(100)
+    start = batch.integration_state()
+    batch.step(200)
+    expected = batch.integration_state()
+    batch.restore(start)
+    batch.step(200)
+    np.testing.assert_array_equal(batch.integration_state(), expected)
+
+
+def test_forward_at_the_same_time_logs_no_step_twice() -> None:
+    batch = with_log(100)
+    batch.step(10)
+    data = batch._batch.get_data(0)
+    mujoco.mj_forward(batch.scene.model, data)
+    once = data.userdata.copy()
+    mujoco.mj_forward(batch.scene.model, data)
+    np.testing.assert_array_equal(data.userdata, once)
