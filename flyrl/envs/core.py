@@ -87,6 +87,7 @@ class BatchedEnv:
         outcomes += [termination.outcome for termination in self.task.terminations]
         self._outcome_type = np.array(outcomes).dtype
         self.fly_state = self.flies.state()
+        self._previous = self.fly_state
 
     def reset(
         self,
@@ -155,7 +156,7 @@ class BatchedEnv:
         self._decisions[chosen] = 0
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
-        self.fly_state = self.flies.state()
+        self.fly_state = self._previous = self.flies.state()
         if is_first:
             self._check_terms(self.task_state())
         return self.observe()
@@ -188,7 +189,7 @@ class BatchedEnv:
             raise ValueError(f"action must be finite; got {actions[~np.isfinite(actions)][0]}")
         if self._goal is None:
             raise RuntimeError("step() was called before reset()")
-        previous = self.fly_state
+        previous = self._previous = self.fly_state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
         self.flies.set_drive(self.task.drive(actions[moved]), moved)
         if self._pushes.size:
@@ -267,7 +268,7 @@ class BatchedEnv:
             [episode.randomisation if episode else UNVARIED for episode in self.episodes],
         )
         self.flies.restore(snapshot["physics"])
-        self.fly_state = FlyState(**snapshot["fly_state"])
+        self.fly_state = self._previous = FlyState(**snapshot["fly_state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
         self._pushes = snapshot["pushes"]
         self._noise.restore(snapshot["noise"])
@@ -287,8 +288,8 @@ class BatchedEnv:
         return np.array([-1 if each is None else each.ground_seed for each in self.episodes])
 
     def task_state(self) -> TaskState:
-        """What the task's terms see now."""
-        return self._task_state(self.fly_state)
+        """What the task's terms saw after the last decision, or see after a reset since."""
+        return self._task_state(self._previous)
 
     def failure_info(self) -> dict[str, NDArray[Any]]:
         """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""

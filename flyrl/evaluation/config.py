@@ -112,6 +112,7 @@ class EvaluationConfig:
             terrain=terrain,
             physics=self.physics,
             randomisation=self.randomisation,
+            log_gait=True,
         )
 
     @property

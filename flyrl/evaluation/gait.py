@@ -16,7 +16,7 @@ from flyrl.anatomy import LEGS
 from flyrl.rollouts.records import BoolArray, FloatArray
 
 BLIP_S: Final = 0.01
-"""A leg that touches, or leaves, the ground for less than half of this has not, s."""
+"""A leg that stands, or swings, for less than half of this has not, s."""
 
 TRIPODS: Final = (("LM", "RF", "RH"), ("RM", "LF", "LH"))
 """Legs that swing together in a tripod gait, the middle leg first."""
@@ -24,26 +24,26 @@ TRIPODS: Final = (("LM", "RF", "RH"), ("RM", "LF", "LH"))
 Interval = tuple[int, int]
 
 
-def without_blips(grounded: BoolArray, interval_s: float) -> BoolArray:
+def without_blips(stance: BoolArray, interval_s: float) -> BoolArray:
     """A raster (S, 6) without what is shorter than half of `BLIP_S`."""
     window = 2 * round(BLIP_S / interval_s / 2) + 1
-    if len(grounded) == 0:
-        return grounded
-    filtered = ndimage.median_filter(grounded.astype(np.uint8), size=(window, 1), mode="nearest")
+    if len(stance) == 0:
+        return stance
+    filtered = ndimage.median_filter(stance.astype(np.uint8), size=(window, 1), mode="nearest")
     return np.asarray(filtered, dtype=bool)
 
 
-def touchdowns(grounded: BoolArray) -> list[NDArray[np.intp]]:
-    """Samples at which each leg comes to the ground, in order."""
-    steps = np.diff(grounded.astype(np.int8), axis=0)
-    return [np.flatnonzero(steps[:, leg] == 1) + 1 for leg in range(grounded.shape[1])]
+def touchdowns(stance: BoolArray) -> list[NDArray[np.intp]]:
+    """Samples at which each leg touches down, in order."""
+    steps = np.diff(stance.astype(np.int8), axis=0)
+    return [np.flatnonzero(steps[:, leg] == 1) + 1 for leg in range(stance.shape[1])]
 
 
-def swings(grounded: BoolArray) -> list[list[Interval]]:
+def swings(stance: BoolArray) -> list[list[Interval]]:
     """Whole swings of each leg: samples of lift-off and of touchdown."""
-    steps = np.diff(grounded.astype(np.int8), axis=0)
+    steps = np.diff(stance.astype(np.int8), axis=0)
     found = []
-    for leg, ends in enumerate(touchdowns(grounded)):
+    for leg, ends in enumerate(touchdowns(stance)):
         starts = np.flatnonzero(steps[:, leg] == -1) + 1
         after = np.searchsorted(ends, starts, side="right")
         found.append(
@@ -56,27 +56,27 @@ def swings(grounded: BoolArray) -> list[list[Interval]]:
     return found
 
 
-def stride_frequency_hz(grounded: BoolArray, interval_s: float) -> float | None:
+def stride_frequency_hz(stance: BoolArray, interval_s: float) -> float | None:
     """Strides per second, from touchdown to touchdown: mean over the legs that took one."""
     rates = [
         (len(downs) - 1) / ((downs[-1] - downs[0]) * interval_s)
-        for downs in touchdowns(grounded)
+        for downs in touchdowns(stance)
         if len(downs) > 1
     ]
     return float(np.mean(rates)) if rates else None
 
 
-def duty_factor(grounded: BoolArray) -> float | None:
-    """Share of a leg's strides that it is on the ground: mean over the legs that took one."""
+def duty_factor(stance: BoolArray) -> float | None:
+    """Share of a leg's strides that it stands: mean over the legs that took one."""
     shares = [
-        grounded[downs[0] : downs[-1], leg].mean()
-        for leg, downs in enumerate(touchdowns(grounded))
+        stance[downs[0] : downs[-1], leg].mean()
+        for leg, downs in enumerate(touchdowns(stance))
         if len(downs) > 1
     ]
     return float(np.mean(shares)) if shares else None
 
 
-def tripod_coordination(grounded: BoolArray) -> float | None:
+def tripod_coordination(stance: BoolArray) -> float | None:
     """How far the legs of a tripod swing at the same time: 1 as one, 0 never all three.
 
     For each swing of a middle leg and the swings of its partners that are nearest to it in time:
@@ -87,7 +87,7 @@ def tripod_coordination(grounded: BoolArray) -> float | None:
     -----
     Wosnitza et al. 2013, doi 10.1242/jeb.078139.
     """
-    found = dict(zip(LEGS, swings(grounded), strict=True))
+    found = dict(zip(LEGS, swings(stance), strict=True))
     strengths = []
     for middle, *partners in TRIPODS:
         if not all(found[leg] for leg in partners):

@@ -5,7 +5,8 @@ Everything horizontal: distances in the world's xy plane, mm. A metric that an e
 number.
 
 A failure is scored over the full horizon. A fly that falls after 1 s of a 3 s episode covered its
-distance in 3 s, or falling early would raise the speed.
+distance in 3 s, or falling early would raise the speed; and for the other 2 s it was as far off as
+can be. How it walked (strides, slip, what its way cost) is told of the time it did.
 """
 
 from __future__ import annotations
@@ -15,7 +16,16 @@ from typing import Final
 
 import numpy as np
 
+from flyrl.evaluation.gait import (
+    drive_variation,
+    duty_factor,
+    reflex_activity,
+    stride_frequency_hz,
+    tripod_coordination,
+    without_blips,
+)
 from flyrl.rollouts.records import EpisodeRecord, FloatArray
+from flyrl.tasks import ERRORS
 
 PATH_SAMPLING_S: Final = 0.1
 """A path is measured from point to point at least this far apart, s.
@@ -23,6 +33,9 @@ PATH_SAMPLING_S: Final = 0.1
 The thorax sways with every stride (1/12 s); measured more finely, straight walking is 20 % longer
 than the way it covers.
 """
+
+LEAST_WAY_MM: Final = 1.0
+"""What a way costs per mm is told of ways at least this long, mm: about one stride."""
 
 METRICS: Final[dict[str, str]] = {
     "return": "sum of rewards",
@@ -37,8 +50,28 @@ METRICS: Final[dict[str, str]] = {
     "yaw_change_deg": "heading at the end minus heading at the start, deg, left positive",
     "goal_distance_mm": "distance left to the goal at the end, mm",
     "goal_progress_mm": "how much closer to the goal the fly ended than it started, mm",
+    **ERRORS,
+    "work_nj_per_mm": "work of the servos ÷ path length, nJ/mm",
+    "slip_share": "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
+    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs",
+    "stride_length_mm": "path length ÷ time ÷ stride frequency, mm",
+    "duty_factor": "share of a stride that the leg stands, mean of the legs",
+    "tripod_coordination": "how far the legs of a tripod swing together: 1 as one, 0 never",
+    "reflex_activity": "share of the time that a reflex corrects a leg, mean of the legs",
+    "drive_variation": "by how much the drives change per second, mean of left and right, 1/s",
 }
 """Name of every metric of an episode, and what it means."""
+
+GAIT_METRICS: Final = (
+    "work_nj_per_mm",
+    "slip_share",
+    "stride_frequency_hz",
+    "stride_length_mm",
+    "duty_factor",
+    "tripod_coordination",
+    "reflex_activity",
+)
+"""Those that need a log of the gait."""
 
 COMPARED: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
 """What controllers are compared by, episode by episode, unless the task has metrics of its own."""
@@ -77,6 +110,29 @@ def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
         "yaw_change_deg": math.degrees(float(record.yaw[-1] - record.yaw[0])),
         "goal_distance_mm": None if distances is None else float(distances[1]),
         "goal_progress_mm": None if distances is None else float(distances[0] - distances[1]),
+        **{name: record.errors.get(name) for name in ERRORS},
+        **gait_metrics(record, path),
+        "drive_variation": drive_variation(record.drive, record.time_s),
+    }
+
+
+def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float | None]:
+    """Metrics of how the fly walked its way of `path_length`, mm; None without a log of it."""
+    gait = record.gait
+    if gait is None:
+        return dict.fromkeys(GAIT_METRICS)
+    stance = without_blips(gait.stance, gait.interval_s)
+    frequency = stride_frequency_hz(stance, gait.interval_s)
+    has_way = path_length >= LEAST_WAY_MM
+    walked_s = len(stance) * gait.interval_s
+    return {
+        "work_nj_per_mm": gait.work_nj / path_length if has_way else None,
+        "slip_share": float(gait.slip_mm.mean()) / path_length if has_way else None,
+        "stride_frequency_hz": frequency,
+        "stride_length_mm": path_length / walked_s / frequency if has_way and frequency else None,
+        "duty_factor": duty_factor(stance),
+        "tripod_coordination": tripod_coordination(stance),
+        "reflex_activity": reflex_activity(gait.retraction, gait.stumbling),
     }
 
 

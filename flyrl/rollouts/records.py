@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -32,19 +33,19 @@ class Gait:
     ----------
     interval_s
         Time from one sample to the next, s.
-    grounded, adhesion
-        Whether a leg is on the ground, and whether it grips, shape (S, 6), ordered as
-        `anatomy.LEGS`.
+    stance, adhesion
+        Whether a leg stands (see `gait_log.STANCE_SPEED`), and whether it is told to grip, shape
+        (S, 6), ordered as `anatomy.LEGS`.
     retraction, stumbling
         Whether that reflex corrects a leg, shape (S, 6).
     work_nj
         Done by the servos, nJ; what is done on them is not taken off.
     slip_mm
-        Way of each leg's tip along the ground while it is on it, mm, shape (6,).
+        Way of each leg's tip along the ground while it is on it and grips, mm, shape (6,).
     """
 
     interval_s: float
-    grounded: BoolArray
+    stance: BoolArray
     adhesion: BoolArray
     retraction: BoolArray
     stumbling: BoolArray
@@ -86,6 +87,9 @@ class EpisodeRecord:
         Heading about the world's z axis, rad, unwrapped, shape (T,).
     drive
         Descending drive (left, right) held up to the sample, shape (T, 2); zero at the start.
+    errors
+        Mean over the horizon of what the task measures, by name (see `tasks.ERRORS`); the time that
+        a failure cut off counts as the worst.
     gait
         How the fly walked until then, where the environment logs it. Of a fly whose physics
         diverged, until the decision before.
@@ -104,6 +108,7 @@ class EpisodeRecord:
     position_w: FloatArray
     yaw: FloatArray
     drive: FloatArray
+    errors: Mapping[str, float] = field(default_factory=dict)
     gait: Gait | None = None
 
     def __post_init__(self) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flyrl.controllers.gait_log import unpack
 from flyrl.rollouts.records import SAMPLING_S, EpisodeRecord, Gait
-from flyrl.tasks import TIMEOUT, Episode
+from flyrl.tasks import SUCCESS, TIMEOUT, Episode
 from flyrl.validation import positive
 
 if TYPE_CHECKING:  # reading records takes no physics engine
@@ -78,6 +78,7 @@ def run_episodes(
                 index=start + i,
                 episode=episode,
                 horizon_s=decisions * env.config.decision_interval_s,
+                errors=path.mean_errors(env, decisions),
                 gait=path.gait(env),
                 **path.fields(),
             )
@@ -109,6 +110,8 @@ class _Path:
         self.num_gait_samples = 0
         self.work_nj = 0.0
         self.slip_mm = np.zeros(6)
+        self.errors: NDArray[np.float64] | float = 0.0  # sums over decisions
+        self.num_decisions = 0
         self.return_ = 0.0
         self.outcome = ""
 
@@ -129,6 +132,15 @@ class _Path:
         self.num_gait_samples += len(samples)
         self.work_nj = float(logs["work"][sim])
         self.slip_mm = logs["slip"][sim].copy()
+
+    def mean_errors(self, env: BatchedEnv, decisions: int) -> dict[str, float]:
+        """Means over the episode; where it failed, over the horizon of so many decisions."""
+        terms, taken = env.task.errors, self.num_decisions
+        if self.outcome in (SUCCESS, TIMEOUT):
+            decisions = taken
+        lost = (decisions - taken) * np.array([term.worst for term in terms])
+        means = (self.errors + lost) / decisions
+        return {term.name: float(mean) for term, mean in zip(terms, means, strict=True)}
 
     def gait(self, env: BatchedEnv) -> Gait | None:
         """How the fly walked."""
@@ -179,9 +191,12 @@ def _run_batch(
         starts = np.zeros(env.num_envs, dtype=bool)
         transition = env.step(action, ids=active)
         observation = transition.observation
+        errors = _errors(env)
         done = transition.done if decision < decisions else np.ones(env.num_envs, dtype=bool)
         for i in active:
             paths[i].return_ += float(transition.reward[i])
+            paths[i].errors = paths[i].errors + errors[i]
+            paths[i].num_decisions = decision
             paths[i].add_gait(env, int(i))
             if done[i] or decision % stride == 0:
                 paths[i].add(env, int(i), decision * interval)
@@ -194,3 +209,11 @@ def _run_batch(
         if not active.size:
             break
     return paths
+
+
+def _errors(env: BatchedEnv) -> NDArray[np.float64]:
+    """What the task measures of each simulation after this decision, (n, number of errors)."""
+    if not env.task.errors:
+        return np.zeros((env.num_envs, 0))
+    state = env.task_state()
+    return np.stack([term.compute(state) for term in env.task.errors], axis=1)

@@ -64,7 +64,8 @@ SCRATCH = np.dtype(
 ENGINE_SIZE = ENGINE.itemsize // 8
 PARAMETERS_SIZE = PARAMETERS.itemsize // 8
 STATE_SIZE = STATE.itemsize // 8
-GAIT_LOG_SIZE = GAIT_LOG.itemsize // 8
+GAIT_LOG_BYTES = GAIT_LOG.itemsize
+GAIT_LOG_SIZE = GAIT_LOG_BYTES // 8
 USERDATA_SIZE = STATE_SIZE + SCRATCH.itemsize // 8
 """Without the queue of drives on their way and the log of the gait, which come last."""
 
@@ -236,6 +237,31 @@ def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim,
             forces_w[segment2, axis] += force
 
 
+@kernel
+def _log_gait(  # type: ignore[no-untyped-def]
+    engine, parameters, state, scratch, log_address, time, positions, torques, velocities
+):
+    """Log this step, unless mj_forward comes to it a second time."""
+    log = carray(_as_gait_log(log_address), (1,))[0]
+    if log.num_steps > 0.0 and time == log.last_time:
+        return
+    log.last_time = time
+    for leg in range(NUM_LEGS):
+        body = int(engine.end_effector_bodies[leg])
+        scratch.tips_w[leg, :] = carray(_as_float64(positions + 24 * body), (3,))
+    log_gait(
+        log,
+        carray(_as_float64(log_address + GAIT_LOG_BYTES), (int(engine.gait_places),)),
+        int(engine.steps_per_gait_sample),
+        parameters.timestep,
+        state,
+        scratch.grounded,
+        torques,
+        velocities,
+        scratch.tips_w,
+    )
+
+
 def _sensor_callback(found: Layout) -> Any:
     """Compile the callback that sums contact forces per segment."""
     userdata_size_at = found.model["nuserdata"]
@@ -262,7 +288,6 @@ def _sensor_callback(found: Layout) -> Any:
     state_bytes = STATE.itemsize
     queue_bytes = 8 * USERDATA_SIZE
     place_bytes = 8 * PLACE_SIZE
-    gait_log_bytes = GAIT_LOG.itemsize
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
@@ -295,33 +320,18 @@ def _sensor_callback(found: Layout) -> Any:
                 _int32(contact + dim_at),
                 engine.is_elliptic != 0.0,
             )
-        places = int(engine.gait_places)
-        if places == 0:
-            return
-        log_address = userdata + queue_bytes + place_bytes * int(engine.queue_places)
-        log = carray(_as_gait_log(log_address), (1,))[0]
-        time = carray(_as_float64(data + time_at), (1,))[0]
-        # mj_forward at the same time must not log a second time
-        if log.num_steps > 0.0 and time == log.last_time:
-            return
-        log.last_time = time
-        parameters = carray(_as_parameters(address + engine_bytes), (1,))[0]
-        scratch = carray(_as_scratch(userdata + state_bytes), (1,))[0]
-        positions = _int64(data + positions_at)
-        for leg in range(NUM_LEGS):
-            body = int(engine.end_effector_bodies[leg])
-            scratch.tips_w[leg, :] = carray(_as_float64(positions + 24 * body), (3,))
-        log_gait(
-            log,
-            carray(_as_float64(log_address + gait_log_bytes), (places,)),
-            int(engine.steps_per_gait_sample),
-            parameters.timestep,
-            state,
-            scratch.grounded,
-            carray(_as_float64(_int64(data + torques_at)), (NUM_SERVOS,)),
-            carray(_as_float64(_int64(data + velocities_at)), (NUM_SERVOS,)),
-            scratch.tips_w,
-        )
+        if engine.gait_places != 0.0:
+            _log_gait(
+                engine,
+                carray(_as_parameters(address + engine_bytes), (1,))[0],
+                state,
+                carray(_as_scratch(userdata + state_bytes), (1,))[0],
+                userdata + queue_bytes + place_bytes * int(engine.queue_places),
+                carray(_as_float64(data + time_at), (1,))[0],
+                _int64(data + positions_at),
+                carray(_as_float64(_int64(data + torques_at)), (NUM_SERVOS,)),
+                carray(_as_float64(_int64(data + velocities_at)), (NUM_SERVOS,)),
+            )
 
     return sense_contacts
 

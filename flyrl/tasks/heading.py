@@ -12,7 +12,7 @@ from flyrl.tasks import hybrid_turning, terms
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import Mask, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.task import ErrorTerm, Mask, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.terrains import TerrainConfig
 
 TIME_LIMIT_S: Final = 4.0
@@ -76,4 +76,5 @@ HEADING: Final = Task(
     sample_episode=sample_episode,
     difficulty="turn, from 0 to ±180°, and pushes, from none to 4-8 µN",
     succeeds_in_time=was_kept,
+    errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_heading),),
 )  # fmt: skip

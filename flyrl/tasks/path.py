@@ -13,6 +13,7 @@ from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
+    ErrorTerm,
     Mask,
     ObservationTerm,
     RewardTerm,
@@ -123,4 +124,5 @@ PATH: Final = Task(
     action_high=1.0,
     sample_episode=sample_episode,
     difficulty="first direction, from 0 to ±180°, curves, from none, length, from 12 to 24 mm",
+    errors=(ErrorTerm("path_error_mm", LENGTH, terms.off_path),),
 )  # fmt: skip

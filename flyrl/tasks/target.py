@@ -8,7 +8,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.task import SUCCESS, ErrorTerm, ObservationTerm, RewardTerm, Task, Termination
 from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds
 
 TARGET_DISTANCE: Final = (5.0, 15.0)
@@ -80,4 +80,5 @@ TARGET: Final = Task(
     action_high=1.0,
     sample_episode=sample_episode,
     difficulty="distance of the target, from 5 mm to 5-15, and its bearing, from 0 to ±180°",
+    errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_target),),
 )  # fmt: skip

@@ -135,4 +135,5 @@ TARGET_GOAL: Final = Task(
     sample_episode=sample_episode,
     difficulty=TARGET.difficulty,
     is_reached=is_reached,
+    errors=TARGET.errors,
 )  # fmt: skip

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.simulation.state import FlyState
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, TerrainConfig
-from flyrl.validation import not_negative, number, positive
+from flyrl.validation import not_negative, number, one_of, positive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -165,6 +165,32 @@ class MeanTerm:
         positive(f"time_constant_s of {self.name!r}", self.time_constant_s)
 
 
+ERRORS: Final = {
+    "heading_error_deg": "angle between heading and where it should point, deg",
+    "path_error_mm": "distance to the path, mm",
+    "speed_error_mm_s": "difference from the commanded forward speed, mm/s",
+    "yaw_rate_error_deg_s": "difference from the commanded yaw rate, deg/s",
+}
+"""What a fly may be off by: names, which end in their units, and what they mean."""
+
+
+@dataclass(frozen=True)
+class ErrorTerm:
+    """How far a fly is from doing what it is asked to, for evaluations; no policy sees it.
+
+    An evaluation takes the mean over an episode's decisions, and over the time that a failure cut
+    off it counts `worst`. `compute` gives (n,), none below 0.
+    """
+
+    name: str
+    worst: float
+    compute: Callable[[TaskState], Array]
+
+    def __post_init__(self) -> None:
+        one_of("name of an error term", self.name, ERRORS)
+        positive(f"worst of {self.name!r}", self.worst)
+
+
 @dataclass(frozen=True)
 class Termination:
     """A named end of an episode; the first of a task's that holds gives the outcome.
@@ -226,6 +252,8 @@ class Task:
         desired ones, as they are observed, (..., size of a goal) each. The first two observation
         terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and an episode terminates where `is_reached`
         holds or the fly fails (see `flyrl.tasks.FAILURES`).
+    errors
+        What an evaluation measures besides success and return.
     succeeds_in_time
         Whether an episode that lasts until the time limit is a success then; without it, none is.
     means
@@ -249,6 +277,7 @@ class Task:
     added: tuple[str, ...] = ()
     difficulty: str = ""
     is_reached: Callable[[ArrayLike, ArrayLike], Mask] | None = None
+    errors: tuple[ErrorTerm, ...] = ()
 
     def __post_init__(self) -> None:
         first = tuple(term.name for term in self.observation[:2])

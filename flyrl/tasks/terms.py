@@ -267,6 +267,40 @@ def heading(state: TaskState) -> Array:
     return state.fly.heading_w
 
 
+# --- errors --------------------------------------------------------------------------------
+
+
+def turn_to_target(state: TaskState) -> Array:
+    """Angle between the heading and the bearing of the target, deg, (n,)."""
+    forward, left = target_direction_b(state).T
+    return np.asarray(np.abs(np.rad2deg(np.arctan2(left, forward))))
+
+
+def turn_to_heading(state: TaskState) -> Array:
+    """Angle between the heading and the commanded one, deg, (n,)."""
+    return np.asarray(np.abs(np.rad2deg(heading_error(state))))
+
+
+def turn_to_finish(state: TaskState) -> Array:
+    """Angle between the heading and the world's x axis, deg, (n,)."""
+    return np.asarray(np.abs(np.rad2deg(state.fly.yaw)))
+
+
+def off_path(state: TaskState) -> Array:
+    """Distance to the path, mm, (n,)."""
+    return path_position(state, state.fly.position_w)[0]
+
+
+def off_speed(state: TaskState) -> Array:
+    """Mean forward speed from the commanded one, mm/s, (n,)."""
+    return np.abs(command_deviation(state)[:, 0]) * TOLERATED_SPEED
+
+
+def off_yaw_rate(state: TaskState) -> Array:
+    """Mean yaw rate from the commanded one, deg/s, (n,)."""
+    return np.rad2deg(np.abs(command_deviation(state)[:, 1]) * TOLERATED_YAW_RATE)
+
+
 # --- rewards -------------------------------------------------------------------------------
 
 

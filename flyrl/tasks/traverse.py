@@ -6,7 +6,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.hybrid_turning import sample_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.task import SUCCESS, ErrorTerm, ObservationTerm, RewardTerm, Task, Termination
 
 TRAVERSE: Final = Task(
     name="traverse",
@@ -38,4 +38,5 @@ TRAVERSE: Final = Task(
     action_low=-1.0,
     action_high=1.0,
     sample_episode=sample_episode,
+    errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_finish),),
 )  # fmt: skip

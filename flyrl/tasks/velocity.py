@@ -14,7 +14,7 @@ from flyrl.tasks import hybrid_turning, terms
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.task import ErrorTerm, Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.terrains import TerrainConfig
 
 NUM_COMMANDS: Final = 4
@@ -84,5 +84,9 @@ VELOCITY: Final = Task(
             "velocity", 2, terms.STRIDE_S, terms.velocity_over_decision,
             "forward speed, mm/s, and yaw rate, rad/s",
         ),
+    ),
+    errors=(
+        ErrorTerm("speed_error_mm_s", SPEEDS[1], terms.off_speed),
+        ErrorTerm("yaw_rate_error_deg_s", float(np.rad2deg(YAW_RATES[1])), terms.off_yaw_rate),
     ),
 )  # fmt: skip

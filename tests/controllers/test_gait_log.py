@@ -8,6 +8,7 @@ from flyrl.controllers.gait_log import (
     BITS,
     CONTACT_THRESHOLD,
     GAIT_LOG,
+    STANCE_SPEED,
     grounded_legs,
     grounded_legs_of,
     log_gait,
@@ -76,11 +77,13 @@ def test_work_is_what_the_servos_do_not_what_is_done_on_them():
     assert fly.log["work"] == pytest.approx(4 * (20 + 3) * TIMESTEP)
 
 
-def test_slip_is_the_way_of_the_tips_along_the_ground():
+def test_slip_is_the_way_along_the_ground_of_tips_that_grip():
     fly = Fly()
-    fly.put_down(2)
+    for leg in (1, 2):
+        fly.put_down(leg)
+    fly.state["adhesion"][[0, 2]] = 1.0
     fly.step()
-    fly.tips_w[:] = (3.0, 4.0, 1.0)  # leg 2 from the origin: 5 mm; the others are in the air
+    fly.tips_w[:] = (3.0, 4.0, 1.0)  # leg 2: 5 mm; leg 0 is in the air, leg 1 does not grip
     fly.step()
     fly.tips_w[:] = (3.0, 4.0, 7.0)  # up only
     fly.step()
@@ -89,6 +92,7 @@ def test_slip_is_the_way_of_the_tips_along_the_ground():
 
 def test_a_step_through_the_air_is_no_slip():
     fly = Fly()
+    fly.state["adhesion"][:] = 1.0
     fly.put_down(0)
     fly.step()
     fly.put_down(0, force=0.0)
@@ -116,11 +120,18 @@ def test_samples_tell_what_a_leg_does(name, field):
         np.testing.assert_array_equal(rasters[other], expected)
 
 
-def test_samples_tell_which_legs_are_on_the_ground():
-    fly = Fly()
-    fly.put_down(LEGS.index("RH"))
-    fly.step()
-    assert unpack(fly.samples[:1].astype(np.uint32))["grounded"].tolist() == [[leg == "RH" for leg in LEGS]]
+def test_samples_tell_which_legs_stand():
+    fly = Fly(steps_per_sample=2)
+    slow, fast = 0.9 * STANCE_SPEED * 2 * TIMESTEP, 1.1 * STANCE_SPEED * 2 * TIMESTEP
+    for leg in ("LM", "RH"):
+        fly.put_down(LEGS.index(leg))
+    fly.step(2)
+    fly.tips_w[LEGS.index("LM"), 0] = fast
+    fly.tips_w[LEGS.index("RH"), 1] = slow
+    fly.step(2)
+    stance = unpack(fly.samples[:2].astype(np.uint32))["stance"]
+    expected = [[leg in ("LM", "RH") for leg in LEGS], [leg == "RH" for leg in LEGS]]
+    assert stance.tolist() == expected
 
 
 def test_samples_come_every_so_many_steps_from_the_first_on():

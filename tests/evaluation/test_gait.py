@@ -1,4 +1,4 @@
-"""Gait measures, on rasters drawn by hand: one character per sample, # on the ground, . in the air.
+"""Gait measures, on rasters drawn by hand: one character per sample, # in stance, . in swing.
 
 A row per leg, in the order of `anatomy.LEGS`: LF, LM, LH, RF, RM, RH.
 """
@@ -54,7 +54,7 @@ def test_one_touchdown_is_no_stride():
 
 
 def test_the_duty_factor_counts_whole_strides():
-    # from 2 to 12: 6 of 10 samples on the ground; the long start and end do not count
+    # from 2 to 12: 6 of 10 samples in stance; the long start and end do not count
     assert gait.duty_factor(raster("..###..###..########")) == pytest.approx(0.6)
 
 
@@ -63,14 +63,14 @@ def test_a_perfect_tripod_has_strength_1():
 
 
 def test_a_tripod_that_swings_partly_together():
-    rows = {leg: "############" for leg in LEGS}
+    rows = dict.fromkeys(LEGS, "############")
     # LM swings from 2 to 6, RF from 4 to 8, RH from 3 to 7: all three from 4 to 6, any from 2 to 8
     rows |= {"LM": "##....######", "RF": "####....####", "RH": "###....#####"}
     assert gait.tripod_coordination(raster(*rows.values())) == pytest.approx(2 / 6)
 
 
 def test_legs_of_a_tripod_that_never_swing_together_have_strength_0():
-    rows = {leg: "############" for leg in LEGS}
+    rows = dict.fromkeys(LEGS, "############")
     rows |= {"LM": "#..#########", "RF": "####..######", "RH": "#######..###"}
     assert gait.tripod_coordination(raster(*rows.values())) == 0
 
@@ -83,7 +83,7 @@ def test_a_leg_that_never_swings_leaves_a_tripod_without_strength():
 
 
 def test_partners_are_the_nearest_swings():
-    rows = {leg: "#" * 16 for leg in LEGS}
+    rows = dict.fromkeys(LEGS, "#" * 16)
     rows |= {"LM": "########..######", "RF": "##..####..##..##", "RH": "########..######"}
     assert gait.tripod_coordination(raster(*rows.values())) == 1
 
