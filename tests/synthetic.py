@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 
 from flyrl.evaluation.results import Results, episode_row, trajectory
-from flyrl.evaluation.statistics import summarise
+from flyrl.evaluation.summary import summarise
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import Episode
 
@@ -28,6 +28,9 @@ def make_record(
     horizon_s=HORIZON_S,
     duration_s=None,
     interval_s=DECISION_S,
+    drive=None,
+    errors=None,
+    gait=None,
 ):
     """A record of the path `position_w` (T, 2) or (T, 3), sampled every `interval_s`."""
     position_w = np.asarray(position_w, dtype=float)
@@ -56,7 +59,9 @@ def make_record(
         time_s=np.arange(samples) * interval_s,
         position_w=position_w,
         yaw=yaw,
-        drive=np.ones((samples, 2)),
+        drive=np.ones((samples, 2)) if drive is None else np.asarray(drive, dtype=float),
+        errors=errors or {},
+        gait=gait,
     )
 
 

@@ -76,11 +76,15 @@ GAIT_METRICS: Final = (
 COMPARED: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
 """What controllers are compared by, episode by episode, unless the task has metrics of its own."""
 
+LOWER_IS_BETTER: Final = frozenset({"time_to_goal_s", *ERRORS})
+"""Of the metrics that controllers are compared by, those that are better the lower they are."""
+
 _COMPARED_IN_TASK: Final = {
     "traverse": ("success", "time_to_goal_s", "advance_mm", "return"),
     # to keep up what is asked takes as long as the episode, and is no question of speed
-    "velocity": ("success", "return"),
-    "heading": ("success", "return"),
+    "velocity": ("success", "speed_error_mm_s", "yaw_rate_error_deg_s", "return"),
+    "heading": ("success", "heading_error_deg", "return"),
+    "path": ("success", "time_to_goal_s", "path_error_mm", "return"),
 }
 
 

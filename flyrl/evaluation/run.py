@@ -16,7 +16,7 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrants import Entrant, make_entrants, reference_name
 from flyrl.evaluation.results import Json, Results, Trajectory, episode_row, trajectory
-from flyrl.evaluation.statistics import summarise
+from flyrl.evaluation.summary import summarise
 from flyrl.progress import progress_bar
 from flyrl.rollouts import OUTCOMES, run_episodes
 from flyrl.tasks import Episode, task_record

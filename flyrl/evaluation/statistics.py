@@ -1,4 +1,4 @@
-"""Statistics over episodes: medians, success rates, and paired differences with intervals.
+"""Statistics over episodes and runs: rates, differences, how sure they are, and how large.
 
 Nothing is claimed from too little: without at least `MIN_PAIRS` pairs (`MIN_RUNS` runs), or without
 any spread, a difference (a mean over runs) has no interval, and says why.
@@ -8,24 +8,18 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
-
-from flyrl.evaluation.metrics import METRICS, compared_metrics
-from flyrl.rollouts.records import OUTCOMES
 
 CONFIDENCE: Final = 0.95
 MIN_PAIRS: Final = 5
 MIN_RUNS: Final = 5
 RESAMPLES: Final = 9999
-
-Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -102,7 +96,7 @@ def paired_difference(differences: ArrayLike, rng: np.random.Generator) -> Inter
             (values,),
             np.mean,
             n_resamples=RESAMPLES,
-            batch=max(1, 1_000_000 // n),
+            batch=_batch(n),
             confidence_level=CONFIDENCE,
             method="BCa",
             rng=rng,
@@ -139,100 +133,127 @@ def mean_over_runs(values: ArrayLike, low: float = -math.inf, high: float = math
     return Interval(mean, max(low, float(bounds.low)), min(high, float(bounds.high)), n)
 
 
-def summarise(
-    rows: Sequence[Row], reference: str, horizon_s: float, rng: np.random.Generator
-) -> list[dict[str, Any]]:
-    """One summary per terrain and controller, in order of first appearance.
+def p_value(differences: ArrayLike, rng: np.random.Generator) -> float | None:
+    """How often paired differences with random signs have a mean as far from 0; None of too few.
+
+    All signs are tried where there are no more than `RESAMPLES` ways, else as many are drawn.
 
     Parameters
     ----------
-    rows
-        Episodes as in `results.json`.
-    reference
-        Name of the controller that the others are compared with.
-    horizon_s
-        Time limit of an episode, s: the time to goal of an episode without success, in pairs only.
+    differences
+        One per pair, shape (n,).
+    rng
+        Source of the signs.
+
+    Notes
+    -----
+    Fisher 1935, The Design of Experiments; by `scipy.stats.permutation_test`.
+    """
+    values = np.asarray(differences, dtype=np.float64)
+    if values.size < MIN_PAIRS:
+        return None
+    test = stats.permutation_test(
+        (values,),
+        np.mean,
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=RESAMPLES,
+        batch=_batch(values.size),
+        rng=rng,
+    )
+    return float(test.pvalue)
+
+
+def adjusted(p_values: Sequence[float | None]) -> list[float | None]:
+    """p-values of a family of comparisons, corrected for there being so many of them.
+
+    To call those below 0.05 differences is to be wrong about at most 5 % of them, on average.
+
+    Notes
+    -----
+    Benjamini & Hochberg 1995, doi 10.1111/j.2517-6161.1995.tb02031.x.
+    """
+    given = [p for p in p_values if p is not None]
+    corrected = iter(stats.false_discovery_control(given) if given else ())
+    return [None if p is None else float(next(corrected)) for p in p_values]
+
+
+def probability_of_improvement(gains: ArrayLike, rng: np.random.Generator) -> Interval:
+    """Share of pairs with a gain above 0, ties counting half, with its bootstrap BCa interval."""
+    return paired_difference((np.sign(np.asarray(gains, dtype=np.float64)) + 1) / 2, rng)
+
+
+def effect_size(differences: ArrayLike) -> float | None:
+    """Mean of paired differences in their standard deviations; None of too few, or of equal ones.
+
+    Notes
+    -----
+    d_z of Lakens 2013, doi 10.3389/fpsyg.2013.00863.
+    """
+    values = np.asarray(differences, dtype=np.float64)
+    if values.size < MIN_PAIRS or np.ptp(values) == 0:
+        return None
+    return float(values.mean() / values.std(ddof=1))
+
+
+def interquartile_mean(scores: ArrayLike, rng: np.random.Generator) -> Interval:
+    """Mean of the middle half of all scores, with its stratified bootstrap interval.
+
+    Parameters
+    ----------
+    scores
+        One per run and place (a terrain, say), shape (runs, places); runs are resampled within each
+        place.
     rng
         Source of the resampling.
 
-    Raises
-    ------
-    ValueError
-        If `reference` has no episodes, or a controller walked one episode twice.
+    Notes
+    -----
+    Agarwal et al. 2021, https://arxiv.org/abs/2108.13264.
     """
-    groups: dict[tuple[str, str], dict[int, Row]] = {}
-    for row in rows:
-        episodes = groups.setdefault((row["terrain"], row["controller"]), {})
-        if row["episode"] in episodes:
-            raise ValueError(
-                f"episodes must be walked once, got {row['episode']} twice by {row['controller']} "
-                f"on {row['terrain']}"
-            )
-        episodes[row["episode"]] = row
-    names = list(dict.fromkeys(name for _, name in groups))
-    if reference not in names:
-        raise ValueError(f"reference must be one of {', '.join(names)}, got {reference!r}")
-    terrains = list(dict.fromkeys(terrain for terrain, _ in groups))
-    summary = []
-    for terrain in terrains:
-        others = groups.get((terrain, reference), {})
-        for name in names:
-            if own := groups.get((terrain, name)):
-                row = summarise_controller(list(own.values()))
-                if name != reference:
-                    row["paired"] = {
-                        "reference": reference,
-                        "differences": paired_differences(own, others, horizon_s, rng),
-                    }
-                summary.append(row)
-    return summary
+    return _over_runs(scores, lambda values: stats.trim_mean(values, 0.25, axis=-1), rng)
 
 
-def summarise_controller(rows: Sequence[Row]) -> dict[str, Any]:
-    """Summary of one controller on one terrain, from its `rows`; "paired" is None."""
-    outcomes = Counter(row["outcome"] for row in rows)
-    kinds = dict.fromkeys((*OUTCOMES, *sorted(outcomes)))
-    return {
-        "controller": rows[0]["controller"],
-        "task": rows[0]["task"],
-        "terrain": rows[0]["terrain"],
-        "episodes": len(rows),
-        "successes": outcomes["success"],
-        "outcomes": {outcome: outcomes[outcome] for outcome in kinds},
-        "success_rate": asdict(success_rate(outcomes["success"], len(rows))),
-        "metrics": {key: asdict(distribution([row[key] for row in rows])) for key in METRICS},
-        "paired": None,
-    }
-
-
-def paired_differences(
-    own: Mapping[int, Row], others: Mapping[int, Row], horizon_s: float, rng: np.random.Generator
-) -> dict[str, Any]:
-    """Mean differences own - other with intervals, one per metric that the task is compared by."""
-    task = next(iter(own.values()))["task"]
-    return {
-        metric: asdict(paired_difference(paired_values(own, others, metric, horizon_s), rng))
-        for metric in compared_metrics(task)
-    }
-
-
-def paired_values(
-    own: Mapping[int, Row], others: Mapping[int, Row], metric: str, horizon_s: float
-) -> list[float]:
-    """Differences own - other of `metric` over the episodes that both walked.
-
-    An episode without success counts its full horizon as time to goal, so that every pair counts.
+def performance_profile(
+    scores: ArrayLike, thresholds: ArrayLike, rng: np.random.Generator
+) -> list[Interval]:
+    """Share of all scores at or above each threshold, with its stratified bootstrap interval.
 
     Parameters
     ----------
-    own, others
-        Rows of two controllers, keyed by episode index.
-    horizon_s
-        Stands in for the time to goal of an episode without success, s.
+    scores, rng
+        As in `interquartile_mean`.
+    thresholds
+        Shape (k,).
     """
+    return [
+        _over_runs(scores, lambda values, least=least: (values >= least).mean(axis=-1), rng)
+        for least in np.asarray(thresholds, dtype=np.float64)
+    ]
 
-    def value(row: Row) -> float:
-        given = row[metric]
-        return horizon_s if metric == "time_to_goal_s" and given is None else float(given)
 
-    return [value(row) - value(others[index]) for index, row in own.items() if index in others]
+def _over_runs(scores: ArrayLike, statistic: Any, rng: np.random.Generator) -> Interval:
+    """A statistic of all scores (runs, places), and its percentile interval."""
+    table: NDArray[np.float64] = np.asarray(scores, dtype=np.float64)
+    runs = len(table)
+    value = float(statistic(table.ravel()))
+    if runs < MIN_RUNS:
+        return Interval(value, None, None, runs, f"{runs} runs: an interval needs {MIN_RUNS}")
+    if (np.ptp(table, axis=0) == 0).all():
+        return Interval(value, None, None, runs, "all runs are equal")
+    bounds = stats.bootstrap(
+        tuple(table.T),
+        lambda *places, axis: statistic(np.concatenate(places, axis=axis)),
+        n_resamples=RESAMPLES,
+        batch=_batch(table.size),
+        vectorized=True,
+        confidence_level=CONFIDENCE,
+        method="percentile",
+        rng=rng,
+    ).confidence_interval
+    return Interval(value, float(bounds.low), float(bounds.high), runs)
+
+
+def _batch(size: int) -> int:
+    """How many resamples of so many values to hold at a time."""
+    return max(1, 1_000_000 // size)

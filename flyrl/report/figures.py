@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flyrl.evaluation.results import Json, Trajectory
-from flyrl.evaluation.statistics import paired_values
+from flyrl.evaluation.summary import paired_values
 from flyrl.report.palette import colours, marker, themed
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT
@@ -33,7 +33,20 @@ METRIC_LABELS: Final = {
     "displacement_mm": "displacement (mm)",
     "advance_mm": "way along +x (mm)",
     "path_efficiency": "path efficiency",
+    "heading_error_deg": "heading error (deg)",
+    "path_error_mm": "distance to path (mm)",
+    "speed_error_mm_s": "speed error (mm/s)",
+    "yaw_rate_error_deg_s": "yaw rate error (deg/s)",
+    "work_nj_per_mm": "work per way (nJ/mm)",
+    "slip_share": "slip per way",
+    "stride_frequency_hz": "stride frequency (Hz)",
+    "stride_length_mm": "stride length (mm)",
+    "duty_factor": "duty factor",
+    "tripod_coordination": "tripod coordination",
+    "reflex_activity": "reflex activity",
+    "drive_variation": "change of drive (1/s)",
 }
+
 MAX_DOTS: Final = 400
 """Dots of one row beyond which they are drawn as pixels, to keep the page small."""
 

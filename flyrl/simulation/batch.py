@@ -258,7 +258,8 @@ class FlyBatch:
         end, places = int(self.gait_logs["num_samples"][sim]), self._gait_samples.shape[1]
         if end - first > places:
             raise ValueError(f"first is {first}; of {end} samples, the last {places} are kept")
-        return self._gait_samples[sim, np.arange(first, end) % places].astype(np.uint32)
+        kept = self._gait_samples[sim, np.arange(first, end) % places]
+        return np.asarray(kept, dtype=np.uint32)
 
     def warnings(self) -> NDArray[np.intp]:
         """How often MuJoCo warned of each simulation since its reset, (n, mjNWARNING)."""

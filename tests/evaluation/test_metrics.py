@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from flyrl.evaluation.metrics import METRICS, compared_metrics, episode_metrics
+from flyrl.evaluation.metrics import GAIT_METRICS, METRICS, compared_metrics, episode_metrics
 from flyrl.report.figures import METRIC_LABELS
+from flyrl.rollouts.records import Gait
 from flyrl.tasks import TASKS
 from tests.synthetic import make_record
 
@@ -127,3 +128,64 @@ def test_no_goal_no_goal_metrics():
     metrics = episode_metrics(make_record([(0, 0), (7, 4)]))
     assert metrics["goal_distance_mm"] is None
     assert metrics["goal_progress_mm"] is None
+
+
+def make_gait(stance, *, retraction=None, work_nj=0.0, slip_mm=0.0):
+    """Legs that all do the same, a sample every 10 ms."""
+    rows = np.repeat(np.array([mark == "#" for mark in stance])[:, np.newaxis], 6, axis=1)
+    none = np.zeros_like(rows)
+    return Gait(
+        interval_s=0.01,
+        stance=rows,
+        adhesion=rows,
+        retraction=none if retraction is None else none | (np.arange(6) < retraction),
+        stumbling=none,
+        work_nj=work_nj,
+        slip_mm=np.full(6, slip_mm),
+    )
+
+
+def test_strides_make_the_way():
+    # touchdowns every 100 ms; 6 mm in 0.3 s are 2 mm a stride
+    gait = make_gait("..######....######....######..")
+    metrics = episode_metrics(make_record([(0, 0), (6, 0)], interval_s=0.3, gait=gait))
+    assert metrics["stride_frequency_hz"] == pytest.approx(10)
+    assert metrics["stride_length_mm"] == pytest.approx(2)
+    assert metrics["duty_factor"] == pytest.approx(0.6)
+    assert metrics["tripod_coordination"] == 1
+
+
+def test_work_and_slip_are_told_per_way():
+    gait = make_gait("####", work_nj=600.0, slip_mm=1.5)
+    metrics = episode_metrics(make_record([(0, 0), (6, 0)], gait=gait))
+    assert metrics["work_nj_per_mm"] == pytest.approx(100)
+    assert metrics["slip_share"] == pytest.approx(0.25)
+
+
+def test_who_stands_has_no_cost_per_way_and_no_strides():
+    gait = make_gait("####", work_nj=600.0, slip_mm=1.5)
+    metrics = episode_metrics(make_record([(0, 0), (0.5, 0)], gait=gait))
+    assert metrics["work_nj_per_mm"] is None
+    assert metrics["slip_share"] is None
+    assert metrics["stride_length_mm"] is None
+
+
+def test_two_corrected_legs_of_six():
+    metrics = episode_metrics(make_record([(0, 0), (6, 0)], gait=make_gait("####", retraction=2)))
+    assert metrics["reflex_activity"] == pytest.approx(1 / 3)
+
+
+def test_without_a_log_there_is_no_gait():
+    metrics = episode_metrics(make_record([(0, 0), (6, 0)]))
+    assert {metrics[name] for name in GAIT_METRICS} == {None}
+
+
+def test_errors_are_those_of_the_task():
+    metrics = episode_metrics(make_record([(0, 0), (6, 0)], errors={"path_error_mm": 0.5}))
+    assert metrics["path_error_mm"] == 0.5
+    assert metrics["heading_error_deg"] is None
+
+
+def test_the_drive_before_the_first_decision_does_not_count():
+    record = make_record([(0, 0)] * 4, drive=[(0, 0), (1, 1), (1, 1), (1, 0.5)], interval_s=0.02)
+    assert episode_metrics(record)["drive_variation"] == pytest.approx(0.25 / 0.04)

@@ -8,7 +8,7 @@ from flyrl.policies import ConstantDrive, LearnedPolicy, PolicyBundle, observati
 from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.rollouts import num_decisions, run_episodes
-from flyrl.tasks import TASKS, Termination
+from flyrl.tasks import TASKS, ErrorTerm, Termination
 from flyrl.terrains import TerrainConfig
 
 # Ends after 0.02, 0.04 … s, as the seed says, or after 0.1 s.
@@ -172,3 +172,52 @@ def test_a_simulation_that_diverges_is_recorded_where_it_was_last_sound(env):
     assert unstable.outcome == "unstable"
     assert np.isfinite(unstable.position_w).all()
     assert other.outcome == "timeout"
+
+
+FALLING = dataclasses.replace(
+    TASK,
+    terminations=(Termination("fall", _is_over),),
+    errors=(ErrorTerm("heading_error_deg", 180.0, lambda state: 1000 * state.fly.time),),
+)
+
+
+def test_the_time_after_a_failure_counts_as_the_worst_error():
+    # after two decisions: 20 and 40, then 180 three times
+    env = make_env(1, FALLING)
+    (record,) = run_episodes(env, WALK, [countdown(2)])
+    assert record.outcome == "fall"
+    assert record.errors["heading_error_deg"] == pytest.approx((20 + 40 + 3 * 180) / 5)
+
+
+def test_a_success_has_the_errors_of_its_own_time():
+    env = make_env(2, dataclasses.replace(FALLING, terminations=TASK.terminations))
+    records = run_episodes(env, WALK, [countdown(2), countdown(9)])
+    errors = [record.errors["heading_error_deg"] for record in records]
+    assert errors == pytest.approx([30, 60])
+    assert [record.outcome for record in records] == ["success", "timeout"]
+
+
+def test_gait_is_recorded_to_the_end_of_each_episode():
+    env = make_env(2, log_gait=True)
+    early, late = run_episodes(env, WALK, [countdown(2), countdown(9)])
+    assert early.gait.interval_s == pytest.approx(1e-3)
+    assert len(early.gait.stance) == 40
+    assert len(late.gait.adhesion) == 100
+    assert 0 < early.gait.work_nj < late.gait.work_nj
+    assert late.gait.stance.any() and not late.gait.stance.all()
+
+
+def test_gait_is_the_same_in_any_batch():
+    episodes = [countdown(9), countdown(3), countdown(4)]
+    one_by_one = run_episodes(make_env(1, log_gait=True), WALK, episodes)
+    for alone, other in zip(
+        one_by_one, run_episodes(make_env(3, log_gait=True), WALK, episodes), strict=True
+    ):
+        np.testing.assert_array_equal(alone.gait.stance, other.gait.stance)
+        np.testing.assert_array_equal(alone.gait.slip_mm, other.gait.slip_mm)
+        assert alone.gait.work_nj == other.gait.work_nj
+
+
+def test_without_a_log_no_gait_is_recorded():
+    (record,) = run_episodes(make_env(1), WALK, [countdown(1)])
+    assert record.gait is None

@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+
+from flyrl.evaluation.results import episode_row
+from flyrl.evaluation.summary import paired_values, summarise
+from tests.synthetic import make_record
+
+
+def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
+    """One row per speed (mm/s), over 3 s."""
+    return [
+        episode_row(
+            make_record(
+                [(0, 0), (3 * speed, 0)],
+                controller=controller,
+                terrain=terrain,
+                index=index,
+                duration_s=3.0,
+                outcome=outcome,
+            )
+        )
+        for index, speed in enumerate(speeds)
+    ]
+
+
+def test_pairs_are_matched_by_episode_not_by_order():
+    own, others = rows([3, 5, 9]), rows([1, 1, 1])
+    differences = paired_values(
+        {row["episode"]: row for row in reversed(own)},
+        {row["episode"]: row for row in others},
+        "speed_mm_s",
+        3.0,
+    )
+    assert sorted(differences) == pytest.approx([2, 4, 8])
+
+
+def test_unpaired_episodes_are_left_out():
+    own = {0: rows([3])[0], 7: rows([5])[0]}
+    assert paired_values(own, {7: rows([1])[0]}, "speed_mm_s", 3.0) == pytest.approx([4])
+
+
+def test_no_success_counts_the_horizon_as_time_to_goal():
+    reached = make_record([(0, 0), (1, 0)], outcome="success", duration_s=1.0)
+    fallen = make_record([(0, 0), (1, 0)], outcome="fall", duration_s=0.5)
+    own, others = {0: episode_row(reached)}, {0: episode_row(fallen)}
+    assert paired_values(own, others, "time_to_goal_s", 3.0) == [-2.0]
+
+
+def test_success_is_compared_as_one_and_zero():
+    reached = episode_row(make_record([(0, 0), (1, 0)], outcome="success"))
+    fallen = episode_row(make_record([(0, 0), (1, 0)], outcome="fall"))
+    assert paired_values({0: reached}, {0: fallen}, "success", 3.0) == [1.0]
+
+
+def test_summary_is_independent_of_the_order_of_rows():
+    given = rows([1, 2, 3, 4, 5, 6], "cpg") + rows([2, 2, 2, 2, 2, 9], "hybrid")
+    one = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    given[:6] = given[5::-1]
+    other = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    assert one[0]["metrics"] == other[0]["metrics"]
+    difference = [row[1]["paired"]["differences"]["speed_mm_s"]["value"] for row in (one, other)]
+    assert difference[0] == pytest.approx(difference[1])
+
+
+def test_summary_has_a_row_per_terrain_and_controller():
+    given = [
+        row
+        for terrain in ("flat", "gapped")
+        for name in ("cpg", "hybrid")
+        for row in rows([1, 2], name, terrain)
+    ]
+    summary = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    assert [(row["terrain"], row["controller"]) for row in summary] == [
+        ("flat", "cpg"),
+        ("flat", "hybrid"),
+        ("gapped", "cpg"),
+        ("gapped", "hybrid"),
+    ]
+
+
+def test_reference_is_not_compared_with_itself():
+    given = rows([1, 2], "cpg") + rows([3, 5], "hybrid")
+    own, other = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    assert own["paired"] is None
+    assert other["paired"]["reference"] == "cpg"
+    assert other["paired"]["differences"]["speed_mm_s"]["value"] == pytest.approx(2.5)
+
+
+def test_summary_counts_outcomes():
+    given = rows([1, 2], outcome="success") + [
+        {**row, "episode": row["episode"] + 2} for row in rows([1], outcome="fall")
+    ]
+    (summary,) = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    assert summary["successes"] == 2
+    assert summary["outcomes"] == {
+        "success": 2, "timeout": 0, "fall": 1, "left_arena": 0, "unstable": 0,
+    }  # fmt: skip
+
+
+def test_unknown_reference():
+    with pytest.raises(ValueError, match=r"reference.*cpg.*'hybrid'"):
+        summarise(rows([1]), "hybrid", 3.0, np.random.default_rng(0))
+
+
+def test_an_episode_walked_twice():
+    with pytest.raises(ValueError, match="twice"):
+        summarise(rows([1]) + rows([2]), "cpg", 3.0, np.random.default_rng(0))
+
+
+def test_the_better_one_is_the_quicker_one():
+    quick = [
+        episode_row(make_record([(0, 0), (1, 0)], index=i, outcome="success", duration_s=1 + i / 9))
+        for i in range(6)
+    ]
+    slow = [{**row, "controller": "hybrid", "time_to_goal_s": 2.9} for row in quick]
+    _, other = summarise(quick + slow, "cpg", 3.0, np.random.default_rng(0))
+    time = other["paired"]["differences"]["time_to_goal_s"]
+    assert time["value"] > 0
+    assert time["improvement"]["value"] == 0
+
+
+def test_p_values_are_corrected_over_all_terrains_and_controllers():
+    given = [
+        row
+        for terrain in ("flat", "gapped")
+        for name, gain in (("cpg", 0), ("hybrid", 1), ("rule_based", 0.1))
+        for row in rows([1 + gain, 2, 3 + gain, 4 - gain, 5, 6 + gain], name, terrain)
+    ]
+    summary = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    family = [row["paired"]["differences"]["speed_mm_s"] for row in summary if row["paired"]]
+    assert len(family) == 4
+    # all four alike in signs: 16 sets of 4 signs, of which 2 + 8 have a mean as far from 0
+    assert {entry["p_value"] for entry in family} == {family[0]["p_value"]}
+    assert all(entry["p_adjusted"] == entry["p_value"] for entry in family)
