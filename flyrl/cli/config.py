@@ -95,6 +95,7 @@ class EvaluationSettings:
     episodes: int = EvaluationConfig.episodes
     seed: int = EvaluationConfig.seed
     reference: str | None = EvaluationConfig.reference
+    trust_pickles: bool = EvaluationConfig.trust_pickles
     num_envs: int = EvaluationConfig.num_envs
     num_threads: int = EvaluationConfig.num_threads
     progress_bar: bool = True
@@ -150,6 +151,7 @@ def evaluation_config(
         physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
         randomisation=_randomisation(config),
         reference=settings.reference,
+        trust_pickles=settings.trust_pickles,
         num_envs=settings.num_envs,
         num_threads=settings.num_threads,
         progress=settings.progress_bar,

@@ -1,10 +1,8 @@
 """The user's own terms: Python objects by name, imported because the user named them."""
 
-import importlib
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 
+from flyrl.entry_points import load_module
 from flyrl.tasks import Term
 from flyrl.tasks.extension import TERM_TYPES
 from flyrl.validation import one_of
@@ -41,30 +39,12 @@ def load_terms(names: Sequence[str]) -> dict[str, Term]:
 
 
 def _load(name: str, key: str) -> Term:
-    module_name, colon, attribute = name.partition(":")
-    if not (colon and attribute.isidentifier() and _is_module_name(module_name)):
-        raise ValueError(f"{key} must be module:attribute, e.g. my_terms:HEIGHT, got {name!r}")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    importlib.invalidate_caches()
-    try:
-        module = importlib.import_module(module_name)
-    except Exception as error:
-        # the module is the user's own code: it may raise anything
-        raise ValueError(
-            f"{key} is {name!r}, but {module_name} cannot be imported: "
-            f"{type(error).__name__}: {error}"
-        ) from error
-    found = vars(module)
+    found = load_module(name, key, "my_terms:HEIGHT")
+    attribute = name.partition(":")[2]
     terms = {known: term for known, term in found.items() if isinstance(term, TERM_TYPES)}
     if attribute in found and attribute not in terms:
         kinds = ", ".join(kind.__name__ for kind in TERM_TYPES)
         raise ValueError(
             f"{key}: {name} must be one of {kinds}, got a {type(found[attribute]).__name__}"
         )
-    return terms[one_of(f"{key}, of the terms in {module.__file__},", attribute, terms)]
-
-
-def _is_module_name(name: str) -> bool:
-    return all(part.isidentifier() for part in name.split("."))
+    return terms[one_of(f"{key}, of the terms in {found['__file__']},", attribute, terms)]

@@ -1,7 +1,10 @@
 """Every entrant on every terrain -> paired results: metrics, statistics, results files."""
 
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.entrants import FIXED, Entrant, changed_terms, make_entrants
+from flyrl.evaluation.entrant import Entrant
+from flyrl.evaluation.entrants import make_entrants
+from flyrl.evaluation.fixed import FIXED
+from flyrl.evaluation.learned import changed_terms
 from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
 from flyrl.evaluation.run import evaluate
 

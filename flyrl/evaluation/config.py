@@ -7,6 +7,7 @@ from typing import Final
 
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.table import BodyName
+from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
@@ -33,9 +34,10 @@ class EvaluationConfig:
     Attributes
     ----------
     policies
-        Learned policies: run folders, policy files or names.
+        Learned policies: run folders, policy files or names, or algorithm:file.zip of a model that
+        Stable-Baselines3 saved. And your own: module:factory, which is imported and called.
     controllers
-        Names of fixed entrants; see `flyrl.evaluation.entrants.FIXED`. None takes all those that
+        Names of fixed entrants; see `flyrl.evaluation.fixed.FIXED`. None takes the usual ones that
         go with the task.
     task
         A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation or goals, and
@@ -54,6 +56,9 @@ class EvaluationConfig:
     reference
         Name of the entrant that the others are compared with. None takes `hybrid` where it is
         among them, else the first fixed entrant, else the first of all.
+    trust_pickles
+        Whether zip files of Stable-Baselines3 may be read, which runs whatever code their author
+        put there.
     num_envs
         Episodes that are walked at the same time. Does not change the result.
     num_threads
@@ -79,6 +84,7 @@ class EvaluationConfig:
     physics: str | PhysicsConfig = "balanced"
     randomisation: str | RandomisationConfig = "none"
     reference: str | None = None
+    trust_pickles: bool = False
     num_envs: int = 64
     num_threads: int = 0
     progress: bool = False
@@ -124,6 +130,11 @@ class EvaluationConfig:
     def terrain_configs(self) -> tuple[TerrainConfig, ...]:
         """The terrains."""
         return tuple(self.env(terrain).scene.terrain for terrain in self.terrains)
+
+    @property
+    def legs(self) -> ControllerConfig:
+        """The hybrid controller that goes with the body."""
+        return self.env(self.terrains[0]).scene.controller
 
     @property
     def horizon_s(self) -> float:

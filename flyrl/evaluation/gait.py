@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from flyrl.anatomy import LEGS, Leg 
+from flyrl.anatomy import LEGS, Leg
 from flyrl.rollouts.records import BoolArray, FloatArray
 
 BLIP_S: Final = 0.01
 """A leg that stands, or swings, for less than half of this has not, s."""
 
-TRIPODS: Final[tuple[tuple[Leg , ...], ...]] = (("LM", "RF", "RH"), ("RM", "LF", "LH"))
+TRIPODS: Final[tuple[tuple[Leg, ...], ...]] = (("LM", "RF", "RH"), ("RM", "LF", "LH"))
 """Legs that swing together in a tripod gait, the middle leg first."""
 
 Interval = tuple[int, int]

@@ -14,7 +14,8 @@ import numpy as np
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.entrants import Entrant, make_entrants, reference_name
+from flyrl.evaluation.entrant import Entrant
+from flyrl.evaluation.entrants import make_entrants, reference_name
 from flyrl.evaluation.results import Json, Results, Trajectory, episode_row, trajectory
 from flyrl.evaluation.summary import summarise
 from flyrl.progress import progress_bar

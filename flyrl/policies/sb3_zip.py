@@ -12,8 +12,8 @@ import gymnasium
 import numpy as np
 import torch
 from gymnasium import Space
-from sb3_contrib import RecurrentPPO
-from stable_baselines3 import PPO, SAC
+from sb3_contrib import TQC, TRPO, CrossQ, RecurrentPPO
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
@@ -33,6 +33,19 @@ from flyrl.policies.lstm import LSTM
 from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import TASKS, Task
 from flyrl.validation import one_of
+
+ALGORITHMS: Final[Mapping[str, type[BaseAlgorithm]]] = {
+    "ppo": PPO,
+    "a2c": A2C,
+    "sac": SAC,
+    "td3": TD3,
+    "ddpg": DDPG,
+    "tqc": TQC,
+    "trpo": TRPO,
+    "crossq": CrossQ,
+    "recurrent_ppo": RecurrentPPO,
+}
+"""Algorithms whose models a bundle can hold, by the names that flyrl has for them."""
 
 # a policy needs no memory of what it learned from, and hindsight's cannot be made without its env
 _WITHOUT_BUFFER: Final[dict[str, Any]] = {
@@ -88,7 +101,8 @@ def import_sb3(
     task = env.resolved_task
     _check_space("observations", model.observation_space, observation_space(task), task)
     _check_space("actions", model.action_space, action_space(task), task)
-    algo = "recurrent_ppo" if algorithm is RecurrentPPO else algorithm.__name__.lower()
+    names = [name for name, known in ALGORITHMS.items() if known is algorithm]
+    algo = names[0] if names else algorithm.__name__.lower()
     training = {"algo": algo, "decisions": int(model.num_timesteps)}
     bundle = bundle_from_sb3(model, observation_layout(task), env_record(env), training)
     if vec_normalize is None:

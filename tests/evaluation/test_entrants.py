@@ -1,5 +1,6 @@
 import dataclasses
 import hashlib
+import sys
 
 import numpy as np
 import pytest
@@ -8,7 +9,13 @@ from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import reference_name
-from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
+from flyrl.policies import (
+    PolicyBundle,
+    PolicyFileError,
+    export_sb3,
+    load_bundle,
+    observation_layout,
+)
 from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.tasks import TASKS, ObservationTerm, extended
@@ -184,7 +191,9 @@ def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
     [("target", "open_loop"), ("velocity", "pursuit"), ("target_goal", "open_loop")],
 )
 def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, other):
-    assert names(EvaluationConfig(task=task)) == [name for name in FIXED if name != other]
+    assert names(EvaluationConfig(task=task)) == [
+        name for name, fixed in FIXED.items() if fixed.is_usual and name != other
+    ]
 
 
 def test_a_controller_that_does_not_go_with_the_task():
@@ -221,3 +230,109 @@ def test_reference(changes, expected):
 def test_a_reference_that_does_not_take_part():
     with pytest.raises(ValueError, match="reference"):
         make_entrants(EvaluationConfig(controllers=("cpg",), reference="hybrid"))
+
+
+def test_a_constant_drive_is_an_entrant():
+    (entrant,) = make_entrants(EvaluationConfig(controllers=("constant(1.2, 0.4)",)))
+    action, _ = entrant.policy.predict(np.zeros((3, 1)))
+    np.testing.assert_allclose(TARGET.drive(action), [[1.2, 0.4]] * 3, atol=1e-6)
+    assert entrant.record["policy"] == "constant drive (1.2, 0.4)"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("constant(1.2, fast)", "two numbers"),
+        ("constant(9, 0)", "drive of 'constant"),
+        ("constant(1)", "constant\\(left, right\\)"),
+    ],
+)
+def test_a_constant_drive_that_is_none(name, message):
+    with pytest.raises(ValueError, match=message):
+        make_entrants(EvaluationConfig(controllers=(name,)))
+
+
+def test_hybrid_comes_with_either_set_of_reflexes():
+    config = EvaluationConfig(controllers=("hybrid_current", "hybrid_classic"))
+    current, classic = make_entrants(config)
+    assert (current.controller.reflexes, classic.controller.reflexes) == ("current", "classic")
+    assert current.controller.name == classic.controller.name == "hybrid"
+
+
+@pytest.fixture
+def own_policies(tmp_path, monkeypatch):
+    """A module of a user's own in the current folder, imported anew."""
+    (tmp_path / "own_policies.py").write_text(
+        "from flyrl.policies import ConstantDrive\n"
+        "def steady(task):\n"
+        "    return ConstantDrive(0.5, 0.5, task.action)\n"
+        "def broken(task):\n"
+        "    raise KeyError('nothing')\n"
+        "def nothing(task):\n"
+        "    return 3\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield tmp_path / "own_policies.py"
+    sys.modules.pop("own_policies", None)
+
+
+def test_a_factory_of_a_users_own_makes_an_entrant(own_policies):
+    config = EvaluationConfig(policies=("own_policies:steady",), controllers=("hybrid",))
+    entrant, _ = make_entrants(config)
+    assert entrant.name == "steady"
+    assert entrant.controller == config.legs
+    assert entrant.record["sha256"] == hashlib.sha256(own_policies.read_bytes()).hexdigest()
+    action, _ = entrant.policy.predict(np.zeros((2, 1)))
+    np.testing.assert_allclose(TARGET.drive(action), 0.5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("own_policies:stedy", "did you mean 'steady'"),
+        ("own_policies:broken", "raised KeyError: 'nothing'"),
+        ("own_policies:nothing", "must return a policy with predict"),
+        ("no_such_module:steady", "cannot be imported: ModuleNotFoundError"),
+    ],
+)
+def test_a_factory_that_cannot_be_used(own_policies, name, message):
+    with pytest.raises(ValueError, match=message):
+        make_entrants(EvaluationConfig(policies=(name,), controllers=()))
+
+
+@pytest.fixture(scope="module")
+def sb3_model(tmp_path_factory):
+    """The zip file of a model that nobody trained."""
+    path = tmp_path_factory.mktemp("sb3") / "model.zip"
+    bundle = load_bundle("target-flat")
+    export_sb3(bundle).save(path)
+    return path
+
+
+def test_a_model_of_stable_baselines3_takes_part(sb3_model):
+    config = EvaluationConfig(
+        policies=("target-flat", f"ppo:{sb3_model}"), controllers=(), trust_pickles=True
+    )
+    own, imported = make_entrants(config)
+    assert imported.name == "ppo"
+    assert imported.record["sha256"] == hashlib.sha256(sb3_model.read_bytes()).hexdigest()
+    observation = (
+        np.random.default_rng(0).normal(size=(4, own.policy.bundle.num_inputs)).astype(np.float32)
+    )
+    np.testing.assert_allclose(
+        own.policy.predict(observation)[0], imported.policy.predict(observation)[0], atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("ppo:{}", "was not opened"),
+        ("{}", "say which algorithm made it, e.g. ppo:"),
+        ("reinforce:{}", "algorithm of"),
+    ],
+)
+def test_a_zip_file_needs_its_algorithm_and_trust(sb3_model, name, message):
+    with pytest.raises(ValueError, match=message):
+        make_entrants(EvaluationConfig(policies=(name.format(sb3_model),), controllers=()))

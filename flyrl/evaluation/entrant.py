@@ -1,0 +1,54 @@
+"""Who takes part in an evaluation: legs, and what steers them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from flyrl.controllers import ControllerConfig
+from flyrl.envs.core import EnvConfig
+from flyrl.evaluation.config import EvaluationConfig
+from flyrl.rollouts import Policy
+from flyrl.terrains import TerrainConfig
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A leg controller and the policy that steers it.
+
+    Attributes
+    ----------
+    name
+        Unique among the entrants of an evaluation.
+    controller
+        Of the legs.
+    policy
+        Of the descending drive.
+    decision_interval
+        s for which a decision is held; None takes the task's.
+    record
+        Where the entrant comes from, as plain JSON values.
+    """
+
+    name: str
+    controller: ControllerConfig
+    policy: Policy
+    decision_interval: float | None
+    record: Mapping[str, Any]
+
+    def env(self, config: EvaluationConfig, terrain: TerrainConfig) -> EnvConfig:
+        """Environment that the entrant walks in."""
+        return dataclasses.replace(
+            config.env(terrain),
+            controller=self.controller,
+            decision_interval=self.decision_interval,
+        )
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """`name`, or `name-2`, `name-3`, … where that is taken."""
+    if name not in taken:
+        return name
+    return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)

@@ -1,0 +1,120 @@
+"""Learned entrants: policies from bundles, run folders, by name, or from Stable-Baselines3."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flyrl.controllers import ControllerConfig
+from flyrl.evaluation.config import EvaluationConfig
+from flyrl.evaluation.entrant import Entrant, free_name
+from flyrl.files import file_digest
+from flyrl.policies import LearnedPolicy, PolicyFileError, load_policy
+from flyrl.policies.bundle import policy_file
+from flyrl.policies.library import policy_name
+from flyrl.tasks import Task, term_digests
+from flyrl.terrains import terrain_label
+from flyrl.validation import one_of
+
+
+def changed_terms(entrant: Entrant, task: Task) -> list[str]:
+    """Modules of the user's own terms that are not what a learned policy was trained with."""
+    training = entrant.record.get("training")
+    before = training.get("terms") if isinstance(training, dict) else None
+    if not isinstance(before, dict):  # fixed, or from before they were noted
+        return []
+    now = term_digests(task.added)
+    return [module for module, digest in now.items() if before.get(module) != digest]
+
+
+def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) -> Entrant:
+    """Entrant of a learned policy.
+
+    Parameters
+    ----------
+    path
+        A policy file, a run folder, the name of a policy that comes with flyrl, or
+        algorithm:file.zip of a model that Stable-Baselines3 saved.
+    config
+        Of the evaluation.
+    taken
+        Names that are not free any more.
+
+    Raises
+    ------
+    ValueError
+        Nothing there, or nothing that can be used here; a zip file without `trust_pickles`.
+    """
+    file, policy = _load(path, config)
+    env, training = policy.bundle.env, policy.bundle.training
+    _check_observations(policy, config.resolved_task)
+    try:
+        controller = ControllerConfig(**env["controller"]) if "controller" in env else config.legs
+    except TypeError as error:
+        raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
+    interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
+    name = free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
+    record = {
+        "name": name,
+        "kind": "learned",
+        "leg_controller": controller.name,
+        "policy": _how_learned(env, training),
+        "source": str(file),
+        "sha256": file_digest(file),
+        "controller_config": dataclasses.asdict(controller),
+        "trained_in": dict(env),
+        "training": dict(training),
+    }
+    return Entrant(name, controller, policy, interval, record)
+
+
+def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
+    algorithm, colon, model = path.partition(":")
+    if not (colon and model.endswith(".zip")):
+        file = policy_file(path)
+        if file.suffix == ".zip":
+            raise PolicyFileError(
+                f"{path}: of a zip file, say which algorithm made it, e.g. ppo:{path}"
+            )
+        return file, load_policy(file)
+    from flyrl.policies.sb3_zip import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
+
+    made_by = ALGORITHMS[one_of(f"policies: algorithm of {path!r}", algorithm, ALGORITHMS)]
+    if not config.trust_pickles:
+        raise PolicyFileError(
+            f"{model} was not opened: a zip file of Stable-Baselines3 holds pickles, which can run "
+            "any code when they are read. Say trust_pickles=true if you know who made it"
+        )
+    env = config.env(config.terrains[0])
+    return Path(model), LearnedPolicy(import_sb3(model, made_by, env, trust=True))
+
+
+def _check_observations(policy: LearnedPolicy, task: Task) -> None:
+    """Raise PolicyFileError unless the policy sees what the task shows; say what would help."""
+    try:
+        policy.check_task(task)
+    except PolicyFileError as error:
+        trained_in = policy.bundle.env.get("task")
+        terms = trained_in.get("terms", []) if isinstance(trained_in, dict) else []
+        if terms == list(task.added):
+            raise
+        raise PolicyFileError(
+            f"{error}; it was trained with task.terms={_hydra_list(terms)}, "
+            f"here they are {_hydra_list(task.added)}"
+        ) from error
+
+
+def _hydra_list(names: Sequence[str]) -> str:
+    return f"[{','.join(map(str, names))}]"
+
+
+def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
+    text = "learned"
+    if "algo" in training:
+        text += f" with {training['algo']}"
+    terrain = env.get("terrain")
+    if isinstance(terrain, dict) and "name" in terrain:
+        text += f" on {terrain_label(terrain['name'], terrain.get('random'))}"
+    return text
