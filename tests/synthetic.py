@@ -5,8 +5,9 @@ from dataclasses import asdict
 
 import numpy as np
 
-from flyrl.evaluation.results import Results, episode_row, trajectory
+from flyrl.evaluation.results import Results, episode_row
 from flyrl.evaluation.summary import summarise
+from flyrl.evaluation.trajectories import trajectory
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import Episode
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import shlex
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,6 +17,9 @@ from flyrl.files import new_folder, usable_folder
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
     from flyrl.evaluation import EvaluationConfig
+
+INTERRUPTED = 128 + signal.SIGINT
+"""Status of a command that was ended by Ctrl-C, as shells have it."""
 
 
 def main() -> None:
@@ -55,8 +59,11 @@ def run(record: dict[str, Any], start: Start) -> Path:
         else:
             folder = usable_folder(Path(settings.folder))
         report = compare(config, folder, settings.videos)
-    except OSError as error:
+    except (OSError, ValueError) as error:
         fail(error)
+    except KeyboardInterrupt:
+        print(f"interrupted; go on with: folder={folder}", file=sys.stderr)
+        raise SystemExit(INTERRUPTED) from None
     print(f"report: {report}")
     return folder
 
@@ -87,11 +94,20 @@ def comparison(
 
 
 def compare(config: EvaluationConfig, folder: Path, with_videos: bool) -> Path:
-    """Evaluate, write results and report to `folder`, and return the report's path."""
-    from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
+    """Evaluate, write results and report to `folder`, and return the report's path.
+
+    Where the same evaluation was interrupted in that folder, it goes on.
+    """
+    from flyrl.evaluation import drop_parts, evaluate, write_results  # noqa: PLC0415
     from flyrl.report import record_videos, write_report  # noqa: PLC0415
 
-    results = evaluate(config)
+    results = evaluate(config, folder)
+    for crash in results.protocol["crashes"]:
+        print(
+            f"warning: {crash['controller']} is out on {crash['terrain']}: {crash['error']}",
+            file=sys.stderr,
+        )
     write_results(results, folder)
+    drop_parts(folder)
     videos, note = record_videos(config) if with_videos else ([], None)
     return write_report(results, folder, videos=videos, note=note)

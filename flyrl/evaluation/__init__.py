@@ -5,6 +5,7 @@ from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants
 from flyrl.evaluation.fixed import FIXED
 from flyrl.evaluation.learned import changed_terms
+from flyrl.evaluation.parts import drop_parts
 from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
 from flyrl.evaluation.run import evaluate
 
@@ -15,6 +16,7 @@ __all__ = [
     "Results",
     "ResultsError",
     "changed_terms",
+    "drop_parts",
     "evaluate",
     "load_results",
     "make_entrants",

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.evaluation.metrics import METRICS, episode_metrics
+from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
 from flyrl.files import replacing, write_text
 from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
 
@@ -79,16 +80,6 @@ class ResultsError(ValueError):
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
-    """Path of one episode: float32 arrays over its samples, fields as in `EpisodeRecord`."""
-
-    time_s: NDArray[np.float32]
-    position_w: NDArray[np.float32]
-    yaw: NDArray[np.float32]
-    drive: NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False)
 class Results:
     """Results of an evaluation.
 
@@ -131,16 +122,6 @@ def episode_row(record: EpisodeRecord) -> Json:
         "success": record.success,
         **episode_metrics(record),
     }
-
-
-def trajectory(record: EpisodeRecord) -> Trajectory:
-    """Path of one episode, in single precision."""
-    return Trajectory(
-        record.time_s.astype(np.float32),
-        record.position_w.astype(np.float32),
-        record.yaw.astype(np.float32),
-        record.drive.astype(np.float32),
-    )
 
 
 def write_results(results: Results, folder: str | Path) -> Path:
@@ -269,16 +250,9 @@ def _digest(rows: Sequence[Json]) -> NDArray[np.uint8]:
 
 
 def _save_trajectories(path: Path, results: Results) -> None:
-    paths = results.trajectories
     with replacing(path) as partial:
         np.savez_compressed(
-            partial,
-            digest=_digest(results.episodes),
-            lengths=np.array([len(item.time_s) for item in paths], dtype=np.int64),
-            time_s=np.concatenate([item.time_s for item in paths]),
-            position_w=np.concatenate([item.position_w for item in paths]),
-            yaw=np.concatenate([item.yaw for item in paths]),
-            drive=np.concatenate([item.drive for item in paths]),
+            partial, digest=_digest(results.episodes), **pack_trajectories(results.trajectories)
         )
 
 
@@ -291,8 +265,6 @@ def _load_trajectories(folder: Path, rows: Sequence[Json]) -> list[Trajectory]:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if not np.array_equal(arrays["digest"], _digest(rows)):
                 return []
-            cuts = np.cumsum(arrays["lengths"])[:-1]
-            columns = [np.split(arrays[key], cuts) for key in Trajectory.__dataclass_fields__]
-            return [Trajectory(*fields) for fields in zip(*columns, strict=True)]
+            return unpack_trajectories(arrays)
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise ResultsError(f"{path}: not a whole trajectories file ({error})") from error

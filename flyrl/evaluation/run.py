@@ -6,21 +6,27 @@ import dataclasses
 import datetime
 import json
 import platform
-from collections.abc import Callable, Sequence
+import traceback
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from importlib import metadata
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
 import numpy as np
 
-from flyrl.envs.core import BatchedEnv
+from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants, reference_name
-from flyrl.evaluation.results import Json, Results, Trajectory, episode_row, trajectory
+from flyrl.evaluation.parts import Part, Parts
+from flyrl.evaluation.results import Json, Results, episode_row
 from flyrl.evaluation.summary import summarise
+from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
 from flyrl.rollouts import OUTCOMES, run_episodes
 from flyrl.tasks import Episode, task_record
+from flyrl.terrains import TerrainConfig
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -29,13 +35,27 @@ PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
 """Packages whose versions the results name."""
 
 
-def evaluate(config: EvaluationConfig) -> Results:
+def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Results:
     """Let every entrant walk the same episodes on every terrain, and compare them.
+
+    An entrant that raises an error is out of that terrain, with all its episodes there; the others
+    go on.
+
+    Parameters
+    ----------
+    config
+        Who, where, how often.
+    folder
+        Where each batch of episodes is kept until all are done, so that the same evaluation goes on
+        from there after an interruption. None keeps nothing.
 
     Raises
     ------
     ValueError
-        An entrant, terrain or setting that cannot be used; before anything is simulated.
+        An entrant, terrain or setting that cannot be used, before anything is simulated; or every
+        entrant raised an error.
+    OSError
+        The folder cannot be written to.
     """
     entrants = make_entrants(config)
     episodes = {terrain: config.draw_episodes(terrain) for terrain in config.terrain_configs}
@@ -45,8 +65,13 @@ def evaluate(config: EvaluationConfig) -> Results:
         for terrain in config.terrain_configs
         for entrant in entrants
     ]
+    protocol = _protocol(config, entrants, reference_name(config, entrants), episodes.values())
+    parts = Parts(
+        None if folder is None else Path(folder), [protocol, config.num_envs, _versions()]
+    )
     rows: list[Json] = []
     trajectories: list[Trajectory] = []
+    crashes: list[Json] = []
     with progress_bar(
         # whole ms, shown in s: a sum of many small floats could pass the total
         round(len(envs) * config.episodes * config.horizon_s * 1000),
@@ -57,26 +82,95 @@ def evaluate(config: EvaluationConfig) -> Results:
         layout="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
         "[{elapsed}<{remaining}, {rate_fmt}]{postfix}",
     ) as bar:
-        for entrant, terrain, env_config in envs:
+        for number, (entrant, terrain, env_config) in enumerate(envs):
             bar.set_postfix_str(f"{entrant.name}, {terrain.label}")
-            env = BatchedEnv(env_config, min(config.num_envs, config.episodes), config.num_threads)
-            for record in run_episodes(
-                env,
-                entrant.policy,
-                episodes[terrain],
-                controller=entrant.name,
-                on_progress=_advance(bar, env_config.decision_interval_s),
-            ):
-                rows.append(episode_row(record))
-                trajectories.append(trajectory(record))
-    reference = reference_name(config, entrants)
-    rng = np.random.default_rng(config.seed)
+            due = bar.n + round(config.episodes * config.horizon_s * 1000)
+            walk = _Walk(entrant, env_config, episodes[terrain], config)
+            try:
+                found = walk.batches(parts, number, bar)
+            except _CrashError as crash:
+                crashes.append(_crash(entrant, terrain, crash))
+                bar.update(due - bar.n)
+                continue
+            for part_rows, part_trajectories in found:
+                rows += part_rows
+                trajectories += part_trajectories
+    if not rows:
+        raise ValueError(f"every entrant raised an error; the first: {crashes[0]['error']}")
+    walked = list(dict.fromkeys(row["controller"] for row in rows))
+    reference = protocol["reference"] if protocol["reference"] in walked else walked[0]
     return Results(
-        protocol=_protocol(config, entrants, reference, list(episodes.values())),
+        protocol={
+            **protocol,
+            "command": config.command,
+            "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            "versions": {"python": platform.python_version(), **_versions()},
+            "reference": reference,
+            "crashes": crashes,
+        },
         episodes=rows,
-        summary=summarise(rows, reference, config.horizon_s, rng),
+        summary=summarise(rows, reference, config.horizon_s, np.random.default_rng(config.seed)),
         trajectories=trajectories,
     )
+
+
+class _CrashError(Exception):
+    """An entrant raised an error, which is the cause."""
+
+
+@dataclass
+class _Walk:
+    """One entrant's episodes on one terrain."""
+
+    entrant: Entrant
+    env_config: EnvConfig
+    episodes: Sequence[Episode]
+    config: EvaluationConfig
+
+    def batches(self, parts: Parts, number: int, bar: tqdm[NoReturn]) -> list[Part]:
+        """Walk the batches that `parts` does not hold yet, keep them there, and return all."""
+        size = min(self.config.num_envs, len(self.episodes))
+        env: BatchedEnv | None = None
+        found = []
+        for start in range(0, len(self.episodes), size):
+            batch = self.episodes[start : start + size]
+            part = parts.read((number, start))
+            if part is None:
+                if env is None:
+                    env = BatchedEnv(self.env_config, size, self.config.num_threads)
+                part = self._walk(env, batch, start, bar)
+                parts.write((number, start), part)
+            else:
+                bar.update(round(len(batch) * self.config.horizon_s * 1000))
+            found.append(part)
+        return found
+
+    def _walk(
+        self, env: BatchedEnv, batch: Sequence[Episode], start: int, bar: tqdm[NoReturn]
+    ) -> Part:
+        try:
+            records = run_episodes(
+                env,
+                self.entrant.policy,
+                batch,
+                controller=self.entrant.name,
+                first_index=start,
+                on_progress=_advance(bar, self.env_config.decision_interval_s),
+            )
+        except Exception as error:
+            # a policy may be anybody's code, and raise anything
+            raise _CrashError from error
+        return [episode_row(record) for record in records], list(map(trajectory, records))
+
+
+def _crash(entrant: Entrant, terrain: TerrainConfig, crash: _CrashError) -> Json:
+    error = crash.__cause__
+    return {
+        "controller": entrant.name,
+        "terrain": terrain.label,
+        "error": f"{type(error).__name__}: {error}",
+        "traceback": "".join(traceback.format_exception(error)),
+    }
 
 
 def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
@@ -87,14 +181,12 @@ def _protocol(
     config: EvaluationConfig,
     entrants: Sequence[Entrant],
     reference: str,
-    episodes: Sequence[Sequence[Episode]],
+    episodes: Iterable[Sequence[Episode]],
 ) -> Json:
+    """What determines the results, but for versions."""
     env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
     protocol: Json = {
-        "command": config.command,
-        "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "versions": {"python": platform.python_version(), **_versions()},
         "seed": config.seed,
         "task": task.name,
         "terms": record["terms"],

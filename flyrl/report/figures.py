@@ -17,8 +17,9 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flyrl.evaluation.results import Json, Trajectory
+from flyrl.evaluation.results import Json
 from flyrl.evaluation.summary import paired_values
+from flyrl.evaluation.trajectories import Trajectory
 from flyrl.report.palette import colours, marker, themed
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT

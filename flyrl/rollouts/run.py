@@ -37,6 +37,7 @@ def run_episodes(
     episodes: Sequence[Episode],
     *,
     controller: str = "policy",
+    first_index: int = 0,
     horizon_s: float | None = None,
     on_progress: Callable[[int], object] | None = None,
 ) -> list[EpisodeRecord]:
@@ -52,9 +53,11 @@ def run_episodes(
     policy
         Asked for deterministic actions.
     episodes
-        Records come back in their order; `index` is the place in this list.
+        Records come back in their order.
     controller
         Name that the records carry.
+    first_index
+        Index of the first of the episodes, from which they count.
     horizon_s
         Longest duration of an episode, s; the task's time limit where that is shorter.
     on_progress
@@ -75,7 +78,7 @@ def run_episodes(
                 controller=controller,
                 task=env.task.name,
                 terrain=env.config.scene.terrain.label,
-                index=start + i,
+                index=first_index + start + i,
                 episode=episode,
                 horizon_s=decisions * env.config.decision_interval_s,
                 errors=path.mean_errors(env, decisions),

@@ -2,6 +2,7 @@ import dataclasses
 import json
 import subprocess
 import sys
+import types
 
 import numpy as np
 import pytest
@@ -121,3 +122,74 @@ def test_evaluation_needs_neither_training_nor_matplotlib_nor_sb3():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+class Ended(BaseException):
+    """An interruption, which no evaluation catches."""
+
+
+class EndsAfter:
+    """A policy that stands, and ends everything at its n-th decision."""
+
+    def __init__(self, decisions, error):
+        self.decisions, self.error = decisions, error
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        self.decisions -= 1
+        if self.decisions < 0:
+            raise self.error
+        return np.full((len(observation), 2), -1 / 3, np.float32), state
+
+
+@pytest.fixture
+def factory(monkeypatch):
+    """A module of a user's own whose factory makes what is put there."""
+    module = types.ModuleType("own_policy")
+    module.make = lambda task: module.policy
+    monkeypatch.setitem(sys.modules, "own_policy", module)
+    return module
+
+
+def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(factory, results, tmp_path):
+    factory.policy = EndsAfter(4, KeyError("the policy's own"))
+    config = dataclasses.replace(CONFIG, policies=("own_policy:make",), reference="make")
+    with_crash = evaluate(config)
+    assert {row["controller"] for row in with_crash.episodes} == {"cpg", "zero"}
+    assert [row["speed_mm_s"] for row in with_crash.episodes] == [
+        row["speed_mm_s"] for row in results.episodes
+    ]
+    (crash,) = with_crash.protocol["crashes"]
+    assert (crash["controller"], crash["terrain"]) == ("make", "flat")
+    assert crash["error"] == 'KeyError: "the policy\'s own"'
+    assert "in predict" in crash["traceback"]
+    # the reference itself is out: another takes its place
+    assert with_crash.protocol["reference"] == "cpg"
+    write_results(with_crash, tmp_path)
+    assert load_results(tmp_path).to_json() == with_crash.to_json()
+
+
+def test_without_anybody_left_there_are_no_results(factory):
+    factory.policy = EndsAfter(0, KeyError("nothing"))
+    with pytest.raises(ValueError, match="every entrant raised an error; the first: KeyError"):
+        evaluate(
+            dataclasses.replace(
+                CONFIG, policies=("own_policy:make",), controllers=(), reference=None
+            )
+        )
+
+
+def test_an_interrupted_evaluation_goes_on_where_it_was(factory, tmp_path):
+    config = dataclasses.replace(CONFIG, policies=("own_policy:make",), num_envs=1, reference=None)
+    factory.policy = EndsAfter(10_000, None)
+    whole = evaluate(config)
+    # ten decisions an episode: in the third and last one
+    factory.policy = EndsAfter(25, Ended())
+    with pytest.raises(Ended):
+        evaluate(config, tmp_path)
+    assert len(list(tmp_path.glob("parts/*"))) == 2
+    factory.policy = EndsAfter(10, Ended())  # enough for that one alone
+    resumed = evaluate(config, tmp_path)
+    assert resumed.episodes == whole.episodes
+    assert resumed.summary == whole.summary
+    for path, other in zip(resumed.trajectories, whole.trajectories, strict=True):
+        np.testing.assert_array_equal(path.position_w, other.position_w)

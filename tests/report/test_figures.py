@@ -4,7 +4,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from flyrl.evaluation.results import Trajectory
+from flyrl.evaluation.trajectories import Trajectory
 from flyrl.report.figures import (
     aligned,
     distributions_figure,

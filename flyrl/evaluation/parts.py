@@ -1,0 +1,84 @@
+"""What an evaluation has walked so far: a file per batch of episodes, to go on from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from flyrl.evaluation.results import Json
+from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
+from flyrl.files import replacing
+
+PARTS_FOLDER: Final = "parts"
+
+Part = tuple[list[Json], list[Trajectory]]
+
+
+class Parts:
+    """Batches of episodes in a folder, of an evaluation of certain settings.
+
+    Parameters
+    ----------
+    folder
+        Of the results. None keeps nothing.
+    settings
+        Plain JSON values; what was walked with others does not count.
+    """
+
+    def __init__(self, folder: Path | None, settings: Any) -> None:
+        self._folder = None if folder is None else folder / PARTS_FOLDER
+        text = json.dumps(settings, sort_keys=True)
+        self._digest = np.frombuffer(hashlib.sha256(text.encode()).digest(), dtype=np.uint8)
+
+    def read(self, place: Sequence[int]) -> Part | None:
+        """Rows and paths of a batch; None where there are none, or not whole.
+
+        Parameters
+        ----------
+        place
+            Numbers that tell the batch from all others.
+        """
+        if self._folder is None:
+            return None
+        try:
+            with self._path(place).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+                if not np.array_equal(arrays["settings"], self._digest):
+                    return None
+                rows: list[Json] = json.loads(arrays["rows"].tobytes())
+                return rows, unpack_trajectories(arrays)
+        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
+            return None
+
+    def write(self, place: Sequence[int], part: Part) -> None:
+        """Keep a batch.
+
+        Raises
+        ------
+        OSError
+            The folder cannot be written to.
+        """
+        if self._folder is None:
+            return
+        self._folder.mkdir(parents=True, exist_ok=True)
+        rows, paths = part
+        text = np.frombuffer(json.dumps(rows).encode(), dtype=np.uint8)
+        with replacing(self._path(place)) as partial:
+            np.savez_compressed(
+                partial, settings=self._digest, rows=text, **pack_trajectories(paths)
+            )
+
+    def _path(self, place: Sequence[int]) -> Path:
+        assert self._folder is not None
+        return self._folder / f"{'-'.join(map(str, place))}.npz"
+
+
+def drop_parts(folder: Path) -> None:
+    """Drop the batches in a folder of results, once these hold them."""
+    shutil.rmtree(folder / PARTS_FOLDER, ignore_errors=True)
