@@ -42,7 +42,7 @@ PASSIVE_TARSUS_JOINTS: Final = tuple(
     f"joint_{leg}Tarsus{segment}" for leg in LEGS for segment in range(2, 6)
 )
 
-TRIPODS: Final = (("LF", "LH", "RM"), ("LM", "RF", "RH"))
+TRIPODS: Final[tuple[tuple[Leg, ...], ...]] = (("LF", "LH", "RM"), ("LM", "RF", "RH"))
 """The two leg groups that swing together in the tripod gait."""
 
 RIGHT_LEG_MIRROR: Final = (1.0, -1.0, -1.0, 1.0, -1.0, 1.0, 1.0)

@@ -6,14 +6,14 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS
+from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.symmetry import REFLECTION, symmetric_table
 from flyrl.bodies.table import (
@@ -27,6 +27,7 @@ from flyrl.bodies.table import (
     pose_degrees,
 )
 from flyrl.resources import assets_folder
+from flyrl.validation import one_of, within
 
 ROOT_BODY: Final = "Thorax"
 ROOT_JOINT: Final = "root"
@@ -50,6 +51,13 @@ The published models have none, and their tips come near 1e10 rad/s² too. More 
 better grip with the literature's integrator, which stops flies on blocks: a joint's inertia over
 its damping in a step is the share of a foot's slip that it corrects in this step.
 """
+
+GHOST: Final = 1e-3
+"""Share of its mass that a leg which was cut off keeps: without any, joints could not be solved."""
+
+FIXED_SOLREF: Final = (2e-3, 1.0)
+FIXED_SOLIMP: Final = (0.99, 0.999, 1e-3, 0.5, 2.0)
+"""Of joints that cannot move: back in place within some ms, and stiffer than servos and ground."""
 
 PLANES: Final = 1
 BOXES: Final = 2
@@ -103,12 +111,20 @@ class FlyConfig:
         that have no part in walking. The published models let them swing.
     symmetric : make left and right exact mirror images (see `symmetry.symmetric_table`). The
         published models are slightly lopsided; take False to have them as they are.
+    missing_legs : legs that are cut off. They keep their joints, so that every array has its usual
+        shape, but weigh next to nothing, touch nothing and are not seen.
+    fixed_joints : joints that cannot move, each a name in anatomy.JOINTS and its angle, rad.
+    senses_contact : False silences the legs' sense of contact, of which stumbling and the
+        observed contacts and forces come.
     """
 
     name: BodyName = "current"
     adhesion_gain: float = 40.0
     rigid_head: bool = True
     symmetric: bool = True
+    missing_legs: tuple[Leg, ...] = ()
+    fixed_joints: tuple[tuple[str, float], ...] = ()
+    senses_contact: bool = True
 
     def __post_init__(self) -> None:
         if self.name not in BODY_NAMES:
@@ -117,6 +133,11 @@ class FlyConfig:
             raise ValueError(
                 f"adhesion_gain: got {self.adhesion_gain!r}, allowed is a finite number >= 0"
             )
+        for leg in self.missing_legs:
+            one_of("missing_legs", leg, LEGS)
+        for joint, angle in self.fixed_joints:
+            one_of("fixed_joints", joint, JOINTS)
+            within(f"fixed_joints: angle of {joint}", angle, -math.pi, math.pi)
 
 
 def build_fly(
@@ -151,15 +172,30 @@ def build_fly(
 
     shapes = {row.segment: row for row in leg_collision()}
     for row in table.bodies:
+        if row.name.startswith(config.missing_legs):
+            ghost = replace(
+                row, mass=GHOST * row.mass, inertia=tuple(GHOST * i for i in row.inertia)
+            )
+            _add_body(spec, ghost, config.rigid_head)
+            continue
         body = _add_body(spec, row, config.rigid_head)
         if (shape := shapes.get(f"R{row.name[1:]}")) is not None:
             _add_collision(spec, body, shape, contact)
         if visual and row.mesh is not None:
             _add_mesh(spec, body, row)
     _add_actuators(spec, table, config.adhesion_gain)
+    _fix_joints(spec, config)
     _add_cameras(spec)
     _add_light(spec)
     return spec
+
+
+def start_pose(config: FlyConfig) -> NDArray[np.float64]:
+    """Pose in which a fly starts: the stretch pose, but for joints that cannot move, (42,) rad."""
+    pose = stretch_pose()
+    for joint, angle in config.fixed_joints:
+        pose[JOINTS.index(joint)] = angle
+    return pose
 
 
 def stretch_pose() -> NDArray[np.float64]:
@@ -296,6 +332,22 @@ def _add_actuators(spec: mujoco.MjSpec, table: BodyTable, adhesion_gain: float) 
         grip.set_to_adhesion(gain=adhesion_gain)
         grip.ctrllimited = True
         grip.ctrlrange = (0.0, 1.0)
+
+
+def _fix_joints(spec: mujoco.MjSpec, config: FlyConfig) -> None:
+    """Hold joints at their angles; their servos, which could do nothing, are still."""
+    for joint, angle in config.fixed_joints:
+        spec.actuator(f"actuator_{joint}").set_to_position(kp=0.0)
+        data = np.zeros(mujoco.mjNEQDATA)
+        data[0] = angle
+        spec.add_equality(
+            name=f"fixed_{joint}",
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            name1=joint,
+            data=data,
+            solref=FIXED_SOLREF,
+            solimp=FIXED_SOLIMP,
+        )
 
 
 def _add_cameras(spec: mujoco.MjSpec) -> None:

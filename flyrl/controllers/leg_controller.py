@@ -5,7 +5,7 @@ exists twice, from the same kernels: as `control_step`, which works on two flat 
 inside the physics engine, and as the class `LegController`, which is meant to be read.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -155,6 +155,8 @@ class ControllerConfig:
     step_duration_s
         Duration of a step of the rule-based controller; None for 1/12 s on untethered steps and
         the recording's duration on tethered ones.
+    retraction, stumbling
+        Factors on how quickly that reflex's corrections grow; 0 switches it off.
 
     Raises
     ------
@@ -169,6 +171,8 @@ class ControllerConfig:
     coupling_weight: float = TRIPOD_COUPLING_WEIGHT
     convergence_rate: float = TRIPOD_CONVERGENCE_RATE
     step_duration_s: float | None = None
+    retraction: float = 1.0
+    stumbling: float = 1.0
 
     def __post_init__(self) -> None:
         one_of("name", self.name, CONTROLLERS)
@@ -177,15 +181,21 @@ class ControllerConfig:
         positive("frequency_hz", self.frequency_hz)
         not_negative("coupling_weight", self.coupling_weight)
         not_negative("convergence_rate", self.convergence_rate)
+        not_negative("retraction", self.retraction)
+        not_negative("stumbling", self.stumbling)
         if self.step_duration_s is not None:
             positive("step_duration_s", self.step_duration_s)
 
     @property
     def reflex_parameters(self) -> ReflexParameters:
         """The reflexes' figures."""
-        if self.reflexes is not None:
-            return REFLEXES[self.reflexes]
-        return REFLEXES["current" if self.steps == "untethered" else "classic"]
+        own: ReflexesName = "current" if self.steps == "untethered" else "classic"
+        figures = REFLEXES[self.reflexes or own]
+        growth, decay = figures.retraction_rates
+        retraction_rates = (self.retraction * growth, decay)
+        growth, decay = figures.stumbling_rates
+        stumbling_rates = (self.stumbling * growth, decay)
+        return replace(figures, retraction_rates=retraction_rates, stumbling_rates=stumbling_rates)
 
     def load_steps(self) -> PreprogrammedSteps:
         """Load the recorded steps, lasting as long as a step of the rule-based controller."""

@@ -12,14 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from flyrl.anatomy import LEGS, Leg
+from flyrl.anatomy import LEGS, TRIPODS
 from flyrl.rollouts.records import BoolArray, FloatArray
 
 BLIP_S: Final = 0.01
 """A leg that stands, or swings, for less than half of this has not, s."""
-
-TRIPODS: Final[tuple[tuple[Leg, ...], ...]] = (("LM", "RF", "RH"), ("RM", "LF", "LH"))
-"""Legs that swing together in a tripod gait, the middle leg first."""
 
 Interval = tuple[int, int]
 
@@ -89,7 +86,9 @@ def tripod_coordination(stance: BoolArray) -> float | None:
     """
     found = dict(zip(LEGS, swings(stance), strict=True))
     strengths = []
-    for middle, *partners in TRIPODS:
+    for legs in TRIPODS:
+        middle = next(leg for leg in legs if leg.endswith("M"))
+        partners = [leg for leg in legs if leg != middle]
         if not all(found[leg] for leg in partners):
             continue
         for swing in found[middle]:

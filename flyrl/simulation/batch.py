@@ -7,7 +7,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from flyrl.bodies.fly import spawn_offset, stretch_pose
+from flyrl.bodies.fly import spawn_offset, start_pose
 from flyrl.controllers.gait_log import GAIT_LOG
 from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import GAIT_LOG_SIZE, STATE_SIZE, gait_log_at, install
@@ -74,7 +74,7 @@ class FlyBatch:
             self._ground = slice(first, first + len(terrain_boxes(scene.config.terrain).centres))
             self._geom_pos = self._batch.expand("geom_pos")
             self._geom_size = self._batch.expand("geom_size")
-        self._stretch_pose = stretch_pose()
+        self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
         self._variation = Variation(scene.model, self._batch)
         self._is_unstable = np.zeros(num_sims, dtype=bool)
@@ -127,7 +127,7 @@ class FlyBatch:
         self._qpos[ids, 3] = np.cos(yaws / 2)
         self._qpos[ids, 4:6] = 0.0
         self._qpos[ids, 6] = np.sin(yaws / 2)
-        self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._stretch_pose
+        self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._start_pose
         self.controllers[ids] = records
         self._is_unstable[ids] = False
         self._warned = self.warnings().sum(axis=1)

@@ -44,6 +44,8 @@ ENGINE = np.dtype(
         ("queue_places", "f8"),
         ("gait_places", "f8"),
         ("steps_per_gait_sample", "f8"),
+        ("senses_contact", "f8"),
+        ("is_missing", "f8", (NUM_LEGS,)),
         ("tibia_bodies", "f8", (NUM_LEGS,)),
         ("end_effector_bodies", "f8", (NUM_LEGS,)),
     ],
@@ -182,10 +184,12 @@ def _control_callback(found: Layout) -> Any:
             rotation = carray(_as_float64(_int64(data + rotations_at) + 72 * thorax), (3, 3))
             for axis in range(3):
                 scratch.heading[axis] = rotation[axis, 0]
+            thorax_z = carray(_as_float64(positions + 24 * thorax), (3,))[2]
             for leg in range(NUM_LEGS):
                 body = int(engine.end_effector_bodies[leg])
-                scratch.end_effector_z[leg] = carray(_as_float64(positions + 24 * body), (3,))[2]
-            thorax_z = carray(_as_float64(positions + 24 * thorax), (3,))[2]
+                tip_z = carray(_as_float64(positions + 24 * body), (3,))[2]
+                # a leg that is not there is in no hole
+                scratch.end_effector_z[leg] = thorax_z if engine.is_missing[leg] != 0.0 else tip_z
             coefficients = carray(
                 _as_float64(address + header_bytes), (NUM_LEGS, int(engine.num_intervals), 7, 4)
             )
@@ -332,6 +336,8 @@ def _sensor_callback(found: Layout) -> Any:
                 carray(_as_float64(_int64(data + torques_at)), (NUM_SERVOS,)),
                 carray(_as_float64(_int64(data + velocities_at)), (NUM_SERVOS,)),
             )
+        if engine.senses_contact == 0.0:
+            state.contact_forces_w[:, :] = 0.0
 
     return sense_contacts
 

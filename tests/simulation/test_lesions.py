@@ -1,0 +1,115 @@
+"""Flies with a part missing: legs cut off, joints that cannot move, legs that feel nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.anatomy import JOINTS, LEGS
+from flyrl.bodies.fly import FlyConfig, build_fly
+from flyrl.controllers.leg_controller import ControllerConfig, initial_state
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.terrains import TERRAINS
+
+TIBIA = "joint_RMTibia"
+
+
+def walked(terrain="flat", seconds=0.6, controller=None, **body):
+    """A fly that was told to walk ahead; and its states every 10 ms."""
+    config = SceneConfig(
+        body=FlyConfig(**body),
+        terrain=TERRAINS[terrain],
+        controller=controller or ControllerConfig(),
+    )
+    batch = FlyBatch(build_scene(config), 1, num_threads=1)
+    height = 1.5 if terrain == "gapped" else 0.5
+    state = initial_state(config.controller, seed=0)
+    batch.reset(np.array([0]), np.array([[0.0, 0.0, height]]), np.zeros(1), [state])
+    batch.set_drive(np.ones((1, 2)))
+    steps = round(0.01 / config.physics.timestep)
+    states = []
+    for _ in range(round(seconds / 0.01)):
+        batch.step(steps)
+        states.append(batch.state())
+    return batch, states
+
+
+def way(states):
+    return float(np.linalg.norm(states[-1].position_w[0, :2] - states[0].position_w[0, :2]))
+
+
+def test_a_leg_that_was_cut_off_touches_nothing_and_the_fly_walks_on_worse():
+    _, whole = walked()
+    _, lesioned = walked(missing_legs=("LM",))
+    forces = np.array([state.contact_forces_w[0].reshape(6, 18) for state in lesioned])
+    touched = np.abs(forces).sum(axis=(0, 2)) > 0
+    assert touched.tolist() == [leg != "LM" for leg in LEGS]
+    assert 0.2 * way(whole) < way(lesioned) < way(whole)
+    assert not lesioned[-1].is_unstable.any()
+
+
+def test_a_leg_that_was_cut_off_weighs_next_to_nothing():
+    whole, lesioned = (
+        build_fly(FlyConfig(missing_legs=legs)).compile() for legs in ((), ("RH", "LF"))
+    )
+    legs = [
+        whole.body(i) for i in range(whole.nbody) if whole.body(i).name.startswith(("RH", "LF"))
+    ]
+    lost = sum(float(leg.mass[0]) for leg in legs)
+    assert lost > 0
+    assert whole.body_mass.sum() - lesioned.body_mass.sum() == pytest.approx(0.999 * lost)
+
+
+def test_a_leg_that_was_cut_off_is_in_no_hole():
+    # with all legs on one side gone the others hang no deeper than what is not there
+    batch, states = walked(missing_legs=("RF", "RM", "RH"), seconds=0.3)
+    retracted = np.array([state.retraction[0] for state in states])
+    assert not retracted[:, 3:].any()
+    assert batch.scene.config.body.missing_legs == ("RF", "RM", "RH")
+
+
+def test_a_fixed_joint_stays_where_it_is():
+    _, states = walked(fixed_joints=((TIBIA, 1.2),))
+    angles = np.array([state.joint_angles[0] for state in states])
+    held = JOINTS.index(TIBIA)
+    assert np.abs(angles[:, held] - 1.2).max() < np.deg2rad(1)
+    assert np.ptp(angles[:, JOINTS.index("joint_LMTibia")]) > np.deg2rad(10)
+
+
+def test_legs_that_feel_nothing_do_not_stumble():
+    feeling, numb = (walked("blocks", senses_contact=senses)[1] for senses in (True, False))
+    assert any(state.stumbling.any() for state in feeling)
+    assert not any(state.stumbling.any() for state in numb)
+    assert not any(state.contact_forces_w.any() for state in numb)
+    # they are on the ground all the same
+    assert numb[-1].position_w[0, 2] > 0.5
+
+
+@pytest.mark.parametrize("reflex", ["retraction", "stumbling"])
+def test_a_reflex_that_is_switched_off(reflex):
+    other = {"retraction": "stumbling", "stumbling": "retraction"}[reflex]
+    off = dataclasses.replace(ControllerConfig(), **{reflex: 0.0})
+    _, states = walked("mixed", controller=off)
+    assert not any(getattr(state, reflex).any() for state in states)
+    assert any(getattr(state, other).any() for state in states)
+
+
+def test_a_reflex_at_half_its_strength_grows_half_as_quickly():
+    whole, half = ControllerConfig(), ControllerConfig(retraction=0.5)
+    growth, decay = whole.reflex_parameters.retraction_rates
+    assert half.reflex_parameters.retraction_rates == (growth / 2, decay)
+    assert half.reflex_parameters.stumbling_rates == whole.reflex_parameters.stumbling_rates
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"missing_legs": ("LQ",)}, "missing_legs must be one of"),
+        ({"fixed_joints": (("joint_LQTibia", 0.0),)}, "fixed_joints must be one of"),
+        ({"fixed_joints": ((TIBIA, 9.0),)}, "angle of joint_RMTibia"),
+    ],
+)
+def test_a_lesion_that_there_cannot_be(settings, message):
+    with pytest.raises(ValueError, match=message):
+        FlyConfig(**settings)
