@@ -94,6 +94,7 @@ class EvaluationSettings:
     terrains: tuple[Any, ...] = EvaluationConfig.terrains
     episodes: int = EvaluationConfig.episodes
     seed: int = EvaluationConfig.seed
+    vary: dict[str, Any] | None = None
     reference: str | None = EvaluationConfig.reference
     trust_pickles: bool = EvaluationConfig.trust_pickles
     num_envs: int = EvaluationConfig.num_envs
@@ -106,6 +107,18 @@ class EvaluationSettings:
 def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettings:
     """Settings of the group `evaluation`, which stands at `key` (empty: at the top)."""
     return from_mapping(EvaluationSettings, config, key)
+
+
+def _varied(given: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
+    """Values of each quantity, with tuples in place of lists."""
+    for name, values in given.items():
+        if not isinstance(values, list | tuple):
+            raise ValueError(f"vary.{name} must be a list of values, got {values!r}")
+    return {name: tuple(_tuples(value) for value in values) for name, values in given.items()}
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def evaluation_config(
@@ -150,6 +163,7 @@ def evaluation_config(
         body=from_mapping(FlyConfig, config["body"], "body"),
         physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
         randomisation=_randomisation(config),
+        vary=_varied(settings.vary or {}),
         reference=settings.reference,
         trust_pickles=settings.trust_pickles,
         num_envs=settings.num_envs,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.table import BodyName
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import EnvConfig
+from flyrl.evaluation.conditions import Condition
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
@@ -53,6 +55,9 @@ class EvaluationConfig:
     randomisation
         Ranges that the fly of every episode is drawn from, or the name of some; every entrant
         walks as the same flies.
+    vary
+        Quantities (see `flyrl.evaluation.conditions.QUANTITIES`) and the values of each; everyone
+        walks all episodes under every one of them. Empty changes nothing.
     reference
         Name of the entrant that the others are compared with. None takes `hybrid` where it is
         among them, else the first fixed entrant, else the first of all.
@@ -83,6 +88,7 @@ class EvaluationConfig:
     body: BodyName | FlyConfig = "current"
     physics: str | PhysicsConfig = "balanced"
     randomisation: str | RandomisationConfig = "none"
+    vary: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     reference: str | None = None
     trust_pickles: bool = False
     num_envs: int = 64
@@ -109,6 +115,11 @@ class EvaluationConfig:
         names = [terrain.label for terrain in self.terrain_configs]
         if len(set(names)) < len(names):
             raise ValueError(f"terrains must differ in name, got {', '.join(names)}")
+        labels = [condition.label for condition in self.conditions]
+        if not labels or len(set(labels)) < len(labels):
+            raise ValueError(f"vary must name values that differ, got {dict(self.vary)}")
+        for condition in self.conditions:
+            condition.env(self.env(self.terrains[0]))
 
     def env(self, terrain: str | TerrainConfig) -> EnvConfig:
         """Environment with the controller that goes with the body."""
@@ -148,7 +159,19 @@ class EvaluationConfig:
         first = FIRST_SEED + self.seed * MAX_EPISODES
         return range(first, first + self.episodes)
 
-    def draw_episodes(self, terrain: TerrainConfig) -> list[Episode]:
-        """Episodes on `terrain`, the same ones for every entrant."""
-        env = self.env(terrain)
-        return [env.sample_episode(seed) for seed in self.seeds()]
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """What everyone walks under, one after the other."""
+        if not self.vary:
+            return (Condition(),)
+        return tuple(
+            Condition(name, value) for name, values in self.vary.items() for value in values
+        )
+
+    def draw_episodes(
+        self, terrain: TerrainConfig, condition: Condition | None = None
+    ) -> list[Episode]:
+        """Episodes on `terrain` under a condition, the same ones for every entrant."""
+        condition = condition or Condition()
+        env = condition.env(self.env(terrain))
+        return [condition.episode(env.sample_episode(seed)) for seed in self.seeds()]

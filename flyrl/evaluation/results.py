@@ -2,7 +2,7 @@
 
 A folder of results holds
 
-- `results.json`: schema `flyrl.results/1`: protocol, one row per episode, one summary per
+- `results.json`: schema `flyrl.results/2`: protocol, one row per episode, one summary per
   controller and terrain;
 - `episodes.csv`: the same rows, for a spreadsheet;
 - `trajectories.npz`: the paths, in the order of the rows; plain arrays.
@@ -30,7 +30,7 @@ from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_
 from flyrl.files import replacing, write_text
 from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
 
-SCHEMA: Final = "flyrl.results/1"
+SCHEMA: Final = "flyrl.results/2"
 RESULTS_FILE: Final = "results.json"
 EPISODES_FILE: Final = "episodes.csv"
 TRAJECTORIES_FILE: Final = "trajectories.npz"
@@ -60,12 +60,14 @@ ROW_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "seed": (int,),
     "outcome": _TEXT,
     "success": (bool,),
+    "condition": _TEXT,
     **dict.fromkeys(METRICS, _OPTIONAL),
 }
 SUMMARY_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "controller": _TEXT,
     "task": _TEXT,
     "terrain": _TEXT,
+    "condition": _TEXT,
     "episodes": (int,),
     "successes": (int,),
     "outcomes": (dict,),
@@ -110,8 +112,8 @@ class Results:
         }
 
 
-def episode_row(record: EpisodeRecord) -> Json:
-    """Row of `results.json` for one episode."""
+def episode_row(record: EpisodeRecord, condition: str = "") -> Json:
+    """Row of `results.json` for one episode, walked under a condition."""
     return {
         "controller": record.controller,
         "task": record.task,
@@ -120,6 +122,7 @@ def episode_row(record: EpisodeRecord) -> Json:
         "seed": record.seed,
         "outcome": record.outcome,
         "success": record.success,
+        "condition": condition,
         **episode_metrics(record),
     }
 
@@ -150,7 +153,7 @@ def load_results(path: str | Path) -> Results:
     Raises
     ------
     ResultsError
-        If there is no such file, or it is not a whole `flyrl.results/1`.
+        If there is no such file, or it is not a whole `flyrl.results/2`.
     """
     path = Path(path)
     if path.is_dir():
@@ -170,7 +173,7 @@ def load_results(path: str | Path) -> Results:
 
 
 def validate(contents: object) -> None:
-    """Check that `contents` follows schema `flyrl.results/1`.
+    """Check that `contents` follows schema `flyrl.results/2`.
 
     Raises
     ------

@@ -7,7 +7,7 @@ import datetime
 import json
 import platform
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final, NoReturn
 import numpy as np
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants, reference_name
@@ -58,14 +59,14 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         The folder cannot be written to.
     """
     entrants = make_entrants(config)
-    episodes = {terrain: config.draw_episodes(terrain) for terrain in config.terrain_configs}
     # Every environment's config is made, and with that checked, before the first one runs.
-    envs = [
-        (entrant, terrain, entrant.env(config, terrain))
+    walks = [
+        _Walk(entrant, terrain, condition, condition.env(entrant.env(config, terrain)), config)
         for terrain in config.terrain_configs
+        for condition in config.conditions
         for entrant in entrants
     ]
-    protocol = _protocol(config, entrants, reference_name(config, entrants), episodes.values())
+    protocol = _protocol(config, entrants, reference_name(config, entrants))
     parts = Parts(
         None if folder is None else Path(folder), [protocol, config.num_envs, _versions()]
     )
@@ -74,7 +75,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
     crashes: list[Json] = []
     with progress_bar(
         # whole ms, shown in s: a sum of many small floats could pass the total
-        round(len(envs) * config.episodes * config.horizon_s * 1000),
+        round(len(walks) * config.episodes * config.horizon_s * 1000),
         is_shown=config.progress,
         unit="s",
         unit_scale=1e-3,
@@ -82,14 +83,13 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         layout="{desc} {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} simulated s "
         "[{elapsed}<{remaining}, {rate_fmt}]{postfix}",
     ) as bar:
-        for number, (entrant, terrain, env_config) in enumerate(envs):
-            bar.set_postfix_str(f"{entrant.name}, {terrain.label}")
+        for number, walk in enumerate(walks):
+            bar.set_postfix_str(walk.text)
             due = bar.n + round(config.episodes * config.horizon_s * 1000)
-            walk = _Walk(entrant, env_config, episodes[terrain], config)
             try:
                 found = walk.batches(parts, number, bar)
             except _CrashError as crash:
-                crashes.append(_crash(entrant, terrain, crash))
+                crashes.append(walk.crash(crash))
                 bar.update(due - bar.n)
                 continue
             for part_rows, part_trajectories in found:
@@ -120,20 +120,29 @@ class _CrashError(Exception):
 
 @dataclass
 class _Walk:
-    """One entrant's episodes on one terrain."""
+    """One entrant's episodes on one terrain, under one condition."""
 
     entrant: Entrant
+    terrain: TerrainConfig
+    condition: Condition
     env_config: EnvConfig
-    episodes: Sequence[Episode]
     config: EvaluationConfig
+
+    @property
+    def text(self) -> str:
+        """Who, where and how."""
+        return ", ".join(
+            filter(None, (self.entrant.name, self.terrain.label, self.condition.label))
+        )
 
     def batches(self, parts: Parts, number: int, bar: tqdm[NoReturn]) -> list[Part]:
         """Walk the batches that `parts` does not hold yet, keep them there, and return all."""
-        size = min(self.config.num_envs, len(self.episodes))
+        episodes = self.config.draw_episodes(self.terrain, self.condition)
+        size = min(self.config.num_envs, len(episodes))
         env: BatchedEnv | None = None
         found = []
-        for start in range(0, len(self.episodes), size):
-            batch = self.episodes[start : start + size]
+        for start in range(0, len(episodes), size):
+            batch = episodes[start : start + size]
             part = parts.read((number, start))
             if part is None:
                 if env is None:
@@ -160,29 +169,26 @@ class _Walk:
         except Exception as error:
             # a policy may be anybody's code, and raise anything
             raise _CrashError from error
-        return [episode_row(record) for record in records], list(map(trajectory, records))
+        rows = [episode_row(record, self.condition.label) for record in records]
+        return rows, list(map(trajectory, records))
 
-
-def _crash(entrant: Entrant, terrain: TerrainConfig, crash: _CrashError) -> Json:
-    error = crash.__cause__
-    return {
-        "controller": entrant.name,
-        "terrain": terrain.label,
-        "error": f"{type(error).__name__}: {error}",
-        "traceback": "".join(traceback.format_exception(error)),
-    }
+    def crash(self, crash: _CrashError) -> Json:
+        """What is put on record of an entrant that raised an error."""
+        error = crash.__cause__
+        return {
+            "controller": self.entrant.name,
+            "terrain": self.terrain.label,
+            "condition": self.condition.label,
+            "error": f"{type(error).__name__}: {error}",
+            "traceback": "".join(traceback.format_exception(error)),
+        }
 
 
 def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
     return lambda decisions: bar.update(round(decisions * interval_s * 1000))
 
 
-def _protocol(
-    config: EvaluationConfig,
-    entrants: Sequence[Entrant],
-    reference: str,
-    episodes: Iterable[Sequence[Episode]],
-) -> Json:
+def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant], reference: str) -> Json:
     """What determines the results, but for versions."""
     env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
@@ -200,10 +206,13 @@ def _protocol(
             {
                 "name": terrain.label,
                 "config": dataclasses.asdict(terrain),
-                "episodes": [dataclasses.asdict(episode) for episode in drawn],
+                "episodes": [
+                    dataclasses.asdict(episode) for episode in config.draw_episodes(terrain)
+                ],
             }
-            for terrain, drawn in zip(config.terrain_configs, episodes, strict=True)
+            for terrain in config.terrain_configs
         ],
+        "vary": {name: list(values) for name, values in config.vary.items()},
         "body": dataclasses.asdict(env.scene.body),
         "physics": dataclasses.asdict(env.scene.physics),
         "randomisation": dataclasses.asdict(env.resolved_randomisation),

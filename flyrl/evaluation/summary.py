@@ -27,7 +27,7 @@ Row = Mapping[str, Any]
 def summarise(
     rows: Sequence[Row], reference: str, horizon_s: float, rng: np.random.Generator
 ) -> list[dict[str, Any]]:
-    """One summary per terrain and controller, in order of first appearance.
+    """One summary per terrain, condition and controller, in order of first appearance.
 
     Parameters
     ----------
@@ -45,24 +45,24 @@ def summarise(
     ValueError
         If `reference` has no episodes, or a controller walked one episode twice.
     """
-    groups: dict[tuple[str, str], dict[int, Row]] = {}
+    groups: dict[tuple[str, str], dict[str, dict[int, Row]]] = {}
     for row in rows:
-        episodes = groups.setdefault((row["terrain"], row["controller"]), {})
+        walked = groups.setdefault((row["terrain"], row["condition"]), {})
+        episodes = walked.setdefault(row["controller"], {})
         if row["episode"] in episodes:
             raise ValueError(
                 f"episodes must be walked once, got {row['episode']} twice by {row['controller']} "
                 f"on {row['terrain']}"
             )
         episodes[row["episode"]] = row
-    names = list(dict.fromkeys(name for _, name in groups))
+    names = list(dict.fromkeys(row["controller"] for row in rows))
     if reference not in names:
         raise ValueError(f"reference must be one of {', '.join(names)}, got {reference!r}")
-    terrains = list(dict.fromkeys(terrain for terrain, _ in groups))
     summary = []
-    for terrain in terrains:
-        others = groups.get((terrain, reference), {})
+    for walked in groups.values():
+        others = walked.get(reference, {})
         for name in names:
-            if own := groups.get((terrain, name)):
+            if own := walked.get(name):
                 row = summarise_controller(list(own.values()))
                 if name != reference:
                     row["paired"] = {
@@ -75,7 +75,7 @@ def summarise(
 
 
 def _adjust(summary: Sequence[dict[str, Any]]) -> None:
-    """Correct the p-values; the comparisons by one metric, on all terrains, are a family."""
+    """Correct the p-values; all comparisons by one metric are a family."""
     paired = [row["paired"]["differences"] for row in summary if row["paired"]]
     for metric in paired[0] if paired else ():
         family = [differences[metric] for differences in paired]
@@ -92,6 +92,7 @@ def summarise_controller(rows: Sequence[Row]) -> dict[str, Any]:
         "controller": rows[0]["controller"],
         "task": rows[0]["task"],
         "terrain": rows[0]["terrain"],
+        "condition": rows[0]["condition"],
         "episodes": len(rows),
         "successes": outcomes["success"],
         "outcomes": {outcome: outcomes[outcome] for outcome in kinds},

@@ -32,7 +32,7 @@ def contents(results):
 def test_results_have_the_published_form(results):
     contents = results.to_json()
     assert list(contents) == ["schema", "protocol", "episodes", "summary"]
-    assert contents["schema"] == SCHEMA == "flyrl.results/1"
+    assert contents["schema"] == SCHEMA == "flyrl.results/2"
 
 
 def test_rows_begin_with_the_published_fields(results):
@@ -143,8 +143,8 @@ def test_half_a_file(results, tmp_path):
 
 
 def test_a_foreign_file_names_itself_and_what_is_expected(tmp_path):
-    (tmp_path / RESULTS_FILE).write_text('{"schema": "flyrl.results/2"}')
-    with pytest.raises(ResultsError, match=r"results\.json: schema: 'flyrl\.results/2'.*/1"):
+    (tmp_path / RESULTS_FILE).write_text('{"schema": "flyrl.results/1"}')
+    with pytest.raises(ResultsError, match=r"results\.json: schema: 'flyrl\.results/1'.*/2"):
         load_results(tmp_path)
 
 

@@ -1,0 +1,149 @@
+"""Conditions of an evaluation: what is changed, in how strong a dose, for everyone alike.
+
+Robustness (another friction, mass, latency, a push) and experiments in silico (a leg cut off, a
+joint fixed, a reflex weakened) are the same thing here: a quantity, and the values it takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from flyrl.envs.core import EnvConfig
+from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.tasks import Episode
+from flyrl.validation import not_negative, number, one_of
+
+PUSH_TIME_S: Final = 1.0
+"""When a push of the condition `push` comes, s after the start."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Something that a condition changes.
+
+    Attributes
+    ----------
+    text
+        What it is, in words and units.
+    usual
+        Its value where nothing is changed.
+    env
+        The environment with another value.
+    episode
+        An episode with another value.
+    """
+
+    text: str
+    usual: Any
+    env: Callable[[EnvConfig, Any], EnvConfig] = lambda env, value: env
+    episode: Callable[[Episode, Any], Episode] = lambda episode, value: episode
+
+
+def _factor(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
+    def change(env: EnvConfig, value: Any) -> EnvConfig:
+        return _randomised(env, **{name: (value, value)})
+
+    return change
+
+
+def _randomised(env: EnvConfig, **changes: Any) -> EnvConfig:
+    drawn_from: RandomisationConfig = replace(env.resolved_randomisation, **changes)
+    return replace(env, randomisation=drawn_from)
+
+
+def _noisy(env: EnvConfig, value: Any) -> EnvConfig:
+    return _randomised(env, sensor_noise=value)
+
+
+def _coupled(env: EnvConfig, value: Any) -> EnvConfig:
+    legs = env.scene.controller
+    weight = not_negative("vary.coupling", value) * legs.coupling_weight
+    return replace(env, controller=replace(legs, coupling_weight=weight))
+
+
+def _reflex(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
+    def change(env: EnvConfig, value: Any) -> EnvConfig:
+        return replace(env, controller=replace(env.scene.controller, **{name: value}))
+
+    return change
+
+
+def _body(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
+    def change(env: EnvConfig, value: Any) -> EnvConfig:
+        return replace(env, body=replace(env.scene.body, **{name: value}))
+
+    return change
+
+
+def _pushed(episode: Episode, value: Any) -> Episode:
+    """One push, to the left in every other episode."""
+    side = 1.0 if episode.seed % 2 else -1.0
+    return replace(episode, pushes=(PUSH_TIME_S, side * number("vary.push", value)))
+
+
+QUANTITIES: Final[Mapping[str, Quantity]] = {
+    "friction": Quantity("factor on the friction of the legs", 1.0, _factor("friction")),
+    "mass": Quantity("factor on the fly's mass", 1.0, _factor("mass")),
+    "actuator_gain": Quantity("factor on the servos' stiffness", 1.0, _factor("actuator_gain")),
+    "adhesion": Quantity("factor on the grip of the legs", 1.0, _factor("adhesion")),
+    "sensor_noise": Quantity("noise, in the spreads of the senses", 0.0, _noisy),
+    "drive_latency": Quantity("s from a decision to the legs", 0.0, _factor("drive_latency")),
+    "push": Quantity("µN, sideways, after 1 s", 0.0, episode=_pushed),
+    "coupling": Quantity("factor on the coupling of the oscillators", 1.0, _coupled),
+    "retraction": Quantity("factor on the retraction reflex", 1.0, _reflex("retraction")),
+    "stumbling": Quantity("factor on the stumbling reflex", 1.0, _reflex("stumbling")),
+    "missing_legs": Quantity("legs that are cut off", (), _body("missing_legs")),
+    "fixed_joints": Quantity("joints that cannot move, rad", (), _body("fixed_joints")),
+    "senses_contact": Quantity("whether legs feel contact", True, _body("senses_contact")),
+}
+"""What can be varied, by name."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A quantity at one value; without a name, nothing is changed.
+
+    Raises
+    ------
+    ValueError
+        There is no such quantity.
+    """
+
+    name: str = ""
+    value: Any = None
+
+    def __post_init__(self) -> None:
+        if self.name:
+            one_of("vary", self.name, QUANTITIES)
+
+    @property
+    def label(self) -> str:
+        """Name and value, as in a table; empty where nothing is changed."""
+        return f"{self.name}={value_text(self.value)}" if self.name else ""
+
+    def env(self, env: EnvConfig) -> EnvConfig:
+        """The environment under this condition.
+
+        Raises
+        ------
+        ValueError
+            A value that is not allowed.
+        """
+        return QUANTITIES[self.name].env(env, self.value) if self.name else env
+
+    def episode(self, episode: Episode) -> Episode:
+        """The episode under this condition."""
+        return QUANTITIES[self.name].episode(episode, self.value) if self.name else episode
+
+
+def value_text(value: Any) -> str:
+    """A value as it stands in tables: a number without needless digits, names after one another."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "+".join(value_text(item) for item in value) or "none"
+    return str(value)

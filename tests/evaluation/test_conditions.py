@@ -1,0 +1,109 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.envs.core import EnvConfig
+from flyrl.evaluation import EvaluationConfig, evaluate
+from flyrl.evaluation.conditions import QUANTITIES, Condition, value_text
+from flyrl.tasks import TASKS
+
+SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
+STRONG = {
+    "drive_latency": 0.05,
+    "missing_legs": ("LM",),
+    "fixed_joints": (("joint_LMTibia", 1.2),),
+    "senses_contact": False,
+}
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_the_usual_value_changes_no_environment(name):
+    env = EnvConfig()
+    condition = Condition(name, QUANTITIES[name].usual)
+    same, scene = condition.env(env), env.scene
+    assert same.scene == dataclasses.replace(scene, queue_places=same.scene.queue_places)
+    drawn = same.sample_episode(3)
+    assert drawn.randomisation == env.sample_episode(3).randomisation
+
+
+@pytest.mark.parametrize("name", [name for name in QUANTITIES if name != "push"])
+def test_another_value_makes_another_fly(name):
+    condition = Condition(name, STRONG.get(name, 0.5))
+    env = condition.env(EnvConfig())
+    usual = EnvConfig()
+    drawn = [each.sample_episode(3).randomisation for each in (env, usual)]
+    assert drawn[0] != drawn[1] or env.scene != usual.scene
+
+
+def test_a_push_comes_from_either_side():
+    episodes = [EnvConfig().sample_episode(seed) for seed in (4, 5)]
+    pushed = [Condition("push", 6.0).episode(episode).pushes for episode in episodes]
+    assert pushed == [(1.0, -6.0), (1.0, 6.0)]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.5, "0.5"),
+        (1, "1"),
+        (True, "true"),
+        ((), "none"),
+        (("LF", "RM"), "LF+RM"),
+        ((("joint_LFTibia", 1.2),), "joint_LFTibia+1.2"),
+    ],
+)
+def test_values_are_told_in_short(value, text):
+    assert value_text(value) == text
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ({"fricton": (1.0,)}, "did you mean 'friction'"),
+        ({"friction": ()}, "vary must name values"),
+        ({"friction": (1.0, 1.0)}, "vary must name values that differ"),
+        ({"friction": (-1.0,)}, "randomisation.friction"),
+        ({"missing_legs": (("LQ",),)}, "missing_legs must be one of"),
+        ({"coupling": (-1.0,)}, "vary.coupling"),
+    ],
+)
+def test_what_cannot_be_varied(vary, message):
+    with pytest.raises(ValueError, match=message):
+        EvaluationConfig(vary=vary)
+
+
+@pytest.fixture(scope="module")
+def results():
+    config = EvaluationConfig(
+        task=SHORT,
+        controllers=("hybrid", "zero"),
+        episodes=3,
+        num_threads=1,
+        vary={"missing_legs": ((), ("LM", "RM")), "friction": (0.1,)},
+    )
+    return evaluate(config)
+
+
+def test_everyone_walks_under_every_condition(results):
+    labels = ["missing_legs=none", "missing_legs=LM+RM", "friction=0.1"]
+    walked = [(row["condition"], row["controller"], row["episode"]) for row in results.episodes]
+    expected = [(a, b, c) for a in labels for b in ("hybrid", "zero") for c in range(3)]
+    assert walked == expected
+    assert [(row["condition"], row["controller"]) for row in results.summary] == [
+        (label, name) for label in labels for name in ("hybrid", "zero")
+    ]
+
+
+def test_a_condition_without_a_change_is_the_usual_walk(results):
+    plain = evaluate(
+        EvaluationConfig(task=SHORT, controllers=("hybrid",), episodes=3, num_threads=1)
+    )
+    ways = [row["displacement_mm"] for row in results.episodes if row["controller"] == "hybrid"]
+    assert ways[:3] == [row["displacement_mm"] for row in plain.episodes]
+    assert not np.isin(ways[3:], ways[:3]).any()
+
+
+def test_conditions_start_from_the_same_place(results):
+    starts = np.array([path.position_w[0] for path in results.trajectories]).reshape(6, 3, 3)
+    np.testing.assert_allclose(starts, np.broadcast_to(starts[0], starts.shape), atol=1e-6)
