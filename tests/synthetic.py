@@ -121,15 +121,21 @@ def walk(controller, terrain, index, seed=0):
     )
 
 
-def make_results(controllers=tuple(STYLES), terrains=("flat",), episodes=20, reference="hybrid"):
+def make_results(
+    controllers=tuple(STYLES), terrains=("flat",), episodes=20, reference="hybrid", vary=None
+):
     """Results of an evaluation that never happened."""
-    records = [
-        walk(controller, terrain, index)
+    vary = vary or {}
+    labels = [f"{name}={value:g}" for name, values in vary.items() for value in values] or [""]
+    walks = [
+        (walk(controller, terrain, index), label)
         for terrain in terrains
+        for label in labels
         for controller in controllers
         for index in range(episodes)
     ]
-    rows = [episode_row(record) for record in records]
+    records = [record for record, _ in walks]
+    rows = [episode_row(record, label) for record, label in walks]
     protocol = {
         "command": "flyrl-evaluate policies=[runs/target-ppo] episodes=20 note='<b>&'",
         "created_utc": "2026-01-01T00:00:00+00:00",
@@ -158,6 +164,8 @@ def make_results(controllers=tuple(STYLES), terrains=("flat",), episodes=20, ref
             }
             for name in terrains
         ],
+        "vary": vary,
+        "crashes": [],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},
     }
     summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0))

@@ -50,6 +50,8 @@ PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "reference": _TEXT,
     "entrants": (list,),
     "terrains": (list,),
+    "vary": (dict,),
+    "crashes": (list,),
     "physics": (dict,),
 }
 ROW_KEYS: Final[dict[str, tuple[type, ...]]] = {

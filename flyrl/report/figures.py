@@ -207,6 +207,65 @@ def paired_figure(
         return _svg(figure, f"paired-{terrain}")
 
 
+def doses_figure(
+    summary: Sequence[Json],
+    terrain: str,
+    quantity: str,
+    labels: Sequence[str],
+    metrics: Sequence[str],
+) -> str:
+    """What each dose of a quantity does: a panel per metric, a line per controller.
+
+    Success with its interval, of all other metrics the median with quartiles.
+
+    Parameters
+    ----------
+    labels
+        Conditions in which the quantity takes its values, in order.
+    metrics
+        "success" and others.
+    """
+    rows = [row for row in summary if row["terrain"] == terrain and row["condition"] in labels]
+    names = _names(rows)
+    colour = colours(names)
+    values = [label.partition("=")[2] for label in labels]
+    places = _places(values)
+    with mpl.rc_context({**_STYLE, "axes.spines.left": True, "ytick.labelcolor": marker("muted")}):
+        figure = Figure(figsize=(_WIDTH, 2.9), layout="constrained")
+        panels = figure.subplots(1, len(metrics), squeeze=False).ravel()
+        for axes, metric in zip(panels, metrics, strict=True):
+            for name in names:
+                own = {row["condition"]: row for row in rows if row["controller"] == name}
+                points = [_dose(own[label], metric) for label in labels if label in own]
+                at = [place for place, label in zip(places, labels, strict=True) if label in own]
+                low, middle, high = np.array(points, dtype=np.float64).T
+                shade = marker(colour[name])
+                axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0)
+                axes.plot(at, middle, "o-", color=shade, markersize=4.5, label=name)
+            axes.set_xlabel(quantity.replace("_", " "))
+            axes.set_title(METRIC_LABELS[metric], loc="left")
+            axes.set_xticks(places, values)
+            axes.grid(visible=True)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
+        return _svg(figure, f"doses-{terrain}-{quantity}")
+
+
+def _places(values: Sequence[str]) -> list[float]:
+    """Where values stand on an axis: numbers where they belong, others side by side."""
+    try:
+        return [float(value) for value in values]
+    except ValueError:
+        return [float(i) for i in range(len(values))]
+
+
+def _dose(row: Json, metric: str) -> tuple[float | None, float | None, float | None]:
+    if metric == "success":
+        rate = row["success_rate"]
+        return rate["low"], rate["value"], rate["high"]
+    spread = row["metrics"][metric]
+    return spread["q1"], spread["median"], spread["q3"]
+
+
 def trajectories_figure(
     rows: Sequence[Json],
     trajectories: Sequence[Trajectory],

@@ -12,12 +12,14 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from flyrl.envs.record import randomisation_text
+from flyrl.evaluation.conditions import QUANTITIES, Condition
 from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.evaluation.results import Json, Results
 from flyrl.files import write_text
 from flyrl.report.figures import (
     METRIC_LABELS,
     distributions_figure,
+    doses_figure,
     paired_figure,
     success_figure,
     trajectories_figure,
@@ -85,6 +87,8 @@ def format_report(
             for terrain in results.protocol["terrains"]
         ],
         note=note,
+        is_varied=bool(results.protocol["vary"]),
+        crashes=results.protocol["crashes"],
         entrants=results.protocol["entrants"],
         physics=json.dumps(results.protocol["physics"], indent=1),
         randomisation=randomisation_text(results.protocol.get("randomisation")),
@@ -103,7 +107,7 @@ def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:
     others = [name for name in names if name != first and name not in learned]
     verb, noun = ("reaches", "targets") if protocol["task"] == "target" else ("solves", "episodes")
     rows = [row for row in summary if row["controller"] == first]
-    parts = [f"{row['successes']} of {row['episodes']} {noun} on {row['terrain']}" for row in rows]
+    parts = [f"{row['successes']} of {row['episodes']} {noun} on {_place(row)}" for row in rows]
     detail = f"{first}: {_rates(rows)}."
     if others:
         best = max(others, key=lambda name: _share(summary, name))
@@ -124,10 +128,15 @@ def _share(summary: Sequence[Json], name: str) -> float:
 
 def _rates(rows: Sequence[Json]) -> str:
     return ", ".join(
-        f"{100 * row['success_rate']['value']:.0f}\u00a0% on {row['terrain']} "
+        f"{100 * row['success_rate']['value']:.0f}\u00a0% on {_place(row)} "
         f"(95\u00a0% interval {interval_text(row['success_rate'], 100)}\u00a0%)"
         for row in rows
     )
+
+
+def _place(row: Json) -> str:
+    """Terrain and condition, where there is one."""
+    return f"{row['terrain']} ({row['condition']})" if row["condition"] else str(row["terrain"])
 
 
 def _listed(parts: Sequence[str]) -> str:
@@ -170,6 +179,9 @@ def _table_row(row: Json) -> Json:
 
 def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) -> Json:
     horizon_s = results.protocol["horizon_s"]
+    summary = [row for row in results.summary if row["terrain"] == terrain]
+    if results.protocol["vary"]:
+        return {"name": terrain, "doses": _doses(results, terrain)}
     goals = {
         index: episode["goal"]
         for section in results.protocol["terrains"]
@@ -184,9 +196,9 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
             [goals.get(row["episode"], ()) for row in results.episodes],
             terrain,
         )
-    summary = [row for row in results.summary if row["terrain"] == terrain]
     return {
         "name": terrain,
+        "doses": [],
         "distributions": Markup(
             distributions_figure(
                 results.episodes, terrain, horizon_s, _spread_metrics(results.protocol)
@@ -208,6 +220,27 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
             if video.terrain == terrain
         ],
     }
+
+
+def _doses(results: Results, terrain: str) -> list[Json]:
+    """What each quantity that was varied does on a terrain."""
+    metrics = ["success", *_spread_metrics(results.protocol)]
+    return [
+        {
+            "name": name,
+            "text": QUANTITIES[name].text,
+            "figure": Markup(
+                doses_figure(
+                    results.summary,
+                    terrain,
+                    name,
+                    [Condition(name, value).label for value in values],
+                    metrics,
+                )
+            ),
+        }
+        for name, values in results.protocol["vary"].items()
+    ]
 
 
 def _data_url(kind: str, data: bytes) -> str:

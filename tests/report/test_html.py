@@ -1,4 +1,5 @@
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -195,3 +196,35 @@ def test_the_report_lies_in_its_folder(results, tmp_path):
 )
 def test_numbers_are_short(value, text):
     assert format_number(value) == text
+
+
+def test_what_was_varied_is_drawn_dose_by_dose():
+    results = make_results(NAMES, episodes=6, vary={"friction": (0.5, 1.0, 2.0), "push": (0, 8)})
+    text = format_report(results)
+    page = Page(text)
+    assert page.count("svg") == 3  # success, and a figure per quantity
+    assert "friction=0.5" in text
+    assert "Factor on the friction of the legs" in text
+    rows = [attributes for tag, attributes in page.tags if tag == "tr"]
+    assert len(rows) >= 5 * len(NAMES)
+
+
+def test_who_crashed_is_named(results):
+    crash = {
+        "controller": "mine",
+        "terrain": "flat",
+        "condition": "push=8",
+        "error": "KeyError: '<nothing>'",
+        "traceback": "",
+    }
+    protocol = {**results.protocol, "crashes": [crash]}
+    text = format_report(replace(results, protocol=protocol))
+    assert "mine on flat (push=8) raised <code>KeyError: &#39;&lt;nothing&gt;&#39;</code>" in text
+
+
+def test_nobody_is_missing_where_nobody_crashed(text):
+    assert "Who is missing" not in text
+
+
+def test_a_difference_tells_how_sure_and_how_large_it_is(text):
+    assert re.search(r"better in \d+ % of the episodes.*corrected 0\.\d+; d = ", text)
