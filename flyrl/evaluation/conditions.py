@@ -123,6 +123,15 @@ class Condition:
         """Name and value, as in a table; empty where nothing is changed."""
         return f"{self.name}={value_text(self.value)}" if self.name else ""
 
+    @property
+    def is_usual(self) -> bool:
+        """Whether nothing is changed."""
+        return not self.name or self.label == Condition(self.name, self._quantity.usual).label
+
+    @property
+    def _quantity(self) -> Quantity:
+        return QUANTITIES[self.name]
+
     def env(self, env: EnvConfig) -> EnvConfig:
         """The environment under this condition.
 
@@ -131,11 +140,11 @@ class Condition:
         ValueError
             A value that is not allowed.
         """
-        return QUANTITIES[self.name].env(env, self.value) if self.name else env
+        return self._quantity.env(env, self.value) if self.name else env
 
     def episode(self, episode: Episode) -> Episode:
         """The episode under this condition."""
-        return QUANTITIES[self.name].episode(episode, self.value) if self.name else episode
+        return self._quantity.episode(episode, self.value) if self.name else episode
 
 
 def value_text(value: Any) -> str:

@@ -68,7 +68,8 @@ def format_report(
     )
     environment.filters["number"] = format_number
     names = list(dict.fromkeys(row["controller"] for row in results.summary))
-    sentence, detail = headline(results.summary, results.protocol)
+    usual = _usual(results)
+    sentence, detail = headline(usual, results.protocol)
     return environment.get_template("report.html.j2").render(
         title=_title(results.protocol, results.summary),
         headline=sentence,
@@ -80,7 +81,7 @@ def format_report(
         shown=[*_spread_metrics(results.protocol), "path_efficiency"],
         compared=compared_metrics(results.protocol["task"]),
         labels=METRIC_LABELS,
-        success_svg=Markup(success_figure(results.summary)),
+        success_svg=Markup(success_figure(usual)),
         rows=[_table_row(row) for row in results.summary],
         terrains=[
             _terrain_section(results, terrain["name"], videos)
@@ -132,6 +133,20 @@ def _rates(rows: Sequence[Json]) -> str:
         f"(95\u00a0% interval {interval_text(row['success_rate'], 100)}\u00a0%)"
         for row in rows
     )
+
+
+def _usual(results: Results) -> list[Json]:
+    """Summary under the one condition that is closest to none, where quantities were varied."""
+    conditions = [
+        Condition(name, value)
+        for name, values in results.protocol["vary"].items()
+        for value in values
+    ]
+    if not conditions:
+        return results.summary
+    unchanged = [each for each in conditions if each.is_usual]
+    label = (unchanged or conditions)[0].label
+    return [row for row in results.summary if row["condition"] == label]
 
 
 def _place(row: Json) -> str:

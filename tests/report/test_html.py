@@ -204,6 +204,8 @@ def test_what_was_varied_is_drawn_dose_by_dose():
     page = Page(text)
     assert page.count("svg") == 3  # success, and a figure per quantity
     assert "friction=0.5" in text
+    # spoken of first is where nothing is changed
+    assert "of 6 targets on flat (friction=1)." in text
     assert "Factor on the friction of the legs" in text
     rows = [attributes for tag, attributes in page.tags if tag == "tr"]
     assert len(rows) >= 5 * len(NAMES)
