@@ -122,7 +122,12 @@ def walk(controller, terrain, index, seed=0):
 
 
 def make_results(
-    controllers=tuple(STYLES), terrains=("flat",), episodes=20, reference="hybrid", vary=None
+    controllers=tuple(STYLES),
+    terrains=("flat",),
+    episodes=20,
+    reference="hybrid",
+    vary=None,
+    study=None,
 ):
     """Results of an evaluation that never happened."""
     vary = vary or {}
@@ -164,6 +169,7 @@ def make_results(
             }
             for name in terrains
         ],
+        "study": study,
         "vary": vary,
         "crashes": [],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},

@@ -97,6 +97,7 @@ class EvaluationSettings:
     vary: dict[str, Any] | None = None
     reference: str | None = EvaluationConfig.reference
     trust_pickles: bool = EvaluationConfig.trust_pickles
+    study: str | None = EvaluationConfig.study
     num_envs: int = EvaluationConfig.num_envs
     num_threads: int = EvaluationConfig.num_threads
     progress_bar: bool = True
@@ -166,6 +167,7 @@ def evaluation_config(
         vary=_varied(settings.vary or {}),
         reference=settings.reference,
         trust_pickles=settings.trust_pickles,
+        study=settings.study,
         num_envs=settings.num_envs,
         num_threads=settings.num_threads,
         progress=settings.progress_bar,

@@ -11,11 +11,12 @@ from flyrl.bodies.table import BodyName
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.conditions import Condition
+from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
 from flyrl.terrains import TerrainConfig
-from flyrl.validation import at_least, within
+from flyrl.validation import at_least, one_of, within
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -64,6 +65,9 @@ class EvaluationConfig:
     trust_pickles
         Whether zip files of Stable-Baselines3 may be read, which runs whatever code their author
         put there.
+    study
+        Name of a published study (see `flyrl.evaluation.studies.STUDIES`) whose claims are put to
+        the test, or None.
     num_envs
         Episodes that are walked at the same time. Does not change the result.
     num_threads
@@ -91,6 +95,7 @@ class EvaluationConfig:
     vary: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     reference: str | None = None
     trust_pickles: bool = False
+    study: str | None = None
     num_envs: int = 64
     num_threads: int = 0
     progress: bool = False
@@ -103,6 +108,7 @@ class EvaluationConfig:
             raise ValueError("terrains must name at least one, got none")
         within("episodes", self.episodes, 1, MAX_EPISODES)
         within("seed", self.seed, 0, MAX_SEED)
+        one_of("study", self.study, (None, *STUDIES))
         at_least("num_envs", self.num_envs, 1)
         at_least("num_threads", self.num_threads, 0)
         task = self.resolved_task

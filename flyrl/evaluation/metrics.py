@@ -80,7 +80,7 @@ LOWER_IS_BETTER: Final = frozenset({"time_to_goal_s", *ERRORS})
 """Of the metrics that controllers are compared by, those that are better the lower they are."""
 
 _COMPARED_IN_TASK: Final = {
-    "traverse": ("success", "time_to_goal_s", "advance_mm", "return"),
+    "traverse": ("success", "time_to_goal_s", "advance_mm", "speed_mm_s", "return"),
     # to keep up what is asked takes as long as the episode, and is no question of speed
     "velocity": ("success", "speed_error_mm_s", "yaw_rate_error_deg_s", "return"),
     "heading": ("success", "heading_error_deg", "return"),

@@ -50,6 +50,7 @@ PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "reference": _TEXT,
     "entrants": (list,),
     "terrains": (list,),
+    "study": (str, type(None)),
     "vary": (dict,),
     "crashes": (list,),
     "physics": (dict,),

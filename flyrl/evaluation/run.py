@@ -212,6 +212,7 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant], reference: 
             }
             for terrain in config.terrain_configs
         ],
+        "study": config.study,
         "vary": {name: list(values) for name, values in config.vary.items()},
         "body": dataclasses.asdict(env.scene.body),
         "physics": dataclasses.asdict(env.scene.physics),

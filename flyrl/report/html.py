@@ -15,6 +15,7 @@ from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.conditions import QUANTITIES, Condition
 from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.evaluation.results import Json, Results
+from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.files import write_text
 from flyrl.report.figures import (
     METRIC_LABELS,
@@ -90,6 +91,7 @@ def format_report(
         note=note,
         is_varied=bool(results.protocol["vary"]),
         crashes=results.protocol["crashes"],
+        study=_study(results),
         entrants=results.protocol["entrants"],
         physics=json.dumps(results.protocol["physics"], indent=1),
         randomisation=randomisation_text(results.protocol.get("randomisation")),
@@ -233,6 +235,37 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
             }
             for video in videos
             if video.terrain == terrain
+        ],
+    }
+
+
+def _study(results: Results) -> Json | None:
+    """A published study's claims and figures beside ours; None where none was asked for."""
+    if results.protocol["study"] is None:
+        return None
+    study = STUDIES[results.protocol["study"]]
+    ours = {(row["terrain"], row["controller"]): row["metrics"] for row in _usual(results)}
+    return {
+        "title": study.title,
+        "source": study.source,
+        "metric": METRIC_LABELS[study.metric],
+        "judgements": judge(study, results.summary),
+        "figures": [
+            {
+                "source": figures.source,
+                "metric": METRIC_LABELS[figures.metric],
+                "rows": [
+                    {
+                        "terrain": terrain,
+                        "controller": controller,
+                        "theirs": values,
+                        "ours": ours[terrain, controller][figures.metric],
+                    }
+                    for (terrain, controller), values in figures.values.items()
+                    if (terrain, controller) in ours
+                ],
+            }
+            for figures in study.figures
         ],
     }
 

@@ -230,3 +230,18 @@ def test_nobody_is_missing_where_nobody_crashed(text):
 
 def test_a_difference_tells_how_sure_and_how_large_it_is(text):
     assert re.search(r"better in \d+ % of the episodes.*corrected 0\.\d+; d = ", text)
+
+
+def test_a_published_study_stands_beside_ours():
+    results = make_results(
+        ("cpg", "rule_based", "hybrid"),
+        terrains=("flat", "gapped"),
+        episodes=8,
+        study="controller_comparison",
+    )
+    text = format_report(results)
+    Page(text)
+    assert "hybrid walks further than rule_based on gapped" in text
+    # nobody walked on mixed
+    assert re.search(r"hybrid walks further than cpg on mixed</td><td[^>]*></td>.*>open<", text)
+    assert "13.8, 4.20, 4.00, 2.90" in text

@@ -1,0 +1,163 @@
+"""Published studies: what they claim, what they measured, and whether it holds here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+Verdict = Literal["holds", "does not hold", "open"]
+
+EQUAL_WITHIN: Final = 0.1
+"""Means that differ by less than this share of the larger one are called equal."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """That one controller covers more ground than another, or as much, on a terrain.
+
+    Attributes
+    ----------
+    better, other
+        Names of the two; if they are said to be equal, in any order.
+    terrain
+        Where.
+    is_equal
+        Whether they are said to be equal.
+    """
+
+    better: str
+    other: str
+    terrain: str
+    is_equal: bool = False
+
+    @property
+    def text(self) -> str:
+        """The claim, in words."""
+        relation = "walks as far as" if self.is_equal else "walks further than"
+        return f"{self.better} {relation} {self.other} on {self.terrain}"
+
+
+@dataclass(frozen=True)
+class Figures:
+    """What somebody measured: a metric of ours, run by run, by terrain and controller."""
+
+    metric: str
+    source: str
+    values: Mapping[tuple[str, str], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A published comparison.
+
+    Attributes
+    ----------
+    title
+        Of the comparison.
+    source
+        Where it was published.
+    metric
+        By which we judge its claims.
+    claims
+        What it says.
+    figures
+        What was measured, by its authors or others.
+    """
+
+    title: str
+    source: str
+    metric: str
+    claims: tuple[Claim, ...]
+    figures: tuple[Figures, ...]
+
+
+_ROUGH: Final = ("gapped", "blocks", "mixed")
+
+STUDIES: Final[Mapping[str, Study]] = {
+    "controller_comparison": Study(
+        title="Leg controllers on flat and rough ground",
+        source="Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y",
+        metric="speed_mm_s",
+        claims=(
+            *(
+                Claim("hybrid", other, terrain)
+                for terrain in _ROUGH
+                for other in ("cpg", "rule_based")
+            ),
+            Claim("hybrid", "cpg", "flat", is_equal=True),
+        ),
+        figures=(
+            Figures(
+                "speed_mm_s",
+                "flygym-gymnasium 1.3.2, four runs of 1.5 s from seeds 0 to 3",
+                {
+                    ("flat", "cpg"): (14.3, 14.4, 14.4, 14.4),
+                    ("flat", "rule_based"): (10.2, 11.1, 10.5, 10.2),
+                    ("flat", "hybrid"): (14.1, 13.8, 14.3, 14.0),
+                    ("gapped", "cpg"): (13.8, 4.2, 4.0, 2.9),
+                    ("gapped", "rule_based"): (7.1, 0.7, 8.9, 8.3),
+                    ("gapped", "hybrid"): (13.2, 11.1, 10.7, 11.7),
+                },
+            ),
+        ),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What becomes of a claim here: the mean difference better - other, its interval, a verdict."""
+
+    claim: Claim
+    difference: Mapping[str, Any] | None
+    verdict: Verdict
+
+
+def judge(study: Study, summary: Sequence[Mapping[str, Any]]) -> list[Judgement]:
+    """Put a study's claims to the test.
+
+    That one walks further holds where the interval of the paired difference lies above zero; that
+    both walk as far, where it lies within `EQUAL_WITHIN` of the larger mean. What was not compared,
+    or has no interval, stays open.
+
+    Parameters
+    ----------
+    summary
+        Of results whose reference is one of the two controllers of a claim.
+    """
+    rows = {(row["terrain"], row["controller"]): row for row in summary if not row["condition"]}
+    return [_judge(claim, study.metric, rows) for claim in study.claims]
+
+
+def _judge(
+    claim: Claim, metric: str, rows: Mapping[tuple[str, str], Mapping[str, Any]]
+) -> Judgement:
+    both = [rows.get((claim.terrain, name)) for name in (claim.better, claim.other)]
+    difference = _difference(both[0], claim.other, metric, 1)
+    if difference is None:
+        difference = _difference(both[1], claim.better, metric, -1)
+    if difference is None or difference["low"] is None:
+        return Judgement(claim, difference, "open")
+    low, high = difference["low"], difference["high"]
+    if not claim.is_equal:
+        return Judgement(claim, difference, "holds" if low > 0 else "does not hold")
+    means = [row["metrics"][metric]["mean"] for row in both if row is not None]
+    margin = EQUAL_WITHIN * max(means)
+    return Judgement(
+        claim, difference, "holds" if -margin < low and high < margin else "does not hold"
+    )
+
+
+def _difference(
+    row: Mapping[str, Any] | None, other: str, metric: str, sign: int
+) -> dict[str, Any] | None:
+    """Difference of a row's controller to another, if that is what it was compared with."""
+    if row is None or not row["paired"] or row["paired"]["reference"] != other:
+        return None
+    found = row["paired"]["differences"].get(metric)
+    if found is None:
+        return None
+    bounds = [found["low"], found["high"]]
+    low, high = (None if bound is None else sign * bound for bound in bounds[::sign])
+    return {"value": sign * found["value"], "low": low, "high": high, "n": found["n"]}

@@ -1,0 +1,68 @@
+import pytest
+
+from flyrl.evaluation.studies import EQUAL_WITHIN, STUDIES, Claim, Figures, Study, judge
+
+FURTHER = Claim("hybrid", "cpg", "mixed")
+AS_FAR = Claim("hybrid", "cpg", "mixed", is_equal=True)
+
+
+def summary(low, high, *, reference="cpg", mean=10.0, condition=""):
+    """What came out for hybrid and cpg, with an interval of (the other one) - reference."""
+    other = {"cpg": "hybrid", "hybrid": "cpg"}[reference]
+    value = None if low is None else (low + high) / 2
+    difference = {"value": value or 1.0, "low": low, "high": high, "n": 20}
+    paired = {"reference": reference, "differences": {"speed_mm_s": difference}}
+    metrics = {"speed_mm_s": {"mean": mean}}
+    common = {"terrain": "mixed", "condition": condition, "metrics": metrics}
+    return [
+        {**common, "controller": reference, "paired": None},
+        {**common, "controller": other, "paired": paired},
+    ]
+
+
+def verdict(claim, rows):
+    study = Study("", "", "speed_mm_s", (claim,), ())
+    (judgement,) = judge(study, rows)
+    return judgement.verdict
+
+
+@pytest.mark.parametrize(
+    ("claim", "low", "high", "expected"),
+    [
+        (FURTHER, 0.5, 2.0, "holds"),
+        (FURTHER, -0.1, 2.0, "does not hold"),
+        (FURTHER, -2.0, -1.0, "does not hold"),
+        (FURTHER, None, None, "open"),
+        (AS_FAR, -0.9, 0.9, "holds"),
+        (AS_FAR, -0.5, 1.1, "does not hold"),
+        (AS_FAR, 2.0, 3.0, "does not hold"),
+    ],
+)
+def test_an_interval_decides(claim, low, high, expected):
+    assert EQUAL_WITHIN == 0.1
+    assert verdict(claim, summary(low, high)) == expected
+
+
+def test_it_is_the_same_the_other_way_round():
+    assert verdict(FURTHER, summary(-2.0, -0.5, reference="hybrid")) == "holds"
+    assert verdict(FURTHER, summary(0.5, 2.0, reference="hybrid")) == "does not hold"
+
+
+def test_without_the_terrain_a_claim_stays_open():
+    assert verdict(Claim("hybrid", "cpg", "blocks"), summary(1.0, 2.0)) == "open"
+
+
+def test_a_fly_that_was_changed_says_nothing():
+    assert verdict(FURTHER, summary(1.0, 2.0, condition="friction=0.5")) == "open"
+
+
+def test_claims_name_who_and_where():
+    assert FURTHER.text == "hybrid walks further than cpg on mixed"
+    assert AS_FAR.text == "hybrid walks as far as cpg on mixed"
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_studies_have_sources(name):
+    study = STUDIES[name]
+    assert "doi" in study.source
+    assert all(isinstance(figures, Figures) and figures.source for figures in study.figures)
