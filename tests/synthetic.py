@@ -143,6 +143,7 @@ def make_results(
     rows = [episode_row(record, label) for record, label in walks]
     protocol = {
         "command": "flyrl-evaluate policies=[runs/target-ppo] episodes=20 note='<b>&'",
+        "settings": {},
         "created_utc": "2026-01-01T00:00:00+00:00",
         "versions": {"flyrl": "0.1.0", "mujoco": "4.0.0", "numpy": "2.4.6", "python": "3.11.2"},
         "seed": 0,

@@ -1,8 +1,8 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import Any, Final
 
 from flyrl.bodies.fly import FlyConfig
 from flyrl.cli.conversion import from_mapping, whole_number
@@ -105,6 +105,10 @@ class EvaluationSettings:
     folder: str | None = None
 
 
+EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
+"""Groups of an evaluation beside its own settings."""
+
+
 def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettings:
     """Settings of the group `evaluation`, which stands at `key` (empty: at the top)."""
     return from_mapping(EvaluationSettings, config, key)
@@ -171,6 +175,10 @@ def evaluation_config(
         num_envs=settings.num_envs,
         num_threads=settings.num_threads,
         progress=settings.progress_bar,
+        settings={
+            **{key: config[key] for key in EVALUATION_GROUPS if key in config},
+            **asdict(settings),
+        },
         command=command,
     )
 

@@ -41,12 +41,11 @@ def run(record: dict[str, Any], start: Start) -> Path:
     -------
     The folder of the results.
     """
-    from flyrl.cli.config import evaluation_settings  # noqa: PLC0415
+    from flyrl.cli.config import EVALUATION_GROUPS, evaluation_settings  # noqa: PLC0415
 
-    groups = ("task", "body", "physics", "randomisation")
     try:
         settings = evaluation_settings(
-            {key: value for key, value in record.items() if key not in groups}, ""
+            {key: value for key, value in record.items() if key not in EVALUATION_GROUPS}, ""
         )
         config = comparison(record, settings, start.command)
     except ValueError as error:

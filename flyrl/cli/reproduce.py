@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
 from flyrl.training.provenance import differences
 from flyrl.training.runs import RunSummary, read_run
 
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
 
     from flyrl.policies.bundle import PolicyBundle
     from flyrl.training.learn import Run
-
-IDENTICAL, DIFFERENT = 0, 1
 
 
 @dataclass(frozen=True)
@@ -50,12 +49,15 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "reproduce",
-        help="repeat a run and compare",
+        help="repeat a run, or the evaluation of a report, and compare",
         description="Train again, from the settings of a finished run, in a new folder; then say "
-        "whether the final policy and the evaluations are the same, to the bit.",
+        "whether the final policy and the evaluations are the same, to the bit. Or walk the "
+        "episodes of a report again.",
         epilog="Exit status: 0 if they are, 1 if not, 2 for an error.",
     )
-    parser.add_argument("original", type=Path, metavar="RUN", help="folder of the run to repeat")
+    parser.add_argument(
+        "original", type=Path, metavar="RUN", help="folder of the run to repeat, or a report.html"
+    )
     parser.add_argument(
         "--runs-folder", type=Path, default=Path("runs"), help="where to (default: runs)"
     )
@@ -65,11 +67,21 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         metavar="FOLDER",
         help="compare with this repeat, made before; one that was interrupted goes on first",
     )
+    parser.add_argument(
+        "--output", type=Path, metavar="FOLDER", help="of a report: where to write the repeat's"
+    )
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="of a report: run the code that it names (terms, policies as module:factory, pickles)",
+    )
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Repeat the run and compare."""
+    """Repeat the run, or the evaluation, and compare."""
+    if options.original.suffix in REPORTS:
+        return reproduce_report(options.original, is_trusted=options.trust, output=options.output)
     original = read_run(options.original)
     if original.state != "finished":
         said = "; ".join(original.problems) or f"it is {original.state}"

@@ -76,6 +76,8 @@ class EvaluationConfig:
         Whether to draw a progress bar on stderr.
     command
         What was typed, for the record.
+    settings
+        What that was composed to, plain values, from which the evaluation can be repeated.
 
     Raises
     ------
@@ -100,6 +102,7 @@ class EvaluationConfig:
     num_threads: int = 0
     progress: bool = False
     command: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.policies and self.controllers == ():

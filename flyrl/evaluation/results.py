@@ -43,6 +43,7 @@ _OPTIONAL: Final = (int, float, type(None))
 
 PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "command": _TEXT,
+    "settings": (dict,),
     "versions": (dict,),
     "seed": (int,),
     "task": _TEXT,
@@ -250,9 +251,14 @@ def format_episodes(rows: Sequence[Json]) -> str:
     return text.getvalue()
 
 
+def episodes_digest(rows: Sequence[Json]) -> str:
+    """SHA-256 of `episodes.csv`, in hexadecimal: equal for the same results, to the bit."""
+    return hashlib.sha256(format_episodes(rows).encode()).hexdigest()
+
+
 def _digest(rows: Sequence[Json]) -> NDArray[np.uint8]:
-    """What ties paths to the rows they belong to: SHA-256 of `episodes.csv`, 32 bytes."""
-    return np.frombuffer(hashlib.sha256(format_episodes(rows).encode()).digest(), dtype=np.uint8)
+    """What ties paths to the rows they belong to, 32 bytes."""
+    return np.frombuffer(bytes.fromhex(episodes_digest(rows)), dtype=np.uint8)
 
 
 def _save_trajectories(path: Path, results: Results) -> None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final, NoReturn
 import numpy as np
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.record import plain
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
@@ -103,6 +104,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         protocol={
             **protocol,
             "command": config.command,
+            "settings": plain(dict(config.settings)),
             "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "versions": {"python": platform.python_version(), **_versions()},
             "reference": reference,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +15,7 @@ from markupsafe import Markup
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.conditions import QUANTITIES, Condition
 from flyrl.evaluation.metrics import METRICS, compared_metrics
-from flyrl.evaluation.results import Json, Results
+from flyrl.evaluation.results import Json, Results, episodes_digest
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.files import write_text
 from flyrl.report.figures import (
@@ -29,6 +30,9 @@ from flyrl.report.palette import colours, stylesheet
 from flyrl.report.video import Video
 
 REPORT_FILE: Final = "report.html"
+ORIGIN_SCHEMA: Final = "flyrl.report/1"
+ORIGIN_ID: Final = "origin"
+"""Of the element in a report that says how to repeat it."""
 
 
 def _outcome_name(outcome: str) -> str:
@@ -92,6 +96,7 @@ def format_report(
         is_varied=bool(results.protocol["vary"]),
         crashes=results.protocol["crashes"],
         study=_study(results),
+        origin=Markup(_origin(results)),
         entrants=results.protocol["entrants"],
         physics=json.dumps(results.protocol["physics"], indent=1),
         randomisation=randomisation_text(results.protocol.get("randomisation")),
@@ -237,6 +242,40 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
             if video.terrain == terrain
         ],
     }
+
+
+def _origin(results: Results) -> str:
+    """JSON from which the evaluation can be repeated and compared, to stand in a script element."""
+    protocol = results.protocol
+    origin = {
+        "schema": ORIGIN_SCHEMA,
+        "settings": protocol["settings"],
+        "versions": protocol["versions"],
+        "policies": {entrant["name"]: entrant["sha256"] for entrant in protocol["entrants"]},
+        "episodes_sha256": episodes_digest(results.episodes),
+    }
+    return json.dumps(origin).replace("<", "\\u003c")
+
+
+def read_origin(path: Path) -> Json:
+    """What a report holds of where it comes from: settings, versions, hashes.
+
+    Raises
+    ------
+    ValueError
+        The file is no report, or of another version.
+    OSError
+        It cannot be read.
+    """
+    text = path.read_text(encoding="utf-8", errors="replace")
+    found = re.search(rf'<script type="application/json" id="{ORIGIN_ID}">(.*?)</script>', text)
+    try:
+        origin: Json = json.loads(found.group(1)) if found else {}
+    except json.JSONDecodeError:
+        origin = {}
+    if origin.get("schema") != ORIGIN_SCHEMA:
+        raise ValueError(f"{path} is no report of this version of flyrl")
+    return origin
 
 
 def _study(results: Results) -> Json | None:

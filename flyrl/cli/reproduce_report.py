@@ -1,0 +1,121 @@
+"""Repeat the evaluation behind a report, and say what differs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+Json = dict[str, Any]
+
+IDENTICAL, DIFFERENT = 0, 1
+
+REPORTS: Final = (".html", ".htm")
+"""How the name of a report ends."""
+
+MAX_SHOWN: Final = 5
+"""Episodes that differ which are told one by one."""
+
+
+def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> int:
+    """Walk the episodes of a report again; print what differs.
+
+    Parameters
+    ----------
+    path
+        The report.
+    is_trusted
+        Whether modules and pickles that its settings name may be loaded, which runs their code.
+    output
+        Where results and report of the repeat go; None keeps none.
+
+    Returns
+    -------
+    The exit status: 0 if every figure is the same to the bit, else 1.
+
+    Raises
+    ------
+    ValueError
+        The file is no report, its settings cannot be used here, or need trust.
+    OSError
+        A file cannot be read, or written.
+    """
+    from flyrl.cli.config import (  # noqa: PLC0415
+        EVALUATION_GROUPS,
+        evaluation_config,
+        evaluation_settings,
+    )
+    from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
+    from flyrl.evaluation.results import episodes_digest  # noqa: PLC0415
+    from flyrl.report import read_origin, write_report  # noqa: PLC0415
+
+    origin = read_origin(path)
+    record = origin["settings"]
+    if not record:
+        raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
+    if (code := foreign_code(record)) and not is_trusted:
+        raise ValueError(
+            f"{path} names code that would be run: {', '.join(code)}. Say --trust if you know it"
+        )
+    own = {key: value for key, value in record.items() if key not in EVALUATION_GROUPS}
+    settings = evaluation_settings({**own, "progress_bar": True}, "")
+    config = evaluation_config(record, settings, " ".join(sys.argv))
+    results = evaluate(config)
+    if output is not None:
+        write_results(results, output)
+        print(f"repeat: {write_report(results, output, note='Videos are left out.')}")
+    lines = _origins_differ(origin, results.protocol)
+    is_same = episodes_digest(results.episodes) == origin["episodes_sha256"]
+    print(f"episodes: {'identical, bit for bit' if is_same else 'they differ'}")
+    if not is_same:
+        lines += _episodes_differ(path.parent, results.episodes)
+    for line in lines or ["same policies and packages"]:
+        print(line)
+    return IDENTICAL if is_same else DIFFERENT
+
+
+def foreign_code(record: Mapping[str, Any]) -> list[str]:
+    """What settings name that runs code when it is loaded: modules, and pickles."""
+    from flyrl.evaluation.entry_point import is_policy_factory  # noqa: PLC0415
+
+    terms = record.get("task", {}).get("terms") or []
+    policies = record.get("policies") or []
+    pickles = [name for name in policies if record.get("trust_pickles") and name.endswith(".zip")]
+    return [*terms, *filter(is_policy_factory, policies), *pickles]
+
+
+def _origins_differ(origin: Json, protocol: Json) -> list[str]:
+    now = {entrant["name"]: entrant["sha256"] for entrant in protocol["entrants"]}
+    lines = [
+        f"policy {name}: another file than then"
+        for name, digest in origin["policies"].items()
+        if now.get(name) != digest
+    ]
+    lines += [
+        f"{package}: {version}, in the repeat {protocol['versions'].get(package)}"
+        for package, version in origin["versions"].items()
+        if protocol["versions"].get(package) != version
+    ]
+    return lines
+
+
+def _episodes_differ(folder: Path, rows: Sequence[Json]) -> list[str]:
+    """Where the rows differ from those beside the report, if they are there."""
+    from flyrl.evaluation import ResultsError, load_results  # noqa: PLC0415
+
+    try:
+        before = load_results(folder).episodes
+    except ResultsError as error:
+        return [f"which ones cannot be said: {error}"]
+    if len(before) != len(rows):
+        return [f"{len(before)} episodes, in the repeat {len(rows)}"]
+    different = [(one, other) for one, other in zip(before, rows, strict=True) if one != other]
+    lines = [f"{len(different)} of {len(rows)} episodes differ"]
+    for one, other in different[:MAX_SHOWN]:
+        key = next(key for key in one if one[key] != other.get(key))
+        lines.append(
+            f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
+            f"{key} {one[key]}, in the repeat {other.get(key)}"
+        )
+    return lines
