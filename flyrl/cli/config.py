@@ -85,6 +85,8 @@ class EvaluationSettings:
     ----------
     videos
         Whether to show videos, where a GL library can be used.
+    close_ups
+        Whether to show gait diagrams, and what drives do.
     folder
         Where results and report go; None makes a new folder in `reports/`.
     """
@@ -102,6 +104,7 @@ class EvaluationSettings:
     num_threads: int = EvaluationConfig.num_threads
     progress_bar: bool = True
     videos: bool = True
+    close_ups: bool = True
     folder: str | None = None
 
 

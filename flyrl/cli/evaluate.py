@@ -57,7 +57,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
             folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
         else:
             folder = usable_folder(Path(settings.folder))
-        report = compare(config, folder, settings.videos)
+        report = compare(config, folder, settings.videos, settings.close_ups)
     except (OSError, ValueError) as error:
         fail(error)
     except KeyboardInterrupt:
@@ -92,12 +92,20 @@ def comparison(
     return config
 
 
-def compare(config: EvaluationConfig, folder: Path, with_videos: bool) -> Path:
+def compare(
+    config: EvaluationConfig, folder: Path, with_videos: bool, with_close_ups: bool
+) -> Path:
     """Evaluate, write results and report to `folder`, and return the report's path.
 
     Where the same evaluation was interrupted in that folder, it goes on.
     """
-    from flyrl.evaluation import drop_parts, evaluate, write_results  # noqa: PLC0415
+    from flyrl.evaluation import (  # noqa: PLC0415
+        drop_parts,
+        evaluate,
+        measure_drive_map,
+        walk_examples,
+        write_results,
+    )
     from flyrl.report import record_videos, write_report  # noqa: PLC0415
 
     results = evaluate(config, folder)
@@ -109,4 +117,10 @@ def compare(config: EvaluationConfig, folder: Path, with_videos: bool) -> Path:
     write_results(results, folder)
     drop_parts(folder)
     videos, note = record_videos(config) if with_videos else ([], None)
-    return write_report(results, folder, videos=videos, note=note)
+    examples, drive_map = [], None
+    if with_close_ups:
+        examples = walk_examples(config)
+        drive_map = measure_drive_map(config, config.terrain_configs[0])
+    return write_report(
+        results, folder, videos=videos, examples=examples, drive_map=drive_map, note=note
+    )

@@ -1,8 +1,10 @@
 """Every entrant on every terrain -> paired results: metrics, statistics, results files."""
 
 from flyrl.evaluation.config import EvaluationConfig
+from flyrl.evaluation.drive_map import measure_drive_map
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants
+from flyrl.evaluation.examples import walk_examples
 from flyrl.evaluation.fixed import FIXED
 from flyrl.evaluation.learned import changed_terms
 from flyrl.evaluation.parts import drop_parts
@@ -20,5 +22,7 @@ __all__ = [
     "evaluate",
     "load_results",
     "make_entrants",
+    "measure_drive_map",
+    "walk_examples",
     "write_results",
 ]

@@ -5,22 +5,20 @@ Matplotlib's object-oriented interface only: no pyplot, no list of open figures,
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Sequence
 from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flyrl.evaluation.results import Json
 from flyrl.evaluation.summary import paired_values
 from flyrl.evaluation.trajectories import Trajectory
-from flyrl.report.palette import colours, marker, themed
+from flyrl.report.palette import colours, marker
+from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, svg_text
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT
 
@@ -54,33 +52,7 @@ MAX_DOTS: Final = 400
 MAX_PATHS: Final = 60
 """Paths drawn per controller; more are a smear."""
 
-_STYLE: Final[Any] = {
-    "text.parse_math": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "flyrl",
-    "font.size": 10,
-    "text.color": marker("ink"),
-    "axes.edgecolor": marker("line"),
-    "axes.labelcolor": marker("muted"),
-    "axes.titlesize": 10,
-    "axes.facecolor": "none",
-    "figure.facecolor": "none",
-    "axes.linewidth": 1,
-    "xtick.color": marker("line"),
-    "xtick.labelcolor": marker("muted"),
-    "ytick.color": marker("line"),
-    "ytick.labelcolor": marker("ink"),
-    "grid.color": marker("line"),
-    "grid.linewidth": 0.8,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.spines.left": False,
-    "ytick.major.size": 0,
-    "xtick.major.size": 0,
-}
 _ROW_HEIGHT: Final = 0.36
-_WIDTH: Final = 9.6
 _DOTS: Final[dict[str, dict[str, Any]]] = {
     SUCCESS: {"marker": "o", "s": 14, "linewidths": 0},
     TIMEOUT: {"marker": "o", "s": 14, "linewidths": 0.9, "facecolors": "none"},
@@ -95,7 +67,7 @@ def success_figure(summary: Sequence[Json]) -> str:
     """Success rate of every controller with its interval, a panel per terrain."""
     names, terrains = _names(summary), _terrains(summary)
     colour = colours(names)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure, panels = _panels(names, len(terrains))
         for axes, terrain in zip(panels, terrains, strict=True):
             for place, name in enumerate(names):
@@ -124,7 +96,7 @@ def success_figure(summary: Sequence[Json]) -> str:
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("success (%)")
             axes.set_title(terrain, loc="left", fontweight="bold")
-        return _svg(figure, "success")
+        return svg_text(figure, "success")
 
 
 def distributions_figure(
@@ -140,7 +112,7 @@ def distributions_figure(
     """
     names = _names(rows)
     colour = colours(names)
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             for place, name in enumerate(names):
@@ -154,7 +126,7 @@ def distributions_figure(
             if metric == "time_to_goal_s":
                 axes.axvline(horizon_s, color=marker("line"), linewidth=1)
                 axes.set_xlim(left=0)
-        return _svg(figure, f"distributions-{terrain}")
+        return svg_text(figure, f"distributions-{terrain}")
 
 
 def paired_figure(
@@ -172,7 +144,7 @@ def paired_figure(
     names = [row["controller"] for row in compared]
     colour = colours(_names(summary))
     other = {row["episode"]: row for row in _select(rows, terrain, reference)}
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(FIGURE_STYLE):
         figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             axes.axvline(0, color=marker("muted"), linewidth=1)
@@ -204,7 +176,7 @@ def paired_figure(
             if metric == "success":
                 axes.set_xlim(-1.05, 1.05)
             axes.set_xlabel(f"Δ {METRIC_LABELS[metric]}")
-        return _svg(figure, f"paired-{terrain}")
+        return svg_text(figure, f"paired-{terrain}")
 
 
 def doses_figure(
@@ -230,8 +202,8 @@ def doses_figure(
     colour = colours(names)
     values = [label.partition("=")[2] for label in labels]
     places = _places(values)
-    with mpl.rc_context({**_STYLE, "axes.spines.left": True, "ytick.labelcolor": marker("muted")}):
-        figure = Figure(figsize=(_WIDTH, 2.9), layout="constrained")
+    with mpl.rc_context(FRAMED_STYLE):
+        figure = Figure(figsize=(WIDTH_IN, 2.9), layout="constrained")
         panels = figure.subplots(1, len(metrics), squeeze=False).ravel()
         for axes, metric in zip(panels, metrics, strict=True):
             for name in names:
@@ -247,7 +219,7 @@ def doses_figure(
             axes.set_xticks(places, values)
             axes.grid(visible=True)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
-        return _svg(figure, f"doses-{terrain}-{quantity}")
+        return svg_text(figure, f"doses-{terrain}-{quantity}")
 
 
 def _places(values: Sequence[str]) -> list[float]:
@@ -288,8 +260,8 @@ def trajectories_figure(
     names = _names(rows)
     colour = colours(names)
     lines = -(-len(names) // columns)
-    with mpl.rc_context({**_STYLE, "axes.spines.left": True, "ytick.labelcolor": marker("muted")}):
-        figure = Figure(figsize=(_WIDTH, 0.4 + 2.25 * lines * 3 / columns), layout="constrained")
+    with mpl.rc_context(FRAMED_STYLE):
+        figure = Figure(figsize=(WIDTH_IN, 0.4 + 2.25 * lines * 3 / columns), layout="constrained")
         panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
         farthest = 0.0
         for axes, name in zip(panels, names, strict=False):
@@ -316,7 +288,7 @@ def trajectories_figure(
             axes.set_visible(False)
         figure.supxlabel("along (mm)", color=marker("muted"), fontsize=10)
         figure.supylabel("across (mm)", color=marker("muted"), fontsize=10)
-        return _svg(figure, f"trajectories-{terrain}")
+        return svg_text(figure, f"trajectories-{terrain}")
 
 
 def aligned(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray | None]:
@@ -355,7 +327,7 @@ def _path(axes: Axes, path: FloatArray, goal: FloatArray | None, outcome: str, s
 
 def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
     """A figure with `columns` panels that share a row per name, first on top."""
-    figure = Figure(figsize=(_WIDTH, _ROW_HEIGHT * len(names) + 0.75), layout="constrained")
+    figure = Figure(figsize=(WIDTH_IN, _ROW_HEIGHT * len(names) + 0.75), layout="constrained")
     panels = figure.subplots(1, columns, sharey=True, squeeze=False).ravel()
     panels[0].set_yticks(range(len(names)), names)
     for axes in panels:
@@ -431,27 +403,3 @@ def _terrains(rows: Sequence[Json]) -> list[str]:
 
 def _select(rows: Sequence[Json], terrain: str, name: str) -> list[Json]:
     return [row for row in rows if row["terrain"] == terrain and row["controller"] == name]
-
-
-def _svg(figure: Figure, name: str) -> str:
-    """SVG of `figure` without header and metadata; ids carry `name`, since pages hold many."""
-    buffer = io.StringIO()
-    FigureCanvasSVG(figure)
-    figure.savefig(
-        buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    )
-    svg = buffer.getvalue()
-    return themed(_inline(svg[svg.index("<svg") :], name))
-
-
-def _inline(svg: str, name: str) -> str:
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'\bid="', f'id="{name}-', svg)
-    # A hundredth of a point is finer than any screen.
-    svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}", svg)
-    svg = svg.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
-    head, rest = svg.split(">", 1)
-    view = re.search(r'viewBox="[^"]*"', head)
-    # Scales with the page: only the view box gives its shape.
-    box = view.group() if view else ""
-    return f'<svg {box} xmlns="http://www.w3.org/2000/svg" role="img">{rest}'

@@ -9,15 +9,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.conditions import QUANTITIES, Condition
+from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.evaluation.results import Json, Results, episodes_digest
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.files import write_text
+from flyrl.report.close_up import drive_map_figure, gait_figure
 from flyrl.report.figures import (
     METRIC_LABELS,
     distributions_figure,
@@ -28,6 +32,7 @@ from flyrl.report.figures import (
 )
 from flyrl.report.palette import colours, stylesheet
 from flyrl.report.video import Video
+from flyrl.rollouts import EpisodeRecord
 
 REPORT_FILE: Final = "report.html"
 ORIGIN_SCHEMA: Final = "flyrl.report/1"
@@ -40,7 +45,13 @@ def _outcome_name(outcome: str) -> str:
 
 
 def write_report(
-    results: Results, folder: str | Path, *, videos: Sequence[Video] = (), note: str | None = None
+    results: Results,
+    folder: str | Path,
+    *,
+    videos: Sequence[Video] = (),
+    examples: Sequence[EpisodeRecord] = (),
+    drive_map: DriveMap | None = None,
+    note: str | None = None,
 ) -> Path:
     """Write `report.html` to `folder`, whole or not at all, and return its path.
 
@@ -50,18 +61,28 @@ def write_report(
         What to report.
     videos
         Shown in the section of their terrain.
+    examples
+        Episodes with a log of the gait, whose diagrams are shown in the section of their terrain.
+    drive_map
+        Shown with the drives that the learned policies chose on top.
     note
         Said where videos would be, e.g. why there are none.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT_FILE
-    write_text(path, format_report(results, videos=videos, note=note))
+    text = format_report(results, videos=videos, examples=examples, drive_map=drive_map, note=note)
+    write_text(path, text)
     return path
 
 
 def format_report(
-    results: Results, *, videos: Sequence[Video] = (), note: str | None = None
+    results: Results,
+    *,
+    videos: Sequence[Video] = (),
+    examples: Sequence[EpisodeRecord] = (),
+    drive_map: DriveMap | None = None,
+    note: str | None = None,
 ) -> str:
     """Text of the report; see `write_report`."""
     environment = Environment(
@@ -89,10 +110,11 @@ def format_report(
         success_svg=Markup(success_figure(usual)),
         rows=[_table_row(row) for row in results.summary],
         terrains=[
-            _terrain_section(results, terrain["name"], videos)
+            _terrain_section(results, terrain["name"], videos, examples)
             for terrain in results.protocol["terrains"]
         ],
         note=note,
+        drive_map=Markup(_drive_map(results, drive_map)),
         is_varied=bool(results.protocol["vary"]),
         crashes=results.protocol["crashes"],
         study=_study(results),
@@ -199,7 +221,26 @@ def _table_row(row: Json) -> Json:
     }
 
 
-def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) -> Json:
+def _drive_map(results: Results, drive_map: DriveMap | None) -> str:
+    """Figure of a drive map, with the drives that learned policies chose; empty without one."""
+    if drive_map is None:
+        return ""
+    learned = [entrant["name"] for entrant in results.protocol["entrants"] if _is_learned(entrant)]
+    chosen: dict[str, list[NDArray[np.float32]]] = {name: [] for name in learned}
+    for row, path in zip(results.episodes, results.trajectories, strict=False):
+        if row["controller"] in chosen:
+            chosen[row["controller"]].append(path.drive[1:])
+    visited = {name: np.concatenate(drives) for name, drives in chosen.items() if drives}
+    return drive_map_figure(drive_map, visited, "drive-map")
+
+
+def _is_learned(entrant: Json) -> bool:
+    return entrant.get("kind") in ("learned", "entry_point")
+
+
+def _terrain_section(
+    results: Results, terrain: str, videos: Sequence[Video], examples: Sequence[EpisodeRecord]
+) -> Json:
     horizon_s = results.protocol["horizon_s"]
     summary = [row for row in results.summary if row["terrain"] == terrain]
     if results.protocol["vary"]:
@@ -227,6 +268,7 @@ def _terrain_section(results: Results, terrain: str, videos: Sequence[Video]) ->
             )
         ),
         "trajectories": Markup(trajectories),
+        "gait": Markup(_gait(terrain, examples)),
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),
         "reasons": _reasons(summary),
@@ -328,6 +370,11 @@ def _doses(results: Results, terrain: str) -> list[Json]:
         }
         for name, values in results.protocol["vary"].items()
     ]
+
+
+def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> str:
+    shown = [record for record in examples if record.terrain == terrain and record.gait]
+    return gait_figure(shown, f"gait-{terrain}") if shown else ""
 
 
 def _data_url(kind: str, data: bytes) -> str:

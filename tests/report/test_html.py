@@ -2,10 +2,13 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
+from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
 from flyrl.report.html import format_number, format_report, headline
+from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
 NAMES = ("target-ppo", "cpg", "hybrid", "pursuit", "zero")
@@ -245,3 +248,16 @@ def test_a_published_study_stands_beside_ours():
     # nobody walked on mixed
     assert re.search(r"hybrid walks further than cpg on mixed</td><td[^>]*></td>.*>open<", text)
     assert "13.8, 4.20, 4.00, 2.90" in text
+
+
+def test_close_ups_stand_in_their_places(results):
+    drives = np.linspace(-0.5, 1.5, 3)
+    left, right = np.meshgrid(drives, drives, indexing="ij")
+    text = format_report(
+        results,
+        examples=[walked("cpg")],
+        drive_map=DriveMap(drives, left + right, right - left),
+    )
+    Page(text)
+    assert text.count("<h3>Gait</h3>") == 1  # on flat, where it was walked
+    assert "From drive to behaviour" in text

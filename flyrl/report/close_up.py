@@ -1,0 +1,124 @@
+"""Figures of single episodes: gait diagrams; and of what drives do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flyrl.anatomy import LEGS
+from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.gait import without_blips
+from flyrl.report.palette import colours, marker
+from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, svg_text
+from flyrl.rollouts import EpisodeRecord
+from flyrl.rollouts.records import BoolArray
+
+SHOWN_S: Final = 1.0
+"""How much of an episode a gait diagram shows, s: twelve strides."""
+
+MAX_VISITED: Final = 500
+"""Drives of a policy that are drawn at most."""
+
+_REFLEXES: Final = {"retraction": ("muted", 0.36), "stumbling": ("ink", -0.5)}
+"""Colour, and place of its line beside the bar of a leg."""
+
+
+def gait_figure(records: Sequence[EpisodeRecord], name: str) -> str:
+    """Gait diagrams, one above the other: stance as bars, leg by leg, and what reflexes do.
+
+    Parameters
+    ----------
+    records
+        Of episodes with a log of the gait.
+    name
+        Of the figure, for its ids.
+    """
+    with mpl.rc_context(FIGURE_STYLE):
+        figure = Figure(figsize=(WIDTH_IN, 0.35 + 1.25 * len(records)), layout="constrained")
+        panels = figure.subplots(len(records), 1, sharex=True, squeeze=False).ravel()
+        shade = colours([record.controller for record in records])
+        for axes, record in zip(panels, records, strict=True):
+            _raster(axes, record, marker(shade[record.controller]))
+        panels[-1].set_xlabel("time (s)")
+        return svg_text(figure, name)
+
+
+def _raster(axes: Axes, record: EpisodeRecord, shade: str) -> None:
+    gait = record.gait
+    assert gait is not None
+    stance = without_blips(gait.stance, gait.interval_s)
+    for leg in range(len(LEGS)):
+        bars = spans(stance[:, leg], gait.interval_s)
+        axes.broken_barh(bars, (leg - 0.32, 0.64), facecolor=shade, linewidth=0)
+        for reflex, (colour, place) in _REFLEXES.items():
+            marks = spans(getattr(gait, reflex)[:, leg], gait.interval_s)
+            axes.broken_barh(marks, (leg + place, 0.14), facecolor=marker(colour), linewidth=0)
+    axes.set_yticks(range(len(LEGS)), LEGS)
+    axes.set_ylim(len(LEGS) - 0.4, -0.6)
+    axes.set_xlim(0, min(SHOWN_S, record.duration_s))
+    axes.set_title(record.controller, loc="left", fontweight="bold")
+
+
+def spans(raster: BoolArray, interval_s: float) -> list[tuple[float, float]]:
+    """Start and length, s, of each time that a raster (S,) is true."""
+    padded = np.concatenate([[False], raster, [False]]).astype(np.int8)
+    starts, ends = (np.flatnonzero(np.diff(padded) == step) for step in (1, -1))
+    return [
+        (float(start * interval_s), float((end - start) * interval_s))
+        for start, end in zip(starts, ends, strict=True)
+    ]
+
+
+def drive_map_figure(
+    drive_map: DriveMap, visited: Mapping[str, NDArray[np.floating[Any]]], name: str
+) -> str:
+    """Speed and yaw rate over the drive plane, with the drives that policies chose on top.
+
+    Parameters
+    ----------
+    visited
+        Drives (T, 2) by name of the controller.
+    name
+        Of the figure, for its ids.
+    """
+    drives = drive_map.drives
+    panels: list[tuple[str, NDArray[np.float64]]] = [
+        ("speed (mm/s)", drive_map.speed_mm_s),
+        ("yaw rate (deg/s), left positive", drive_map.yaw_rate_deg_s),
+    ]
+    shade = colours(list(visited))
+    with mpl.rc_context(FRAMED_STYLE):
+        figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
+        for axes, (title, values) in zip(
+            figure.subplots(1, 2, squeeze=False).ravel(), panels, strict=True
+        ):
+            lines = axes.contour(drives, drives, values, 9, colors=marker("muted"), linewidths=1.1)
+            axes.clabel(lines, fontsize=8, fmt="%g")
+            failed = np.argwhere(np.isnan(values))
+            axes.plot(drives[failed[:, 1]], drives[failed[:, 0]], "x", color=marker("ink"))
+            for controller, chosen in visited.items():
+                shown = chosen[:: max(1, len(chosen) // MAX_VISITED)]
+                axes.scatter(
+                    shown[:, 1],
+                    shown[:, 0],
+                    s=5,
+                    alpha=0.35,
+                    linewidths=0,
+                    color=marker(shade[controller]),
+                    label=controller,
+                )
+            axes.set_title(title, loc="left")
+            axes.set_xlabel("right drive")
+            axes.set_ylabel("left drive")
+            axes.set_aspect("equal")
+            axes.grid(visible=True)
+        handles = figure.axes[0].get_legend_handles_labels()
+        if handles[0]:
+            figure.legend(*handles, loc="outside lower left", ncols=6, markerscale=3)
+        return svg_text(figure, name)
