@@ -7,7 +7,8 @@ import pytest
 
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
-from flyrl.report.html import format_number, format_report, headline
+from flyrl.report.html import format_report
+from flyrl.report.wording import format_number, headline
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 

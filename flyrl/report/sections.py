@@ -1,0 +1,206 @@
+"""What stands in the sections of a report, for its template."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from flyrl.evaluation.conditions import QUANTITIES, Condition
+from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.metrics import compared_metrics
+from flyrl.evaluation.results import Json, Results
+from flyrl.evaluation.studies import STUDIES, judge
+from flyrl.report.close_up import drive_map_figure, gait_figure
+from flyrl.report.figures import (
+    METRIC_LABELS,
+    distributions_figure,
+    doses_figure,
+    paired_figure,
+    trajectories_figure,
+)
+from flyrl.report.video import Video
+from flyrl.report.wording import interval_text, outcome_name
+from flyrl.rollouts import EpisodeRecord
+
+
+def spread_metrics(protocol: Json) -> list[str]:
+    """Metrics with more than two values that the task is compared by."""
+    return [metric for metric in compared_metrics(protocol["task"]) if metric != "success"]
+
+
+def usual_rows(results: Results) -> list[Json]:
+    """Summary under the one condition that is closest to none, where quantities were varied."""
+    conditions = [
+        Condition(name, value)
+        for name, values in results.protocol["vary"].items()
+        for value in values
+    ]
+    if not conditions:
+        return results.summary
+    unchanged = [each for each in conditions if each.is_usual]
+    label = (unchanged or conditions)[0].label
+    return [row for row in results.summary if row["condition"] == label]
+
+
+def table_row(row: Json) -> Json:
+    """A row of the summary, with its failures counted and told."""
+    failures = {
+        name: count
+        for name, count in row["outcomes"].items()
+        if count and name not in ("success", "timeout")
+    }
+    return {
+        **row,
+        "failures": sum(failures.values()),
+        "failure_text": ", ".join(f"{n} {outcome_name(name)}" for name, n in failures.items()),
+        "rate_text": interval_text(row["success_rate"], 100) if row["episodes"] else "",
+    }
+
+
+def drive_map_section(results: Results, drive_map: DriveMap | None) -> str:
+    """Figure of a drive map, with the drives that learned policies chose; empty without one."""
+    if drive_map is None:
+        return ""
+    learned = [entrant["name"] for entrant in results.protocol["entrants"] if _is_learned(entrant)]
+    chosen: dict[str, list[NDArray[np.float32]]] = {name: [] for name in learned}
+    for row, path in zip(results.episodes, results.trajectories, strict=False):
+        if row["controller"] in chosen:
+            chosen[row["controller"]].append(path.drive[1:])
+    visited = {name: np.concatenate(drives) for name, drives in chosen.items() if drives}
+    return drive_map_figure(drive_map, visited, "drive-map")
+
+
+def _is_learned(entrant: Json) -> bool:
+    return entrant.get("kind") in ("learned", "entry_point")
+
+
+def terrain_section(
+    results: Results, terrain: str, videos: Sequence[Video], examples: Sequence[EpisodeRecord]
+) -> Json:
+    """Figures, tables and videos of a terrain; where quantities were varied, their doses."""
+    horizon_s = results.protocol["horizon_s"]
+    summary = [row for row in results.summary if row["terrain"] == terrain]
+    if results.protocol["vary"]:
+        return {"name": terrain, "doses": _doses(results, terrain)}
+    goals = {
+        index: episode["goal"]
+        for section in results.protocol["terrains"]
+        if section["name"] == terrain
+        for index, episode in enumerate(section.get("episodes", []))
+    }
+    trajectories = ""
+    if results.trajectories:
+        trajectories = trajectories_figure(
+            results.episodes,
+            results.trajectories,
+            [goals.get(row["episode"], ()) for row in results.episodes],
+            terrain,
+        )
+    return {
+        "name": terrain,
+        "doses": [],
+        "distributions": Markup(
+            distributions_figure(
+                results.episodes, terrain, horizon_s, spread_metrics(results.protocol)
+            )
+        ),
+        "trajectories": Markup(trajectories),
+        "gait": Markup(_gait(terrain, examples)),
+        "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
+        "differences": _differences(summary),
+        "reasons": _reasons(summary),
+        "videos": [
+            {
+                "controller": video.controller,
+                "episode": video.episode,
+                "outcome": outcome_name(video.outcome),
+                "source": _data_url("video/mp4", video.mp4),
+                "poster": _data_url("image/jpeg", video.poster),
+            }
+            for video in videos
+            if video.terrain == terrain
+        ],
+    }
+
+
+def study_section(results: Results) -> Json | None:
+    """A published study's claims and figures beside ours; None where none was asked for."""
+    if results.protocol["study"] is None:
+        return None
+    study = STUDIES[results.protocol["study"]]
+    ours = {(row["terrain"], row["controller"]): row["metrics"] for row in usual_rows(results)}
+    return {
+        "title": study.title,
+        "source": study.source,
+        "metric": METRIC_LABELS[study.metric],
+        "judgements": judge(study, results.summary),
+        "figures": [
+            {
+                "source": figures.source,
+                "metric": METRIC_LABELS[figures.metric],
+                "rows": [
+                    {
+                        "terrain": terrain,
+                        "controller": controller,
+                        "theirs": values,
+                        "ours": ours[terrain, controller][figures.metric],
+                    }
+                    for (terrain, controller), values in figures.values.items()
+                    if (terrain, controller) in ours
+                ],
+            }
+            for figures in study.figures
+        ],
+    }
+
+
+def _doses(results: Results, terrain: str) -> list[Json]:
+    """What each quantity that was varied does on a terrain."""
+    metrics = ["success", *spread_metrics(results.protocol)]
+    return [
+        {
+            "name": name,
+            "text": QUANTITIES[name].text,
+            "figure": Markup(
+                doses_figure(
+                    results.summary,
+                    terrain,
+                    name,
+                    [Condition(name, value).label for value in values],
+                    metrics,
+                )
+            ),
+        }
+        for name, values in results.protocol["vary"].items()
+    ]
+
+
+def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> str:
+    shown = [record for record in examples if record.terrain == terrain and record.gait]
+    return gait_figure(shown, f"gait-{terrain}") if shown else ""
+
+
+def _data_url(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _differences(summary: Sequence[Json]) -> list[Json]:
+    return [
+        {"controller": row["controller"], **row["paired"]["differences"]}
+        for row in summary
+        if row["paired"]
+    ]
+
+
+def _reasons(summary: Sequence[Json]) -> list[str]:
+    """Why intervals are missing, controller by controller."""
+    missing: dict[str, list[str]] = {}
+    for row in summary:
+        for metric, interval in (row["paired"] or {"differences": {}})["differences"].items():
+            if interval["reason"]:
+                missing.setdefault(f"{row['controller']}: {interval['reason']}", []).append(metric)
+    return [f"{text} ({', '.join(metrics)})" for text, metrics in missing.items()]

@@ -1,0 +1,77 @@
+"""What a report says in words and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from flyrl.evaluation.results import Json
+
+
+def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:
+    """Who reaches how much, in one sentence; and its intervals beside the best of the others.
+
+    The one who is spoken of is the best learned policy, or the best controller without any.
+    """
+    names = list(dict.fromkeys(row["controller"] for row in summary))
+    kinds = {entrant["name"]: entrant.get("kind") for entrant in protocol["entrants"]}
+    learned = [name for name in names if kinds.get(name) == "learned"]
+    first = max(learned or names, key=lambda name: _share(summary, name))
+    others = [name for name in names if name != first and name not in learned]
+    verb, noun = ("reaches", "targets") if protocol["task"] == "target" else ("solves", "episodes")
+    rows = [row for row in summary if row["controller"] == first]
+    parts = [f"{row['successes']} of {row['episodes']} {noun} on {_place(row)}" for row in rows]
+    detail = f"{first}: {_rates(rows)}."
+    if others:
+        best = max(others, key=lambda name: _share(summary, name))
+        detail += f" Best of the others, {best}: "
+        detail += f"{_rates([row for row in summary if row['controller'] == best])}."
+    return f"{first} {verb} {_listed(parts)}.", detail
+
+
+def _share(summary: Sequence[Json], name: str) -> float:
+    rows = [row for row in summary if row["controller"] == name]
+    return float(sum(row["successes"] for row in rows) / sum(row["episodes"] for row in rows))
+
+
+def _rates(rows: Sequence[Json]) -> str:
+    return ", ".join(
+        f"{100 * row['success_rate']['value']:.0f}\u00a0% on {_place(row)} "
+        f"(95\u00a0% interval {interval_text(row['success_rate'], 100)}\u00a0%)"
+        for row in rows
+    )
+
+
+def _place(row: Json) -> str:
+    """Terrain and condition, where there is one."""
+    return f"{row['terrain']} ({row['condition']})" if row["condition"] else str(row["terrain"])
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def interval_text(interval: Mapping[str, Any], scale: float = 1) -> str:
+    """`low to high` of an interval, in whole numbers of 1 / `scale`."""
+    return f"{scale * interval['low']:.0f} to {scale * interval['high']:.0f}"
+
+
+def format_number(value: float | None, digits: int = 3) -> str:
+    """`value` to `digits` significant digits, without an exponent; a dash for None."""
+    if value is None:
+        return "\u2013"
+    if value == 0:
+        return "0"
+    whole = len(str(int(abs(value)))) if abs(value) >= 1 else 0
+    return f"{value:.{max(0, digits - max(whole, 1))}f}".replace("-", "\u2212")
+
+
+def title(protocol: Json, summary: Sequence[Json]) -> str:
+    """Task and terrains."""
+    terrains = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
+    return f"{protocol['task']} on {terrains}"
+
+
+def outcome_name(outcome: str) -> str:
+    """How an episode ended, in words."""
+    return "time out" if outcome == "timeout" else outcome.replace("_", " ")
