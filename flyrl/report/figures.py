@@ -5,7 +5,7 @@ Matplotlib's object-oriented interface only: no pyplot, no list of open figures,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import matplotlib as mpl
@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flyrl.evaluation.results import Json
+from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import paired_values
 from flyrl.evaluation.trajectories import Trajectory
 from flyrl.report.palette import colours, marker
@@ -220,6 +221,26 @@ def doses_figure(
             axes.grid(visible=True)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
         return svg_text(figure, f"doses-{terrain}-{quantity}")
+
+
+def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[float]) -> str:
+    """Share of runs that reach at least each success rate, a line per training, with intervals."""
+    with mpl.rc_context(FRAMED_STYLE):
+        figure = Figure(figsize=(0.6 * WIDTH_IN, 2.9), layout="constrained")
+        axes = figure.subplots()
+        for i, (name, points) in enumerate(profiles.items()):
+            shade = marker(f"c{i % 8}")
+            values = np.array([point.value for point in points], dtype=np.float64)
+            bounds = np.array([[point.low, point.high] for point in points], dtype=np.float64)
+            low, high = np.where(np.isnan(bounds.T), values, bounds.T)
+            axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0, step="post")
+            axes.step(at, values, where="post", color=shade, label=name)
+        axes.set_xlabel("success rate of at least")
+        axes.set_ylabel("share of runs")
+        axes.set_ylim(-0.03, 1.03)
+        axes.grid(visible=True)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=2)
+        return svg_text(figure, "profiles")
 
 
 def _places(values: Sequence[str]) -> list[float]:

@@ -20,6 +20,7 @@ from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
 from flyrl.report.sections import (
     drive_map_section,
+    seeds_section,
     spread_metrics,
     study_section,
     table_row,
@@ -107,6 +108,7 @@ def format_report(
         is_varied=bool(results.protocol["vary"]),
         crashes=results.protocol["crashes"],
         study=study_section(results),
+        seeds=seeds_section(results),
         origin=Markup(origin_json(results)),
         entrants=results.protocol["entrants"],
         physics=json.dumps(results.protocol["physics"], indent=1),

@@ -13,6 +13,7 @@ from flyrl.evaluation.conditions import QUANTITIES, Condition
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import compared_metrics
 from flyrl.evaluation.results import Json, Results
+from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.report.close_up import drive_map_figure, gait_figure
 from flyrl.report.figures import (
@@ -20,6 +21,7 @@ from flyrl.report.figures import (
     distributions_figure,
     doses_figure,
     paired_figure,
+    profiles_figure,
     trajectories_figure,
 )
 from flyrl.report.video import Video
@@ -204,3 +206,26 @@ def _reasons(summary: Sequence[Json]) -> list[str]:
             if interval["reason"]:
                 missing.setdefault(f"{row['controller']}: {interval['reason']}", []).append(metric)
     return [f"{text} ({', '.join(metrics)})" for text, metrics in missing.items()]
+
+
+def seeds_section(results: Results) -> Json | None:
+    """What trainings reach over their seeds; None without one that has several."""
+    groups = seed_groups(results.protocol["entrants"], usual_rows(results))
+    if not any(len(group.names) > 1 for group in groups):
+        return None
+    rng = np.random.default_rng(results.protocol["seed"])
+    return {
+        "terrains": groups[0].terrains,
+        "rows": [
+            {
+                "label": group.label,
+                "names": group.names,
+                "cells": group.on_each(rng),
+                "overall": group.overall(rng),
+            }
+            for group in groups
+        ],
+        "profiles": Markup(
+            profiles_figure({group.label: group.profile(rng) for group in groups}, PROFILE_AT)
+        ),
+    }

@@ -262,3 +262,19 @@ def test_close_ups_stand_in_their_places(results):
     Page(text)
     assert text.count("<h3>Gait</h3>") == 1  # on flat, where it was walked
     assert "From drive to behaviour" in text
+
+
+def test_trainings_with_several_seeds_are_told_over_seeds(results):
+    training = {"algo": "ppo", "settings": {}}
+    entrants = [
+        {**entrant, "kind": "learned", "training": training, "policy": "learned with ppo"}
+        for entrant in results.protocol["entrants"]
+    ]
+    text = format_report(replace(results, protocol={**results.protocol, "entrants": entrants}))
+    Page(text)
+    assert "<h2>Over seeds</h2>" in text
+    assert f'title="{", ".join(NAMES)}">learned with ppo</td><td>5</td>' in text
+
+
+def test_a_single_policy_has_no_seeds_to_tell_of(text):
+    assert "Over seeds" not in text
