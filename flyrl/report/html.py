@@ -83,7 +83,9 @@ def format_report(
         lstrip_blocks=True,
     )
     environment.filters["number"] = format_number
-    names = list(dict.fromkeys(row["controller"] for row in results.summary))
+    walked = [row["controller"] for row in results.summary]
+    entered = [entrant["name"] for entrant in results.protocol["entrants"]]
+    names = list(dict.fromkeys([*walked, *entered]))
     usual = usual_rows(results)
     sentence, detail = headline(usual, results.protocol)
     return environment.get_template("report.html.j2").render(

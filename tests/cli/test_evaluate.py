@@ -1,4 +1,5 @@
 import json
+import sys
 
 import pytest
 
@@ -88,3 +89,74 @@ def test_train_then_evaluate_end_to_end(tmp_path, run_here):
     assert results["protocol"]["horizon_s"] == 0.5
     assert {row["controller"] for row in results["episodes"]} == {"ppo", "cpg", "hybrid"}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["reports", "runs"]
+
+
+OWN_POLICIES = """
+from flyrl.policies import ConstantDrive
+
+class Broken:
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        raise ArithmeticError("out of ideas")
+
+class Stopped:
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        raise KeyboardInterrupt
+
+def broken(task):
+    return Broken()
+
+def stopped(task):
+    return Stopped()
+"""
+SHORT = ("task.time_limit=0.2", "episodes=3", "videos=false", "close_ups=false", "num_threads=1")
+
+
+@pytest.fixture
+def own_policies(tmp_path, monkeypatch):
+    (tmp_path / "own_policies.py").write_text(OWN_POLICIES)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    sys.modules.pop("own_policies", None)
+
+
+def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_policies):
+    result = run_here(
+        "evaluate.py", "policies=[own_policies:broken]", "controllers=[zero]", "folder=out", *SHORT
+    )
+    assert result.returncode == 0, result.stderr
+    assert "warning: broken is out on flat: ArithmeticError: out of ideas" in result.stderr
+    contents = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert [row["controller"] for row in contents["episodes"]] == ["zero"] * 3
+    assert not (tmp_path / "out" / "parts").exists()
+
+
+def test_an_interrupted_evaluation_says_how_to_go_on(run_here, tmp_path, own_policies):
+    arguments = ("controllers=[zero]", "folder=out", *SHORT)
+    result = run_here("evaluate.py", "policies=[own_policies:stopped]", *arguments)
+    assert result.returncode == 130
+    assert "interrupted; go on with: folder=out" in result.stderr
+    assert not (tmp_path / "out" / "results.json").exists()
+
+
+def test_quantities_are_varied_from_the_command_line(run_here, tmp_path):
+    vary = "vary={friction: [0.5, 1], missing_legs: [[], [LM, RM]]}"
+    result = run_here("evaluate.py", "controllers=[hybrid]", "folder=out", vary, *SHORT)
+    assert result.returncode == 0, result.stderr
+    contents = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert [row["condition"] for row in contents["summary"]] == [
+        "friction=0.5", "friction=1", "missing_legs=none", "missing_legs=LM+RM",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("argument", "message"),
+    [
+        ("vary={friction: 2}", "vary.friction must be a list of values, got 2"),
+        ("vary={fricton: [2]}", "did you mean 'friction'"),
+        ("study=comparison", "study must be one of"),
+    ],
+)
+def test_what_cannot_be_varied_or_studied(run_here, argument, message):
+    result = run_here("evaluate.py", "controllers=[zero]", argument, *SHORT)
+    assert result.returncode == 2
+    assert message in result.stderr
