@@ -116,7 +116,8 @@ def compare(
         )
     write_results(results, folder)
     drop_parts(folder)
-    videos, note = record_videos(config) if with_videos else ([], None)
+    missing = {(crash["controller"], crash["terrain"]) for crash in results.protocol["crashes"]}
+    videos, note = record_videos(config, missing=missing) if with_videos else ([], None)
     examples, drive_map = [], None
     if with_close_ups:
         examples = walk_examples(config)

@@ -6,7 +6,7 @@ import io
 import itertools
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -71,7 +71,9 @@ class Video:
     poster: bytes
 
 
-def record_videos(config: EvaluationConfig, episode: int = 0) -> tuple[list[Video], str | None]:
+def record_videos(
+    config: EvaluationConfig, episode: int = 0, missing: Collection[tuple[str, str]] = ()
+) -> tuple[list[Video], str | None]:
     """Film one episode of every entrant on every terrain.
 
     Parameters
@@ -80,6 +82,8 @@ def record_videos(config: EvaluationConfig, episode: int = 0) -> tuple[list[Vide
         Of the evaluation.
     episode
         Index of the episode, the same for all.
+    missing
+        Entrants that raised an error, and where: names of controller and terrain.
 
     Returns
     -------
@@ -93,6 +97,8 @@ def record_videos(config: EvaluationConfig, episode: int = 0) -> tuple[list[Vide
     try:
         imageio_ffmpeg.get_ffmpeg_exe()
         for terrain, entrant in tqdm(jobs, desc="filming", disable=not config.progress):
+            if (entrant.name, terrain.label) in missing:
+                continue
             drawn = config.draw_episodes(terrain)[episode]
             videos.append(record_video(config, entrant, terrain, drawn, episode))
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
