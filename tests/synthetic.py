@@ -5,7 +5,8 @@ from dataclasses import asdict
 
 import numpy as np
 
-from flyrl.evaluation.results import Results, episode_row
+from flyrl.evaluation.results import Results
+from flyrl.evaluation.rows import episode_row, episode_table
 from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import trajectory
 from flyrl.rollouts import EpisodeRecord
@@ -140,7 +141,7 @@ def make_results(
         for index in range(episodes)
     ]
     records = [record for record, _ in walks]
-    rows = [episode_row(record, label) for record, label in walks]
+    rows = episode_table([episode_row(record, label) for record, label in walks])
     protocol = {
         "command": "flyrl-evaluate policies=[runs/target-ppo] episodes=20 note='<b>&'",
         "settings": {},
@@ -166,7 +167,6 @@ def make_results(
             {
                 "name": name,
                 "config": {"name": name, "seed": 0},
-                "episodes": [asdict(record.episode) for record in records[:episodes]],
             }
             for name in terrains
         ],
@@ -177,4 +177,6 @@ def make_results(
     }
     summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0))
     protocol = json.loads(json.dumps(protocol))
-    return Results(protocol, rows, summary, [trajectory(record) for record in records])
+    drawn = json.loads(json.dumps([asdict(record.episode) for record in records[:episodes]]))
+    paths = {row: trajectory(record) for row, record in enumerate(records)}
+    return Results(protocol, rows, summary, dict.fromkeys(terrains, drawn), paths)

@@ -100,6 +100,7 @@ class EvaluationSettings:
     reference: str | None = EvaluationConfig.reference
     trust_pickles: bool = EvaluationConfig.trust_pickles
     study: str | None = EvaluationConfig.study
+    paths: int = EvaluationConfig.paths
     num_envs: int = EvaluationConfig.num_envs
     num_threads: int = EvaluationConfig.num_threads
     progress_bar: bool = True
@@ -175,6 +176,7 @@ def evaluation_config(
         reference=settings.reference,
         trust_pickles=settings.trust_pickles,
         study=settings.study,
+        paths=settings.paths,
         num_envs=settings.num_envs,
         num_threads=settings.num_threads,
         progress=settings.progress_bar,

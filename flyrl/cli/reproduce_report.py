@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Json = dict[str, Any]
 
@@ -47,7 +50,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         evaluation_settings,
     )
     from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
-    from flyrl.evaluation.results import episodes_digest  # noqa: PLC0415
+    from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
     from flyrl.report import read_origin, write_report  # noqa: PLC0415
 
     origin = read_origin(path)
@@ -100,14 +103,16 @@ def _origins_differ(origin: Json, protocol: Json) -> list[str]:
     return lines
 
 
-def _episodes_differ(folder: Path, rows: Sequence[Json]) -> list[str]:
+def _episodes_differ(folder: Path, episodes: pd.DataFrame) -> list[str]:
     """Where the rows differ from those beside the report, if they are there."""
     from flyrl.evaluation import ResultsError, load_results  # noqa: PLC0415
+    from flyrl.evaluation.rows import plain_rows  # noqa: PLC0415
 
     try:
-        before = load_results(folder).episodes
+        before = list(plain_rows(load_results(folder).episodes))
     except ResultsError as error:
         return [f"which ones cannot be said: {error}"]
+    rows = list(plain_rows(episodes))
     if len(before) != len(rows):
         return [f"{len(before)} episodes, in the repeat {len(rows)}"]
     different = [(one, other) for one, other in zip(before, rows, strict=True) if one != other]

@@ -11,6 +11,7 @@ from flyrl.bodies.table import BodyName
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.conditions import Condition
+from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
@@ -68,6 +69,9 @@ class EvaluationConfig:
     study
         Name of a published study (see `flyrl.evaluation.studies.STUDIES`) whose claims are put to
         the test, or None.
+    paths
+        Of how many episodes the paths are kept: the first ones, of every entrant on every terrain
+        under every condition.
     num_envs
         Episodes that are walked at the same time. Does not change the result.
     num_threads
@@ -98,6 +102,7 @@ class EvaluationConfig:
     reference: str | None = None
     trust_pickles: bool = False
     study: str | None = None
+    paths: int = 60
     num_envs: int = 64
     num_threads: int = 0
     progress: bool = False
@@ -112,6 +117,7 @@ class EvaluationConfig:
         within("episodes", self.episodes, 1, MAX_EPISODES)
         within("seed", self.seed, 0, MAX_SEED)
         one_of("study", self.study, (None, *STUDIES))
+        at_least("paths", self.paths, 0)
         at_least("num_envs", self.num_envs, 1)
         at_least("num_threads", self.num_threads, 0)
         task = self.resolved_task
@@ -179,8 +185,13 @@ class EvaluationConfig:
 
     def draw_episodes(
         self, terrain: TerrainConfig, condition: Condition | None = None
-    ) -> list[Episode]:
-        """Episodes on `terrain` under a condition, the same ones for every entrant."""
+    ) -> Sequence[Episode]:
+        """Episodes on `terrain` under a condition, the same ones for every entrant.
+
+        Each is drawn whenever it is asked for, so that it does not matter how many there are.
+        """
         condition = condition or Condition()
-        env = condition.env(self.env(terrain))
-        return [condition.episode(env.sample_episode(seed)) for seed in self.seeds()]
+        env, seeds = condition.env(self.env(terrain)), self.seeds()
+        return LazySequence(
+            len(seeds), lambda index: condition.episode(env.sample_episode(seeds[index]))
+        )

@@ -11,14 +11,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.rows import episode_table, plain_rows
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
 from flyrl.files import replacing
 
 PARTS_FOLDER: Final = "parts"
 
-Part = tuple[list[Json], list[Trajectory]]
+Part = tuple[pd.DataFrame, list[Trajectory]]
+"""Rows of a batch, and the paths of the first of them."""
 
 
 class Parts:
@@ -51,7 +53,7 @@ class Parts:
             with self._path(place).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
                 if not np.array_equal(arrays["settings"], self._digest):
                     return None
-                rows: list[Json] = json.loads(arrays["rows"].tobytes())
+                rows = episode_table(json.loads(arrays["rows"].tobytes()))
                 return rows, unpack_trajectories(arrays)
         except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
             return None
@@ -68,7 +70,7 @@ class Parts:
             return
         self._folder.mkdir(parents=True, exist_ok=True)
         rows, paths = part
-        text = np.frombuffer(json.dumps(rows).encode(), dtype=np.uint8)
+        text = np.frombuffer(json.dumps(list(plain_rows(rows))).encode(), dtype=np.uint8)
         with replacing(self._path(place)) as partial:
             np.savez_compressed(
                 partial, settings=self._digest, rows=text, **pack_trajectories(paths)

@@ -2,44 +2,46 @@
 
 A folder of results holds
 
-- `results.json`: schema `flyrl.results/2`: protocol, one row per episode, one summary per
-  controller and terrain;
+- `results.json`: schema `flyrl.results/3`: protocol, the episodes as they were drawn, one row per
+  walked episode, one summary per controller and terrain;
 - `episodes.csv`: the same rows, for a spreadsheet;
-- `trajectories.npz`: the paths, in the order of the rows; plain arrays.
+- `trajectories.npz`: the paths that were kept, and the rows they belong to; plain arrays.
 
 Each is written beside its place and then moved there, so that a crash leaves the old file whole.
 """
 
 from __future__ import annotations
 
-import csv
-import hashlib
-import io
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from flyrl.evaluation.metrics import METRICS, episode_metrics
+from flyrl.evaluation.rows import (
+    ROW_KEYS,
+    Json,
+    csv_text,
+    episode_table,
+    episodes_digest,
+    plain_rows,
+)
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
-from flyrl.files import replacing, write_text
-from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
+from flyrl.files import replacing
+from flyrl.rollouts.records import OUTCOMES
 
-SCHEMA: Final = "flyrl.results/2"
+SCHEMA: Final = "flyrl.results/3"
 RESULTS_FILE: Final = "results.json"
 EPISODES_FILE: Final = "episodes.csv"
 TRAJECTORIES_FILE: Final = "trajectories.npz"
 
-Json = dict[str, Any]
-
 _TEXT: Final = (str,)
 _NUMBER: Final = (int, float)
-_OPTIONAL: Final = (int, float, type(None))
 
 PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "command": _TEXT,
@@ -55,17 +57,6 @@ PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "vary": (dict,),
     "crashes": (list,),
     "physics": (dict,),
-}
-ROW_KEYS: Final[dict[str, tuple[type, ...]]] = {
-    "controller": _TEXT,
-    "task": _TEXT,
-    "terrain": _TEXT,
-    "episode": (int,),
-    "seed": (int,),
-    "outcome": _TEXT,
-    "success": (bool,),
-    "condition": _TEXT,
-    **dict.fromkeys(METRICS, _OPTIONAL),
 }
 SUMMARY_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "controller": _TEXT,
@@ -94,41 +85,30 @@ class Results:
     protocol
         How it was done, as plain JSON values: see `PROTOCOL_KEYS`.
     episodes
-        One row per episode: see `ROW_KEYS`.
+        One row per walked episode: see `flyrl.evaluation.rows`.
     summary
         One per terrain and controller: see `SUMMARY_KEYS`.
+    drawn
+        The episodes that everybody walks, by terrain; plain values, made when asked for.
     trajectories
-        One per row, in order; empty where they were not kept.
+        Those that were kept, by the number of their row.
     """
 
     protocol: Json
-    episodes: list[Json]
+    episodes: pd.DataFrame
     summary: list[Json]
-    trajectories: list[Trajectory] = field(default_factory=list)
+    drawn: Mapping[str, Sequence[Json]] = field(default_factory=dict)
+    trajectories: Mapping[int, Trajectory] = field(default_factory=dict)
 
     def to_json(self) -> Json:
         """The contents of `results.json`."""
         return {
             "schema": SCHEMA,
             "protocol": self.protocol,
-            "episodes": self.episodes,
+            "drawn": {terrain: list(episodes) for terrain, episodes in self.drawn.items()},
+            "episodes": list(plain_rows(self.episodes)),
             "summary": self.summary,
         }
-
-
-def episode_row(record: EpisodeRecord, condition: str = "") -> Json:
-    """Row of `results.json` for one episode, walked under a condition."""
-    return {
-        "controller": record.controller,
-        "task": record.task,
-        "terrain": record.terrain,
-        "episode": record.index,
-        "seed": record.seed,
-        "outcome": record.outcome,
-        "success": record.success,
-        "condition": condition,
-        **episode_metrics(record),
-    }
 
 
 def write_results(results: Results, folder: str | Path) -> Path:
@@ -137,16 +117,26 @@ def write_results(results: Results, folder: str | Path) -> Path:
     Raises
     ------
     ResultsError
-        If the results do not follow the schema.
+        If the results do not follow the schema, or hold a number that is not finite.
     """
     folder = Path(folder)
-    text = format_results(results.to_json())
     folder.mkdir(parents=True, exist_ok=True)
-    if results.trajectories:
-        _save_trajectories(folder / TRAJECTORIES_FILE, results)
-    write_text(folder / EPISODES_FILE, format_episodes(results.episodes))
-    write_text(folder / RESULTS_FILE, text)
-    return folder / RESULTS_FILE
+    path = folder / RESULTS_FILE
+    with replacing(path) as partial:
+        _write_pieces(partial, results_text(results))
+        # these before it takes its place: whoever reads it finds all three
+        with replacing(folder / EPISODES_FILE) as table:
+            _write_pieces(table, csv_text(results.episodes))
+        if results.trajectories:
+            _save_trajectories(folder / TRAJECTORIES_FILE, results)
+        else:
+            (folder / TRAJECTORIES_FILE).unlink(missing_ok=True)
+    return path
+
+
+def _write_pieces(path: Path, pieces: Iterable[str]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(pieces)
 
 
 def load_results(path: str | Path) -> Results:
@@ -157,7 +147,7 @@ def load_results(path: str | Path) -> Results:
     Raises
     ------
     ResultsError
-        If there is no such file, or it is not a whole `flyrl.results/2`.
+        If there is no such file, or it is not a whole `flyrl.results/3`.
     """
     path = Path(path)
     if path.is_dir():
@@ -170,14 +160,20 @@ def load_results(path: str | Path) -> Results:
         raise ResultsError(f"{path}: not JSON ({error})") from None
     try:
         validate(contents)
-    except ResultsError as error:
+        episodes = episode_table(contents["episodes"])
+    except ValueError as error:
         raise ResultsError(f"{path}: {error}") from None
-    results = Results(contents["protocol"], contents["episodes"], contents["summary"])
-    return replace(results, trajectories=_load_trajectories(path.parent, results.episodes))
+    return Results(
+        contents["protocol"],
+        episodes,
+        contents["summary"],
+        contents["drawn"],
+        _load_trajectories(path.parent, episodes),
+    )
 
 
 def validate(contents: object) -> None:
-    """Check that `contents` follows schema `flyrl.results/2`.
+    """Check that `contents` follows schema `flyrl.results/3`.
 
     Raises
     ------
@@ -189,22 +185,34 @@ def validate(contents: object) -> None:
     schema = contents.get("schema")
     if schema != SCHEMA:
         raise ResultsError(f"schema: {schema!r}; this version reads {SCHEMA!r}")
-    _check_keys(contents, {"protocol": (dict,), "episodes": (list,), "summary": (list,)}, "results")
-    protocol = contents["protocol"]
+    _check_keys(contents, _CONTENTS, "results")
+    outcomes = _check_protocol(contents["protocol"])
+    for index, row in enumerate(contents["episodes"]):
+        _check_row(row, index, outcomes)
+    for index, row in enumerate(contents["summary"]):
+        _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
+
+
+_CONTENTS: Final = {"protocol": (dict,), "drawn": (dict,), "episodes": (list,), "summary": (list,)}
+
+
+def _check_protocol(protocol: Json) -> list[str]:
+    """Check a protocol; return the outcomes that its episodes can have."""
     _check_keys(protocol, PROTOCOL_KEYS, "protocol")
     # a protocol without its own is of flyrl's own tasks
     protocol = {"outcomes": list(OUTCOMES), **protocol}
     _check_keys(protocol, {"outcomes": (list,)}, "protocol")
-    outcomes = [str(outcome) for outcome in protocol["outcomes"]]
-    for index, row in enumerate(contents["episodes"]):
-        where = f"episodes[{index}]"
-        _check_keys(row, ROW_KEYS, where)
-        if row["outcome"] not in outcomes:
-            raise ResultsError(
-                f"{where}.outcome: {row['outcome']!r}; expected one of {', '.join(outcomes)}"
-            )
-    for index, row in enumerate(contents["summary"]):
-        _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
+    return [str(outcome) for outcome in protocol["outcomes"]]
+
+
+def _check_row(row: object, index: int, outcomes: Sequence[str]) -> None:
+    where = f"episodes[{index}]"
+    _check_keys(row, ROW_KEYS, where)
+    assert isinstance(row, dict)
+    if row["outcome"] not in outcomes:
+        raise ResultsError(
+            f"{where}.outcome: {row['outcome']!r}; expected one of {', '.join(outcomes)}"
+        )
 
 
 def _check_keys(given: object, expected: Mapping[str, tuple[type, ...]], where: str) -> None:
@@ -220,63 +228,71 @@ def _check_keys(given: object, expected: Mapping[str, tuple[type, ...]], where: 
             raise ResultsError(f"{where}.{key}: {value!r}; expected {names}")
 
 
-def format_results(contents: Json) -> str:
-    """Text of `results.json`: valid JSON without NaN, a line per episode.
+def results_text(results: Results) -> Iterator[str]:
+    """Text of `results.json`, piece by piece: valid JSON without NaN, a line per episode.
 
     Raises
     ------
     ResultsError
-        If `contents` does not follow the schema, or holds a number that is not finite.
+        If the results do not follow the schema, or hold a number that is not finite.
     """
-    validate(contents)
+    outcomes = _check_protocol(results.protocol)
+    for index, row in enumerate(results.summary):
+        _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
     try:
-        parts = [f' "schema": {json.dumps(contents["schema"])}']
-        protocol = json.dumps(contents["protocol"], indent=1, allow_nan=False)
-        parts.append(f' "protocol": {protocol}')
-        for key in ("episodes", "summary"):
-            rows = ",\n".join(f"  {json.dumps(row, allow_nan=False)}" for row in contents[key])
-            parts.append(f' "{key}": [\n{rows}\n ]')
+        yield f'{{\n "schema": {json.dumps(SCHEMA)},\n "protocol": '
+        yield json.dumps(results.protocol, indent=1, allow_nan=False)
+        yield ',\n "drawn": {'
+        for number, (terrain, episodes) in enumerate(results.drawn.items()):
+            yield f"{',' * (number > 0)}\n  {json.dumps(terrain)}: ["
+            yield from _lines(episodes)
+            yield "]"
+        yield '\n },\n "episodes": ['
+        yield from _lines(_checked(plain_rows(results.episodes), outcomes))
+        yield '],\n "summary": ['
+        yield from _lines(results.summary)
+        yield "]\n}\n"
     except ValueError as error:
-        raise ResultsError(f"a number that is not finite ({error}); expected null") from error
-    return "{\n" + ",\n".join(parts) + "\n}\n"
+        raise ResultsError(str(error)) from error
 
 
-def format_episodes(rows: Sequence[Json]) -> str:
-    """Text of `episodes.csv`: a header, then a line per row; null is an empty cell."""
-    text = io.StringIO()
-    columns = list(dict.fromkeys(key for row in rows for key in row)) or list(ROW_KEYS)
-    writer = csv.DictWriter(text, columns, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+def _lines(values: Iterable[Json]) -> Iterator[str]:
+    """Values of a JSON list, a line each."""
+    for index, value in enumerate(values):
+        yield f"{',' * (index > 0)}\n  {json.dumps(value, allow_nan=False)}"
 
 
-def episodes_digest(rows: Sequence[Json]) -> str:
-    """SHA-256 of `episodes.csv`, in hexadecimal: equal for the same results, to the bit."""
-    return hashlib.sha256(format_episodes(rows).encode()).hexdigest()
+def _checked(rows: Iterable[Json], outcomes: Sequence[str]) -> Iterator[Json]:
+    for index, row in enumerate(rows):
+        _check_row(row, index, outcomes)
+        yield row
 
 
-def _digest(rows: Sequence[Json]) -> NDArray[np.uint8]:
+def _digest(table: pd.DataFrame) -> NDArray[np.uint8]:
     """What ties paths to the rows they belong to, 32 bytes."""
-    return np.frombuffer(bytes.fromhex(episodes_digest(rows)), dtype=np.uint8)
+    return np.frombuffer(bytes.fromhex(episodes_digest(table)), dtype=np.uint8)
 
 
 def _save_trajectories(path: Path, results: Results) -> None:
+    rows, paths = list(results.trajectories), list(results.trajectories.values())
     with replacing(path) as partial:
         np.savez_compressed(
-            partial, digest=_digest(results.episodes), **pack_trajectories(results.trajectories)
+            partial,
+            digest=_digest(results.episodes),
+            rows=np.array(rows, dtype=np.int64),
+            **pack_trajectories(paths),
         )
 
 
-def _load_trajectories(folder: Path, rows: Sequence[Json]) -> list[Trajectory]:
+def _load_trajectories(folder: Path, table: pd.DataFrame) -> dict[int, Trajectory]:
     path = folder / TRAJECTORIES_FILE
     if not path.exists():
-        return []
+        return {}
     try:
         # Opened here: np.load would leave a file that is not whole open.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            if not np.array_equal(arrays["digest"], _digest(rows)):
-                return []
-            return unpack_trajectories(arrays)
+            if not np.array_equal(arrays["digest"], _digest(table)):
+                return {}
+            return dict(zip(arrays["rows"].tolist(), unpack_trajectories(arrays), strict=True))
     except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
         raise ResultsError(f"{path}: not a whole trajectories file ({error})") from error

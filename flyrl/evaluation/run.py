@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
 import numpy as np
+import pandas as pd
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.record import plain
@@ -21,8 +22,10 @@ from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants, reference_name
+from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.parts import Part, Parts
-from flyrl.evaluation.results import Json, Results, episode_row
+from flyrl.evaluation.results import Results
+from flyrl.evaluation.rows import Json, episode_row, episode_table, joined
 from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
@@ -69,10 +72,12 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
     ]
     protocol = _protocol(config, entrants, reference_name(config, entrants))
     parts = Parts(
-        None if folder is None else Path(folder), [protocol, config.num_envs, _versions()]
+        None if folder is None else Path(folder),
+        [protocol, config.num_envs, config.paths, _versions(), _first_episodes(config)],
     )
-    rows: list[Json] = []
-    trajectories: list[Trajectory] = []
+    tables: list[pd.DataFrame] = []
+    trajectories: dict[int, Trajectory] = {}
+    num_rows = 0
     crashes: list[Json] = []
     with progress_bar(
         # whole ms, shown in s: a sum of many small floats could pass the total
@@ -93,12 +98,14 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
                 crashes.append(walk.crash(crash))
                 bar.update(due - bar.n)
                 continue
-            for part_rows, part_trajectories in found:
-                rows += part_rows
-                trajectories += part_trajectories
-    if not rows:
+            for table, paths in found:
+                trajectories.update(enumerate(paths, start=num_rows))
+                tables.append(table)
+                num_rows += len(table)
+    if not tables:
         raise ValueError(f"every entrant raised an error; the first: {crashes[0]['error']}")
-    walked = list(dict.fromkeys(row["controller"] for row in rows))
+    rows = joined(tables)
+    walked = list(rows["controller"].unique())
     reference = protocol["reference"] if protocol["reference"] in walked else walked[0]
     return Results(
         protocol={
@@ -112,6 +119,10 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         },
         episodes=rows,
         summary=summarise(rows, reference, config.horizon_s, np.random.default_rng(config.seed)),
+        drawn={
+            terrain.label: _plain_episodes(config.draw_episodes(terrain))
+            for terrain in config.terrain_configs
+        },
         trajectories=trajectories,
     )
 
@@ -171,8 +182,9 @@ class _Walk:
         except Exception as error:
             # a policy may be anybody's code, and raise anything
             raise _CrashError from error
-        rows = [episode_row(record, self.condition.label) for record in records]
-        return rows, list(map(trajectory, records))
+        table = episode_table([episode_row(record, self.condition.label) for record in records])
+        kept = max(0, self.config.paths - start)
+        return table, list(map(trajectory, records[:kept]))
 
     def crash(self, crash: _CrashError) -> Json:
         """What is put on record of an entrant that raised an error."""
@@ -208,9 +220,6 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant], reference: 
             {
                 "name": terrain.label,
                 "config": dataclasses.asdict(terrain),
-                "episodes": [
-                    dataclasses.asdict(episode) for episode in config.draw_episodes(terrain)
-                ],
             }
             for terrain in config.terrain_configs
         ],
@@ -223,6 +232,17 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant], reference: 
     # As the file holds it: lists, not tuples.
     plain: Json = json.loads(json.dumps(protocol))
     return plain
+
+
+def _plain_episodes(episodes: Sequence[Episode]) -> Sequence[Json]:
+    """Episodes as plain JSON values, made when asked for."""
+    return LazySequence(len(episodes), lambda index: plain(dataclasses.asdict(episodes[index])))
+
+
+def _first_episodes(config: EvaluationConfig) -> list[Json]:
+    """What tells episodes from those that another version would draw from the same seeds."""
+    drawn = map(config.draw_episodes, config.terrain_configs)
+    return [plain(dataclasses.asdict(episodes[0])) for episodes in drawn]
 
 
 def _versions() -> dict[str, str]:

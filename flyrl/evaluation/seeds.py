@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval, interquartile_mean, performance_profile
 
 PROFILE_AT: Final = tuple(np.round(np.linspace(0.0, 1.0, 21), 2).tolist())

@@ -57,9 +57,10 @@ def success_rate(successes: int, n: int) -> Interval:
     return Interval(successes / n, float(bounds.low), float(bounds.high), n)
 
 
-def distribution(values: Sequence[float | None]) -> Distribution:
-    """Median, mean and quartiles of the values that are not None."""
-    present = np.array([value for value in values if value is not None], dtype=np.float64)
+def distribution(values: ArrayLike) -> Distribution:
+    """Median, mean and quartiles of the values that are not None or NaN."""
+    given = np.asarray(values, dtype=np.float64)
+    present = given[~np.isnan(given)]
     if present.size == 0:
         return Distribution(0, None, None, None, None)
     q1, median, q3 = np.quantile(present, (0.25, 0.5, 0.75))

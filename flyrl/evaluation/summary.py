@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from flyrl.evaluation.metrics import LOWER_IS_BETTER, METRICS, compared_metrics
 from flyrl.evaluation.statistics import (
@@ -21,18 +23,16 @@ from flyrl.evaluation.statistics import (
 )
 from flyrl.rollouts.records import OUTCOMES
 
-Row = Mapping[str, Any]
-
 
 def summarise(
-    rows: Sequence[Row], reference: str, horizon_s: float, rng: np.random.Generator
+    rows: pd.DataFrame, reference: str, horizon_s: float, rng: np.random.Generator
 ) -> list[dict[str, Any]]:
     """One summary per terrain, condition and controller, in order of first appearance.
 
     Parameters
     ----------
     rows
-        Episodes as in `results.json`.
+        Episodes; see `flyrl.evaluation.rows`.
     reference
         Name of the controller that the others are compared with.
     horizon_s
@@ -45,31 +45,31 @@ def summarise(
     ValueError
         If `reference` has no episodes, or a controller walked one episode twice.
     """
-    groups: dict[tuple[str, str], dict[str, dict[int, Row]]] = {}
-    for row in rows:
-        walked = groups.setdefault((row["terrain"], row["condition"]), {})
-        episodes = walked.setdefault(row["controller"], {})
-        if row["episode"] in episodes:
-            raise ValueError(
-                f"episodes must be walked once, got {row['episode']} twice by {row['controller']} "
-                f"on {row['terrain']}"
-            )
-        episodes[row["episode"]] = row
-    names = list(dict.fromkeys(row["controller"] for row in rows))
+    place = ["terrain", "condition"]
+    twice = rows[rows.duplicated([*place, "controller", "episode"])]
+    if len(twice):
+        first = twice.iloc[0]
+        raise ValueError(
+            f"episodes must be walked once, got {first['episode']} twice by "
+            f"{first['controller']} on {first['terrain']}"
+        )
+    names = list(rows["controller"].unique())
     if reference not in names:
         raise ValueError(f"reference must be one of {', '.join(names)}, got {reference!r}")
     summary = []
-    for walked in groups.values():
-        others = walked.get(reference, {})
+    for _, walked in rows.groupby(place, sort=False, observed=True):
+        others = walked[walked["controller"] == reference]
         for name in names:
-            if own := walked.get(name):
-                row = summarise_controller(list(own.values()))
-                if name != reference:
-                    row["paired"] = {
-                        "reference": reference,
-                        "differences": paired_differences(own, others, horizon_s, rng),
-                    }
-                summary.append(row)
+            own = walked[walked["controller"] == name]
+            if own.empty:
+                continue
+            row = summarise_controller(own)
+            if name != reference:
+                row["paired"] = {
+                    "reference": reference,
+                    "differences": paired_differences(own, others, horizon_s, rng),
+                }
+            summary.append(row)
     _adjust(summary)
     return summary
 
@@ -84,37 +84,34 @@ def _adjust(summary: Sequence[dict[str, Any]]) -> None:
             entry["p_adjusted"] = value
 
 
-def summarise_controller(rows: Sequence[Row]) -> dict[str, Any]:
+def summarise_controller(rows: pd.DataFrame) -> dict[str, Any]:
     """Summary of one controller on one terrain, from its `rows`; "paired" is None."""
-    outcomes = Counter(row["outcome"] for row in rows)
+    outcomes = Counter(rows["outcome"])
     kinds = dict.fromkeys((*OUTCOMES, *sorted(outcomes)))
+    first = rows.iloc[0]
     return {
-        "controller": rows[0]["controller"],
-        "task": rows[0]["task"],
-        "terrain": rows[0]["terrain"],
-        "condition": rows[0]["condition"],
+        **{key: first[key] for key in ("controller", "task", "terrain", "condition")},
         "episodes": len(rows),
         "successes": outcomes["success"],
         "outcomes": {outcome: outcomes[outcome] for outcome in kinds},
         "success_rate": asdict(success_rate(outcomes["success"], len(rows))),
-        "metrics": {key: asdict(distribution([row[key] for row in rows])) for key in METRICS},
+        "metrics": {key: asdict(distribution(rows[key])) for key in METRICS},
         "paired": None,
     }
 
 
 def paired_differences(
-    own: Mapping[int, Row], others: Mapping[int, Row], horizon_s: float, rng: np.random.Generator
+    own: pd.DataFrame, others: pd.DataFrame, horizon_s: float, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Mean differences own - other, one per metric that the task is compared by.
 
     Each with its interval, `p_value`, `effect_size`, and `improvement`: the share of episodes in
     which own is the better one.
     """
-    task = next(iter(own.values()))["task"]
     found = {}
-    for metric in compared_metrics(task):
+    for metric in compared_metrics(own["task"].iloc[0]):
         differences = paired_values(own, others, metric, horizon_s)
-        gains = -np.array(differences) if metric in LOWER_IS_BETTER else differences
+        gains = -differences if metric in LOWER_IS_BETTER else differences
         found[metric] = {
             **asdict(paired_difference(differences, rng)),
             "p_value": p_value(differences, rng),
@@ -125,22 +122,24 @@ def paired_differences(
 
 
 def paired_values(
-    own: Mapping[int, Row], others: Mapping[int, Row], metric: str, horizon_s: float
-) -> list[float]:
-    """Differences own - other of `metric` over the episodes that both walked.
+    own: pd.DataFrame, others: pd.DataFrame, metric: str, horizon_s: float
+) -> NDArray[np.float64]:
+    """Differences own - other of `metric` over the episodes that both walked, in own's order.
 
     An episode without success counts its full horizon as time to goal, so that every pair counts.
 
     Parameters
     ----------
     own, others
-        Rows of two controllers, keyed by episode index.
+        Rows of two controllers.
     horizon_s
         Stands in for the time to goal of an episode without success, s.
     """
 
-    def value(row: Row) -> float:
-        given = row[metric]
-        return horizon_s if metric == "time_to_goal_s" and given is None else float(given)
+    def values(rows: pd.DataFrame) -> pd.Series[float]:
+        column = rows.set_index("episode")[metric].astype(np.float64)
+        return column.fillna(horizon_s) if metric == "time_to_goal_s" else column
 
-    return [value(row) - value(others[index]) for index, row in own.items() if index in others]
+    one, other = values(own), values(others)
+    one = one[one.index.isin(other.index)]
+    return np.asarray(one - other.loc[one.index], dtype=np.float64)

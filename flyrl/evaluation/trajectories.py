@@ -34,6 +34,8 @@ def trajectory(record: EpisodeRecord) -> Trajectory:
 
 def pack_trajectories(paths: Sequence[Trajectory]) -> dict[str, Any]:
     """Plain arrays of many paths: how long each is, and their fields one after the other."""
+    if not paths:
+        return {"lengths": np.zeros(0, dtype=np.int64)}
     columns = {
         key: np.concatenate([getattr(path, key) for path in paths])
         for key in Trajectory.__dataclass_fields__
@@ -49,6 +51,8 @@ def unpack_trajectories(arrays: Mapping[str, NDArray[Any]]) -> list[Trajectory]:
     KeyError
         An array is missing.
     """
+    if not arrays["lengths"].size:
+        return []
     cuts = np.cumsum(arrays["lengths"])[:-1]
     columns = [np.split(arrays[key], cuts) for key in Trajectory.__dataclass_fields__]
     return [Trajectory(*fields) for fields in zip(*columns, strict=True)]

@@ -10,11 +10,12 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import paired_values
 from flyrl.evaluation.trajectories import Trajectory
@@ -101,7 +102,7 @@ def success_figure(summary: Sequence[Json]) -> str:
 
 
 def distributions_figure(
-    rows: Sequence[Json],
+    rows: pd.DataFrame,
     terrain: str,
     horizon_s: float,
     metrics: Sequence[str],
@@ -111,17 +112,18 @@ def distributions_figure(
     An episode without success has no time to goal: its dot stands at the horizon, and the median
     and quartiles count it there.
     """
-    names = _names(rows)
+    names = list(rows["controller"].unique())
     colour = colours(names)
     with mpl.rc_context(FIGURE_STYLE):
         figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             for place, name in enumerate(names):
-                own = _select(rows, terrain, name)
-                values = np.array([_value(row, metric, horizon_s) for row in own])
+                own = _of(rows, terrain, name)
+                values = own[metric].to_numpy(dtype=np.float64)
+                if metric == "time_to_goal_s":
+                    values = np.where(np.isnan(values), horizon_s, values)
                 if values.size:
-                    outcomes = [row["outcome"] for row in own]
-                    _dots(axes, values, outcomes, place, marker(colour[name]))
+                    _dots(axes, values, own["outcome"].to_numpy(), place, marker(colour[name]))
                     _quartiles(axes, values, place)
             axes.set_xlabel(METRIC_LABELS[metric])
             if metric == "time_to_goal_s":
@@ -131,7 +133,7 @@ def distributions_figure(
 
 
 def paired_figure(
-    rows: Sequence[Json],
+    rows: pd.DataFrame,
     summary: Sequence[Json],
     terrain: str,
     horizon_s: float,
@@ -144,17 +146,18 @@ def paired_figure(
     metrics = list(compared[0]["paired"]["differences"])
     names = [row["controller"] for row in compared]
     colour = colours(_names(summary))
-    other = {row["episode"]: row for row in _select(rows, terrain, reference)}
+    other = _of(rows, terrain, reference)
     with mpl.rc_context(FIGURE_STYLE):
         figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             axes.axvline(0, color=marker("muted"), linewidth=1)
             for place, row in enumerate(compared):
                 shade = marker(colour[row["controller"]])
-                own = {r["episode"]: r for r in _select(rows, terrain, row["controller"])}
-                values = np.array(paired_values(own, other, metric, horizon_s))
+                own = _of(rows, terrain, row["controller"])
+                values = paired_values(own, other, metric, horizon_s)
                 if metric != "success" and values.size:
-                    _dots(axes, values, [SUCCESS] * values.size, place, shade, alpha=0.25)
+                    kinds = np.full(values.size, SUCCESS)
+                    _dots(axes, values, kinds, place, shade, alpha=0.25)
                 difference = row["paired"]["differences"][metric]
                 if difference["low"] is not None:
                     axes.plot(
@@ -365,16 +368,15 @@ def _look(outcome: str, shade: str) -> dict[str, Any]:
 def _dots(
     axes: Axes,
     values: FloatArray,
-    outcomes: Sequence[str],
+    outcomes: NDArray[Any],
     place: float,
     shade: str,
     *,
     alpha: float = 0.75,
 ) -> None:
     heights = place + swarm(values)
-    kinds = np.array(outcomes)
     for outcome in dict.fromkeys(outcomes):
-        chosen = kinds == outcome
+        chosen = outcomes == outcome
         axes.scatter(
             values[chosen],
             heights[chosen],
@@ -407,13 +409,6 @@ def swarm(values: FloatArray, bins: int = 60, reach: float = 0.32) -> FloatArray
     return offsets
 
 
-def _value(row: Json, metric: str, horizon_s: float) -> float:
-    given = row[metric]
-    if given is None:
-        return horizon_s if metric == "time_to_goal_s" else float("nan")
-    return float(given)
-
-
 def _names(rows: Sequence[Json]) -> list[str]:
     return list(dict.fromkeys(row["controller"] for row in rows))
 
@@ -424,3 +419,7 @@ def _terrains(rows: Sequence[Json]) -> list[str]:
 
 def _select(rows: Sequence[Json], terrain: str, name: str) -> list[Json]:
     return [row for row in rows if row["terrain"] == terrain and row["controller"] == name]
+
+
+def _of(rows: pd.DataFrame, terrain: str, name: str) -> pd.DataFrame:
+    return rows[(rows["terrain"] == terrain) & (rows["controller"] == name)]

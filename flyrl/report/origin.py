@@ -7,7 +7,8 @@ import re
 from pathlib import Path
 from typing import Final
 
-from flyrl.evaluation.results import Json, Results, episodes_digest
+from flyrl.evaluation.results import Results
+from flyrl.evaluation.rows import Json, episodes_digest
 
 ORIGIN_SCHEMA: Final = "flyrl.report/1"
 ORIGIN_ID: Final = "origin"

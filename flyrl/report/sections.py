@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from flyrl.evaluation.conditions import QUANTITIES, Condition
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import compared_metrics
-from flyrl.evaluation.results import Json, Results
+from flyrl.evaluation.results import Results
+from flyrl.evaluation.rows import Json, plain_rows
 from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.report.close_up import drive_map_figure, gait_figure
@@ -69,9 +70,10 @@ def drive_map_section(results: Results, drive_map: DriveMap | None) -> str:
         return ""
     learned = [entrant["name"] for entrant in results.protocol["entrants"] if _is_learned(entrant)]
     chosen: dict[str, list[NDArray[np.float32]]] = {name: [] for name in learned}
-    for row, path in zip(results.episodes, results.trajectories, strict=False):
-        if row["controller"] in chosen:
-            chosen[row["controller"]].append(path.drive[1:])
+    names = results.episodes["controller"]
+    for row, path in results.trajectories.items():
+        if names[row] in chosen:
+            chosen[names[row]].append(path.drive[1:])
     visited = {name: np.concatenate(drives) for name, drives in chosen.items() if drives}
     return drive_map_figure(drive_map, visited, "drive-map")
 
@@ -88,18 +90,14 @@ def terrain_section(
     summary = [row for row in results.summary if row["terrain"] == terrain]
     if results.protocol["vary"]:
         return {"name": terrain, "doses": _doses(results, terrain)}
-    goals = {
-        index: episode["goal"]
-        for section in results.protocol["terrains"]
-        if section["name"] == terrain
-        for index, episode in enumerate(section.get("episodes", []))
-    }
     trajectories = ""
     if results.trajectories:
+        kept = list(plain_rows(results.episodes.iloc[list(results.trajectories)]))
+        drawn = results.drawn[terrain]
         trajectories = trajectories_figure(
-            results.episodes,
-            results.trajectories,
-            [goals.get(row["episode"], ()) for row in results.episodes],
+            kept,
+            list(results.trajectories.values()),
+            [drawn[row["episode"]]["goal"] if row["terrain"] == terrain else () for row in kept],
             terrain,
         )
     return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.rows import Json
 
 
 def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:

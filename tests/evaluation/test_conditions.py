@@ -87,7 +87,8 @@ def results():
 
 def test_everyone_walks_under_every_condition(results):
     labels = ["missing_legs=none", "missing_legs=LM+RM", "friction=0.1"]
-    walked = [(row["condition"], row["controller"], row["episode"]) for row in results.episodes]
+    columns = results.episodes[["condition", "controller", "episode"]]
+    walked = list(columns.itertuples(index=False, name=None))
     expected = [(a, b, c) for a in labels for b in ("hybrid", "zero") for c in range(3)]
     assert walked == expected
     assert [(row["condition"], row["controller"]) for row in results.summary] == [
@@ -99,11 +100,14 @@ def test_a_condition_without_a_change_is_the_usual_walk(results):
     plain = evaluate(
         EvaluationConfig(task=SHORT, controllers=("hybrid",), episodes=3, num_threads=1)
     )
-    ways = [row["displacement_mm"] for row in results.episodes if row["controller"] == "hybrid"]
-    assert ways[:3] == [row["displacement_mm"] for row in plain.episodes]
+    own = results.episodes[results.episodes["controller"] == "hybrid"]
+    ways = list(own["displacement_mm"])
+    assert ways[:3] == list(plain.episodes["displacement_mm"])
     assert not np.isin(ways[3:], ways[:3]).any()
 
 
 def test_conditions_start_from_the_same_place(results):
-    starts = np.array([path.position_w[0] for path in results.trajectories]).reshape(6, 3, 3)
+    starts = np.array([path.position_w[0] for path in results.trajectories.values()]).reshape(
+        6, 3, 3
+    )
     np.testing.assert_allclose(starts, np.broadcast_to(starts[0], starts.shape), atol=1e-6)

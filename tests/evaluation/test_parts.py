@@ -1,19 +1,23 @@
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 
 from flyrl.evaluation.parts import Parts, drop_parts
-from flyrl.evaluation.results import episode_row
+from flyrl.evaluation.rows import episode_row, episode_table
 from flyrl.evaluation.trajectories import trajectory
 from tests.synthetic import make_record
 
 RECORDS = [make_record([(0, 0), (i, 1)], index=i) for i in range(3)]
-PART = [episode_row(record) for record in RECORDS], [trajectory(record) for record in RECORDS]
+PART = (
+    episode_table([episode_row(record) for record in RECORDS]),
+    [trajectory(record) for record in RECORDS[:2]],
+)
 
 
 def test_a_batch_comes_back_as_it_was(tmp_path):
     Parts(tmp_path, {"seed": 0}).write((1, 64), PART)
     rows, paths = Parts(tmp_path, {"seed": 0}).read((1, 64))
-    assert rows == PART[0]
+    assert_frame_equal(rows, PART[0])
     for path, before in zip(paths, PART[1], strict=True):
         np.testing.assert_array_equal(path.position_w, before.position_w)
 

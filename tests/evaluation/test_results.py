@@ -1,21 +1,22 @@
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 
 from flyrl.evaluation.results import (
     EPISODES_FILE,
     RESULTS_FILE,
-    ROW_KEYS,
     SCHEMA,
     TRAJECTORIES_FILE,
     ResultsError,
-    format_results,
     load_results,
     validate,
     write_results,
 )
+from flyrl.evaluation.rows import ROW_KEYS
 from tests.synthetic import make_results
 
 
@@ -31,16 +32,16 @@ def contents(results):
 
 def test_results_have_the_published_form(results):
     contents = results.to_json()
-    assert list(contents) == ["schema", "protocol", "episodes", "summary"]
-    assert contents["schema"] == SCHEMA == "flyrl.results/2"
+    assert list(contents) == ["schema", "protocol", "drawn", "episodes", "summary"]
+    assert contents["schema"] == SCHEMA == "flyrl.results/3"
 
 
 def test_rows_begin_with_the_published_fields(results):
-    assert list(results.episodes[0])[:7] == [
+    assert list(results.episodes)[:7] == [
         "controller", "task", "terrain", "episode", "seed", "outcome", "success",
     ]  # fmt: skip
     published = {"return", "duration_s", "path_length_mm", "displacement_mm", "speed_mm_s"}
-    assert published <= set(results.episodes[0])
+    assert published <= set(results.episodes)
 
 
 def test_what_was_written_is_read_back(results, tmp_path):
@@ -51,14 +52,14 @@ def test_what_was_written_is_read_back(results, tmp_path):
 
 def test_a_file_is_as_good_as_its_folder(results, tmp_path):
     path = write_results(results, tmp_path)
-    assert load_results(path).episodes == results.episodes
+    assert_frame_equal(load_results(path).episodes, results.episodes)
 
 
 def test_paths_are_read_back_in_the_order_of_the_rows(results, tmp_path):
     write_results(results, tmp_path)
     loaded = load_results(tmp_path).trajectories
-    assert len(loaded) == len(results.trajectories)
-    for one, other in zip(loaded, results.trajectories, strict=True):
+    assert list(loaded) == list(results.trajectories)
+    for one, other in zip(loaded.values(), results.trajectories.values(), strict=True):
         np.testing.assert_array_equal(one.position_w, other.position_w)
         np.testing.assert_array_equal(one.drive, other.drive)
 
@@ -68,13 +69,13 @@ def test_paths_of_other_rows_are_left_out(results, tmp_path):
     stale = (tmp_path / TRAJECTORIES_FILE).read_bytes()
     write_results(make_results(controllers=("hybrid", "zero"), episodes=3), tmp_path)
     (tmp_path / TRAJECTORIES_FILE).write_bytes(stale)
-    assert load_results(tmp_path).trajectories == []
+    assert load_results(tmp_path).trajectories == {}
 
 
 def test_results_are_read_without_paths(results, tmp_path):
     write_results(results, tmp_path)
     (tmp_path / TRAJECTORIES_FILE).unlink()
-    assert load_results(tmp_path).trajectories == []
+    assert load_results(tmp_path).trajectories == {}
 
 
 def test_half_a_paths_file(results, tmp_path):
@@ -91,15 +92,16 @@ def test_the_table_has_a_line_per_episode(results, tmp_path):
         table = list(csv.DictReader(file))
     assert len(table) == len(results.episodes)
     assert list(table[0]) == list(ROW_KEYS)
-    assert [float(line["return"]) for line in table] == [row["return"] for row in results.episodes]
+    assert [float(line["return"]) for line in table] == list(results.episodes["return"])
 
 
 def test_null_is_an_empty_cell(results, tmp_path):
     write_results(results, tmp_path)
     with (tmp_path / EPISODES_FILE).open(newline="") as file:
         table = list(csv.DictReader(file))
-    for line, row in zip(table, results.episodes, strict=True):
-        assert (line["time_to_goal_s"] == "") == (row["time_to_goal_s"] is None)
+    missing = [line["time_to_goal_s"] == "" for line in table]
+    assert missing == list(results.episodes["time_to_goal_s"].isna())
+    assert any(missing)
 
 
 def test_a_crash_while_writing_leaves_the_old_files(results, tmp_path, monkeypatch):
@@ -118,16 +120,17 @@ def test_a_crash_while_writing_leaves_the_old_files(results, tmp_path, monkeypat
 def test_results_that_break_the_schema_are_not_written(results, tmp_path):
     write_results(results, tmp_path)
     broken = make_results(controllers=("cpg", "hybrid"), episodes=2)
-    broken.episodes[1]["outcome"] = "vanished"
+    broken.episodes["outcome"] = "vanished"
     with pytest.raises(ResultsError, match="vanished"):
         write_results(broken, tmp_path)
-    assert load_results(tmp_path).episodes == results.episodes
+    assert_frame_equal(load_results(tmp_path).episodes, results.episodes)
 
 
-def test_numbers_that_are_not_finite_are_refused(contents):
-    contents["episodes"][0]["return"] = float("nan")
-    with pytest.raises(ResultsError, match="not finite"):
-        format_results(contents)
+def test_numbers_that_are_not_finite_are_refused(results, tmp_path):
+    broken = replace(results, protocol={**results.protocol, "horizon_s": float("inf")})
+    with pytest.raises(ResultsError, match="not JSON compliant: inf"):
+        write_results(broken, tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_no_file(tmp_path):
@@ -143,8 +146,8 @@ def test_half_a_file(results, tmp_path):
 
 
 def test_a_foreign_file_names_itself_and_what_is_expected(tmp_path):
-    (tmp_path / RESULTS_FILE).write_text('{"schema": "flyrl.results/1"}')
-    with pytest.raises(ResultsError, match=r"results\.json: schema: 'flyrl\.results/1'.*/2"):
+    (tmp_path / RESULTS_FILE).write_text('{"schema": "flyrl.results/2"}')
+    with pytest.raises(ResultsError, match=r"results\.json: schema: 'flyrl\.results/2'.*/3"):
         load_results(tmp_path)
 
 

@@ -6,6 +6,7 @@ import types
 
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
 from flyrl.report import write_report
@@ -25,22 +26,20 @@ def results():
 
 def test_everyone_walks_the_same_episodes(results):
     def of(name):
-        return [
-            (row["episode"], row["seed"]) for row in results.episodes if row["controller"] == name
-        ]
+        own = results.episodes[results.episodes["controller"] == name]
+        return list(zip(own["episode"], own["seed"], strict=True))
 
     assert of("cpg") == of("zero") == list(enumerate(CONFIG.seeds()))
 
 
 def test_everyone_starts_at_the_same_place(results):
-    starts = np.array([path.position_w[0] for path in results.trajectories])
+    starts = np.array([path.position_w[0] for path in results.trajectories.values()])
     np.testing.assert_array_equal(starts[:3], starts[3:])
 
 
-def test_the_protocol_holds_the_episodes(results):
-    (terrain,) = results.protocol["terrains"]
+def test_the_results_hold_the_episodes_as_they_were_drawn(results):
     drawn = CONFIG.draw_episodes(CONFIG.terrain_configs[0])
-    assert terrain["episodes"] == [
+    assert list(results.drawn["flat"]) == [
         json.loads(json.dumps(dataclasses.asdict(episode))) for episode in drawn
     ]
 
@@ -51,14 +50,14 @@ def test_random_ground_is_the_same_for_everybody_and_in_any_batch():
         CONFIG, terrains=("random_blocks",), controllers=entrants, reference="hybrid"
     )
     together = evaluate(config)
-    assert {row["terrain"] for row in together.episodes} == {"random_blocks"}
+    assert set(together.episodes["terrain"]) == {"random_blocks"}
     (terrain,) = together.protocol["terrains"]
     assert terrain["name"] == "random_blocks"
     assert terrain["config"]["random"] is True
     one_by_one = evaluate(dataclasses.replace(config, num_envs=1, controllers=("hybrid",)))
     np.testing.assert_array_equal(
-        [path.position_w[-1] for path in together.trajectories[3:]],
-        [path.position_w[-1] for path in one_by_one.trajectories],
+        [path.position_w[-1] for path in list(together.trajectories.values())[3:]],
+        [path.position_w[-1] for path in one_by_one.trajectories.values()],
     )
 
 
@@ -66,7 +65,7 @@ def test_a_termination_of_a_users_own_is_an_outcome_of_its_own(tmp_path):
     late = Termination("had_enough", lambda state: state.fly.time > 0.03)
     task = extended(SHORT, {"mine:LATE": late}, {"progress": 0.1})
     results = evaluate(dataclasses.replace(CONFIG, task=task))
-    assert {row["outcome"] for row in results.episodes} == {"had_enough"}
+    assert set(results.episodes["outcome"]) == {"had_enough"}
     assert results.summary[0]["outcomes"]["had_enough"] == 3
     assert results.protocol["terms"] == ["mine:LATE"]
     assert results.protocol["weights"]["progress"] == 0.1
@@ -79,8 +78,7 @@ def test_randomised_flies_are_the_same_for_everyone_and_on_record(tmp_path):
     config = dataclasses.replace(CONFIG, randomisation=RandomisationConfig(mass=(0.5, 1.5)))
     results = evaluate(config)
     assert results.protocol["randomisation"]["mass"] == [0.5, 1.5]
-    (terrain,) = results.protocol["terrains"]
-    masses = [episode["randomisation"]["mass"] for episode in terrain["episodes"]]
+    masses = [episode["randomisation"]["mass"] for episode in results.drawn["flat"]]
     assert masses == [
         config.env("flat").sample_episode(seed).randomisation.mass for seed in config.seeds()
     ]
@@ -103,8 +101,16 @@ def test_results_come_back_from_their_files(results, tmp_path):
 
 def test_batches_and_threads_do_not_change_the_result(results):
     other = evaluate(dataclasses.replace(CONFIG, num_envs=2, num_threads=2))
-    assert other.episodes == results.episodes
+    assert_frame_equal(other.episodes, results.episodes)
     assert other.summary == results.summary
+
+
+@pytest.mark.parametrize("num_envs", [1, 64])
+def test_as_many_paths_are_kept_as_asked_for(results, num_envs):
+    few = evaluate(dataclasses.replace(CONFIG, paths=2, num_envs=num_envs))
+    assert list(few.trajectories) == [0, 1, 3, 4]
+    for row, path in few.trajectories.items():
+        np.testing.assert_array_equal(path.position_w, results.trajectories[row].position_w)
 
 
 def test_the_command_is_kept():
@@ -154,10 +160,7 @@ def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(factory, result
     factory.policy = EndsAfter(4, KeyError("the policy's own"))
     config = dataclasses.replace(CONFIG, policies=("own_policy:make",), reference="make")
     with_crash = evaluate(config)
-    assert {row["controller"] for row in with_crash.episodes} == {"cpg", "zero"}
-    assert [row["speed_mm_s"] for row in with_crash.episodes] == [
-        row["speed_mm_s"] for row in results.episodes
-    ]
+    assert_frame_equal(with_crash.episodes, results.episodes)
     (crash,) = with_crash.protocol["crashes"]
     assert (crash["controller"], crash["terrain"]) == ("make", "flat")
     assert crash["error"] == 'KeyError: "the policy\'s own"'
@@ -189,7 +192,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_was(factory, tmp_path):
     assert len(list(tmp_path.glob("parts/*"))) == 2
     factory.policy = EndsAfter(10, Ended())  # enough for that one alone
     resumed = evaluate(config, tmp_path)
-    assert resumed.episodes == whole.episodes
+    assert_frame_equal(resumed.episodes, whole.episodes)
     assert resumed.summary == whole.summary
-    for path, other in zip(resumed.trajectories, whole.trajectories, strict=True):
+    for path, other in zip(resumed.trajectories.values(), whole.trajectories.values(), strict=True):
         np.testing.assert_array_equal(path.position_w, other.position_w)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flyrl.evaluation.results import episode_row
+from flyrl.evaluation.rows import episode_row, episode_table
 from flyrl.evaluation.summary import paired_values, summarise
 from tests.synthetic import make_record
 
@@ -23,40 +23,41 @@ def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
     ]
 
 
+def summary_of(rows, reference="cpg"):
+    return summarise(episode_table(rows), reference, 3.0, np.random.default_rng(0))
+
+
+def pairs(own, others, metric="speed_mm_s"):
+    return list(paired_values(episode_table(own), episode_table(others), metric, 3.0))
+
+
 def test_pairs_are_matched_by_episode_not_by_order():
     own, others = rows([3, 5, 9]), rows([1, 1, 1])
-    differences = paired_values(
-        {row["episode"]: row for row in reversed(own)},
-        {row["episode"]: row for row in others},
-        "speed_mm_s",
-        3.0,
-    )
-    assert sorted(differences) == pytest.approx([2, 4, 8])
+    assert pairs(own[::-1], others) == pytest.approx([8, 4, 2])
 
 
 def test_unpaired_episodes_are_left_out():
-    own = {0: rows([3])[0], 7: rows([5])[0]}
-    assert paired_values(own, {7: rows([1])[0]}, "speed_mm_s", 3.0) == pytest.approx([4])
+    own, others = rows([3, 5, 9]), rows([1, 1, 1])
+    assert pairs(own[1:], others[:2]) == pytest.approx([4])
 
 
 def test_no_success_counts_the_horizon_as_time_to_goal():
     reached = make_record([(0, 0), (1, 0)], outcome="success", duration_s=1.0)
     fallen = make_record([(0, 0), (1, 0)], outcome="fall", duration_s=0.5)
-    own, others = {0: episode_row(reached)}, {0: episode_row(fallen)}
-    assert paired_values(own, others, "time_to_goal_s", 3.0) == [-2.0]
+    assert pairs([episode_row(reached)], [episode_row(fallen)], "time_to_goal_s") == [-2.0]
 
 
 def test_success_is_compared_as_one_and_zero():
     reached = episode_row(make_record([(0, 0), (1, 0)], outcome="success"))
     fallen = episode_row(make_record([(0, 0), (1, 0)], outcome="fall"))
-    assert paired_values({0: reached}, {0: fallen}, "success", 3.0) == [1.0]
+    assert pairs([reached], [fallen], "success") == [1.0]
 
 
 def test_summary_is_independent_of_the_order_of_rows():
     given = rows([1, 2, 3, 4, 5, 6], "cpg") + rows([2, 2, 2, 2, 2, 9], "hybrid")
-    one = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    one = summary_of(given)
     given[:6] = given[5::-1]
-    other = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    other = summary_of(given)
     assert one[0]["metrics"] == other[0]["metrics"]
     difference = [row[1]["paired"]["differences"]["speed_mm_s"]["value"] for row in (one, other)]
     assert difference[0] == pytest.approx(difference[1])
@@ -69,7 +70,7 @@ def test_summary_has_a_row_per_terrain_and_controller():
         for name in ("cpg", "hybrid")
         for row in rows([1, 2], name, terrain)
     ]
-    summary = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    summary = summary_of(given)
     assert [(row["terrain"], row["controller"]) for row in summary] == [
         ("flat", "cpg"),
         ("flat", "hybrid"),
@@ -80,7 +81,7 @@ def test_summary_has_a_row_per_terrain_and_controller():
 
 def test_reference_is_not_compared_with_itself():
     given = rows([1, 2], "cpg") + rows([3, 5], "hybrid")
-    own, other = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    own, other = summary_of(given)
     assert own["paired"] is None
     assert other["paired"]["reference"] == "cpg"
     assert other["paired"]["differences"]["speed_mm_s"]["value"] == pytest.approx(2.5)
@@ -90,7 +91,7 @@ def test_summary_counts_outcomes():
     given = rows([1, 2], outcome="success") + [
         {**row, "episode": row["episode"] + 2} for row in rows([1], outcome="fall")
     ]
-    (summary,) = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    (summary,) = summary_of(given)
     assert summary["successes"] == 2
     assert summary["outcomes"] == {
         "success": 2, "timeout": 0, "fall": 1, "left_arena": 0, "unstable": 0,
@@ -99,12 +100,12 @@ def test_summary_counts_outcomes():
 
 def test_unknown_reference():
     with pytest.raises(ValueError, match=r"reference.*cpg.*'hybrid'"):
-        summarise(rows([1]), "hybrid", 3.0, np.random.default_rng(0))
+        summary_of(rows([1]), "hybrid")
 
 
 def test_an_episode_walked_twice():
     with pytest.raises(ValueError, match="twice"):
-        summarise(rows([1]) + rows([2]), "cpg", 3.0, np.random.default_rng(0))
+        summary_of(rows([1]) + rows([2]))
 
 
 def test_the_better_one_is_the_quicker_one():
@@ -113,7 +114,7 @@ def test_the_better_one_is_the_quicker_one():
         for i in range(6)
     ]
     slow = [{**row, "controller": "hybrid", "time_to_goal_s": 2.9} for row in quick]
-    _, other = summarise(quick + slow, "cpg", 3.0, np.random.default_rng(0))
+    _, other = summary_of(quick + slow)
     time = other["paired"]["differences"]["time_to_goal_s"]
     assert time["value"] > 0
     assert time["improvement"]["value"] == 0
@@ -126,7 +127,7 @@ def test_p_values_are_corrected_over_all_terrains_and_controllers():
         for name, gain in (("cpg", 0), ("hybrid", 1), ("rule_based", 0.1))
         for row in rows([1 + gain, 2, 3 + gain, 4 - gain, 5, 6 + gain], name, terrain)
     ]
-    summary = summarise(given, "cpg", 3.0, np.random.default_rng(0))
+    summary = summary_of(given)
     family = [row["paired"]["differences"]["speed_mm_s"] for row in summary if row["paired"]]
     assert len(family) == 4
     # all four alike in signs: 16 sets of 4 signs, of which 2 + 8 have a mean as far from 0

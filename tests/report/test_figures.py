@@ -4,6 +4,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from flyrl.evaluation.rows import plain_rows
 from flyrl.evaluation.trajectories import Trajectory
 from flyrl.report.figures import (
     aligned,
@@ -25,17 +26,16 @@ def results():
 
 @pytest.fixture(scope="module")
 def figures(results):
-    goals = [
-        results.protocol["terrains"][0]["episodes"][row["episode"]]["goal"]
-        for row in results.episodes
-    ]
+    rows = list(plain_rows(results.episodes))
+    goals = [results.drawn["flat"][row["episode"]]["goal"] for row in rows]
+    paths = list(results.trajectories.values())
     return {
         "success": success_figure(results.summary),
         "distributions": distributions_figure(
             results.episodes, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s", "return"]
         ),
         "paired": paired_figure(results.episodes, results.summary, "flat", HORIZON_S),
-        "trajectories": trajectories_figure(results.episodes, results.trajectories, goals, "flat"),
+        "trajectories": trajectories_figure(rows, paths, goals, "flat"),
     }
 
 

@@ -66,7 +66,7 @@ def test_a_video_that_is_too_large_is_made_coarser():
 
 
 def test_a_video_shows_the_evaluated_episode(video):
-    row = evaluate(CONFIG).episodes[1]
+    row = evaluate(CONFIG).episodes.iloc[1]
     assert (video.controller, video.terrain, video.episode) == ("cpg", "flat", 1)
     assert video.outcome == row["outcome"]
 

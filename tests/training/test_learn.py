@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pandas.testing import assert_frame_equal
 from stable_baselines3 import PPO, SAC
 
 from flyrl.envs.core import EnvConfig
@@ -188,8 +189,9 @@ def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):
     config = EvaluationConfig(policies=(policy,), controllers=("zero",), task=SHORT_GOAL)
     config = replace(config, episodes=3, num_threads=1, reference="zero")
     together, alone = (evaluate(replace(config, num_envs=n)) for n in (3, 1))
-    assert together.episodes == alone.episodes
-    for one, other in zip(together.trajectories, alone.trajectories, strict=True):
+    assert_frame_equal(together.episodes, alone.episodes)
+    paths = zip(together.trajectories.values(), alone.trajectories.values(), strict=True)
+    for one, other in paths:
         assert one.drive.tobytes() == other.drive.tobytes()
     assert np.abs(together.trajectories[0].drive[1:]).max() > 0.01
 

@@ -1,0 +1,107 @@
+"""Rows of results, one per episode: a table in memory, plain values and CSV in files."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import pandas as pd
+
+from flyrl.evaluation.metrics import METRICS, episode_metrics
+from flyrl.rollouts.records import EpisodeRecord
+
+Json = dict[str, Any]
+
+_TEXT: Final = (str,)
+_OPTIONAL: Final = (int, float, type(None))
+
+ROW_KEYS: Final[Mapping[str, tuple[type, ...]]] = {
+    "controller": _TEXT,
+    "task": _TEXT,
+    "terrain": _TEXT,
+    "episode": (int,),
+    "seed": (int,),
+    "outcome": _TEXT,
+    "success": (bool,),
+    "condition": _TEXT,
+    **dict.fromkeys(METRICS, _OPTIONAL),
+}
+"""Columns, and the types of their values in JSON."""
+
+_DTYPES: Final = {
+    key: "category" if types == _TEXT else "float64"
+    for key, types in ROW_KEYS.items()
+    if types in (_TEXT, _OPTIONAL)
+}
+_CHUNK: Final = 10_000
+"""Rows that are turned into text at a time."""
+
+
+def episode_row(record: EpisodeRecord, condition: str = "") -> Json:
+    """Row of one episode, walked under a condition: plain values, None where there is none."""
+    return {
+        "controller": record.controller,
+        "task": record.task,
+        "terrain": record.terrain,
+        "episode": record.index,
+        "seed": record.seed,
+        "outcome": record.outcome,
+        "success": record.success,
+        "condition": condition,
+        **episode_metrics(record),
+    }
+
+
+def episode_table(rows: Sequence[Json]) -> pd.DataFrame:
+    """Table of rows: text as categories, numbers as float64 with NaN for None.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite.
+    """
+    for row in rows:
+        for key, value in row.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise ValueError(
+                    f"{key} must be finite or None, got {value} in episode {row['episode']} of "
+                    f"{row['controller']}"
+                )
+    return pd.DataFrame(rows, columns=list(ROW_KEYS)).astype(_DTYPES)
+
+
+def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    """Tables one below the other."""
+    return pd.concat(tables, ignore_index=True).astype(_DTYPES)
+
+
+def plain_rows(table: pd.DataFrame) -> Iterator[Json]:
+    """Rows of a table as `episode_row` makes them."""
+    for chunk in _chunks(table):
+        for row in chunk.to_dict("records"):
+            yield {
+                str(key): None if isinstance(value, float) and math.isnan(value) else value
+                for key, value in row.items()
+            }
+
+
+def csv_text(table: pd.DataFrame) -> Iterator[str]:
+    """Text of `episodes.csv`, piece by piece: a header, then a line per row; None is empty."""
+    yield table.head(0).to_csv(index=False, lineterminator="\n")
+    for chunk in _chunks(table):
+        yield chunk.to_csv(index=False, header=False, lineterminator="\n")
+
+
+def episodes_digest(table: pd.DataFrame) -> str:
+    """SHA-256 of `episodes.csv`, in hexadecimal: equal for the same results, to the bit."""
+    digest = hashlib.sha256()
+    for text in csv_text(table):
+        digest.update(text.encode())
+    return digest.hexdigest()
+
+
+def _chunks(table: pd.DataFrame) -> Iterator[pd.DataFrame]:
+    for start in range(0, len(table), _CHUNK):
+        yield table.iloc[start : start + _CHUNK]
