@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.statistics import (
+    MANY_PAIRS,
     adjusted,
     distribution,
     effect_size,
@@ -97,6 +98,29 @@ def test_intervals_hold_the_true_mean_as_often_as_they_say():
     intervals = [paired_difference(rng.gamma(2, 0.5, size=60), rng) for _ in range(1000)]
     hits = sum(interval.low <= 1 <= interval.high for interval in intervals)
     assert 0.93 <= hits / 1000 <= 0.97
+
+
+def test_many_pairs_have_the_interval_that_resampling_comes_to():
+    values = np.random.default_rng(0).exponential(size=MANY_PAIRS + 1) - 0.9
+    fewer, many = (
+        paired_difference(values[:n], np.random.default_rng(1)) for n in (MANY_PAIRS, len(values))
+    )
+    width = fewer.high - fewer.low
+    assert many.low == pytest.approx(fewer.low, abs=0.05 * width)
+    assert many.high == pytest.approx(fewer.high, abs=0.05 * width)
+
+
+def test_many_pairs_have_the_p_value_that_resampling_comes_to():
+    values = np.random.default_rng(2).normal(0.03, size=MANY_PAIRS + 1)
+    fewer, many = (p_value(values[:n], np.random.default_rng(1)) for n in (MANY_PAIRS, len(values)))
+    assert 0.01 < fewer < 0.5
+    assert many == pytest.approx(fewer, abs=0.03)
+
+
+@pytest.mark.parametrize(("difference", "expected"), [(0.0, 1.0), (1.0, 0.0)])
+def test_many_pairs_that_all_differ_by_as_much(difference, expected):
+    values = np.full(MANY_PAIRS + 1, difference)
+    assert p_value(values, np.random.default_rng(0)) == expected
 
 
 def test_mean_over_runs_has_students_interval():
