@@ -88,6 +88,19 @@ _COMPARED_IN_TASK: Final = {
 }
 
 
+_DECISIVE: Final = {
+    "traverse": ("advance_mm",),
+    "velocity": ("success", "speed_error_mm_s"),
+    "heading": ("success", "heading_error_deg"),
+    "path": ("success", "path_error_mm"),
+}
+
+
+def decisive_metrics(task: str) -> tuple[str, ...]:
+    """What decides who is best in a task, and then who of those that are equal in it."""
+    return _DECISIVE.get(task, ("success", "time_to_goal_s"))
+
+
 def compared_metrics(task: str) -> tuple[str, ...]:
     """Names of the metrics that controllers are compared by in a task, `success` first."""
     return _COMPARED_IN_TASK.get(task, COMPARED)

@@ -135,11 +135,12 @@ def paired_values(
     horizon_s
         Stands in for the time to goal of an episode without success, s.
     """
-
-    def values(rows: pd.DataFrame) -> pd.Series[float]:
-        column = rows.set_index("episode")[metric].astype(np.float64)
-        return column.fillna(horizon_s) if metric == "time_to_goal_s" else column
-
-    one, other = values(own), values(others)
+    one, other = (metric_values(rows, metric, horizon_s) for rows in (own, others))
     one = one[one.index.isin(other.index)]
     return np.asarray(one - other.loc[one.index], dtype=np.float64)
+
+
+def metric_values(rows: pd.DataFrame, metric: str, horizon_s: float) -> pd.Series[float]:
+    """What controllers are compared by, by episode: see `paired_values`."""
+    column = rows.set_index("episode")[metric].astype(np.float64)
+    return column.fillna(horizon_s) if metric == "time_to_goal_s" else column

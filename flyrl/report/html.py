@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.metrics import METRICS, compared_metrics
+from flyrl.evaluation.metrics import METRICS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
 from flyrl.files import write_text
 from flyrl.report.figures import METRIC_LABELS, success_figure
@@ -25,10 +25,11 @@ from flyrl.report.sections import (
     study_section,
     table_row,
     terrain_section,
+    usual_leaders,
     usual_rows,
 )
 from flyrl.report.video import Video
-from flyrl.report.wording import format_number, headline, title
+from flyrl.report.wording import format_number, headline, leader_cells, rates, title
 from flyrl.rollouts import EpisodeRecord
 
 REPORT_FILE: Final = "report.html"
@@ -87,11 +88,14 @@ def format_report(
     entered = [entrant["name"] for entrant in results.protocol["entrants"]]
     names = list(dict.fromkeys([*walked, *entered]))
     usual = usual_rows(results)
-    sentence, detail = headline(usual, results.protocol)
+    leaders = usual_leaders(results)
+    decisive = decisive_metrics(results.protocol["task"])
     return environment.get_template("report.html.j2").render(
         title=title(results.protocol, results.summary),
-        headline=sentence,
-        detail=detail,
+        headline=headline(leaders, len({row["controller"] for row in usual})),
+        detail=rates(usual, results.protocol) if decisive[0] == "success" else "",
+        leaders=[(leader, leader_cells(leader)) for leader in leaders],
+        decisive=[METRIC_LABELS[metric] for metric in decisive],
         protocol=results.protocol,
         stylesheet=Markup(stylesheet()),
         colours=colours(names),

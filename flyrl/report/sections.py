@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flyrl.evaluation.conditions import QUANTITIES, Condition
 from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.leaders import Leader, find_leaders
 from flyrl.evaluation.metrics import compared_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json, plain_rows
@@ -35,18 +36,26 @@ def spread_metrics(protocol: Json) -> list[str]:
     return [metric for metric in compared_metrics(protocol["task"]) if metric != "success"]
 
 
-def usual_rows(results: Results) -> list[Json]:
-    """Summary under the one condition that is closest to none, where quantities were varied."""
+def usual_condition(protocol: Json) -> str:
+    """Label of the condition that is closest to none, where quantities were varied; else empty."""
     conditions = [
-        Condition(name, value)
-        for name, values in results.protocol["vary"].items()
-        for value in values
+        Condition(name, value) for name, values in protocol["vary"].items() for value in values
     ]
-    if not conditions:
-        return results.summary
     unchanged = [each for each in conditions if each.is_usual]
-    label = (unchanged or conditions)[0].label
+    return (unchanged or conditions or [Condition()])[0].label
+
+
+def usual_rows(results: Results) -> list[Json]:
+    """Summary under the usual condition."""
+    label = usual_condition(results.protocol)
     return [row for row in results.summary if row["condition"] == label]
+
+
+def usual_leaders(results: Results) -> list[Leader]:
+    """The best on each terrain under the usual condition."""
+    protocol, rows = results.protocol, results.episodes
+    own = rows[rows["condition"] == usual_condition(protocol)]
+    return find_leaders(own, protocol["horizon_s"], np.random.default_rng(protocol["seed"]))
 
 
 def table_row(row: Json) -> Json:

@@ -5,13 +5,43 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.rows import Json
 
 
-def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:
-    """Who reaches how much, in one sentence; and its intervals beside the best of the others.
+def headline(leaders: Sequence[Leader], controllers: int) -> str:
+    """Who wins where, in one sentence.
 
-    The one who is spoken of is the best learned policy, or the best controller without any.
+    Parameters
+    ----------
+    leaders
+        The best on each terrain.
+    controllers
+        How many took part.
+    """
+    if controllers == 1:
+        return f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}."
+    winners: dict[tuple[str, ...], list[str]] = {}
+    for leader in leaders:
+        winners.setdefault(leader.names, []).append(leader.terrain)
+    parts = []
+    for names, terrains in winners.items():
+        where = f"on {_listed(terrains)}"
+        if len(names) == 1:
+            parts.append(f"{names[0]} wins {where}")
+        elif len(names) == controllers:
+            parts.append(f"nobody is told apart from the others {where}")
+        else:
+            parts.append(f"{_listed(names)} are level at the top {where}")
+    text = "; ".join(parts)
+    # names are written as they are, also at the start
+    return f"{text.replace('nobody', 'Nobody', 1) if text.startswith('nobody') else text}."
+
+
+def rates(summary: Sequence[Json], protocol: Json) -> str:
+    """How often the best learned policy succeeds, beside the best of the others, with intervals.
+
+    Without a learned policy the best controller is spoken of first.
     """
     names = list(dict.fromkeys(row["controller"] for row in summary))
     kinds = {entrant["name"]: entrant.get("kind") for entrant in protocol["entrants"]}
@@ -21,12 +51,32 @@ def headline(summary: Sequence[Json], protocol: Json) -> tuple[str, str]:
     verb, noun = ("reaches", "targets") if protocol["task"] == "target" else ("solves", "episodes")
     rows = [row for row in summary if row["controller"] == first]
     parts = [f"{row['successes']} of {row['episodes']} {noun} on {_place(row)}" for row in rows]
-    detail = f"{first}: {_rates(rows)}."
+    text = f"{first} {verb} {_listed(parts)}: {_rates(rows)}."
     if others:
         best = max(others, key=lambda name: _share(summary, name))
-        detail += f" Best of the others, {best}: "
-        detail += f"{_rates([row for row in summary if row['controller'] == best])}."
-    return f"{first} {verb} {_listed(parts)}.", detail
+        text += f" Best of the others, {best}: "
+        text += f"{_rates([row for row in summary if row['controller'] == best])}."
+    return text
+
+
+def leader_cells(leader: Leader) -> dict[str, str]:
+    """What a table says of a leader: its value, the next's, the difference with its interval."""
+    scale, unit = (100, "\u00a0%") if leader.metric == "success" else (1, "")
+    cells = {"value": f"{format_number(scale * leader.value)}{unit}", "next": "", "difference": ""}
+    if leader.difference is not None and leader.next_value is not None:
+        cells["next"] = f"{format_number(scale * leader.next_value)}{unit}"
+        cells["difference"] = signed(leader.difference.value, scale)
+        if leader.difference.low is not None:
+            ends = (signed(end, scale) for end in (leader.difference.low, leader.difference.high))
+            cells["difference"] += f" [{', '.join(ends)}]"
+    return cells
+
+
+def signed(value: float | None, scale: float = 1) -> str:
+    """`scale` times a number, with a sign if it is above 0."""
+    if value is None:
+        return format_number(None)
+    return f"{'+' if value > 0 else ''}{format_number(scale * value)}"
 
 
 def _share(summary: Sequence[Json], name: str) -> float:

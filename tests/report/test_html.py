@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.leaders import Leader
+from flyrl.evaluation.statistics import Interval
 from flyrl.report import Video, write_report
 from flyrl.report.html import format_report
-from flyrl.report.wording import format_number, headline
+from flyrl.report.wording import format_number, headline, leader_cells, rates
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
@@ -68,9 +70,9 @@ def test_every_controller_is_in_the_summary_table(page):
     assert set(NAMES) <= set(values)
 
 
-def test_every_terrain_has_its_section(page):
-    sections = [attrs.get("id") for tag, attrs in page.tags if tag == "section"]
-    assert sections == ["flat", "gapped", "reading", "provenance"]
+def test_every_terrain_has_its_page(page):
+    pages = [attrs.get("id") for tag, attrs in page.tags if attrs.get("class") == "page"]
+    assert pages == ["summary", "flat", "gapped", "method"]
 
 
 def test_every_link_has_its_target(page):
@@ -101,8 +103,47 @@ def test_ids_are_unique(page):
     assert all(re.search(r"-m[0-9a-f]{10}$", name) for name in defined_twice)
 
 
-def test_the_headline_counts_targets(results):
-    sentence, detail = headline(results.summary, results.protocol)
+def lead(terrain, *names):
+    return Leader(terrain, names, "success", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("leaders", "sentence"),
+    [
+        ([lead("flat", "a")], "a wins on flat."),
+        ([lead("flat", "a"), lead("mixed", "b")], "a wins on flat; b wins on mixed."),
+        (
+            [lead("flat", "a", "b"), lead("blocks", "a"), lead("mixed", "a")],
+            "a and b are level at the top on flat; a wins on blocks and mixed.",
+        ),
+        ([lead("flat", "a", "b", "c")], "Nobody is told apart from the others on flat."),
+    ],
+)
+def test_the_headline_says_who_wins_where(leaders, sentence):
+    assert headline(leaders, 3) == sentence
+
+
+def test_a_controller_alone_wins_nothing():
+    assert headline([lead("flat", "a")], 1) == "a on flat."
+
+
+def test_a_lead_is_told_with_its_interval():
+    difference = Interval(-0.25, -0.5, -0.125, 9)
+    leader = Leader("flat", ("a",), "time_to_goal_s", 1.0, "b", 1.25, difference)
+    assert leader_cells(leader) == {
+        "value": "1.00", "next": "1.25", "difference": "\u22120.25 [\u22120.50, \u22120.12]"
+    }  # fmt: skip
+
+
+def test_a_lead_in_success_is_told_in_per_cent():
+    leader = Leader("flat", ("a",), "success", 0.5, "b", 0.25, Interval(0.25, 0.125, 0.5, 9))
+    assert leader_cells(leader) == {
+        "value": "50.0\u00a0%", "next": "25.0\u00a0%", "difference": "+25.0 [+12.5, +50.0]"
+    }  # fmt: skip
+
+
+def test_rates_count_targets(results):
+    text = rates(results.summary, results.protocol)
     flat, gapped = (
         next(
             row
@@ -111,18 +152,17 @@ def test_the_headline_counts_targets(results):
         )
         for terrain in ("flat", "gapped")
     )
-    assert sentence == (
+    assert text.startswith(
         f"target-ppo reaches {flat['successes']} of 8 targets on flat "
-        f"and {gapped['successes']} of 8 targets on gapped."
+        f"and {gapped['successes']} of 8 targets on gapped:"
     )
-    assert "95\u00a0% interval" in detail
-    assert "Best of the others, pursuit" in detail
+    assert "95\u00a0% interval" in text
+    assert "Best of the others, pursuit" in text
 
 
-def test_without_a_learned_policy_the_best_controller_leads():
+def test_without_a_learned_policy_the_best_controller_is_spoken_of():
     results = make_results(("cpg", "hybrid", "pursuit"), episodes=8)
-    sentence, _ = headline(results.summary, results.protocol)
-    assert sentence.startswith("pursuit reaches")
+    assert rates(results.summary, results.protocol).startswith("pursuit reaches")
 
 
 def test_the_command_is_shown_and_escaped(page, text):
@@ -212,7 +252,7 @@ def test_what_was_varied_is_drawn_dose_by_dose():
     assert page.count("svg") == 3  # success, and a figure per quantity
     assert "friction=0.5" in text
     # spoken of first is where nothing is changed
-    assert "of 6 targets on flat (friction=1)." in text
+    assert "of 6 targets on flat (friction=1):" in text
     assert "Factor on the friction of the legs" in text
     rows = [attributes for tag, attributes in page.tags if tag == "tr"]
     assert len(rows) >= 5 * len(NAMES)
