@@ -30,14 +30,12 @@ def find_browser():
     """
     if named := os.environ.get(BROWSER_VARIABLE):
         return named
-    for path in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")):
-        if (
-            path
-            and subprocess.run([path, "--version"], check=False, capture_output=True).returncode
-            == 0
-        ):
-            return path
-    return None
+    found = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
+    return next((path for path in found if path and runs(path)), None)
+
+
+def runs(path):
+    return subprocess.run([path, "--version"], check=False, capture_output=True).returncode == 0
 
 
 @pytest.fixture(scope="module")
