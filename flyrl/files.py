@@ -3,7 +3,7 @@
 import hashlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -48,6 +48,31 @@ def write_bytes(path: Path, data: bytes) -> None:
 def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` as UTF-8, whole or not at all."""
     write_bytes(path, text.encode())
+
+
+def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
+    """Write files to a folder, and drop what an earlier writing left there.
+
+    Parameters
+    ----------
+    folder
+        Made if missing.
+    texts
+        Name of a file -> its text. Each is written whole or not at all. Other files with their
+        suffixes are dropped; all else in the folder stays.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        write_text(folder / name, text)
+    suffixes = {Path(name).suffix for name in texts}
+    for path in list(folder.iterdir()):
+        if path.suffix in suffixes and path.name not in texts and path.is_file():
+            path.unlink()
 
 
 def file_digest(path: Path) -> str | None:

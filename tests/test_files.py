@@ -2,7 +2,7 @@ import resource
 
 import pytest
 
-from flyrl.files import replacing, usable_folder, write_text
+from flyrl.files import replacing, usable_folder, write_folder, write_text
 
 
 def test_writes_and_replaces(tmp_path):
@@ -34,6 +34,16 @@ def test_an_error_of_the_system_names_the_file_that_was_asked_for(tmp_path):
     assert full.value.filename == str(tmp_path / "a.txt")
     with pytest.raises(FileNotFoundError, match=r"'.*/none/a\.txt'$"):
         write_text(tmp_path / "none" / "a.txt", "")
+
+
+def test_what_an_earlier_writing_left_goes_and_all_else_stays(tmp_path):
+    folder = tmp_path / "figures"
+    write_folder(folder, {"a.svg": "old", "b.svg": "old"})
+    (folder / "a.pdf").write_text("a user's")
+    (folder / "kept.svg").mkdir()
+    write_folder(folder, {"a.svg": "new"})
+    assert {path.name for path in folder.iterdir()} == {"a.svg", "a.pdf", "kept.svg"}
+    assert (folder / "a.svg").read_text() == "new"
 
 
 def test_a_folder_that_files_can_be_written_to(tmp_path):

@@ -28,12 +28,18 @@ FloatArray = NDArray[np.float64]
 
 METRIC_LABELS: Final = {
     "success": "success",
+    "duration_s": "duration (s)",
     "time_to_goal_s": "time to goal (s)",
     "speed_mm_s": "speed (mm/s)",
     "return": "return",
     "displacement_mm": "displacement (mm)",
     "advance_mm": "way along +x (mm)",
+    "path_length_mm": "path length (mm)",
     "path_efficiency": "path efficiency",
+    "drift_deg": "drift (deg)",
+    "yaw_change_deg": "change of heading (deg)",
+    "goal_distance_mm": "way left to goal (mm)",
+    "goal_progress_mm": "way gained to goal (mm)",
     "heading_error_deg": "heading error (deg)",
     "path_error_mm": "distance to path (mm)",
     "speed_error_mm_s": "speed error (mm/s)",

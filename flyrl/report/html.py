@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -14,7 +15,7 @@ from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import METRICS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
-from flyrl.files import write_text
+from flyrl.files import write_folder, write_text
 from flyrl.report.figures import METRIC_LABELS, success_figure
 from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
@@ -28,11 +29,15 @@ from flyrl.report.sections import (
     usual_leaders,
     usual_rows,
 )
+from flyrl.report.standalone import named_figures, standalone
+from flyrl.report.tables import format_tables
 from flyrl.report.video import Video
 from flyrl.report.wording import format_number, headline, leader_cells, rates, title
 from flyrl.rollouts import EpisodeRecord
 
 REPORT_FILE: Final = "report.html"
+FIGURES_FOLDER: Final = "figures"
+TABLES_FOLDER: Final = "tables"
 
 
 def write_report(
@@ -45,6 +50,9 @@ def write_report(
     note: str | None = None,
 ) -> Path:
     """Write `report.html` to `folder`, whole or not at all, and return its path.
+
+    Beside it, its figures go to `figures/` as SVG, its tables to `tables/` as CSV and LaTeX. Where
+    these cannot be written, stderr says so, and the report stands without them.
 
     Parameters
     ----------
@@ -62,8 +70,16 @@ def write_report(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT_FILE
-    text = format_report(results, videos=videos, examples=examples, drive_map=drive_map, note=note)
-    write_text(path, text)
+    context = report_context(
+        results, videos=videos, examples=examples, drive_map=drive_map, note=note
+    )
+    write_text(path, format_page(context))
+    figures = {f"{name}.svg": standalone(svg) for name, svg in named_figures(context).items()}
+    try:
+        write_folder(folder / FIGURES_FOLDER, figures)
+        write_folder(folder / TABLES_FOLDER, format_tables(results))
+    except OSError as error:
+        print(f"warning: the report lacks figures or tables beside it: {error}", file=sys.stderr)
     return path
 
 
@@ -76,6 +92,13 @@ def format_report(
     note: str | None = None,
 ) -> str:
     """Text of the report; see `write_report`."""
+    return format_page(
+        report_context(results, videos=videos, examples=examples, drive_map=drive_map, note=note)
+    )
+
+
+def format_page(context: Mapping[str, Any]) -> str:
+    """Text of the page that shows what `report_context` holds."""
     environment = Environment(
         loader=PackageLoader("flyrl.report"),
         autoescape=True,
@@ -84,39 +107,52 @@ def format_report(
         lstrip_blocks=True,
     )
     environment.filters["number"] = format_number
+    return environment.get_template("report.html.j2").render(context)
+
+
+def report_context(
+    results: Results,
+    *,
+    videos: Sequence[Video] = (),
+    examples: Sequence[EpisodeRecord] = (),
+    drive_map: DriveMap | None = None,
+    note: str | None = None,
+) -> dict[str, Any]:
+    """What the template of the page is given, its figures among it; see `write_report`."""
     walked = [row["controller"] for row in results.summary]
     entered = [entrant["name"] for entrant in results.protocol["entrants"]]
     names = list(dict.fromkeys([*walked, *entered]))
     usual = usual_rows(results)
     leaders = usual_leaders(results)
     decisive = decisive_metrics(results.protocol["task"])
-    return environment.get_template("report.html.j2").render(
-        title=title(results.protocol, results.summary),
-        headline=headline(leaders, len({row["controller"] for row in usual})),
-        detail=rates(usual, results.protocol) if decisive[0] == "success" else "",
-        leaders=[(leader, leader_cells(leader)) for leader in leaders],
-        decisive=[METRIC_LABELS[metric] for metric in decisive],
-        protocol=results.protocol,
-        stylesheet=Markup(stylesheet()),
-        colours=colours(names),
-        metrics=METRICS,
-        shown=[*spread_metrics(results.protocol), "path_efficiency"],
-        compared=compared_metrics(results.protocol["task"]),
-        labels=METRIC_LABELS,
-        success_svg=Markup(success_figure(usual)),
-        rows=[table_row(row) for row in results.summary],
-        terrains=[
+    return {
+        "title": title(results.protocol, results.summary),
+        "headline": headline(leaders, len({row["controller"] for row in usual})),
+        "detail": rates(usual, results.protocol) if decisive[0] == "success" else "",
+        "leaders": [(leader, leader_cells(leader)) for leader in leaders],
+        "decisive": [METRIC_LABELS[metric] for metric in decisive],
+        "protocol": results.protocol,
+        "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
+        "stylesheet": Markup(stylesheet()),
+        "colours": colours(names),
+        "metrics": METRICS,
+        "shown": [*spread_metrics(results.protocol), "path_efficiency"],
+        "compared": compared_metrics(results.protocol["task"]),
+        "labels": METRIC_LABELS,
+        "success_svg": Markup(success_figure(usual)),
+        "rows": [table_row(row) for row in results.summary],
+        "terrains": [
             terrain_section(results, terrain["name"], videos, examples)
             for terrain in results.protocol["terrains"]
         ],
-        note=note,
-        drive_map=Markup(drive_map_section(results, drive_map)),
-        is_varied=bool(results.protocol["vary"]),
-        crashes=results.protocol["crashes"],
-        study=study_section(results),
-        seeds=seeds_section(results),
-        origin=Markup(origin_json(results)),
-        entrants=results.protocol["entrants"],
-        physics=json.dumps(results.protocol["physics"], indent=1),
-        randomisation=randomisation_text(results.protocol.get("randomisation")),
-    )
+        "note": note,
+        "drive_map": Markup(drive_map_section(results, drive_map)),
+        "is_varied": bool(results.protocol["vary"]),
+        "crashes": results.protocol["crashes"],
+        "study": study_section(results),
+        "seeds": seeds_section(results),
+        "origin": Markup(origin_json(results)),
+        "entrants": results.protocol["entrants"],
+        "physics": json.dumps(results.protocol["physics"], indent=1),
+        "randomisation": randomisation_text(results.protocol.get("randomisation")),
+    }

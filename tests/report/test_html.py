@@ -223,10 +223,31 @@ def test_one_controller_alone_gives_a_report():
     assert "Compared with" not in text
 
 
-def test_the_report_lies_in_its_folder(results, tmp_path):
-    path = write_report(results, tmp_path / "new")
+@pytest.fixture(scope="module")
+def alone():
+    return make_results(("hybrid",), episodes=1)
+
+
+def test_the_report_lies_in_its_folder(alone, tmp_path):
+    path = write_report(alone, tmp_path / "new")
     assert path == tmp_path / "new" / "report.html"
     assert path.read_text(encoding="utf-8").startswith("<!doctype html>")
+
+
+def test_figures_and_tables_lie_beside_the_report(alone, tmp_path):
+    page = Page(write_report(alone, tmp_path).read_text(encoding="utf-8"))
+    figures = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert figures == {"success.svg", "paths-flat.svg", "distributions-flat.svg"}
+    assert page.count("svg") == len(figures)
+    tables = {path.name for path in (tmp_path / "tables").iterdir()}
+    assert tables == {"summary.csv", "summary.tex", "metrics-flat.tex"}
+    assert {"figures/", "tables/"} <= set(page.texts)
+
+
+def test_a_report_stands_where_nothing_can_be_written_beside_it(alone, tmp_path, capsys):
+    (tmp_path / "figures").write_text("in the way")
+    assert write_report(alone, tmp_path).exists()
+    assert "lacks figures or tables beside it" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

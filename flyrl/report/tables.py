@@ -1,0 +1,212 @@
+r"""The tables of a report as files: CSV with every digit, LaTeX for papers.
+
+The LaTeX files hold a `tabular` each, which needs nothing but `\usepackage{booktabs}`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import pandas as pd
+
+from flyrl.evaluation.metrics import METRICS, compared_metrics
+from flyrl.evaluation.results import Results
+from flyrl.evaluation.rows import Json
+from flyrl.report.figures import METRIC_LABELS
+from flyrl.report.wording import format_number
+
+LEAST_P: Final = 0.001
+"""p-values below are only said to be so."""
+
+_SPREADS: Final = (
+    "Success with its 95 % Wilson interval; of the others, median with quartiles; "
+    "time to goal over successful episodes only."
+)
+_DIFFERENCES: Final = (
+    "Mean differences on the same episodes with their 95 % bootstrap intervals (BCa); p of the "
+    "sign-flip test, corrected after Benjamini and Hochberg; share of episodes in which it is the "
+    "better one, ties counting half, with its interval; effect size d_z."
+)
+_NOT_IN_TEXT: Final = {"\u2212": "$-$", "\u2013": "--", "<": "$<$", ">": "$>$"}
+"""Characters that LaTeX does not print, or not as they are, outside of formulas."""
+
+
+def format_tables(results: Results) -> dict[str, str]:
+    """Name of each file -> its text.
+
+    `summary` has success rates, and medians and quartiles; `differences` the paired comparisons
+    with the reference, where there are any. As CSV each is one file with all metrics and terrains.
+    In LaTeX `summary.tex` has the metrics that the task is compared by, `metrics-<terrain>.tex` all
+    of them, and `differences-<terrain>.tex` the comparisons on a terrain.
+    """
+    compared = compared_metrics(results.protocol["task"])
+    terrains = list(dict.fromkeys(row["terrain"] for row in results.summary))
+    files = {
+        "summary.csv": _csv(summary_table(results.summary)),
+        "summary.tex": _latex(_printed_summary(results.summary, compared), _SPREADS),
+    }
+    differences = differences_table(results.summary)
+    if not differences.empty:
+        files["differences.csv"] = _csv(differences)
+    for terrain in terrains:
+        rows = [row for row in results.summary if row["terrain"] == terrain]
+        files[f"metrics-{terrain}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
+        if any(row["paired"] for row in rows):
+            files[f"differences-{terrain}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
+    return files
+
+
+def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
+    """A row per terrain, condition and controller: success with its interval, and all metrics.
+
+    Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_median`, `m_q1` and
+    `m_q3`; NaN without any.
+    """
+    return pd.DataFrame(
+        {
+            **_who(row),
+            "episodes": row["episodes"],
+            "successes": row["successes"],
+            "success_rate": row["success_rate"]["value"],
+            "success_rate_low": row["success_rate"]["low"],
+            "success_rate_high": row["success_rate"]["high"],
+            **{
+                f"{metric}_{key}": row["metrics"][metric][key]
+                for metric in METRICS
+                for key in ("n", "median", "q1", "q3")
+            },
+        }
+        for row in summary
+    )
+
+
+def differences_table(summary: Sequence[Json]) -> pd.DataFrame:
+    """A row per terrain, condition, controller and metric: how it compares with the reference.
+
+    Mean difference with its interval, or the reason why it has none; p-value, plain and corrected;
+    probability of improvement with its interval; effect size.
+    """
+    return pd.DataFrame(
+        {
+            **_who(row),
+            "reference": row["paired"]["reference"],
+            "metric": metric,
+            "pairs": difference["n"],
+            "difference": difference["value"],
+            "low": difference["low"],
+            "high": difference["high"],
+            "no_interval": difference["reason"],
+            "p": difference["p_value"],
+            "p_corrected": difference["p_adjusted"],
+            "improvement": difference["improvement"]["value"],
+            "improvement_low": difference["improvement"]["low"],
+            "improvement_high": difference["improvement"]["high"],
+            "effect_size": difference["effect_size"],
+        }
+        for row, metric, difference in _compared(summary)
+    )
+
+
+def _compared(summary: Sequence[Json]) -> list[tuple[Json, str, Json]]:
+    return [
+        (row, metric, difference)
+        for row in summary
+        if row["paired"]
+        for metric, difference in row["paired"]["differences"].items()
+    ]
+
+
+def _who(row: Json) -> Json:
+    return {key: row[key] for key in ("terrain", "condition", "controller")}
+
+
+def _printed_summary(summary: Sequence[Json], compared: Sequence[str]) -> pd.DataFrame:
+    spreads = [metric for metric in compared if metric != "success"]
+    return _without_empty(
+        pd.DataFrame(
+            {
+                **_who(row),
+                "success (%)": _share(row["success_rate"]),
+                **{METRIC_LABELS[metric]: _spread(row["metrics"][metric]) for metric in spreads},
+            }
+            for row in summary
+        )
+    )
+
+
+def _printed_metrics(summary: Sequence[Json]) -> pd.DataFrame:
+    """A row per condition and metric, a column per controller; metrics that nobody has left out."""
+    present = [metric for metric in METRICS if any(row["metrics"][metric]["n"] for row in summary)]
+    cells: dict[tuple[str, str], Json] = {}
+    for row in summary:
+        texts = {"success (%)": _share(row["success_rate"])}
+        texts |= {METRIC_LABELS[metric]: _spread(row["metrics"][metric]) for metric in present}
+        for label, text in texts.items():
+            place = {"condition": row["condition"], "metric": label}
+            cells.setdefault((row["condition"], label), place)[row["controller"]] = text
+    return _without_empty(pd.DataFrame(list(cells.values())).fillna(""))
+
+
+def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
+    return _without_empty(
+        pd.DataFrame(
+            {
+                "condition": row["condition"],
+                f"controller, less {row['paired']['reference']}": row["controller"],
+                "metric": METRIC_LABELS[metric],
+                "difference": _interval(difference),
+                "p": _p(difference["p_value"]),
+                "p corrected": _p(difference["p_adjusted"]),
+                "better in (%)": _share(difference["improvement"]),
+                "effect size": format_number(difference["effect_size"], 2),
+            }
+            for row, metric, difference in _compared(summary)
+        )
+    )
+
+
+def _without_empty(table: pd.DataFrame) -> pd.DataFrame:
+    """Without the column of conditions where there are none."""
+    return table if table["condition"].any() else table.drop(columns="condition")
+
+
+def _share(interval: Mapping[str, Any]) -> str:
+    """A share in percent, with its interval."""
+    if interval["value"] is None:
+        return format_number(None)
+    value = f"{100 * interval['value']:.0f}"
+    if interval["low"] is None:
+        return value
+    return f"{value} [{100 * interval['low']:.0f}, {100 * interval['high']:.0f}]"
+
+
+def _spread(distribution: Mapping[str, Any]) -> str:
+    median = format_number(distribution["median"])
+    if distribution["n"] < 2:
+        return median
+    return f"{median} [{format_number(distribution['q1'])}, {format_number(distribution['q3'])}]"
+
+
+def _interval(interval: Mapping[str, Any]) -> str:
+    value = format_number(interval["value"])
+    if interval["low"] is None:
+        return value
+    return f"{value} [{format_number(interval['low'])}, {format_number(interval['high'])}]"
+
+
+def _p(value: float | None) -> str:
+    if value is None:
+        return format_number(None)
+    return f"<{LEAST_P}" if value < LEAST_P else f"{value:.3f}"
+
+
+def _csv(table: pd.DataFrame) -> str:
+    return table.to_csv(index=False, lineterminator="\n")
+
+
+def _latex(table: pd.DataFrame, caption: str) -> str:
+    text = table.to_latex(index=False, escape=True)
+    for character, formula in _NOT_IN_TEXT.items():
+        text = text.replace(character, formula)
+    return f"% {caption}\n{text}"

@@ -1,0 +1,278 @@
+"""The report in a real browser, driven as a reader would."""
+
+import io
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+from flyrl.evaluation.drive_map import DriveMap
+from flyrl.report import Video, write_report
+from flyrl.report.video import encode
+from tests.report.test_close_up import walked
+from tests.synthetic import make_results
+
+NAMES = ("target-ppo", "cpg", "hybrid")
+TERRAINS = ("flat", "gapped")
+BROWSER_VARIABLE = "FLYRL_BROWSER"
+WIDE, NARROW = {"width": 1200, "height": 900}, {"width": 400, "height": 800}
+
+
+def find_browser():
+    """Path of the system's Chromium, or of the one that the environment names; None without.
+
+    One on the path may be a mere shell that asks for a package, as on Ubuntu: it has no version.
+    """
+    if named := os.environ.get(BROWSER_VARIABLE):
+        return named
+    found = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
+    return next((path for path in found if path and runs(path)), None)
+
+
+def runs(path):
+    return subprocess.run([path, "--version"], check=False, capture_output=True).returncode == 0
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = find_browser()
+    if path is None:
+        pytest.skip(
+            "no Chromium to open a report in: apt-get install chromium on Debian, "
+            f"or name the program in {BROWSER_VARIABLE}"
+        )
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path)
+        yield browser
+        browser.close()
+
+
+def film(name, terrain):
+    """A video of half a second in which nothing happens."""
+    picture = np.full((48, 64, 3), 90, np.uint8)
+    poster = io.BytesIO()
+    Image.fromarray(picture).save(poster, "JPEG")
+    return Video(
+        controller=name,
+        terrain=terrain,
+        episode=0,
+        outcome="timeout",
+        mp4=encode([picture] * 12),
+        poster=poster.getvalue(),
+    )
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    """A report with all that one can have."""
+    drives = np.linspace(-0.5, 1.5, 3)
+    left, right = np.meshgrid(drives, drives, indexing="ij")
+    return write_report(
+        make_results(NAMES, TERRAINS, episodes=5),
+        tmp_path_factory.mktemp("report"),
+        videos=[film(name, "flat") for name in NAMES],
+        examples=[walked("cpg")],
+        drive_map=DriveMap(drives, left + right, right - left),
+    )
+
+
+@dataclass
+class Heard:
+    """What a page said that it should not have, and all that it asked for."""
+
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def listen(self, page):
+        page.on("console", self._console)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("request", lambda request: self.requests.append(request.url))
+
+    def _console(self, message):
+        if message.type in ("error", "warning"):
+            self.complaints.append(message.text)
+
+
+@pytest.fixture
+def visit(browser, report):
+    """Opens the report, or another page, as a reader with such a screen has it: `visit(**options)`.
+
+    Options are those of a browser context. No page may complain during a test, or ask for anything
+    from elsewhere.
+    """
+    contexts, heard = [], Heard()
+
+    def open_page(path=report, **options):
+        contexts.append(browser.new_context(**{"viewport": WIDE, "offline": True, **options}))
+        page = contexts[-1].new_page()
+        heard.listen(page)
+        page.goto(path.as_uri())
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert heard.complaints == []
+    elsewhere = [url for url in heard.requests if not url.startswith(("file:", "data:", "blob:"))]
+    assert elsewhere == []
+
+
+def column(page, table, heading):
+    """What a table shows below a heading, row by row, as it sorts by."""
+    return page.eval_on_selector(
+        table,
+        """(table, heading) => {
+            const headings = [...table.tHead.rows[0].cells].map((cell) => cell.innerText);
+            const column = headings.findIndex((text) => text.startsWith(heading));
+            return [...table.tBodies[0].rows].map(
+                (row) => row.cells[column].dataset.value ?? row.cells[column].innerText);
+        }""",
+        heading,
+    )
+
+
+def luminance(colour):
+    """Relative luminance of a colour as `rgb(0, 0, 0)` (WCAG 2)."""
+    channels = np.array([float(part) for part in colour.strip("rgba()").split(",")[:3]]) / 255
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(one, other):
+    light, dark = sorted([luminance(one), luminance(other)], reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def style(page, selector, key):
+    return page.eval_on_selector(selector, "(one, key) => getComputedStyle(one)[key]", key)
+
+
+def test_contrast_is_that_of_wcag():
+    assert contrast("rgb(0, 0, 0)", "rgb(255, 255, 255)") == pytest.approx(21)
+    assert contrast("rgb(119, 119, 119)", "rgb(255, 255, 255)") == pytest.approx(4.48, abs=0.01)
+
+
+def test_a_page_that_complains_is_heard(browser, tmp_path):
+    bad = tmp_path / "bad.html"
+    bad.write_text("<script>console.warn('one'); missing()</script><img src='http://a.invalid/b'>")
+    heard, context = Heard(), browser.new_context(offline=True)
+    page = context.new_page()
+    heard.listen(page)
+    page.goto(bad.as_uri())
+    context.close()
+    assert "one" in heard.complaints
+    assert "missing is not defined" in heard.complaints
+    assert "http://a.invalid/b" in heard.requests
+
+
+def test_it_opens_offline_without_a_word(visit):
+    page = visit()
+    assert page.title() == "target on flat, gapped · flyrl report"
+    assert page.locator("h1").is_visible()
+    # visit() checks that nothing was said
+
+
+def test_a_click_on_a_heading_sorts_and_another_turns_it_round(visit):
+    page = visit()
+    heading = page.locator("#all th", has_text="speed")
+    heading.locator("button").click()
+    down = [float(value) for value in column(page, "#all", "speed")]
+    assert down == sorted(down, reverse=True)
+    assert heading.get_attribute("aria-sort") == "descending"
+    heading.locator("button").click()
+    up = [float(value) for value in column(page, "#all", "speed")]
+    assert up == sorted(down) != down
+    assert heading.get_attribute("aria-sort") == "ascending"
+
+
+def test_missing_values_stand_last_either_way(visit):
+    page = visit()
+    for _ in range(2):
+        page.locator("#all th", has_text="time to goal").locator("button").click()
+        values = column(page, "#all", "time to goal")
+        missing = [value == "" for value in values]
+        assert any(missing)
+        assert missing == sorted(missing)
+
+
+def test_every_link_of_the_navigation_shows_its_page_alone(visit):
+    page = visit()
+    links = page.locator("nav a").all()
+    assert len(links) == 2 + len(TERRAINS)
+    for link in links:
+        link.click()
+        shown = [each for each in page.locator("main > .page").all() if each.is_visible()]
+        assert ["#" + each.get_attribute("id") for each in shown] == [link.get_attribute("href")]
+        assert link.get_attribute("aria-current") == "page"
+
+
+def test_a_link_from_the_summary_leads_to_the_page_of_a_terrain(visit):
+    page = visit()
+    page.locator("#leaders a", has_text="gapped").click()
+    assert page.locator("#gapped h2").is_visible()
+    page.go_back()
+    assert page.locator("#leaders").is_visible()
+
+
+def test_a_section_of_a_page_can_be_addressed(visit, report):
+    page = visit()
+    page.goto(f"{report.as_uri()}#provenance")
+    assert page.locator("#provenance").is_visible()
+    assert not page.locator("#summary").is_visible()
+
+
+def test_nothing_is_wider_than_a_phone(visit):
+    page = visit(viewport=NARROW)
+    assert page.evaluate("document.documentElement.scrollWidth") == NARROW["width"]
+
+
+def test_text_is_readable_by_day_and_by_night(visit):
+    page = visit()
+    parts = dict.fromkeys(["h1", ".headline", ".caption", "nav a", "#all td", "code"], "color")
+    parts["svg text"] = "fill"
+    grounds = []
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        grounds.append(style(page, "html", "backgroundColor"))
+        for part, key in parts.items():
+            assert contrast(style(page, part, key), grounds[-1]) >= 4.5, part
+    assert luminance(grounds[0]) > 0.8
+    assert luminance(grounds[1]) < 0.1
+
+
+def test_paper_has_no_controls_and_is_white(visit):
+    page = visit(color_scheme="dark")
+    page.locator("nav a", has_text="Flat").click()
+    controls = page.locator("nav, #flat video, #flat button.play")
+    assert all(control.is_visible() for control in controls.all())
+    page.emulate_media(media="print")
+    assert not any(control.is_visible() for control in controls.all())
+    assert style(page, "html", "backgroundColor") == "rgb(255, 255, 255)"
+    assert all(each.is_visible() for each in page.locator("main > .page").all())
+
+
+def test_videos_play_together(visit):
+    page = visit()
+    page.locator("nav a", has_text="Flat").click()
+    page.locator("#flat button.play").click()
+    page.wait_for_function(
+        """(count) => {
+            const videos = [...document.querySelectorAll("#flat video")];
+            return videos.length === count && videos.every((video) => video.currentTime > 0);
+        }""",
+        arg=len(NAMES),
+    )
+
+
+def test_figures_open_on_their_own(visit, report):
+    figures = sorted((report.parent / "figures").iterdir())
+    page = visit(figures[0])
+    for figure in figures:
+        page.goto(figure.as_uri())
+        assert page.locator("svg").bounding_box()["width"] > 600, figure.name
+        assert page.locator("text").first.is_visible(), figure.name

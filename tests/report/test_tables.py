@@ -1,0 +1,133 @@
+import copy
+import csv
+import io
+import re
+
+import pytest
+
+from flyrl.evaluation.metrics import METRICS
+from flyrl.report.figures import METRIC_LABELS
+from flyrl.report.tables import differences_table, format_tables, summary_table
+from tests.synthetic import make_results
+
+
+@pytest.fixture(scope="module")
+def results():
+    names = ("target-ppo", "cpg", "hybrid")
+    return make_results(names, terrains=("flat", "gapped"), episodes=6)
+
+
+@pytest.fixture(scope="module")
+def files(results):
+    return format_tables(results)
+
+
+def rows(text):
+    """Cells of the rows of a LaTeX table, the heading first."""
+    lines = [line for line in text.splitlines() if line.endswith(r"\\")]
+    return [[cell.strip() for cell in re.split(r"(?<!\\)&", line[:-2])] for line in lines]
+
+
+def test_files_have_plain_names(files):
+    of_terrains = [
+        f"{table}-{terrain}.tex"
+        for table in ("metrics", "differences")
+        for terrain in ("flat", "gapped")
+    ]
+    assert set(files) == {"summary.csv", "summary.tex", "differences.csv", *of_terrains}
+
+
+def test_the_summary_has_a_row_per_controller_and_terrain(results, files):
+    found = list(csv.DictReader(io.StringIO(files["summary.csv"])))
+    assert [(row["terrain"], row["controller"]) for row in found] == [
+        (row["terrain"], row["controller"]) for row in results.summary
+    ]
+    for row, expected in zip(found, results.summary, strict=True):
+        assert float(row["success_rate_low"]) == expected["success_rate"]["low"]
+        speed = expected["metrics"]["speed_mm_s"]
+        for key in ("median", "q1", "q3"):
+            assert float(row[f"speed_mm_s_{key}"]) == speed[key]  # every digit
+    standing = next(row for row in found if row["controller"] == "cpg")
+    assert standing["time_to_goal_s_median"] == ""  # it never came there
+
+
+def test_differences_tell_all_there_is_to_know(results):
+    table = differences_table(results.summary)
+    assert len(table) == 2 * 2 * 4  # terrains, controllers, metrics
+    row = table[(table["controller"] == "target-ppo") & (table["metric"] == "return")].iloc[1]
+    expected = results.summary[3]["paired"]["differences"]["return"]
+    assert (row["terrain"], row["reference"], row["pairs"]) == ("gapped", "hybrid", 6)
+    assert row["low"] == expected["low"] < row["difference"] < row["high"]
+    assert row["p_corrected"] == expected["p_adjusted"]
+    assert row["improvement"] == expected["improvement"]["value"]
+    assert row["effect_size"] == expected["effect_size"]
+
+
+def test_all_latex_is_whole(files):
+    for name, text in files.items():
+        if name.endswith(".tex"):
+            lines = text.splitlines()
+            assert lines[0].startswith("% ")
+            assert lines[1].startswith(r"\begin{tabular}{l")
+            assert lines[-1] == r"\end{tabular}"
+            assert text.isascii()  # no minus sign or dash that LaTeX does not know
+            assert [r"\toprule" in text, r"\midrule" in text, r"\bottomrule" in text] == [True] * 3
+            body = "\n".join(lines[1:])
+            assert not re.search(r"(?<!\\)[%_#]", body)
+            assert body.count("$") % 2 == 0
+            assert {len(row) for row in rows(text)} == {len(lines[1].split("{")[2]) - 1}
+
+
+def test_names_are_escaped():
+    results = make_results(("cpg", "hybrid"), episodes=2)
+    for row in results.summary:
+        row["controller"] = row["controller"].replace("cpg", "50%_a&b<c")
+    text = format_tables(results)["summary.tex"]
+    assert r"50\%\_a\&b$<$c & 0" in text
+
+
+def test_every_metric_has_a_label():
+    assert set(METRICS) <= set(METRIC_LABELS)
+
+
+def test_numbers_in_latex_are_short(results):
+    results = copy.deepcopy(results)
+    (row,) = (
+        row for row in results.summary if row["controller"] == "cpg" and row["terrain"] == "flat"
+    )
+    row["success_rate"] = {"value": 0.5, "low": 0.25, "high": 0.75}
+    row["metrics"]["return"] = {"n": 2, "median": -1.234, "mean": 0, "q1": -2.0, "q3": 34.56}
+    row["metrics"]["path_length_mm"] = {"n": 1, "median": 2.0, "mean": 2.0, "q1": 2.0, "q3": 2.0}
+    difference = row["paired"]["differences"]["return"]
+    difference.update(value=-1.0, low=-2.0, high=0.5, p_value=0.0004, p_adjusted=0.02)
+    difference.update(effect_size=None, improvement={"value": 0.25, "low": None, "high": None})
+    files = format_tables(results)
+    heading, *body = rows(files["metrics-flat.tex"])
+    assert heading == ["metric", "target-ppo", "cpg", "hybrid"]
+    cells = {cells[0]: cells[2] for cells in body}
+    assert cells[r"success (\%)"] == "50 [25, 75]"
+    assert cells["return"] == "$-$1.23 [$-$2.00, 34.6]"
+    assert cells["time to goal (s)"] == "--"
+    assert cells["path length (mm)"] == "2.00"
+    (told,) = (
+        cells for cells in rows(files["differences-flat.tex"]) if cells[:2] == ["cpg", "return"]
+    )
+    assert told[2:] == ["$-$1.00 [$-$2.00, 0.50]", "$<$0.001", "0.020", "25", "--"]
+
+
+def test_conditions_have_their_column(results, files):
+    varied = make_results(("cpg", "hybrid"), episodes=2, vary={"push": (0, 8)})
+    told = format_tables(varied)
+    for name in ("summary.tex", "metrics-flat.tex", "differences-flat.tex"):
+        assert "condition" in rows(told[name])[0]
+        assert "push=8" in told[name]
+        assert "condition" not in rows(files[name])[0]
+    assert len(summary_table(varied.summary)) == 2 * 2
+
+
+def test_one_controller_alone_has_no_differences():
+    assert set(format_tables(make_results(("hybrid",), episodes=1))) == {
+        "summary.csv",
+        "summary.tex",
+        "metrics-flat.tex",
+    }
