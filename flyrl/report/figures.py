@@ -129,7 +129,7 @@ def distributions_figure(
                 if metric == "time_to_goal_s":
                     values = np.where(np.isnan(values), horizon_s, values)
                 if values.size:
-                    _dots(axes, values, own["outcome"].to_numpy(), place, marker(colour[name]))
+                    _dots(axes, values, own, place, marker(colour[name]))
                     _quartiles(axes, values, place)
             axes.set_xlabel(METRIC_LABELS[metric])
             if metric == "time_to_goal_s":
@@ -162,8 +162,8 @@ def paired_figure(
                 own = _of(rows, terrain, row["controller"])
                 values = paired_values(own, other, metric, horizon_s)
                 if metric != "success" and values.size:
-                    kinds = np.full(values.size, SUCCESS)
-                    _dots(axes, values, kinds, place, shade, alpha=0.25)
+                    pairs = own[own["episode"].isin(other["episode"])].assign(outcome=SUCCESS)
+                    _dots(axes, values, pairs, place, shade, alpha=0.25)
                 difference = row["paired"]["differences"][metric]
                 if difference["low"] is not None:
                     axes.plot(
@@ -374,16 +374,17 @@ def _look(outcome: str, shade: str) -> dict[str, Any]:
 def _dots(
     axes: Axes,
     values: FloatArray,
-    outcomes: NDArray[Any],
+    rows: pd.DataFrame,
     place: float,
     shade: str,
     *,
     alpha: float = 0.75,
 ) -> None:
+    """A dot per value, shaped by the outcome of its row; as long as they are few, it is a link."""
     heights = place + swarm(values)
-    for outcome in dict.fromkeys(outcomes):
-        chosen = outcomes == outcome
-        axes.scatter(
+    for outcome in rows["outcome"].unique():
+        chosen = (rows["outcome"] == outcome).to_numpy()
+        dots = axes.scatter(
             values[chosen],
             heights[chosen],
             alpha=alpha,
@@ -391,6 +392,9 @@ def _dots(
             rasterized=values.size > MAX_DOTS,
             **_look(outcome, shade),
         )
+        if values.size <= MAX_DOTS:
+            places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
+            dots.set_urls([f"#episode={terrain}/{episode}" for terrain, episode in places])
 
 
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:

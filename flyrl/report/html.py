@@ -16,6 +16,7 @@ from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import METRICS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
 from flyrl.files import write_folder, write_text
+from flyrl.report.episodes import episodes_section
 from flyrl.report.figures import METRIC_LABELS, success_figure
 from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
@@ -141,6 +142,10 @@ def report_context(
         "labels": METRIC_LABELS,
         "success_svg": Markup(success_figure(usual)),
         "rows": [table_row(row) for row in results.summary],
+        "episodes": episodes_section(
+            results, [*spread_metrics(results.protocol), "path_efficiency"]
+        ),
+        "filmed": sorted({f"{video.terrain}/{video.episode}" for video in videos}),
         "terrains": [
             terrain_section(results, terrain["name"], videos, examples)
             for terrain in results.protocol["terrains"]

@@ -63,7 +63,10 @@ def _inline(svg: str, name: str) -> str:
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     # A hundredth of a point is finer than any screen.
     svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}", svg)
-    svg = svg.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
+    svg = svg.replace("url(#", f"url(#{name}-")
+    svg = svg.replace('<use xlink:href="#', f'<use href="#{name}-').replace(
+        "<a xlink:href", "<a href"
+    )
     head, rest = svg.split(">", 1)
     view = re.search(r'viewBox="[^"]*"', head)
     # Scales with the page: only the view box gives its shape.

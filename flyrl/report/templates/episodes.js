@@ -1,0 +1,88 @@
+// The table of all episodes: unpacked when it is first shown.
+const episodesPage = document.getElementById("episodes");
+let episodesTable = null; // the promise of it
+
+async function unpacked(id) {
+  const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (c) => c.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+}
+
+async function makeTable() {
+  const [data, script, style] = await Promise.all(["rows-data", "table-script", "table-style"].map(unpacked));
+  const sheet = document.createElement("style");
+  sheet.textContent = style;
+  document.head.prepend(sheet); // the report's own style has the last word
+  const { jQuery } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
+  const columns = JSON.parse(data);
+  const rows = columns[0].values.map((_, row) =>
+    columns.map(({ names, values }) => (names ? names[values[row]] : values[row])));
+  const missingLast = (way) => (a, b) => (a === null || b === null ? (a === null) - (b === null) : way * (a - b));
+  jQuery.fn.dataTable.type("number", { order: { asc: missingLast(1), desc: missingLast(-1) } });
+  return jQuery("#rows").DataTable({
+    data: rows,
+    columns: columns.map(({ key, label, names }) => ({
+      name: key,
+      title: label,
+      type: names ? "string" : "number",
+      className: names ? "text" : "number",
+      defaultContent: "–",
+      columnControl: ["order", names ? { extend: "dropdown", icon: "search", content: ["searchList"] } : "searchDropdown"],
+    })),
+    order: [],
+    ordering: { indicators: false, handler: true },
+    pageLength: 25,
+    layout: { topStart: "info", topEnd: null, bottomStart: "pageLength", bottomEnd: "paging" },
+  });
+}
+
+async function showEpisodes() {
+  if (episodesPage.hidden) return;
+  const state = episodesPage.querySelector(".state");
+  try {
+    state.textContent = "Unpacking the table …";
+    const table = await (episodesTable ??= makeTable());
+    state.textContent = "";
+    showEpisode(table, /^#episode=(.*)\/(\d+)$/.exec(decodeURIComponent(location.hash)));
+  } catch (error) {
+    state.textContent = `The table cannot be shown (${error}); episodes.csv beside this file has the same rows.`;
+  }
+}
+
+function showEpisode(table, asked) {
+  const [, terrain, episode] = asked ?? [];
+  const only = (name, wanted) =>
+    table.column(`${name}:name`).search.fixed("asked", asked ? (_, row, index) => `${table.cell(index, `${name}:name`).data()}` === wanted : null);
+  only("terrain", terrain);
+  only("episode", episode);
+  table.draw();
+  const note = document.getElementById("episode");
+  note.hidden = !asked;
+  if (!asked) return;
+  const row = table.row({ search: "applied" });
+  const seed = row.any() ? table.cell(row.index(), "seed:name").data() : null;
+  const which = note.querySelector(".which");
+  which.textContent = seed === null
+    ? `There is no episode ${episode} on ${terrain}.`
+    : `Episode ${episode} on ${terrain}, drawn from seed ${seed}. `;
+  if (seed === null) return;
+  const filmed = episodesPage.dataset.filmed.split(" ").includes(`${terrain}/${episode}`);
+  const watch = document.createElement(filmed ? "a" : "span");
+  if (filmed) watch.href = `#videos-${terrain}-${episode}`;
+  watch.textContent = filmed ? "Watch it" : `Not filmed: evaluate.py with film=[${episode}] films it.`;
+  which.append(watch);
+}
+
+// Dots of figures: hundreds of them, not to be walked through with the keyboard
+for (const link of document.querySelectorAll('svg a[href^="#episode="]')) {
+  const title = document.createElementNS("http://www.w3.org/2000/svg", "title");
+  title.textContent = decodeURIComponent(link.getAttribute("href").split("=")[1]).replace(/\/(\d+)$/, ", episode $1");
+  link.append(title);
+  link.setAttribute("tabindex", "-1");
+}
+const night = matchMedia("(prefers-color-scheme: dark)");
+// DataTables' style follows this class
+const followNight = () => document.documentElement.classList.toggle("dark", night.matches);
+night.addEventListener("change", followNight);
+followNight();
+window.addEventListener("hashchange", showEpisodes);
+showEpisodes();
