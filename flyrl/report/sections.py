@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,6 +25,7 @@ from flyrl.report.figures import (
     profiles_figure,
     trajectories_figure,
 )
+from flyrl.report.player import player_section
 from flyrl.report.video import Video
 from flyrl.report.wording import interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
@@ -122,17 +122,7 @@ def terrain_section(
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),
         "reasons": _reasons(summary),
-        "videos": [
-            {
-                "controller": video.controller,
-                "episode": video.episode,
-                "outcome": outcome_name(video.outcome),
-                "source": _data_url("video/mp4", video.mp4),
-                "poster": _data_url("image/jpeg", video.poster),
-            }
-            for video in videos
-            if video.terrain == terrain
-        ],
+        "player": player_section(videos, examples, terrain),
     }
 
 
@@ -191,10 +181,6 @@ def _doses(results: Results, terrain: str) -> list[Json]:
 def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> str:
     shown = [record for record in examples if record.terrain == terrain and record.gait]
     return gait_figure(shown, f"gait-{terrain}") if shown else ""
-
-
-def _data_url(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def _differences(summary: Sequence[Json]) -> list[Json]:

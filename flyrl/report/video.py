@@ -38,6 +38,9 @@ FILM_S: Final = 2.0
 HOLD_FRAMES: Final = 20
 """Frames for which the end stands still, so that it can be read."""
 
+_KEYFRAME_EVERY: Final = 20
+"""Pictures; a browser that jumps into a video has no more than these to decode."""
+
 MAX_BYTES: Final = 2 * 10**6
 _CRFS: Final = (25, 31, 37)
 """x264's quality, finest first; a video that is too large is tried again with the next."""
@@ -57,6 +60,8 @@ class Video:
         Index of the episode.
     outcome
         How it ended.
+    num_frames
+        How many pictures it has, with those in which the end stands still.
     mp4
         The file: H.264, yuv420p.
     poster
@@ -67,8 +72,14 @@ class Video:
     terrain: str
     episode: int
     outcome: str
+    num_frames: int
     mp4: bytes
     poster: bytes
+
+    @property
+    def shown_s(self) -> float:
+        """Simulated time that it shows, s."""
+        return (self.num_frames - 1 - HOLD_FRAMES) * FRAME_S
 
 
 def record_videos(
@@ -125,7 +136,8 @@ def record_video(
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
     pictures: list[Picture] = []
     ending = (0.0, RUNNING)
-    with closing(FlyRenderer(env.config.scene, WIDTH, HEIGHT, "goal")) as renderer:
+    scene = env.config.scene
+    with closing(FlyRenderer(scene, WIDTH, HEIGHT, "goal", colours_legs=True)) as renderer:
         for flies, time_s, outcome in _walk(env, entrant, episode):
             ending = (time_s, outcome)
             if time_s <= FILM_S:
@@ -136,7 +148,15 @@ def record_video(
     pictures += [_titled(picture, entrant.name, time_s, text)] * HOLD_FRAMES
     poster = io.BytesIO()
     Image.fromarray(pictures[-1]).save(poster, "JPEG", quality=80)
-    return Video(entrant.name, terrain.label, index, outcome, encode(pictures), poster.getvalue())
+    return Video(
+        entrant.name,
+        terrain.label,
+        index,
+        outcome,
+        len(pictures),
+        encode(pictures),
+        poster.getvalue(),
+    )
 
 
 def _walk(
@@ -210,7 +230,10 @@ def encode(pictures: list[Picture], fps: int = FPS, max_bytes: int = MAX_BYTES) 
                 quality=None,
                 macro_block_size=2,
                 pix_fmt_out="yuv420p",
-                output_params=["-crf", str(crf), "-preset", "veryfast", "-movflags", "+faststart"],
+                output_params=[
+                    *("-crf", str(crf), "-preset", "veryfast", "-g", str(_KEYFRAME_EVERY)),
+                    *("-movflags", "+faststart"),
+                ],
                 ffmpeg_log_level="error",
             )
             with closing(writer):

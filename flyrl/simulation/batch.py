@@ -13,7 +13,7 @@ from flyrl.controllers.leg_controller import STATE
 from flyrl.simulation.callback import GAIT_LOG_SIZE, STATE_SIZE, gait_log_at, install
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
-from flyrl.simulation.state import FlyState
+from flyrl.simulation.state import FlyState, LegStates
 from flyrl.simulation.variation import Variation
 from flyrl.terrains import Boxes, box_colours, terrain_boxes
 
@@ -243,6 +243,15 @@ class FlyBatch:
             stumbling=controllers["stumbling"].copy(),
             adhesion=controllers["adhesion"].copy(),
             is_unstable=self._is_unstable.copy(),
+        )
+
+    def leg_states(self, sim: int) -> LegStates:
+        """Copy what the legs of simulation `sim` do, as its controller left them."""
+        controller = self.controllers[sim]
+        return LegStates(
+            grips=controller["adhesion"] != 0.0,
+            retracts=controller["retraction"] > 0.0,
+            stumbles=controller["stumbling"] > 0.0,
         )
 
     def gait_samples(self, sim: int, first: int) -> NDArray[np.uint32]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.leg_colours import LegColours
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
 from flyrl.terrains import base_height
 
@@ -46,6 +47,9 @@ class FlyRenderer:
     camera
         "follow" looks from ahead and above, "top" straight down, "goal" from the start towards the
         goal, with both the fly and a goal that is not far in the picture.
+    colours_legs
+        Whether tarsi are coloured while they grip, tibiae on retraction and femora on stumbling
+        (see `LegColours`).
 
     Raises
     ------
@@ -59,6 +63,8 @@ class FlyRenderer:
         width: int = 640,
         height: int = 480,
         camera: Camera = "follow",
+        *,
+        colours_legs: bool = False,
     ) -> None:
         if camera not in _CAMERAS:
             raise ValueError(f"camera is {camera!r}; it must be one of {tuple(_CAMERAS)}")
@@ -71,6 +77,7 @@ class FlyRenderer:
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
         self._ground = base_height(config.terrain)
+        self._leg_colours = LegColours(self._model) if colours_legs else None
         self._offscreen = _Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation, self._camera.distance = _CAMERAS[camera]
@@ -81,6 +88,8 @@ class FlyRenderer:
     ) -> NDArray[np.uint8]:
         """Draw simulation `sim`, and the target at `goal` (x, y in mm), as (height, width, 3)."""
         flies.copy_into(sim, self._model, self._data)
+        if self._leg_colours is not None:
+            self._leg_colours.apply(flies.leg_states(sim))
         if goal:
             marker = self._model.body(TARGET_MARKER).mocapid[0]
             self._data.mocap_pos[marker] = (*goal, self._ground + 0.02)

@@ -1,4 +1,4 @@
-"""What a batch of flies looks like at one moment."""
+"""What flies look like at one moment."""
 
 from dataclasses import dataclass
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -74,3 +75,20 @@ class FlyState:
     def up_b(self) -> Array:
         """The world's up direction in the thorax frame, (n, 3); (0, 0, 1) when level."""
         return self.rotation_w[:, 2, :]
+
+
+@dataclass(frozen=True)
+class LegStates:
+    """What the legs of one simulation do; (6,) each, ordered as anatomy.LEGS.
+
+    Attributes
+    ----------
+    grips
+        Whether a leg is told to grip.
+    retracts, stumbles
+        Whether the retraction reflex, or the stumbling reflex, corrects a leg.
+    """
+
+    grips: Flags
+    retracts: Flags
+    stumbles: Flags

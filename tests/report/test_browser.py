@@ -62,6 +62,7 @@ def film(name, terrain):
         terrain=terrain,
         episode=0,
         outcome="timeout",
+        num_frames=12,
         mp4=encode([picture] * 12),
         poster=poster.getvalue(),
     )

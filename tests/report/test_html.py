@@ -196,15 +196,15 @@ def test_a_missing_interval_is_explained():
 
 
 def test_without_videos_the_note_says_why(page):
-    assert page.count("video") == 0
+    assert page.count("video") == page.count("input") == 0
     assert any("no GL" in text for text in page.texts)
 
 
 def test_videos_are_carried_along():
     results = make_results(("cpg", "hybrid"), episodes=2)
     videos = [
-        Video("cpg", "flat", 1, "left_arena", b"film", b"still"),
-        Video("cpg", "mixed", 1, "fall", b"another", b"one"),
+        Video("cpg", "flat", 1, "left_arena", 31, b"film", b"still"),
+        Video("cpg", "mixed", 1, "fall", 31, b"another", b"one"),
     ]
     page = Page(format_report(results, videos=videos))
     (attrs,) = (attrs for tag, attrs in page.tags if tag == "video")
@@ -323,8 +323,11 @@ def test_close_ups_stand_in_their_places(results):
         examples=[walked("cpg")],
         drive_map=DriveMap(drives, left + right, right - left),
     )
-    Page(text)
+    page = Page(text)
     assert text.count("<h3>Gait</h3>") == 1  # on flat, where it was walked
+    # curves without a video, and nothing to play
+    assert [attrs.get("class") for _, attrs in page.tags].count("run-along") == 1
+    assert page.count("input") == 0
     assert "From drive to behaviour" in text
 
 

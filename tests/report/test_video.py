@@ -58,6 +58,13 @@ def test_a_video_starts_playing_before_it_is_loaded():
     assert data.index(b"moov") < data.index(b"mdat")
 
 
+def test_a_browser_has_few_pictures_to_decode_where_it_jumps_to():
+    mp4 = encode([np.zeros((48, 64, 3), np.uint8)] * 45)
+    # the table of keyframes: version and flags, how many, and their numbers, from 1
+    table = np.frombuffer(mp4, ">u4", 5, mp4.index(b"stss") + 4)
+    assert table.tolist() == [0, 3, 1, 21, 41]
+
+
 def test_a_video_that_is_too_large_is_made_coarser():
     rng = np.random.default_rng(0)
     noise = list(rng.integers(0, 255, (8, 96, 128, 3), np.uint8))
@@ -89,7 +96,8 @@ def test_a_film_shows_the_fly_on_its_own_ground():
 
 def test_a_video_has_a_frame_every_10_ms_and_holds_the_end(video, tmp_path):
     _, frames = read(video.mp4, tmp_path)
-    assert len(frames) == 11 + HOLD_FRAMES
+    assert len(frames) == video.num_frames == 11 + HOLD_FRAMES
+    assert video.shown_s == pytest.approx(0.1)
 
 
 def test_a_video_shows_something_that_moves(video, tmp_path):

@@ -95,3 +95,16 @@ def test_bad_sizes_are_refused(num_sims: int, num_threads: int) -> None:
     scene = make_batch().scene
     with pytest.raises(ValueError, match="num_"):
         FlyBatch(scene, num_sims, num_threads)
+
+
+def test_leg_states_are_what_the_controller_of_one_simulation_does() -> None:
+    batch = make_batch(num_sims=2)
+    batch.controllers["adhesion"][1] = (1, 0, 1, 0, 0, 0)
+    batch.controllers["retraction"][1] = (0, 2.5, 0, 0, 0, 0)
+    batch.controllers["stumbling"][1] = (0, 0, 0, 0, 0, 0.1)
+    states = batch.leg_states(1)
+    batch.controllers["adhesion"][1] = 1
+    np.testing.assert_array_equal(states.grips, np.array([1, 0, 1, 0, 0, 0], dtype=bool))
+    np.testing.assert_array_equal(states.retracts, np.array([0, 1, 0, 0, 0, 0], dtype=bool))
+    np.testing.assert_array_equal(states.stumbles, np.array([0, 0, 0, 0, 0, 1], dtype=bool))
+    assert not batch.leg_states(0).retracts.any()

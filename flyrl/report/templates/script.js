@@ -1,12 +1,4 @@
 "use strict";
-for (const button of document.querySelectorAll("button.play")) {
-  button.addEventListener("click", () => {
-    for (const video of document.getElementById(button.dataset.section).querySelectorAll("video")) {
-      video.currentTime = 0;
-      video.play();
-    }
-  });
-}
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0];
   table.querySelectorAll("th").forEach((heading, column) => {

@@ -1,0 +1,75 @@
+"""The videos of a terrain with what goes with them, for the report's template."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Final
+
+from markupsafe import Markup
+
+from flyrl.evaluation.results import Json
+from flyrl.report.time_curves import time_figure
+from flyrl.report.video import FPS, FRAME_S, Video
+from flyrl.report.wording import outcome_name
+from flyrl.rollouts import EpisodeRecord
+from flyrl.simulation.leg_colours import LEG_COLOURS
+
+_LEGEND: Final = {
+    "grips": "tarsi while the leg grips",
+    "retracts": "tibia while the retraction reflex corrects it",
+    "stumbles": "femur while the stumbling reflex does",
+}
+
+
+def player_section(
+    videos: Sequence[Video], examples: Sequence[EpisodeRecord], terrain: str
+) -> Json:
+    """Videos of a terrain, their common clock, and the curves of the episode that they show.
+
+    Parameters
+    ----------
+    videos, examples
+        Of all terrains. Without videos the curves show all of the examples' episode.
+    terrain
+        Which.
+    """
+    shown = [video for video in videos if video.terrain == terrain]
+    walked = [record for record in examples if record.terrain == terrain]
+    episode = next((each.episode for each in shown), walked[0].index if walked else 0)
+    walked = [record for record in walked if record.index == episode]
+    end_s = max((video.shown_s for video in shown), default=None)
+    curves = time_figure(walked, f"time-{terrain}", end_s) if walked else None
+    return {
+        "episode": episode,
+        "videos": [
+            {
+                "controller": video.controller,
+                "outcome": outcome_name(video.outcome),
+                "frames": video.num_frames,
+                "source": _data_url("video/mp4", video.mp4),
+                "poster": _data_url("image/jpeg", video.poster),
+            }
+            for video in shown
+        ],
+        "legend": [(_css_colour(LEG_COLOURS[name]), text) for name, text in _LEGEND.items()],
+        "fps": FPS,
+        "slowdown": 1 / (FPS * FRAME_S),
+        "frame_s": FRAME_S,
+        "frames": max((video.num_frames for video in shown), default=0),
+        "end_s": end_s,
+        "curves": curves
+        and {
+            "svg": Markup(curves.svg),
+            "panels": curves.panels,
+            "until_s": curves.until_s,
+        },
+    }
+
+
+def _css_colour(rgb: tuple[float, float, float]) -> str:
+    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
+
+
+def _data_url(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

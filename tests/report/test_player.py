@@ -1,0 +1,84 @@
+import json
+import re
+
+import pytest
+
+from flyrl.report import Video
+from flyrl.report.html import format_report
+from flyrl.report.player import player_section
+from flyrl.report.video import HOLD_FRAMES
+from tests.report.test_html import Page
+from tests.report.test_time_curves import walked
+from tests.synthetic import make_results
+
+
+def video(frames, controller="cpg", terrain="flat"):
+    return Video(controller, terrain, 0, "timeout", frames, b"film", b"still")
+
+
+@pytest.fixture(scope="module")
+def page():
+    results = make_results(("cpg", "hybrid"), episodes=2)
+    videos = [video(31), video(61, "hybrid")]
+    return Page(format_report(results, videos=videos, examples=[walked()]))
+
+
+def attributes(page, wanted, **having):
+    """Those of the one element of a kind that has others."""
+    (found,) = (
+        attrs
+        for tag, attrs in page.tags
+        if tag == wanted and all(attrs.get(key) == value for key, value in having.items())
+    )
+    return found
+
+
+def test_the_clock_runs_as_long_as_the_longest_video():
+    section = player_section(
+        [video(31), video(61, "hybrid"), video(99, "cpg", "mixed")], [], "flat"
+    )
+    assert section["frames"] == 61
+    # without the frames that stand still, 10 ms each
+    assert section["end_s"] == pytest.approx((60 - HOLD_FRAMES) * 0.01)
+    assert [each["frames"] for each in section["videos"]] == [31, 61]
+
+
+def test_curves_end_with_the_film():
+    section = player_section([video(61)], [walked()], "flat")
+    assert section["curves"]["until_s"] == pytest.approx(0.4)
+
+
+def test_without_videos_curves_show_the_whole_episode():
+    section = player_section([], [walked()], "flat")
+    assert section["videos"] == []
+    assert section["curves"]["until_s"] == pytest.approx(1.0)
+
+
+def test_without_examples_there_are_videos_alone():
+    assert player_section([video(61)], [], "flat")["curves"] is None
+
+
+def test_curves_are_of_the_episode_that_is_filmed():
+    assert player_section([video(61)], [walked(index=1)], "flat")["curves"] is None
+
+
+def test_a_terrain_has_a_slider_over_the_frames_of_its_videos(page):
+    slider = attributes(page, "input", type="range")
+    assert (slider["min"], slider["max"], slider["step"]) == ("0", "60", "1")
+    assert slider["aria-label"]
+    assert [attrs["data-frames"] for tag, attrs in page.tags if tag == "video"] == ["31", "61"]
+
+
+def test_the_page_says_where_the_time_is_in_its_curves(page):
+    figure = attributes(page, "figure", **{"class": "run-along"})
+    panels = json.loads(figure["data-panels"])
+    assert [len(box) for box in panels] == [4] * 4
+    assert float(figure["data-until-s"]) == pytest.approx(0.4)
+
+
+def test_the_page_tells_what_the_colours_of_legs_mean(page):
+    texts = " ".join(page.texts)
+    for words in ("tarsi while the leg grips", "tibia while the retraction", "femur while the stu"):
+        assert words in texts
+    styles = {attrs.get("style", "") for tag, attrs in page.tags if tag == "span"}
+    assert sum(bool(re.search(r"#[0-9a-f]{6}$", style)) for style in styles) == 3
