@@ -22,8 +22,8 @@ from flyrl.report.figures import (
     doses_figure,
     paired_figure,
     profiles_figure,
-    trajectories_figure,
 )
+from flyrl.report.paths import Walk, Walks, paths_section
 from flyrl.report.video import Video
 from flyrl.report.wording import interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
@@ -88,20 +88,6 @@ def terrain_section(
     summary = [row for row in results.summary if row["terrain"] == terrain]
     if results.protocol["vary"]:
         return {"name": terrain, "doses": _doses(results, terrain)}
-    goals = {
-        index: episode["goal"]
-        for section in results.protocol["terrains"]
-        if section["name"] == terrain
-        for index, episode in enumerate(section.get("episodes", []))
-    }
-    trajectories = ""
-    if results.trajectories:
-        trajectories = trajectories_figure(
-            results.episodes,
-            results.trajectories,
-            [goals.get(row["episode"], ()) for row in results.episodes],
-            terrain,
-        )
     return {
         "name": terrain,
         "doses": [],
@@ -110,7 +96,7 @@ def terrain_section(
                 results.episodes, terrain, horizon_s, spread_metrics(results.protocol)
             )
         ),
-        "trajectories": Markup(trajectories),
+        "paths": paths_section(_walks(results, terrain), _protocol_entry(results, terrain)),
         "gait": Markup(_gait(terrain, examples)),
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),
@@ -127,6 +113,23 @@ def terrain_section(
             if video.terrain == terrain
         ],
     }
+
+
+def _walks(results: Results, terrain: str) -> Walks:
+    """Paths on a terrain by controller, where they were kept."""
+    episodes = _protocol_entry(results, terrain).get("episodes", [])
+    walks: dict[str, list[Walk]] = {row["controller"]: [] for row in results.episodes}
+    for row, path in zip(results.episodes, results.trajectories, strict=False):
+        if row["terrain"] == terrain:
+            index = row["episode"]
+            goal = episodes[index]["goal"] if index < len(episodes) else ()
+            walks[row["controller"]].append(Walk(index, path, goal, row["outcome"]))
+    return walks
+
+
+def _protocol_entry(results: Results, terrain: str) -> Json:
+    entries: list[Json] = results.protocol["terrains"]
+    return next(entry for entry in entries if entry["name"] == terrain)
 
 
 def study_section(results: Results) -> Json | None:
