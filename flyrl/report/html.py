@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -15,7 +15,9 @@ from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.evaluation.results import Results
 from flyrl.files import write_text
+from flyrl.report.curves import Evaluations
 from flyrl.report.figures import METRIC_LABELS, success_figure
+from flyrl.report.learning import curves_section, generalisation_section
 from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
 from flyrl.report.sections import (
@@ -41,6 +43,7 @@ def write_report(
     videos: Sequence[Video] = (),
     examples: Sequence[EpisodeRecord] = (),
     drive_map: DriveMap | None = None,
+    curves: Mapping[str, Evaluations] | None = None,
     note: str | None = None,
 ) -> Path:
     """Write `report.html` to `folder`, whole or not at all, and return its path.
@@ -55,13 +58,18 @@ def write_report(
         Episodes with a log of the gait, whose diagrams are shown in the section of their terrain.
     drive_map
         Shown with the drives that the learned policies chose on top.
+    curves
+        What held-out evaluations during training came to, by name of the entrant; its rows have
+        `decisions`, `success_rate` and `mean_return`.
     note
         Said where videos would be, e.g. why there are none.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT_FILE
-    text = format_report(results, videos=videos, examples=examples, drive_map=drive_map, note=note)
+    text = format_report(
+        results, videos=videos, examples=examples, drive_map=drive_map, curves=curves, note=note
+    )
     write_text(path, text)
     return path
 
@@ -72,6 +80,7 @@ def format_report(
     videos: Sequence[Video] = (),
     examples: Sequence[EpisodeRecord] = (),
     drive_map: DriveMap | None = None,
+    curves: Mapping[str, Evaluations] | None = None,
     note: str | None = None,
 ) -> str:
     """Text of the report; see `write_report`."""
@@ -111,6 +120,8 @@ def format_report(
         crashes=results.protocol["crashes"],
         study=study_section(results),
         seeds=seeds_section(results),
+        generalisation=generalisation_section(results),
+        curves=curves_section(results.protocol["entrants"], curves or {}),
         origin=Markup(origin_json(results)),
         entrants=results.protocol["entrants"],
         physics=json.dumps(results.protocol["physics"], indent=1),
