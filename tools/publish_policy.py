@@ -89,8 +89,9 @@ def publish(run: Path, name: str, folder: Path, episodes: int, num_threads: int)
     _check_size(policy_file(run).stat().st_size)  # before it is judged, which takes minutes
     bundle = load_bundle(run)
     training = {
-        **bundle.training,
+        # a policy of today holds its own
         "settings": {group: record[group] for group in ("algo", "training")},
+        **bundle.training,
         "command": _command_anywhere((run / "command.txt").read_text()),
         "provenance": {**provenance, "cpu": {"model": provenance["cpu"]["model"]}},
         "held_out": judge(run, record, episodes, num_threads),

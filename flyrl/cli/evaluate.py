@@ -6,7 +6,7 @@ import datetime
 import shlex
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -123,5 +123,32 @@ def compare(
         examples = walk_examples(config)
         drive_map = measure_drive_map(config, config.terrain_configs[0])
     return write_report(
-        results, folder, videos=videos, examples=examples, drive_map=drive_map, note=note
+        results,
+        folder,
+        videos=videos,
+        examples=examples,
+        drive_map=drive_map,
+        curves=training_evaluations(results.protocol["entrants"]),
+        note=note,
     )
+
+
+def training_evaluations(
+    entrants: Sequence[Mapping[str, Any]],
+) -> dict[str, Sequence[Mapping[str, float]]]:
+    """Held-out evaluations during training, by entrant; of those alone that come from a run folder.
+
+    Parameters
+    ----------
+    entrants
+        Of the protocol of results.
+    """
+    from flyrl.training.runs import is_run, read_run  # noqa: PLC0415
+
+    folders = {
+        entrant["name"]: Path(entrant["source"]).parent
+        for entrant in entrants
+        if entrant["kind"] == "learned"
+    }
+    runs = {name: read_run(folder) for name, folder in folders.items() if is_run(folder)}
+    return {name: run.evaluations for name, run in runs.items() if run.evaluations}

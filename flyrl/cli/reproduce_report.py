@@ -49,6 +49,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         evaluation_config,
         evaluation_settings,
     )
+    from flyrl.cli.evaluate import training_evaluations  # noqa: PLC0415
     from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
     from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
     from flyrl.report import read_origin, write_report  # noqa: PLC0415
@@ -67,7 +68,9 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     results = evaluate(config)
     if output is not None:
         write_results(results, output)
-        print(f"repeat: {write_report(results, output, note='Videos are left out.')}")
+        curves = training_evaluations(results.protocol["entrants"])
+        repeat = write_report(results, output, curves=curves, note="Videos are left out.")
+        print(f"repeat: {repeat}")
     lines = _origins_differ(origin, results.protocol)
     is_same = episodes_digest(results.episodes) == origin["episodes_sha256"]
     print(f"episodes: {'identical, bit for bit' if is_same else 'they differ'}")

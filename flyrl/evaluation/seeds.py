@@ -65,23 +65,41 @@ def seed_groups(entrants: Sequence[Json], summary: Sequence[Json]) -> list[SeedG
     summary
         Rows of one condition. An entrant that is missing on a terrain is left out.
     """
+    rates = {(row["terrain"], row["controller"]): row["success_rate"]["value"] for row in summary}
+    terrains = tuple(dict.fromkeys(row["terrain"] for row in summary))
+    groups = []
+    for label, members in trainings(entrants).items():
+        names = tuple(
+            name for name in members if all((terrain, name) in rates for terrain in terrains)
+        )
+        if names:
+            scores = np.array([[rates[terrain, name] for terrain in terrains] for name in names])
+            groups.append(SeedGroup(label, names, terrains, scores))
+    return groups
+
+
+def trainings(entrants: Sequence[Json]) -> dict[str, tuple[str, ...]]:
+    """Names of the learned entrants by their training, in order of appearance.
+
+    The label of a training is how its policies were learned, with the name of the first of them
+    where that is true of another training, too.
+
+    Parameters
+    ----------
+    entrants
+        Of a protocol.
+    """
     members: dict[str, list[Json]] = {}
     for entrant in entrants:
         if entrant["kind"] == "learned":
             members.setdefault(_training(entrant), []).append(entrant)
-    rates = {(row["terrain"], row["controller"]): row["success_rate"]["value"] for row in summary}
-    terrains = tuple(dict.fromkeys(row["terrain"] for row in summary))
-    groups = []
+    labels = Counter(group[0]["policy"] for group in members.values())
+    found = {}
     for group in members.values():
-        names = [
-            entrant["name"]
-            for entrant in group
-            if all((terrain, entrant["name"]) in rates for terrain in terrains)
-        ]
-        if names:
-            scores = np.array([[rates[terrain, name] for terrain in terrains] for name in names])
-            groups.append(SeedGroup(group[0]["policy"], tuple(names), terrains, scores))
-    return _told_apart(groups)
+        names = tuple(str(entrant["name"]) for entrant in group)
+        label = str(group[0]["policy"])
+        found[f"{label} ({names[0]})" if labels[label] > 1 else label] = names
+    return found
 
 
 def _training(entrant: Json) -> str:
@@ -91,14 +109,3 @@ def _training(entrant: Json) -> str:
     if settings is None:  # of unknown training: alone
         return str(entrant["name"])
     return json.dumps([training.get("algo"), settings, entrant.get("trained_in")], sort_keys=True)
-
-
-def _told_apart(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
-    """Groups with labels of their own: where two are the same, with the first entrant's name."""
-    labels = Counter(group.label for group in groups)
-    return [
-        SeedGroup(f"{group.label} ({group.names[0]})", group.names, group.terrains, group.scores)
-        if labels[group.label] > 1
-        else group
-        for group in groups
-    ]

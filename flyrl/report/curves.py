@@ -16,13 +16,14 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, PercentFormatter
 
 from flyrl.files import replacing
-from flyrl.report.palette import THEME
+from flyrl.report.palette import THEME, marker
+from flyrl.report.style import FRAMED_STYLE, WIDTH_IN, svg_text
 
 FORMATS: Final = ("svg", "png")
 
 _INK, _LINE = THEME["ink"][0], THEME["line"][0]
 _HELD_OUT, _TRAINING = THEME["c0"][0], THEME["c7"][0]
-_COLOURS: Final = [light for name, (light, _) in THEME.items() if name.startswith("c")]
+_COLOURS: Final = [name for name in THEME if name.startswith("c")]
 _DASHES: Final = ("-", "--", ":", "-.")
 _PANELS: Final = ("success_rate", "mean_return")
 _LEGEND_WIDTH: Final = 90
@@ -47,6 +48,8 @@ _STYLE: Final[Any] = {
     "axes.spines.right": False,
     "legend.frameon": False,
 }
+
+_THEMED_STYLE: Final[Any] = {**FRAMED_STYLE, "axes.grid": True, "legend.frameon": False}
 
 Evaluations = Sequence[Mapping[str, float]]
 
@@ -125,7 +128,9 @@ def write_learning_curve(
     return _write(learning_curve(evaluations, training, folder.name), folder, "learning_curve")
 
 
-def learning_curves(groups: Sequence[tuple[str, Sequence[Evaluations]]], title: str = "") -> Figure:
+def learning_curves(
+    groups: Sequence[tuple[str, Sequence[Evaluations]]], title: str = "", *, is_themed: bool = False
+) -> Figure:
     """Success and return on the held-out episodes: a line per group, a pale one per run.
 
     A group's line is the mean of its runs, at the decisions where all of them were evaluated.
@@ -137,15 +142,18 @@ def learning_curves(groups: Sequence[tuple[str, Sequence[Evaluations]]], title: 
         an evaluation are left out; a group without any is not in the legend, but keeps its colour.
     title
         Above the figure.
+    is_themed
+        Whether colours are markers of the report's theme.
     """
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(_THEMED_STYLE if is_themed else _STYLE):
         figure, *both = _panels(title)
         for index, (label, runs) in enumerate(groups):
             drawn = [{row["decisions"]: row for row in run} for run in runs if run]
             if not drawn:
                 continue
             dashes, colour = divmod(index, len(_COLOURS))
-            line: dict[str, Any] = {"color": _COLOURS[colour]}
+            name = _COLOURS[colour]
+            line: dict[str, Any] = {"color": marker(name) if is_themed else THEME[name][0]}
             line["linestyle"] = _DASHES[dashes % len(_DASHES)]
             mean = {**line, "marker": "o", "markersize": 3, "zorder": 3}
             shared = sorted(set(drawn[0]).intersection(*drawn[1:]))
@@ -159,6 +167,22 @@ def learning_curves(groups: Sequence[tuple[str, Sequence[Evaluations]]], title: 
         both[1].set_xlim(left=0)
         _add_legend(figure, both[0])
     return figure
+
+
+def learning_curves_svg(groups: Sequence[tuple[str, Sequence[Evaluations]]], name: str) -> str:
+    """`learning_curves` to stand inside a report, in the colours of its theme.
+
+    Parameters
+    ----------
+    groups
+        As in `learning_curves`.
+    name
+        Of the figure, for its ids.
+    """
+    figure = learning_curves(groups, is_themed=True)
+    figure.set_figwidth(WIDTH_IN)
+    with mpl.rc_context(_THEMED_STYLE):
+        return svg_text(figure, name)
 
 
 def _add_legend(figure: Figure, axes: Axes) -> None:

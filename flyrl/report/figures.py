@@ -18,11 +18,16 @@ from numpy.typing import NDArray
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import paired_values
-from flyrl.evaluation.trajectories import Trajectory
 from flyrl.report.palette import colours, marker
-from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, svg_text
+from flyrl.report.style import (
+    FIGURE_STYLE,
+    FRAMED_STYLE,
+    WIDTH_IN,
+    episode_url,
+    outcome_dot,
+    svg_text,
+)
 from flyrl.rollouts import SUCCESS
-from flyrl.tasks import TIMEOUT
 
 FloatArray = NDArray[np.float64]
 
@@ -57,18 +62,7 @@ METRIC_LABELS: Final = {
 MAX_DOTS: Final = 400
 """Dots of one row beyond which they are drawn as pixels, to keep the page small."""
 
-MAX_PATHS: Final = 60
-"""Paths drawn per controller; more are a smear."""
-
 _ROW_HEIGHT: Final = 0.36
-_DOTS: Final[dict[str, dict[str, Any]]] = {
-    SUCCESS: {"marker": "o", "s": 14, "linewidths": 0},
-    TIMEOUT: {"marker": "o", "s": 14, "linewidths": 0.9, "facecolors": "none"},
-    "fall": {"marker": "x", "s": 16, "linewidths": 1.1},
-    "left_arena": {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"},
-    "unstable": {"marker": "+", "s": 22, "linewidths": 1.1},
-}
-"""How an episode's dot shows its outcome; one of a user's own is a diamond."""
 
 
 def success_figure(summary: Sequence[Json]) -> str:
@@ -268,93 +262,6 @@ def _dose(row: Json, metric: str) -> tuple[float | None, float | None, float | N
     return spread["q1"], spread["median"], spread["q3"]
 
 
-def trajectories_figure(
-    rows: Sequence[Json],
-    trajectories: Sequence[Trajectory],
-    goals: Sequence[Sequence[float]],
-    terrain: str,
-    columns: int = 3,
-) -> str:
-    """Paths of every controller, a panel each, all episodes laid over one another.
-
-    A path starts at the origin, with its goal straight ahead, to the right; without a goal it
-    starts with the fly heading to the right. With goals the view keeps to their surroundings.
-
-    Parameters
-    ----------
-    rows, trajectories
-        Episodes and their paths, in the same order.
-    goals
-        Goal (x, y) of every row in the world frame, mm, or ().
-    """
-    names = _names(rows)
-    colour = colours(names)
-    lines = -(-len(names) // columns)
-    with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 0.4 + 2.25 * lines * 3 / columns), layout="constrained")
-        panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False).ravel()
-        farthest = 0.0
-        for axes, name in zip(panels, names, strict=False):
-            chosen = [
-                index
-                for index, row in enumerate(rows)
-                if row["terrain"] == terrain and row["controller"] == name
-            ][:MAX_PATHS]
-            for index in chosen:
-                path, goal = aligned(trajectories[index], goals[index])
-                if goal is not None:
-                    farthest = max(farthest, float(np.linalg.norm(goal)))
-                _path(axes, path, goal, rows[index]["outcome"], marker(colour[name]))
-            reached = sum(rows[index]["success"] for index in chosen)
-            axes.set_title(f"{name}  ", loc="left", fontweight="bold")
-            axes.set_title(f"{reached}/{len(chosen)}", loc="right", color=marker("muted"))
-            axes.set_aspect("equal")
-            axes.grid(visible=True)
-        if farthest > 0:
-            # Flies that never turn walk far out of any useful view.
-            panels[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
-            panels[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
-        for axes in panels[len(names) :]:
-            axes.set_visible(False)
-        figure.supxlabel("along (mm)", color=marker("muted"), fontsize=10)
-        figure.supylabel("across (mm)", color=marker("muted"), fontsize=10)
-        return svg_text(figure, f"trajectories-{terrain}")
-
-
-def aligned(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray | None]:
-    """Path (T, 2) and goal (2,) moved to the origin and turned to the right.
-
-    Turned by the goal's direction from the start, or by the heading at the start without a goal.
-    Samples that are not finite are left out.
-    """
-    path = np.asarray(trajectory.position_w[:, :2], dtype=np.float64)
-    path = path[np.isfinite(path).all(axis=1)]
-    start = path[0].copy()
-    target = np.asarray(goal[:2], dtype=np.float64) - start if len(goal) else None
-    angle = float(trajectory.yaw[0]) if target is None else float(np.arctan2(target[1], target[0]))
-    # Rows are points: multiplying by R from the right turns them by -angle.
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (path - start) @ rotation, None if target is None else target @ rotation
-
-
-def _path(axes: Axes, path: FloatArray, goal: FloatArray | None, outcome: str, shade: str) -> None:
-    faint = outcome != SUCCESS
-    axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=0.35 if faint else 0.8)
-    axes.scatter(path[-1:, 0], path[-1:, 1], zorder=3, **_look(outcome, shade))
-    if goal is not None:
-        axes.scatter(
-            goal[:1],
-            goal[1:],
-            marker="o",
-            s=26,
-            facecolors="none",
-            edgecolors=marker("ink"),
-            linewidths=0.7,
-            alpha=0.55,
-            zorder=2,
-        )
-
-
 def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
     """A figure with `columns` panels that share a row per name, first on top."""
     figure = Figure(figsize=(WIDTH_IN, _ROW_HEIGHT * len(names) + 0.75), layout="constrained")
@@ -364,11 +271,6 @@ def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
         axes.set_ylim(len(names) - 0.45, -0.55)
         axes.grid(visible=True, axis="x")
     return figure, panels
-
-
-def _look(outcome: str, shade: str) -> dict[str, Any]:
-    style = _DOTS.get(outcome, {"marker": "D", "s": 12, "linewidths": 0})
-    return {**style, "edgecolors" if "facecolors" in style else "color": shade}
 
 
 def _dots(
@@ -390,11 +292,11 @@ def _dots(
             alpha=alpha,
             zorder=3,
             rasterized=values.size > MAX_DOTS,
-            **_look(outcome, shade),
+            **outcome_dot(outcome, shade),
         )
         if values.size <= MAX_DOTS:
             places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
-            dots.set_urls([f"#episode={terrain}/{episode}" for terrain, episode in places])
+            dots.set_urls([episode_url(terrain, episode) for terrain, episode in places])
 
 
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:

@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict, Unpack
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -16,8 +16,10 @@ from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import METRICS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
 from flyrl.files import write_folder, write_text
+from flyrl.report.curves import Evaluations
 from flyrl.report.episodes import episodes_section
 from flyrl.report.figures import METRIC_LABELS, success_figure
+from flyrl.report.learning import curves_section, generalisation_section
 from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
 from flyrl.report.sections import (
@@ -41,39 +43,52 @@ FIGURES_FOLDER: Final = "figures"
 TABLES_FOLDER: Final = "tables"
 
 
-def write_report(
-    results: Results,
-    folder: str | Path,
-    *,
-    videos: Sequence[Video] = (),
-    examples: Sequence[EpisodeRecord] = (),
-    drive_map: DriveMap | None = None,
-    note: str | None = None,
-) -> Path:
+class Additions(TypedDict, total=False):
+    """What a report can show beside results.
+
+    Attributes
+    ----------
+    videos
+        Shown on the page of their terrain.
+    examples
+        Episodes with a log of the gait, whose diagrams are shown on the page of their terrain.
+    drive_map
+        Shown with the drives that the learned policies chose on top.
+    curves
+        Evaluations during training, by the names of learned policies.
+    note
+        Said where videos would be, e.g. why there are none.
+    """
+
+    videos: Sequence[Video]
+    examples: Sequence[EpisodeRecord]
+    drive_map: DriveMap | None
+    curves: Mapping[str, Evaluations]
+    note: str | None
+
+
+def write_report(results: Results, folder: str | Path, **additions: Unpack[Additions]) -> Path:
     """Write `report.html` to `folder`, whole or not at all, and return its path.
 
-    Beside it, its figures go to `figures/` as SVG, its tables to `tables/` as CSV and LaTeX. Where
-    these cannot be written, stderr says so, and the report stands without them.
+    Beside it go the figures as SVG and the tables as CSV and LaTeX, in folders of their own. Where
+    those cannot be written, a warning on stderr says so.
 
     Parameters
     ----------
     results
         What to report.
-    videos
-        Shown in the section of their terrain.
-    examples
-        Episodes with a log of the gait, whose diagrams are shown in the section of their terrain.
-    drive_map
-        Shown with the drives that the learned policies chose on top.
-    note
-        Said where videos would be, e.g. why there are none.
+    additions
+        See `Additions`.
+
+    Raises
+    ------
+    OSError
+        The report cannot be written.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT_FILE
-    context = report_context(
-        results, videos=videos, examples=examples, drive_map=drive_map, note=note
-    )
+    context = report_context(results, **additions)
     write_text(path, format_page(context))
     figures = {f"{name}.svg": standalone(svg) for name, svg in named_figures(context).items()}
     try:
@@ -84,22 +99,13 @@ def write_report(
     return path
 
 
-def format_report(
-    results: Results,
-    *,
-    videos: Sequence[Video] = (),
-    examples: Sequence[EpisodeRecord] = (),
-    drive_map: DriveMap | None = None,
-    note: str | None = None,
-) -> str:
+def format_report(results: Results, **additions: Unpack[Additions]) -> str:
     """Text of the report; see `write_report`."""
-    return format_page(
-        report_context(results, videos=videos, examples=examples, drive_map=drive_map, note=note)
-    )
+    return format_page(report_context(results, **additions))
 
 
 def format_page(context: Mapping[str, Any]) -> str:
-    """Text of the page that shows what `report_context` holds."""
+    """Text of the page, from what `report_context` gives."""
     environment = Environment(
         loader=PackageLoader("flyrl.report"),
         autoescape=True,
@@ -111,15 +117,9 @@ def format_page(context: Mapping[str, Any]) -> str:
     return environment.get_template("report.html.j2").render(context)
 
 
-def report_context(
-    results: Results,
-    *,
-    videos: Sequence[Video] = (),
-    examples: Sequence[EpisodeRecord] = (),
-    drive_map: DriveMap | None = None,
-    note: str | None = None,
-) -> dict[str, Any]:
-    """What the template of the page is given, its figures among it; see `write_report`."""
+def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str, Any]:
+    """All that the page's template is given; see `write_report`."""
+    videos, examples = additions.get("videos", ()), additions.get("examples", ())
     walked = [row["controller"] for row in results.summary]
     entered = [entrant["name"] for entrant in results.protocol["entrants"]]
     names = list(dict.fromkeys([*walked, *entered]))
@@ -150,12 +150,14 @@ def report_context(
             terrain_section(results, terrain["name"], videos, examples)
             for terrain in results.protocol["terrains"]
         ],
-        "note": note,
-        "drive_map": Markup(drive_map_section(results, drive_map)),
+        "note": additions.get("note"),
+        "drive_map": Markup(drive_map_section(results, additions.get("drive_map"))),
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],
         "study": study_section(results),
         "seeds": seeds_section(results),
+        "generalisation": generalisation_section(results),
+        "curves": curves_section(results.protocol["entrants"], additions.get("curves", {})),
         "origin": Markup(origin_json(results)),
         "entrants": results.protocol["entrants"],
         "physics": json.dumps(results.protocol["physics"], indent=1),

@@ -8,7 +8,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.rows import Json
 from flyrl.report.time_curves import time_figure
 from flyrl.report.video import FPS, FRAME_S, Video
 from flyrl.report.wording import outcome_name
@@ -22,25 +22,41 @@ _LEGEND: Final = {
 }
 
 
-def player_section(
-    videos: Sequence[Video], examples: Sequence[EpisodeRecord], terrain: str
-) -> Json:
-    """Videos of a terrain, their common clock, and the curves of the episode that they show.
+def players(videos: Sequence[Video], examples: Sequence[EpisodeRecord], terrain: str) -> list[Json]:
+    """What is seen of each episode on a terrain that was filmed, or walked again.
 
     Parameters
     ----------
     videos, examples
-        Of all terrains. Without videos the curves show all of the examples' episode.
+        Of all terrains.
     terrain
         Which.
     """
     shown = [video for video in videos if video.terrain == terrain]
     walked = [record for record in examples if record.terrain == terrain]
-    episode = next((each.episode for each in shown), walked[0].index if walked else 0)
-    walked = [record for record in walked if record.index == episode]
+    episodes = sorted({video.episode for video in shown} | {record.index for record in walked})
+    return [
+        _player(
+            [video for video in shown if video.episode == episode],
+            [record for record in walked if record.index == episode],
+            f"{terrain}-{episode}",
+            episode,
+        )
+        for episode in episodes
+    ]
+
+
+def _player(
+    shown: Sequence[Video], walked: Sequence[EpisodeRecord], name: str, episode: int
+) -> Json:
+    """Videos of an episode, their common clock, and the curves that run along.
+
+    Without videos the curves show all of the episode.
+    """
     end_s = max((video.shown_s for video in shown), default=None)
-    curves = time_figure(walked, f"time-{terrain}", end_s) if walked else None
+    curves = time_figure(walked, f"time-{name}", end_s) if walked else None
     return {
+        "id": f"videos-{name}",
         "episode": episode,
         "videos": [
             {

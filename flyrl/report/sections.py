@@ -13,7 +13,7 @@ from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.leaders import Leader, find_leaders
 from flyrl.evaluation.metrics import compared_metrics
 from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import Json, plain_rows
+from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.report.close_up import drive_map_figure, gait_figure
@@ -23,9 +23,9 @@ from flyrl.report.figures import (
     doses_figure,
     paired_figure,
     profiles_figure,
-    trajectories_figure,
 )
-from flyrl.report.player import player_section
+from flyrl.report.paths import Walk, Walks, paths_section
+from flyrl.report.player import players
 from flyrl.report.video import Video
 from flyrl.report.wording import interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
@@ -99,16 +99,6 @@ def terrain_section(
     summary = [row for row in results.summary if row["terrain"] == terrain]
     if results.protocol["vary"]:
         return {"name": terrain, "doses": _doses(results, terrain)}
-    trajectories = ""
-    if results.trajectories:
-        kept = list(plain_rows(results.episodes.iloc[list(results.trajectories)]))
-        drawn = results.drawn[terrain]
-        trajectories = trajectories_figure(
-            kept,
-            list(results.trajectories.values()),
-            [drawn[row["episode"]]["goal"] if row["terrain"] == terrain else () for row in kept],
-            terrain,
-        )
     return {
         "name": terrain,
         "doses": [],
@@ -117,13 +107,31 @@ def terrain_section(
                 results.episodes, terrain, horizon_s, spread_metrics(results.protocol)
             )
         ),
-        "trajectories": Markup(trajectories),
+        "paths": paths_section(
+            _walks(results, terrain),
+            next(each for each in results.protocol["terrains"] if each["name"] == terrain),
+            results.drawn.get(terrain, ()),
+        ),
         "gait": Markup(_gait(terrain, examples)),
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),
         "reasons": _reasons(summary),
-        "player": player_section(videos, examples, terrain),
+        "players": players(videos, examples, terrain),
     }
+
+
+def _walks(results: Results, terrain: str) -> Walks:
+    """Paths on a terrain by controller, where they were kept."""
+    drawn = results.drawn.get(terrain, ())
+    rows = results.episodes
+    walks: dict[str, list[Walk]] = {name: [] for name in rows["controller"].unique()}
+    for row, path in results.trajectories.items():
+        walked = rows.iloc[row]
+        if walked["terrain"] == terrain:
+            index = int(walked["episode"])
+            goal = drawn[index]["goal"] if index < len(drawn) else ()
+            walks[walked["controller"]].append(Walk(index, path, goal, walked["outcome"]))
+    return walks
 
 
 def study_section(results: Results) -> Json | None:

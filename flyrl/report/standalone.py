@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 _OF_A_TERRAIN: Final = {
-    "trajectories": "paths",
     "gait": "gait",
     "distributions": "distributions",
     "paired": "differences",
@@ -31,10 +30,16 @@ def named_figures(context: Mapping[str, Any]) -> dict[str, str]:
     for terrain in context["terrains"]:
         for key, name in _OF_A_TERRAIN.items():
             figures[f"{name}-{terrain['name']}"] = terrain.get(key, "")
+        if terrain.get("paths"):
+            figures[f"paths-{terrain['name']}"] = terrain["paths"]["figure"]
+        for player in terrain.get("players", ()):
+            if player["curves"]:
+                figures[f"time-{terrain['name']}-{player['episode']}"] = player["curves"]["svg"]
         for dose in terrain["doses"]:
             figures[f"doses-{terrain['name']}-{dose['name']}"] = dose["figure"]
     figures["profiles"] = context["seeds"]["profiles"] if context["seeds"] else ""
     figures["drive-map"] = context["drive_map"]
+    figures["learning-curves"] = context["curves"]
     return {name: svg for name, svg in figures.items() if svg}
 
 

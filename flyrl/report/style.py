@@ -10,6 +10,8 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from flyrl.report.palette import marker, themed
+from flyrl.rollouts import SUCCESS
+from flyrl.tasks import TIMEOUT
 
 WIDTH_IN: Final = 9.6
 """Width of a figure, inches; pages scale it."""
@@ -45,6 +47,26 @@ FRAMED_STYLE: Final[Any] = {
     "ytick.labelcolor": marker("muted"),
 }
 """Of figures whose vertical axis is a scale, not a list of names."""
+
+_DOTS: Final[dict[str, dict[str, Any]]] = {
+    SUCCESS: {"marker": "o", "s": 14, "linewidths": 0},
+    TIMEOUT: {"marker": "o", "s": 14, "linewidths": 0.9, "facecolors": "none"},
+    "fall": {"marker": "x", "s": 16, "linewidths": 1.1},
+    "left_arena": {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"},
+    "unstable": {"marker": "+", "s": 22, "linewidths": 1.1},
+}
+"""How an episode's dot shows its outcome; one of a user's own is a diamond."""
+
+
+def outcome_dot(outcome: str, shade: str) -> dict[str, Any]:
+    """Arguments of `Axes.scatter` for episodes that ended so, in a colour."""
+    style = _DOTS.get(outcome, {"marker": "D", "s": 12, "linewidths": 0})
+    return {**style, "edgecolors" if "facecolors" in style else "color": shade}
+
+
+def episode_url(terrain: str, episode: int) -> str:
+    """Address, within the page, of an episode in the table of all."""
+    return f"#episode={terrain}/{episode}"
 
 
 def svg_text(figure: Figure, name: str) -> str:

@@ -20,7 +20,7 @@ from flyrl.progress import progress_bar
 from flyrl.rollouts import run_episodes
 from flyrl.tasks import Episode, term_digests
 from flyrl.training.checkpoint import learner_state, save_checkpoint
-from flyrl.training.config import TrainingConfig
+from flyrl.training.config import TrainingConfig, lasting_settings
 from flyrl.training.curriculum import Curriculum
 from flyrl.training.interruption import Interruption
 from flyrl.training.run_folder import RunFolder
@@ -195,6 +195,7 @@ class RunCallback(BaseCallback):
                 "decisions": self.num_timesteps,
                 "evaluation": evaluation,
                 "terms": term_digests(self._config.env.resolved_task.added),
+                "settings": lasting_settings(self._config),
             },
         )
 

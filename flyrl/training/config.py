@@ -149,6 +149,21 @@ class TrainingConfig:
         return "_".join(parts)
 
 
+_WITHOUT_EFFECT: Final = ("checkpoint", "num_threads", "progress_bar")
+"""How settings of a schedule begin that do not change what a run comes to."""
+
+
+def lasting_settings(config: TrainingConfig) -> dict[str, Any]:
+    """Algorithm and schedule as plain values, as far as they decide on what a run comes to."""
+    record = training_record(config)
+    schedule = {
+        key: value
+        for key, value in record["training"].items()
+        if not key.startswith(_WITHOUT_EFFECT)
+    }
+    return {"algo": record["algo"], "training": schedule}
+
+
 def training_record(config: TrainingConfig) -> dict[str, Any]:
     """Everything about a run as plain JSON values, keyed like `configs/train.yaml`."""
     record = {

@@ -5,8 +5,10 @@ import pytest
 
 from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings
+from flyrl.cli.evaluate import training_evaluations
 from flyrl.evaluation import EvaluationConfig
 from tests.tiny import TINY_ARGUMENTS
+from tests.training.folders import make_run
 
 GROUPS = {"task": {"name": "target"}, "body": {}, "physics": {}}
 
@@ -61,6 +63,24 @@ def test_wrong_command_lines_end_in_one_line(tmp_path, run_here, arguments, mess
     assert message in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_learning_curves_are_those_of_run_folders(tmp_path):
+    trained = make_run(tmp_path / "a", evaluations=((100, 0.5, 1.0), (200, 0.75, 2.0)))
+    bare = make_run(tmp_path / "b", evaluations=())
+    elsewhere = tmp_path / "mine.safetensors"
+    entrants = [
+        {"name": "a", "kind": "learned", "source": str(trained / "last.safetensors")},
+        {"name": "b", "kind": "learned", "source": str(bare / "last.safetensors")},
+        {"name": "mine", "kind": "learned", "source": str(elsewhere)},
+        {"name": "cpg", "kind": "fixed", "source": None},
+    ]
+    assert training_evaluations(entrants) == {
+        "a": (
+            {"decisions": 100.0, "success_rate": 0.5, "mean_return": 1.0},
+            {"decisions": 200.0, "success_rate": 0.75, "mean_return": 2.0},
+        )
+    }
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from playwright.sync_api import sync_playwright
 
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
-from flyrl.report.video import encode
+from flyrl.report.video import FPS, encode
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
@@ -53,7 +53,7 @@ def browser():
 
 
 def film(name, terrain):
-    """A video of half a second in which nothing happens."""
+    """A video in which nothing happens."""
     picture = np.full((48, 64, 3), 90, np.uint8)
     poster = io.BytesIO()
     Image.fromarray(picture).save(poster, "JPEG")
@@ -62,8 +62,8 @@ def film(name, terrain):
         terrain=terrain,
         episode=0,
         outcome="timeout",
-        num_frames=12,
-        mp4=encode([picture] * 12),
+        num_frames=40,
+        mp4=encode([picture] * 40),
         poster=poster.getvalue(),
     )
 
@@ -204,7 +204,7 @@ def test_missing_values_stand_last_either_way(visit):
 def test_every_link_of_the_navigation_shows_its_page_alone(visit):
     page = visit()
     links = page.locator("nav a").all()
-    assert len(links) == 2 + len(TERRAINS)
+    assert len(links) == 3 + len(TERRAINS)
     for link in links:
         link.click()
         shown = [each for each in page.locator("main > .page").all() if each.is_visible()]
@@ -249,7 +249,7 @@ def test_text_is_readable_by_day_and_by_night(visit):
 def test_paper_has_no_controls_and_is_white(visit):
     page = visit(color_scheme="dark")
     page.locator("nav a", has_text="Flat").click()
-    controls = page.locator("nav, #flat video, #flat button.play")
+    controls = page.locator("nav, #flat .clock")
     assert all(control.is_visible() for control in controls.all())
     page.emulate_media(media="print")
     assert not any(control.is_visible() for control in controls.all())
@@ -257,16 +257,124 @@ def test_paper_has_no_controls_and_is_white(visit):
     assert all(each.is_visible() for each in page.locator("main > .page").all())
 
 
+def on_flat(page):
+    page.locator("nav a", has_text="Flat").click()
+    return page.locator("#flat .player").first
+
+
+def times(page):
+    return page.eval_on_selector_all("#flat video", "videos => videos.map((v) => v.currentTime)")
+
+
 def test_videos_play_together(visit):
     page = visit()
-    page.locator("nav a", has_text="Flat").click()
-    page.locator("#flat button.play").click()
+    on_flat(page).get_by_role("button", name="Play").click()
     page.wait_for_function(
         """(count) => {
             const videos = [...document.querySelectorAll("#flat video")];
             return videos.length === count && videos.every((video) => video.currentTime > 0);
         }""",
         arg=len(NAMES),
+    )
+
+
+def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
+    page = visit()
+    player = on_flat(page)
+    slider = player.get_by_role("slider")
+    slider.focus()
+    places = []
+    for _ in range(2):
+        for _ in range(3):
+            slider.press("ArrowRight")
+        frame = int(slider.input_value())
+        page.wait_for_function(
+            """(time) => [...document.querySelectorAll("#flat video")].every(
+                (video) => Math.abs(video.currentTime - time) < 0.021)""",
+            arg=(frame + 0.5) / FPS,
+        )
+        places.append(player.locator(".run-along .cursor").first.bounding_box()["x"])
+    assert frame == 6
+    assert places[0] < places[1]
+
+
+def test_a_click_in_the_curves_moves_the_slider(visit):
+    page = visit(reduced_motion="reduce")
+    player = on_flat(page)
+    player.locator(".run-along svg").scroll_into_view_if_needed()
+    box = player.locator(".run-along svg").bounding_box()
+    page.mouse.click(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
+    assert int(player.get_by_role("slider").input_value()) > 0
+
+
+def rows_shown(page):
+    page.locator("#rows tbody tr").first.wait_for()
+    return [row.split("\t") for row in page.locator("#rows tbody tr").all_inner_texts()]
+
+
+def test_a_dot_leads_to_what_everybody_did_in_its_episode(visit):
+    page = visit(reduced_motion="reduce")
+    page.locator("nav a", has_text="Gapped").click()
+    # one that no other lies upon
+    dot = page.evaluate(
+        """() => {
+            const link = 'a[href="#episode=gapped/3"]';
+            for (const use of document.querySelectorAll(`#gapped svg ${link} use`)) {
+                use.scrollIntoView({block: "center"});
+                const {x, y, width, height} = use.getBoundingClientRect();
+                const [middleX, middleY] = [x + width / 2, y + height / 2];
+                if (document.elementFromPoint(middleX, middleY)?.closest(link)) {
+                    return [middleX, middleY];
+                }
+            }
+        }"""
+    )
+    page.mouse.click(*dot)
+    page.locator("#episode").wait_for()
+    shown = rows_shown(page)
+    assert [row[:3] for row in shown] == [["gapped", "3", name] for name in NAMES]
+    assert f"seed {2**31 + 3}" in page.locator("#episode .which").inner_text()
+    page.locator("#episode a", has_text="Show all").click()
+    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length > 20")
+    assert not page.locator("#episode").is_visible()
+
+
+def test_an_episode_that_was_filmed_leads_to_its_videos(visit, report):
+    page = visit()
+    page.goto(f"{report.as_uri()}#episode=flat/0")
+    page.get_by_role("link", name="Watch it").click()
+    assert page.locator("#videos-flat-0").is_visible()
+    page.goto(f"{report.as_uri()}#episode=flat/1")
+    page.locator("#episode", has_text="film=[1]").wait_for()
+
+
+def test_an_episode_that_is_not_there_is_told(visit, report):
+    page = visit()
+    page.goto(f"{report.as_uri()}#episode=flat/99")
+    page.locator("#episode", has_text="no episode 99 on flat").wait_for()
+
+
+def test_rows_are_filtered_by_a_column(visit, report):
+    page = visit()
+    page.goto(f"{report.as_uri()}#episodes")
+    assert {row[2] for row in rows_shown(page)} > {"cpg"}
+    page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
+    page.locator(".dtcc-dropdown").get_by_role("button", name="cpg").click()
+    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 10")
+    assert {row[2] for row in rows_shown(page)} == {"cpg"}
+
+
+def test_rows_are_sorted_with_missing_values_last(visit, report):
+    page = visit()
+    page.goto(f"{report.as_uri()}#episodes")
+    rows_shown(page)
+    page.locator("#rows th", has_text="time to goal").locator(".dt-column-title").click()
+    page.wait_for_function(
+        """() => {
+            const cells = [...document.querySelectorAll("#rows tbody td:nth-child(5)")];
+            const values = cells.map((cell) => Number(cell.innerText.replace("\u2013", "Infinity")));
+            return values.includes(Infinity) && values.every((v, i) => i === 0 || values[i - 1] <= v);
+        }"""
     )
 
 

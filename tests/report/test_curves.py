@@ -1,3 +1,4 @@
+import re
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -8,6 +9,7 @@ from PIL import Image
 from flyrl.report.curves import (
     learning_curve,
     learning_curves,
+    learning_curves_svg,
     write_learning_curve,
     write_learning_curves,
 )
@@ -158,3 +160,12 @@ def test_text_stays_text(tmp_path):
 def test_groups_without_evaluations_draw_nothing(tmp_path):
     assert write_learning_curves(tmp_path, [("a", []), ("b", [[]])]) == []
     assert list(tmp_path.iterdir()) == []
+
+
+def test_in_a_report_the_curves_take_their_colours_from_the_page():
+    svg = learning_curves_svg(TWO_GROUPS, "curves")
+    assert ET.fromstring(svg).tag == "{http://www.w3.org/2000/svg}svg"
+    assert {"var(--c0", "var(--c1", "var(--ink", "var(--line"} <= set(
+        re.findall(r"var\(--\w+", svg)
+    )
+    assert "#01fe" not in svg.lower()  # no marker colour is left

@@ -4,17 +4,16 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from flyrl.evaluation.rows import plain_rows
-from flyrl.evaluation.trajectories import Trajectory
+from flyrl.evaluation.trajectories import trajectory
 from flyrl.report.figures import (
-    aligned,
     distributions_figure,
     paired_figure,
     success_figure,
     swarm,
-    trajectories_figure,
 )
-from tests.synthetic import HORIZON_S, make_results
+from flyrl.report.paths import Walk, aligned_figure, ground_figure
+from flyrl.terrains import TerrainConfig, terrain_boxes
+from tests.synthetic import HORIZON_S, make_results, walk
 
 NAMES = ("target-ppo", "cpg", "hybrid", "zero")
 
@@ -26,20 +25,27 @@ def results():
 
 @pytest.fixture(scope="module")
 def figures(results):
-    rows = list(plain_rows(results.episodes))
-    goals = [results.drawn["flat"][row["episode"]]["goal"] for row in rows]
-    paths = list(results.trajectories.values())
+    gapped = TerrainConfig("gapped")
+
+    def walks(terrain):
+        records = {name: [walk(name, terrain, i) for i in range(4)] for name in NAMES}
+        return {
+            name: [Walk(r.index, trajectory(r), r.episode.goal, r.outcome) for r in own]
+            for name, own in records.items()
+        }
+
     return {
         "success": success_figure(results.summary),
         "distributions": distributions_figure(
             results.episodes, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s", "return"]
         ),
         "paired": paired_figure(results.episodes, results.summary, "flat", HORIZON_S),
-        "trajectories": trajectories_figure(rows, paths, goals, "flat"),
+        "aligned": aligned_figure(walks("flat"), "flat"),
+        "ground": ground_figure(walks("gapped"), gapped, terrain_boxes(gapped)),
     }
 
 
-KINDS = ("success", "distributions", "paired", "trajectories")
+KINDS = ("success", "distributions", "paired", "aligned", "ground")
 
 
 def texts(svg):
@@ -86,9 +92,23 @@ def test_ids_of_different_figures_differ(figures):
 def test_every_reference_inside_a_figure_has_its_target(figures, kind):
     svg = figures[kind]
     targets = set(re.findall(r'\bid="([^"]+)"', svg))
-    assert set(re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', svg)) != set()
-    for pair in re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', svg):
-        assert (pair[0] or pair[1]) in targets
+    references = re.findall(r'<use href="#([^"]+)"', svg) + re.findall(r"url\(#([^)]+)\)", svg)
+    assert references
+    assert set(references) <= targets
+
+
+def test_a_dot_leads_to_its_episode(results, figures):
+    links = re.findall(r'<a href="([^"]+)"', figures["distributions"])
+    metrics = 3
+    for episode in range(6):
+        assert links.count(f"#episode=flat/{episode}") == metrics * len(NAMES)
+    assert len(links) == metrics * len(NAMES) * 6
+
+
+def test_the_end_of_a_path_leads_to_its_episode(figures):
+    for kind, terrain in (("aligned", "flat"), ("ground", "gapped")):
+        links = re.findall(r'<a href="([^"]+)"', figures[kind])
+        assert set(links) == {f"#episode={terrain}/{episode}" for episode in range(4)}
 
 
 def test_same_results_same_figure(results, figures):
@@ -110,34 +130,6 @@ def test_names_are_text_not_markup_nor_mathematics():
 def test_no_comparison_no_paired_figure():
     results = make_results(("hybrid",), episodes=2)
     assert paired_figure(results.episodes, results.summary, "flat", HORIZON_S) == ""
-
-
-def path(points, yaw=0.0):
-    points = np.array(points, dtype=np.float32)
-    return Trajectory(
-        time_s=np.arange(len(points), dtype=np.float32),
-        position_w=np.column_stack([points, np.ones(len(points), np.float32)]),
-        yaw=np.full(len(points), yaw, np.float32),
-        drive=np.zeros((len(points), 2), np.float32),
-    )
-
-
-def test_a_path_is_turned_until_its_goal_lies_ahead():
-    walked, goal = aligned(path([(1, 1), (1, 3)]), (1, 5))
-    np.testing.assert_allclose(goal, [4, 0], atol=1e-12)
-    np.testing.assert_allclose(walked, [(0, 0), (2, 0)], atol=1e-12)
-
-
-def test_left_of_the_goal_stays_left():
-    # The goal is north; west of the way there is to the left, so y is positive.
-    walked, _ = aligned(path([(0, 0), (-1, 2)]), (0, 4))
-    np.testing.assert_allclose(walked[1], [2, 1], atol=1e-12)
-
-
-def test_without_a_goal_the_heading_lies_ahead():
-    walked, goal = aligned(path([(2, 2), (2, 5)], yaw=np.pi / 2), ())
-    assert goal is None
-    np.testing.assert_allclose(walked, [(0, 0), (3, 0)], atol=1e-6)
 
 
 def test_swarm_keeps_lonely_dots_on_the_line():

@@ -72,14 +72,16 @@ def test_every_controller_is_in_the_summary_table(page):
 
 def test_every_terrain_has_its_page(page):
     pages = [attrs.get("id") for tag, attrs in page.tags if attrs.get("class") == "page"]
-    assert pages == ["summary", "flat", "gapped", "method"]
+    assert pages == ["summary", "flat", "gapped", "episodes", "method"]
 
 
 def test_every_link_has_its_target(page):
     ids = {attrs["id"] for _, attrs in page.tags if "id" in attrs}
     links = [attrs["href"] for tag, attrs in page.tags if tag == "a"]
     assert links
-    assert all(link.startswith("#") and link[1:] in ids for link in links)
+    assert {link for link in links if link[1:] not in ids} == {
+        f"#episode={terrain}/{episode}" for terrain in ("flat", "gapped") for episode in range(8)
+    }
 
 
 def test_figures_stand_inside_the_page(page):
@@ -345,3 +347,52 @@ def test_trainings_with_several_seeds_are_told_over_seeds(results):
 
 def test_a_single_policy_has_no_seeds_to_tell_of(text):
     assert "Over seeds" not in text
+
+
+def learned(results, **changes):
+    """Results whose first two entrants are learned."""
+    training = {"algo": "ppo", "settings": {}}
+    entrants = [
+        {**entrant, "kind": "learned", "training": training, "policy": "learned"}
+        if entrant["name"] in NAMES[:2]
+        else entrant
+        for entrant in results.protocol["entrants"]
+    ]
+    entrants[0] |= changes
+    return replace(results, protocol={**results.protocol, "entrants": entrants})
+
+
+def test_learning_curves_are_drawn_where_there_are_any(results):
+    evaluations = [{"decisions": 100.0, "success_rate": 0.5, "mean_return": 1.0}]
+    text = format_report(learned(results), curves={"cpg": evaluations})
+    Page(text)
+    assert "<h2>Learning curves</h2>" in text
+    assert "learned, n = 1" in text  # the other one of this training has none
+
+
+@pytest.mark.parametrize("curves", [{}, {"hybrid": [{"decisions": 1.0}]}])
+def test_without_learning_curves_there_is_no_section_of_them(results, curves):
+    assert "Learning curves" not in format_report(learned(results), curves=curves)
+
+
+def test_the_matrix_tells_where_a_policy_was_trained(results):
+    trained = learned(results, trained_in={"terrain": {"name": "gapped"}})
+    page = Page(format_report(trained))
+    cells = [attrs for tag, attrs in page.tags if "--share" in attrs.get("style", "")]
+    rates = [
+        row["success_rate"]["value"]
+        for terrain in ("flat", "gapped")
+        for row in results.summary
+        if (row["terrain"], row["controller"]) == (terrain, "target-ppo")
+    ]
+    # alone in its training: the other one was trained elsewhere
+    assert [cell["style"] for cell in cells] == [f"--share: {rate}" for rate in rates]
+    assert [cell["class"] for cell in cells] == ["shade", "shade home"]
+
+
+def test_rough_ground_is_drawn_below_the_paths(text):
+    _, flat, gapped = text.split("<h3>Paths</h3>")
+    assert "<symbol" not in flat
+    assert "moved to start at the origin" in flat
+    assert "<symbol" in gapped
+    assert "gaps are bare" in gapped

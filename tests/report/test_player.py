@@ -5,7 +5,7 @@ import pytest
 
 from flyrl.report import Video
 from flyrl.report.html import format_report
-from flyrl.report.player import player_section
+from flyrl.report.player import players
 from flyrl.report.video import HOLD_FRAMES
 from tests.report.test_html import Page
 from tests.report.test_time_curves import walked
@@ -34,9 +34,7 @@ def attributes(page, wanted, **having):
 
 
 def test_the_clock_runs_as_long_as_the_longest_video():
-    section = player_section(
-        [video(31), video(61, "hybrid"), video(99, "cpg", "mixed")], [], "flat"
-    )
+    (section,) = players([video(31), video(61, "hybrid"), video(99, "cpg", "mixed")], [], "flat")
     assert section["frames"] == 61
     # without the frames that stand still, 10 ms each
     assert section["end_s"] == pytest.approx((60 - HOLD_FRAMES) * 0.01)
@@ -44,22 +42,25 @@ def test_the_clock_runs_as_long_as_the_longest_video():
 
 
 def test_curves_end_with_the_film():
-    section = player_section([video(61)], [walked()], "flat")
+    (section,) = players([video(61)], [walked()], "flat")
     assert section["curves"]["until_s"] == pytest.approx(0.4)
 
 
 def test_without_videos_curves_show_the_whole_episode():
-    section = player_section([], [walked()], "flat")
+    (section,) = players([], [walked()], "flat")
     assert section["videos"] == []
     assert section["curves"]["until_s"] == pytest.approx(1.0)
 
 
 def test_without_examples_there_are_videos_alone():
-    assert player_section([video(61)], [], "flat")["curves"] is None
+    (section,) = players([video(61)], [], "flat")
+    assert section["curves"] is None
 
 
 def test_curves_are_of_the_episode_that_is_filmed():
-    assert player_section([video(61)], [walked(index=1)], "flat")["curves"] is None
+    filmed, other = players([video(61)], [walked(index=1)], "flat")
+    assert (filmed["episode"], filmed["curves"]) == (0, None)
+    assert (other["episode"], other["videos"]) == (1, [])
 
 
 def test_a_terrain_has_a_slider_over_the_frames_of_its_videos(page):

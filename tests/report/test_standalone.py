@@ -49,6 +49,7 @@ def test_figures_have_plain_names(figures):
     assert set(figures) == {
         "success",
         "paths-flat",
+        "time-flat-0",
         "gait-flat",
         "distributions-flat",
         "differences-flat",
@@ -62,11 +63,13 @@ def test_doses_and_profiles_have_plain_names():
         "terrains": [{"name": "flat", "doses": [{"name": "push", "figure": "doses"}]}],
         "seeds": {"profiles": "profiles"},
         "drive_map": "",
+        "curves": "curves",
     }
     assert named_figures(context) == {
         "success": "success",
         "doses-flat-push": "doses",
         "profiles": "profiles",
+        "learning-curves": "curves",
     }
 
 

@@ -3,7 +3,7 @@ import os
 import pickle
 import signal
 import threading
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from pandas.testing import assert_frame_equal
 from stable_baselines3 import PPO, SAC
 
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record
+from flyrl.envs.record import env_record, plain
 from flyrl.envs.sb3 import FlyVecEnv
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import load_policy, observation_layout
@@ -80,6 +80,9 @@ def test_policy_knows_where_it_comes_from(run):
     assert bundle.observation == observation_layout(TASKS["target"])
     assert bundle.env == env_record(PPO_CONFIG.env)
     assert bundle.training["algo"] == "ppo"
+    settings = bundle.training["settings"]  # which its seeds have in common
+    assert settings["algo"] == {"name": "ppo", **plain(asdict(PPO_CONFIG.algo))}
+    assert settings["training"]["num_envs"] == PPO_CONFIG.training.num_envs
 
 
 def test_last_policy_acts_as_the_sb3_model(run):

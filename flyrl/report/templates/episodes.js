@@ -18,11 +18,17 @@ async function makeTable() {
     columns.map(({ names, values }) => (names ? names[values[row]] : values[row])));
   const missingLast = (way) => (a, b) => (a === null || b === null ? (a === null) - (b === null) : way * (a - b));
   jQuery.fn.dataTable.type("number", { order: { asc: missingLast(1), desc: missingLast(-1) } });
+  const headings = document.getElementById("rows").createTHead().insertRow();
+  for (const { label } of columns) {
+    const heading = document.createElement("th");
+    heading.scope = "col";
+    heading.textContent = label;
+    headings.append(heading);
+  }
   return jQuery("#rows").DataTable({
     data: rows,
-    columns: columns.map(({ key, label, names }) => ({
+    columns: columns.map(({ key, names }) => ({
       name: key,
-      title: label,
       type: names ? "string" : "number",
       className: names ? "text" : "number",
       defaultContent: "–",

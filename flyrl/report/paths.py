@@ -1,0 +1,281 @@
+"""Figures of the ways that flies took, seen from above."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import matplotlib as mpl
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from flyrl.evaluation.rows import Json
+from flyrl.evaluation.trajectories import Trajectory
+from flyrl.report.ground import ground_symbol
+from flyrl.report.palette import colours, marker
+from flyrl.report.style import FRAMED_STYLE, WIDTH_IN, episode_url, outcome_dot, svg_text
+from flyrl.report.wording import outcome_name
+from flyrl.rollouts import SUCCESS
+from flyrl.tasks import Episode
+from flyrl.terrains import Bounds, Boxes, TerrainConfig, draw_ground, terrain_bounds, terrain_boxes
+
+FloatArray = NDArray[np.float64]
+
+MAX_PATHS: Final = 60
+"""Paths drawn per controller; more are a smear."""
+
+COLUMNS: Final = 3
+"""Panels side by side."""
+
+MARGIN: Final = 2.0
+"""mm between what is shown and the edge of the view, about the length of a fly."""
+
+LEAST_VIEW: Final = 8.0
+"""Least extent of a view either way, mm."""
+
+_PANEL_IN: Final = (2.8, 3.6)
+"""Width of a panel, and its largest height, inches."""
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """What is drawn of an episode.
+
+    Attributes
+    ----------
+    episode
+        Its index on the terrain.
+    path
+        In the world frame.
+    goal
+        (x, y) in the world frame, mm, or ().
+    outcome
+        How it ended.
+    """
+
+    episode: int
+    path: Trajectory
+    goal: Sequence[float]
+    outcome: str
+
+
+Walks = Mapping[str, Sequence[Walk]]
+"""Of each controller; those of an empty one are not drawn, but it keeps its colour."""
+
+
+def paths_section(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> Json | None:
+    """Figure of the paths on a terrain, over a drawing of its ground where it is rough.
+
+    Parameters
+    ----------
+    walks
+        Of all controllers.
+    terrain
+        Entry of the protocol: `name` and `config`.
+    drawn
+        Episodes as they were drawn there; random ground is drawn for the first one.
+
+    Returns
+    -------
+    The `figure`, and the `ground` in it: "none", "same" for all episodes, or "random", of the
+    first episode alone. None without a walk.
+    """
+    if not any(walks.values()):
+        return None
+    config = TerrainConfig(**terrain["config"])
+    if config.name == "flat" or (config.random and not drawn):
+        return {"figure": Markup(aligned_figure(walks, terrain["name"])), "ground": "none"}
+    boxes = terrain_boxes(config)
+    if config.random:
+        first = Episode(**drawn[0])
+        boxes = draw_ground(config, first.ground_seed, first.difficulty)
+        walks = {
+            controller: [walk for walk in own if walk.episode == 0]
+            for controller, own in walks.items()
+        }
+    figure = ground_figure(walks, config, boxes)
+    return {"figure": Markup(figure), "ground": "random" if config.random else "same"}
+
+
+def aligned_figure(walks: Walks, terrain: str) -> str:
+    """Paths of every controller, a panel each, all episodes laid over one another.
+
+    A path starts at the origin, with its goal straight ahead, to the right; without a goal it
+    starts with the fly heading to the right. With goals the view keeps to their surroundings.
+
+    Parameters
+    ----------
+    terrain
+        Its label, for ids and links.
+    """
+    drawn = _drawn(walks)
+    farthest = 0.0
+    with mpl.rc_context(FRAMED_STYLE):
+        figure, panels = _panels(drawn, 2.25)
+        for (controller, own), axes in zip(drawn.items(), panels, strict=True):
+            for walk in own[:MAX_PATHS]:
+                path, goal = aligned(walk.path, walk.goal)
+                if goal is not None:
+                    farthest = max(farthest, float(np.linalg.norm(goal)))
+                shade = marker(colours(list(walks))[controller])
+                _draw(axes, path, goal, walk, shade, terrain)
+            axes.grid(visible=True)
+        if farthest > 0:
+            # Flies that never turn walk far out of any useful view.
+            panels[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
+            panels[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
+        _label(figure, "along (mm)", "across (mm)")
+        return svg_text(figure, f"trajectories-{terrain}")
+
+
+def ground_figure(walks: Walks, config: TerrainConfig, boxes: Boxes) -> str:
+    """Paths of every controller in the world frame over the ground that they were walked on.
+
+    Parameters
+    ----------
+    config
+        The terrain.
+    boxes
+        Its ground in these episodes.
+    """
+    name = f"trajectories-{config.label}"
+    drawn = _drawn(walks)
+    ground = terrain_bounds(config)
+    view = shown(drawn, ground)
+    width, height = view.x_max - view.x_min, view.y_max - view.y_min
+    with mpl.rc_context(FRAMED_STYLE):
+        figure, panels = _panels(drawn, min(_PANEL_IN[0] * height / width, _PANEL_IN[1]) + 0.4)
+        for i, ((controller, own), axes) in enumerate(zip(drawn.items(), panels, strict=True)):
+            axes.set_gid(f"panel-{i}")
+            axes.add_patch(
+                Rectangle(
+                    (ground.x_min, ground.y_min),
+                    ground.x_max - ground.x_min,
+                    ground.y_max - ground.y_min,
+                    fill=False,
+                    edgecolor=marker("muted"),
+                )
+            )
+            for walk in own[:MAX_PATHS]:
+                goal = np.asarray(walk.goal[:2], dtype=np.float64) if len(walk.goal) else None
+                shade = marker(colours(list(walks))[controller])
+                _draw(axes, finite(walk.path), goal, walk, shade, config.label, faint=0.6)
+        panels[0].set_xlim(view.x_min, view.x_max)
+        panels[0].set_ylim(view.y_min, view.y_max)
+        _label(figure, "x (mm)", "y (mm)")
+        symbol = ground_symbol(boxes, view, f"{name}-ground")
+        return _over(svg_text(figure, name), name, panels, symbol)
+
+
+def shown(walks: Walks, ground: Bounds) -> Bounds:
+    """Where paths and goals are, with a margin, as far as there is ground."""
+    points = np.concatenate(
+        [
+            np.concatenate([finite(walk.path), np.reshape(walk.goal[:2], (-1, 2))])
+            for own in walks.values()
+            for walk in own[:MAX_PATHS]
+        ]
+    )
+    low = np.maximum(points.min(axis=0), (ground.x_min, ground.y_min)) - MARGIN
+    high = np.minimum(points.max(axis=0), (ground.x_max, ground.y_max)) + MARGIN
+    missing = np.maximum(LEAST_VIEW - (high - low), 0) / 2
+    (x_min, y_min), (x_max, y_max) = (low - missing).tolist(), (high + missing).tolist()
+    return Bounds(x_min, x_max, y_min, y_max)
+
+
+def aligned(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray | None]:
+    """Path (T, 2) and goal (2,) moved to the origin and turned to the right.
+
+    Turned by the goal's direction from the start, or by the heading at the start without a goal.
+    Samples that are not finite are left out.
+    """
+    path = finite(trajectory)
+    start = path[0].copy()
+    target = np.asarray(goal[:2], dtype=np.float64) - start if len(goal) else None
+    angle = float(trajectory.yaw[0]) if target is None else float(np.arctan2(target[1], target[0]))
+    # Rows are points: multiplying by R from the right turns them by -angle.
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return (path - start) @ rotation, None if target is None else target @ rotation
+
+
+def finite(trajectory: Trajectory) -> FloatArray:
+    """Path (T, 2) without the samples that are not finite, mm."""
+    path = np.asarray(trajectory.position_w[:, :2], dtype=np.float64)
+    return path[np.isfinite(path).all(axis=1)]
+
+
+def _drawn(walks: Walks) -> Walks:
+    return {controller: own for controller, own in walks.items() if own}
+
+
+def _panels(walks: Walks, height: float) -> tuple[Figure, list[Axes]]:
+    """A figure with a titled panel per controller, each so high, in inches."""
+    lines = -(-len(walks) // COLUMNS)
+    figure = Figure(figsize=(WIDTH_IN, 0.4 + height * lines), layout="constrained")
+    grid = figure.subplots(lines, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    for axes, (controller, own) in zip(grid, walks.items(), strict=False):
+        axes.set_title(f"{controller}  ", loc="left", fontweight="bold")
+        reached = sum(walk.outcome == SUCCESS for walk in own)
+        text = f"{reached}/{len(own)}" if len(own) > 1 else outcome_name(own[0].outcome)
+        axes.set_title(text, loc="right", color=marker("muted"))
+        axes.set_aspect("equal")
+    for axes in grid[max(0, len(walks) - COLUMNS) : len(walks)]:
+        axes.tick_params(labelbottom=True)  # a last line that is not full has none below
+    for axes in grid[len(walks) :]:
+        axes.set_visible(False)
+    return figure, list(grid[: len(walks)])
+
+
+def _label(figure: Figure, x: str, y: str) -> None:
+    figure.supxlabel(x, color=marker("muted"), fontsize=10)
+    figure.supylabel(y, color=marker("muted"), fontsize=10)
+
+
+def _draw(
+    axes: Axes,
+    path: FloatArray,
+    goal: FloatArray | None,
+    walk: Walk,
+    shade: str,
+    terrain: str,
+    faint: float = 0.35,
+) -> None:
+    """A path, how it ended and its goal; without success the path is `faint`."""
+    alpha = 0.8 if walk.outcome == SUCCESS else faint
+    axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=alpha)
+    end = axes.scatter(path[-1:, 0], path[-1:, 1], zorder=3, **outcome_dot(walk.outcome, shade))
+    end.set_urls([episode_url(terrain, walk.episode)])
+    if goal is not None:
+        axes.scatter(
+            goal[:1],
+            goal[1:],
+            marker="o",
+            s=26,
+            facecolors="none",
+            edgecolors=marker("ink"),
+            linewidths=0.7,
+            alpha=0.55,
+            zorder=2,
+        )
+
+
+def _over(svg: str, name: str, panels: Sequence[Axes], symbol: str) -> str:
+    """Lay a symbol under each panel of a figure that has been drawn; it stands there but once."""
+    for panel in panels:
+        figure = panel.get_figure(root=True)
+        assert figure is not None
+        width, height = 72 * figure.get_size_inches()
+        box = panel.get_position()
+        place = (
+            f'x="{box.x0 * width:.2f}" y="{(1 - box.y1) * height:.2f}" '
+            f'width="{box.width * width:.2f}" height="{box.height * height:.2f}"'
+        )
+        start = f'<g id="{name}-{panel.get_gid()}">'
+        svg = svg.replace(start, f'{start}<use href="#{name}-ground" {place}/>', 1)
+    head, rest = svg.split(">", 1)
+    return f"{head}>{symbol}{rest}"

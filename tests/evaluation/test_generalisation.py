@@ -1,0 +1,157 @@
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from flyrl.evaluation.generalisation import generalisation, is_same_ground
+from flyrl.terrains import TERRAINS, TerrainConfig
+
+FLAT, BLOCKS = TERRAINS["flat"], TERRAINS["blocks"]
+
+
+def entrant(name, terrain, seed=0, **changes):
+    """A learned entrant as a protocol has it."""
+    return {
+        "name": name,
+        "kind": "learned",
+        "policy": f"learned on {terrain.label}",
+        "source": f"runs/{name}/best.safetensors",
+        "trained_in": {"terrain": asdict(terrain)},
+        "training": {"algo": "ppo", "seed": seed, "settings": {}},
+        **changes,
+    }
+
+
+def row(name, terrain, successes, episodes=10, advance=None):
+    return {
+        "controller": name,
+        "terrain": terrain,
+        "episodes": episodes,
+        "successes": successes,
+        "success_rate": {"value": successes / episodes},
+        "metrics": {"advance_mm": {"median": advance}},
+    }
+
+
+def matrix(entrants, summary, terrains=(FLAT, BLOCKS), task="target"):
+    protocol = {
+        "task": task,
+        "entrants": entrants,
+        "terrains": [{"name": t.label, "config": asdict(t)} for t in terrains],
+    }
+    return generalisation(protocol, summary, np.random.default_rng(0))
+
+
+TWO = [entrant("a", BLOCKS), entrant("b", FLAT)]
+TWO_ROWS = [row("a", "flat", 5), row("a", "blocks", 8), row("b", "flat", 10), row("b", "blocks", 0)]
+
+
+def test_a_row_per_training_and_a_column_per_terrain():
+    found = matrix(TWO, TWO_ROWS)
+    assert found.terrains == ("flat", "blocks")
+    assert [each.terrain for each in found.rows] == ["blocks", "flat"]
+    values = [[cell.success.value for cell in each.cells] for each in found.rows]
+    assert values == [[0.5, 0.8], [1.0, 0.0]]
+
+
+def test_the_terrain_of_the_training_is_marked():
+    found = matrix(TWO, TWO_ROWS)
+    assert [[cell.is_home for cell in each.cells] for each in found.rows] == [
+        [False, True],
+        [True, False],
+    ]
+
+
+def test_a_few_seeds_have_the_rate_of_all_their_episodes():
+    pair = [entrant("a", FLAT, 0), entrant("b", FLAT, 1)]
+    found = matrix(pair, [row("a", "flat", 10), row("b", "flat", 4), row("a", "blocks", 1)])
+    (training,) = found.rows
+    assert training.names == ("a", "b")
+    flat, blocks = (cell.success for cell in training.cells)
+    assert (flat.value, flat.n) == (0.7, 20)
+    # Wilson by hand: (14 + z²/2) / (20 + z²) ± z / (20 + z²) sqrt(14 * 6 / 20 + z²/4), z = 1.96
+    assert (flat.low, flat.high) == pytest.approx((0.481, 0.855), abs=1e-3)
+    # who is missing does not count
+    assert (blocks.value, blocks.n) == (0.1, 10)
+
+
+def test_five_seeds_have_their_interquartile_mean():
+    successes = (0, 5, 6, 8, 10)
+    names = "abcde"
+    entrants = [entrant(name, FLAT, seed) for seed, name in enumerate(names)]
+    summary = [row(name, "flat", n) for name, n in zip(names, successes, strict=True)]
+    summary += [row(name, "blocks", 3) for name in names]
+    flat, blocks = (cell.success for cell in matrix(entrants, summary).rows[0].cells)
+    # a quarter of five is one on either side
+    assert flat.value == pytest.approx((0.5 + 0.6 + 0.8) / 3)
+    assert flat.low < flat.value < flat.high
+    assert (blocks.value, blocks.reason) == (pytest.approx(0.3), "all runs are equal")
+
+
+def test_where_success_says_little_there_is_a_second_figure():
+    pair = [entrant("a", FLAT, 0), entrant("b", FLAT, 1)]
+    summary = [
+        row("a", "flat", 0, advance=4.0),
+        row("b", "flat", 0, advance=7.0),
+        row("a", "blocks", 0, advance=2.0),
+        row("b", "blocks", 0),
+    ]
+    found = matrix(pair, summary, task="traverse")
+    assert found.second == "advance_mm"
+    assert [cell.second for cell in found.rows[0].cells] == [5.5, 2.0]
+    assert matrix(pair, summary).second is None
+
+
+def test_who_walked_nowhere_leaves_a_cell_empty():
+    (training,) = matrix([entrant("a", FLAT)], [row("a", "flat", 1)]).rows
+    assert training.cells[1].success.value is None
+
+
+def test_trainings_of_a_terrain_stand_together():
+    third = entrant("c", BLOCKS, policy="another way", training={"algo": "sac", "settings": {}})
+    found = matrix([*TWO, third], TWO_ROWS)
+    assert [each.names[0] for each in found.rows] == ["a", "c", "b"]
+
+
+def test_one_terrain_is_nothing_to_compare():
+    rows = [row("b", "flat", 1)]
+    assert matrix([entrant("b", FLAT)], rows, terrains=(FLAT,)) is None
+    assert matrix([entrant("b", FLAT)], rows, terrains=(FLAT, BLOCKS)) is not None
+    assert matrix(TWO, TWO_ROWS, terrains=(FLAT,)) is not None
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"kind": "fixed"},
+        {"trained_in": {}},
+        {"trained_in": {"terrain": {"name": "ice"}}},
+        {"trained_in": {"terrain": ["flat"]}},
+        {"source": "model.zip"},  # holds the terrain that it was loaded for
+    ],
+)
+def test_a_policy_of_unknown_terrain_is_left_out(changes):
+    assert matrix([entrant("a", FLAT, **changes)], TWO_ROWS) is None
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        (FLAT, TerrainConfig("flat", seed=3), True),  # nothing is drawn
+        (BLOCKS, TerrainConfig("blocks", gap_range=(0.1, 0.2)), True),  # blocks have no gaps
+        (BLOCKS, TerrainConfig("blocks", height_range=(0.3, 0.3)), False),
+        (TERRAINS["random_blocks"], BLOCKS, False),
+        (
+            TERRAINS["random_blocks"],
+            TerrainConfig("blocks", seed=5, height_range=(0.15, 0.45), random=True),
+            True,
+        ),
+        (
+            TerrainConfig("blocks", seed=4, height_range=(0.15, 0.45)),
+            TerrainConfig("blocks", seed=5, height_range=(0.15, 0.45)),
+            False,
+        ),
+    ],
+)
+def test_settings_without_effect_make_no_other_ground(one, other, same):
+    assert is_same_ground(one, other) is same
