@@ -372,8 +372,10 @@ def test_rows_are_sorted_with_missing_values_last(visit, report):
     page.wait_for_function(
         """() => {
             const cells = [...document.querySelectorAll("#rows tbody td:nth-child(5)")];
-            const values = cells.map((cell) => Number(cell.innerText.replace("\u2013", "Infinity")));
-            return values.includes(Infinity) && values.every((v, i) => i === 0 || values[i - 1] <= v);
+            const values = cells.map((cell) =>
+                cell.innerText === "\u2013" ? Infinity : Number(cell.innerText));
+            const isSorted = values.every((value, i) => i === 0 || values[i - 1] <= value);
+            return isSorted && values.includes(Infinity);
         }"""
     )
 

@@ -16,7 +16,8 @@ async function makeTable() {
   const columns = JSON.parse(data);
   const rows = columns[0].values.map((_, row) =>
     columns.map(({ names, values }) => (names ? names[values[row]] : values[row])));
-  const missingLast = (way) => (a, b) => (a === null || b === null ? (a === null) - (b === null) : way * (a - b));
+  const isMissing = (value) => typeof value !== "number"; // then it is what is shown instead
+  const missingLast = (way) => (a, b) => (isMissing(a) || isMissing(b) ? isMissing(a) - isMissing(b) : way * (a - b));
   jQuery.fn.dataTable.type("number", { order: { asc: missingLast(1), desc: missingLast(-1) } });
   const headings = document.getElementById("rows").createTHead().insertRow();
   for (const { label } of columns) {
