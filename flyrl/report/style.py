@@ -86,9 +86,9 @@ def _inline(svg: str, name: str) -> str:
     # A hundredth of a point is finer than any screen.
     svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}", svg)
     svg = svg.replace("url(#", f"url(#{name}-")
-    svg = svg.replace('<use xlink:href="#', f'<use href="#{name}-').replace(
-        "<a xlink:href", "<a href"
-    )
+    svg = svg.replace('<use xlink:href="#', f'<use href="#{name}-')
+    # links lead to other parts of the page, not to figures
+    svg = svg.replace("<a xlink:href", "<a href").replace(' target="_blank"', "")
     head, rest = svg.split(">", 1)
     view = re.search(r'viewBox="[^"]*"', head)
     # Scales with the page: only the view box gives its shape.
