@@ -113,17 +113,16 @@ def aligned_figure(walks: Walks, terrain: str) -> str:
     terrain
         Its label, for ids and links.
     """
-    drawn = _drawn(walks)
+    drawn, shade = _drawn(walks), colours(list(walks))
     farthest = 0.0
     with mpl.rc_context(FRAMED_STYLE):
         figure, panels = _panels(drawn, 2.25)
         for (controller, own), axes in zip(drawn.items(), panels, strict=True):
-            for walk in own[:MAX_PATHS]:
-                path, goal = aligned(walk.path, walk.goal)
+            placed = [aligned(walk.path, walk.goal) for walk in own[:MAX_PATHS]]
+            for _, goal in placed:
                 if goal is not None:
                     farthest = max(farthest, float(np.linalg.norm(goal)))
-                shade = marker(colours(list(walks))[controller])
-                _draw(axes, path, goal, walk, shade, terrain)
+            _draw(axes, own, placed, marker(shade[controller]), terrain)
             axes.grid(visible=True)
         if farthest > 0:
             # Flies that never turn walk far out of any useful view.
@@ -144,7 +143,7 @@ def ground_figure(walks: Walks, config: TerrainConfig, boxes: Boxes) -> str:
         Its ground in these episodes.
     """
     name = f"trajectories-{config.label}"
-    drawn = _drawn(walks)
+    drawn, shade = _drawn(walks), colours(list(walks))
     ground = terrain_bounds(config)
     view = shown(drawn, ground)
     width, height = view.x_max - view.x_min, view.y_max - view.y_min
@@ -161,10 +160,11 @@ def ground_figure(walks: Walks, config: TerrainConfig, boxes: Boxes) -> str:
                     edgecolor=marker("muted"),
                 )
             )
-            for walk in own[:MAX_PATHS]:
-                goal = np.asarray(walk.goal[:2], dtype=np.float64) if len(walk.goal) else None
-                shade = marker(colours(list(walks))[controller])
-                _draw(axes, finite(walk.path), goal, walk, shade, config.label, faint=0.6)
+            placed = [
+                (finite(walk.path), np.asarray(walk.goal[:2]) if len(walk.goal) else None)
+                for walk in own[:MAX_PATHS]
+            ]
+            _draw(axes, own, placed, marker(shade[controller]), config.label, faint=0.6)
         panels[0].set_xlim(view.x_min, view.x_max)
         panels[0].set_ylim(view.y_min, view.y_max)
         _label(figure, "x (mm)", "y (mm)")
@@ -238,22 +238,29 @@ def _label(figure: Figure, x: str, y: str) -> None:
 
 def _draw(
     axes: Axes,
-    path: FloatArray,
-    goal: FloatArray | None,
-    walk: Walk,
+    walks: Sequence[Walk],
+    placed: Sequence[tuple[FloatArray, FloatArray | None]],
     shade: str,
     terrain: str,
     faint: float = 0.35,
 ) -> None:
-    """A path, how it ended and its goal; without success the path is `faint`."""
-    alpha = 0.8 if walk.outcome == SUCCESS else faint
-    axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=alpha)
-    end = axes.scatter(path[-1:, 0], path[-1:, 1], zorder=3, **outcome_dot(walk.outcome, shade))
-    end.set_urls([episode_url(terrain, walk.episode)])
-    if goal is not None:
+    """Paths as placed, how they ended and their goals; those without success are `faint`."""
+    ends: dict[str, list[tuple[FloatArray, str]]] = {}
+    for walk, (path, _) in zip(walks, placed, strict=False):
+        alpha = 0.8 if walk.outcome == SUCCESS else faint
+        axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=alpha)
+        end = (path[-1], episode_url(terrain, walk.episode))
+        ends.setdefault(walk.outcome, []).append(end)
+    for outcome, own in ends.items():
+        points, urls = zip(*own, strict=True)
+        x, y = np.transpose(points)
+        dots = axes.scatter(x, y, zorder=3, **outcome_dot(outcome, shade))
+        dots.set_urls(urls)
+    if goals := [goal for _, goal in placed if goal is not None]:
+        x, y = np.transpose(goals)
         axes.scatter(
-            goal[:1],
-            goal[1:],
+            x,
+            y,
             marker="o",
             s=26,
             facecolors="none",
