@@ -86,7 +86,7 @@ class EvaluationSettings:
     videos
         Whether to show videos, where a GL library can be used.
     close_ups
-        Whether to show gait diagrams, and what drives do.
+        Whether to show gait diagrams and curves over time, and what drives do.
     folder
         Where results and report go; None makes a new folder in `reports/`.
     """
@@ -101,6 +101,7 @@ class EvaluationSettings:
     trust_pickles: bool = EvaluationConfig.trust_pickles
     study: str | None = EvaluationConfig.study
     paths: int = EvaluationConfig.paths
+    film: tuple[int, ...] = EvaluationConfig.film
     num_envs: int = EvaluationConfig.num_envs
     num_threads: int = EvaluationConfig.num_threads
     progress_bar: bool = True
@@ -177,6 +178,7 @@ def evaluation_config(
         trust_pickles=settings.trust_pickles,
         study=settings.study,
         paths=settings.paths,
+        film=settings.film,
         num_envs=settings.num_envs,
         num_threads=settings.num_threads,
         progress=settings.progress_bar,

@@ -72,6 +72,8 @@ class EvaluationConfig:
     paths
         Of how many episodes the paths are kept: the first ones, of every entrant on every terrain
         under every condition.
+    film
+        Indices of the episodes that are filmed and looked at closely, beside the evaluation itself.
     num_envs
         Episodes that are walked at the same time. Does not change the result.
     num_threads
@@ -103,6 +105,7 @@ class EvaluationConfig:
     trust_pickles: bool = False
     study: str | None = None
     paths: int = 60
+    film: tuple[int, ...] = (0,)
     num_envs: int = 64
     num_threads: int = 0
     progress: bool = False
@@ -118,6 +121,10 @@ class EvaluationConfig:
         within("seed", self.seed, 0, MAX_SEED)
         one_of("study", self.study, (None, *STUDIES))
         at_least("paths", self.paths, 0)
+        for i, episode in enumerate(self.film):
+            within(f"film[{i}]", episode, 0, self.episodes - 1)
+        if len(set(self.film)) < len(self.film):
+            raise ValueError(f"film must name every episode once, got {list(self.film)}")
         at_least("num_envs", self.num_envs, 1)
         at_least("num_threads", self.num_threads, 0)
         task = self.resolved_task

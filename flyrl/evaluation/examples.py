@@ -1,4 +1,4 @@
-"""One episode of everyone, walked again, to be looked at closely."""
+"""Some episodes of everyone, walked again, to be looked at closely."""
 
 from __future__ import annotations
 
@@ -12,43 +12,39 @@ from flyrl.evaluation.entrants import make_entrants
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Episode
 from flyrl.terrains import TerrainConfig
-from flyrl.validation import within
 
 
-def walk_examples(config: EvaluationConfig, episode: int = 0) -> list[EpisodeRecord]:
-    """Records of one episode: those of the evaluation, to the bit, with all of the gait.
+def walk_examples(config: EvaluationConfig) -> list[EpisodeRecord]:
+    """Records of the episodes to `film`: as in the evaluation, to the bit, with all of the gait.
 
     Parameters
     ----------
     config
         Of the evaluation; where it varies something, nothing is varied here.
-    episode
-        Index of the episode.
 
     Returns
     -------
-    One per terrain and entrant, but for those that raise an error.
+    One per terrain, episode and entrant, in this order, but for those that raise an error.
     """
-    within("episode", episode, 0, config.episodes - 1)
-    terrains = config.terrain_configs
-    drawn = [config.draw_episodes(terrain)[episode] for terrain in terrains]
+    drawn = [
+        (terrain, index, config.draw_episodes(terrain)[index])
+        for terrain in config.terrain_configs
+        for index in config.film
+    ]
 
     def walk(entrant: Entrant) -> list[EpisodeRecord | None]:
-        return [
-            _walk(entrant, config, terrain, each, episode)
-            for terrain, each in zip(terrains, drawn, strict=True)
-        ]
+        return [_walk(entrant, config, *each) for each in drawn]
 
     # one fly at a time keeps one core busy: as many at once as there are cores
     with ThreadPoolExecutor(config.num_threads or os.cpu_count()) as executor:
         walked = list(executor.map(walk, make_entrants(config)))
-    return [record for of_terrain in zip(*walked, strict=True) for record in of_terrain if record]
+    return [record for of_episode in zip(*walked, strict=True) for record in of_episode if record]
 
 
 def _walk(
-    entrant: Entrant, config: EvaluationConfig, terrain: TerrainConfig, drawn: Episode, index: int
+    entrant: Entrant, config: EvaluationConfig, terrain: TerrainConfig, index: int, drawn: Episode
 ) -> EpisodeRecord | None:
-    """Record of one entrant on one terrain; None if it raises an error."""
+    """Record of one entrant on one episode; None if it raises an error."""
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
     try:
         (record,) = run_episodes(

@@ -187,8 +187,9 @@ def _doses(results: Results, terrain: str) -> list[Json]:
 
 
 def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> str:
-    shown = [record for record in examples if record.terrain == terrain and record.gait]
-    return gait_figure(shown, f"gait-{terrain}") if shown else ""
+    walked = [record for record in examples if record.terrain == terrain and record.gait]
+    first = [record for record in walked if record.index == walked[0].index]
+    return gait_figure(first, f"gait-{terrain}") if first else ""
 
 
 def _differences(summary: Sequence[Json]) -> list[Json]:

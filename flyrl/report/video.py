@@ -24,7 +24,6 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import TerrainConfig
-from flyrl.validation import within
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
@@ -83,16 +82,14 @@ class Video:
 
 
 def record_videos(
-    config: EvaluationConfig, episode: int = 0, missing: Collection[tuple[str, str]] = ()
+    config: EvaluationConfig, missing: Collection[tuple[str, str]] = ()
 ) -> tuple[list[Video], str | None]:
-    """Film one episode of every entrant on every terrain.
+    """Film every entrant on every terrain, on the episodes that the evaluation names.
 
     Parameters
     ----------
     config
         Of the evaluation.
-    episode
-        Index of the episode, the same for all.
     missing
         Entrants that raised an error, and where: names of controller and terrain.
 
@@ -101,17 +98,19 @@ def record_videos(
     The videos, and a note that says why there are none. Where pictures or videos cannot be made the
     note goes to stderr as well, in one line, and nothing is raised.
     """
-    within("episode", episode, 0, config.episodes - 1)
-    entrants = make_entrants(config)
-    jobs = [(terrain, entrant) for terrain in config.terrain_configs for entrant in entrants]
+    jobs = [
+        (terrain, index, entrant)
+        for entrant in make_entrants(config)
+        for terrain in config.terrain_configs
+        for index in config.film
+        if (entrant.name, terrain.label) not in missing
+    ]
     videos = []
     try:
         imageio_ffmpeg.get_ffmpeg_exe()
-        for terrain, entrant in tqdm(jobs, desc="filming", disable=not config.progress):
-            if (entrant.name, terrain.label) in missing:
-                continue
-            drawn = config.draw_episodes(terrain)[episode]
-            videos.append(record_video(config, entrant, terrain, drawn, episode))
+        for terrain, index, entrant in tqdm(jobs, desc="filming", disable=not config.progress):
+            drawn = config.draw_episodes(terrain)[index]
+            videos.append(record_video(config, entrant, terrain, drawn, index))
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
         note = f"Videos are left out: {' '.join(str(error).split())}"
         print(note, file=sys.stderr)

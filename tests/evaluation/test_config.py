@@ -49,6 +49,8 @@ def test_terrains_by_name_and_by_config():
         ({"episodes": MAX_EPISODES + 1}, "episodes"),
         ({"seed": -1}, "seed"),
         ({"seed": MAX_SEED + 1}, "seed"),
+        ({"episodes": 3, "film": (0, 3)}, r"film\[1\].* 2"),
+        ({"film": (4, 4)}, "film must"),
         ({"num_envs": 0}, "num_envs"),
         ({"num_threads": -1}, "num_threads"),
         ({"task": "targt"}, "target"),

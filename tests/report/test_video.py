@@ -127,9 +127,12 @@ def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
     np.testing.assert_array_equal(filmed, walked)
 
 
-def test_an_episode_that_was_not_walked():
-    with pytest.raises(ValueError, match="episode"):
-        record_videos(CONFIG, 2)
+def test_everyone_is_filmed_on_the_episodes_that_are_asked_for_but_where_missing():
+    config = dataclasses.replace(CONFIG, controllers=("cpg", "zero"), film=(1, 0))
+    videos, note = record_videos(config, missing={("zero", "flat")})
+    if note is not None:
+        pytest.skip(note)
+    assert [(video.controller, video.episode) for video in videos] == [("cpg", 1), ("cpg", 0)]
 
 
 def test_without_gl_one_line_says_so_and_work_goes_on():
