@@ -160,6 +160,8 @@ def _check_overrides(
     What was composed, with Hydra's own: for each of these combinations the first job with it.
     """
     groups = _groups()
+    if any(override.key_or_group == "experiment" for override in overrides):
+        groups["experiment"] = _experiments(config_name, groups["experiment"])
     for override in overrides:
         if override.key_or_group in groups:
             _check_choice(override, groups[override.key_or_group])
@@ -224,6 +226,13 @@ def _groups() -> dict[str, list[str]]:
     """Config groups and their choices."""
     folders = (path for path in configs_folder().iterdir() if path.is_dir())
     return {path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in folders}
+
+
+def _experiments(config_name: str, names: Sequence[str]) -> list[str]:
+    """Those of the experiments that are of this command: that set nothing but its keys."""
+    known = {"defaults", *map(str, compose(config_name))}
+    folder = configs_folder() / "experiment"
+    return [name for name in names if known.issuperset(OmegaConf.load(folder / f"{name}.yaml"))]
 
 
 def _keys(config: Any, prefix: str = "") -> Iterator[str]:

@@ -22,7 +22,11 @@ from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
         ("terrain=[flat]", "terrain must be one of .*, got .*flat"),
         (
             "experiment=man",
-            "experiment must be one of .*'her', 'main', got 'man'; did you mean 'main'",
+            "experiment must be one of 'her', 'main', got 'man'; did you mean 'main'",
+        ),
+        (
+            "experiment=lesions",
+            "experiment must be one of 'her', 'main', got 'lesions'",
         ),
         ("seed", "missing EQUAL"),
         ("hydra.run.dri=x", r"hydra\.run\.dri"),

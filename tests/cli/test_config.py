@@ -7,8 +7,14 @@ from omegaconf import OmegaConf
 
 from flyrl.bodies.fly import FlyConfig
 from flyrl.cli.arguments import EXTRAS
-from flyrl.cli.config import training_config
+from flyrl.cli.config import (
+    EVALUATION_GROUPS,
+    evaluation_config,
+    evaluation_settings,
+    training_config,
+)
 from flyrl.envs.core import EnvConfig
+from flyrl.evaluation import make_entrants
 from flyrl.resources import configs_folder
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
@@ -21,9 +27,9 @@ from flyrl.training.loggers import LOGGERS
 from flyrl.training.runs import flat
 
 
-def _composed(*overrides):
+def _composed(*overrides, name="train"):
     with initialize_config_dir(str(configs_folder()), version_base="1.3"):
-        config = compose("train", list(overrides))
+        config = compose(name, list(overrides))
     return OmegaConf.to_container(config, resolve=True)
 
 
@@ -77,6 +83,32 @@ def test_the_experiment_with_hindsight_is_one():
     assert config.algo == ALGORITHMS["sac"](
         her=True, learning_starts=4800, hidden_layers=(128, 128), gamma=0.98, tau=0.01
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "quantities"),
+    [
+        ("controller_comparison", set()),
+        ("robustness", {"friction", "mass", "sensor_noise", "drive_latency", "push"}),
+        (
+            "lesions",
+            {
+                "missing_legs",
+                "senses_contact",
+                "coupling",
+                "fixed_joints",
+                "retraction",
+                "stumbling",
+            },
+        ),
+    ],
+)
+def test_experiments_of_evaluations_can_be_walked(name, quantities):
+    composed = _composed(f"experiment={name}", name="evaluate")
+    own = {key: value for key, value in composed.items() if key not in EVALUATION_GROUPS}
+    config = evaluation_config(composed, evaluation_settings(own, ""), "")
+    assert set(config.vary) == quantities
+    assert {entrant.name for entrant in make_entrants(config)} >= set(config.controllers)
 
 
 def test_a_curriculum_is_a_group_of_keys():
