@@ -16,7 +16,9 @@ pytestmark = pytest.mark.slow
 
 def final_x(controller: str, conditions: int) -> np.ndarray:
     body = FlyConfig("classic", symmetric=False)
-    positions, _ = walk((1, 1), 0.5, conditions, body=body, controller=controller, physics=PUBLISHED)
+    positions, _ = walk(
+        (1, 1), 0.5, conditions, body=body, controller=controller, physics=PUBLISHED
+    )
     return (positions[-1] - positions[0])[:, 0]
 
 
