@@ -177,11 +177,13 @@ def test_what_lies_at_a_path_comes_before_a_name(python, named, tmp_path):
 
 
 def test_a_named_policy_enters_an_evaluation(python, named, tmp_path):
-    settings = ("policies=[tiny]", "controllers=[zero]", "episodes=1", "videos=false")
+    settings = ("policies=[tiny]", "controllers=[zero]", "episodes=1", "task.time_limit=0.2")
     python(
         "-c",
         "from flyrl.cli.evaluate import main; main()",
         *settings,
+        "videos=false",
+        "close_ups=false",
         f"folder={tmp_path / 'report'}",
     )
     results = json.loads((tmp_path / "report" / "results.json").read_text())

@@ -12,6 +12,7 @@ from flyrl.policies.card import model_card
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
+from tests.tiny import TINY_ENV
 from tools.publish_policy import check, main, publish
 
 
@@ -19,6 +20,7 @@ from tools.publish_policy import check, main, publish
 def run(tmp_path_factory):
     """A tiny run that claims to come from a commit, whatever state the checkout is in."""
     config = TrainingConfig(
+        env=TINY_ENV,
         algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=1, hidden_layers=(8,)),
         training=ScheduleConfig(
             total_decisions=32,

@@ -1,6 +1,6 @@
 """How the fly walks, against the literature and against no drive at all (spec section 9).
 
-Medians over 20 initial conditions. `benchmarks/walking.py` prints the figures.
+Medians over `CONDITIONS` initial conditions. `benchmarks/walking.py` prints the figures over 20.
 """
 
 import numpy as np
@@ -9,17 +9,22 @@ import pytest
 from benchmarks.walking import PUBLISHED, paired_interval, speed, walk
 from flyrl.bodies.fly import FlyConfig
 
+CONDITIONS = 10
+
 pytestmark = pytest.mark.slow
 
 
-def final_x(controller: str) -> np.ndarray:
+def final_x(controller: str, conditions: int) -> np.ndarray:
     body = FlyConfig("classic", symmetric=False)
-    positions, _ = walk((1, 1), 0.5, body=body, controller=controller, physics=PUBLISHED)
+    positions, _ = walk(
+        (1, 1), 0.5, conditions, body=body, controller=controller, physics=PUBLISHED
+    )
     return (positions[-1] - positions[0])[:, 0]
 
 
 def test_cpg_on_the_classic_body_covers_the_published_distance() -> None:
-    assert np.median(final_x("cpg")) == pytest.approx(4.9, rel=0.15)
+    # they spread by 0.4 mm: a median of 10 is known to half a tenth of the published distance
+    assert np.median(final_x("cpg", CONDITIONS)) == pytest.approx(4.9, rel=0.15)
 
 
 def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_first() -> None:
@@ -27,9 +32,10 @@ def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_
 
     The published 2.6 and 2.7 mm are single runs. flygym 0.2.5 itself, run with seeds 0 to 19, has
     2.78 or 2.90 mm where a foreleg is first (9 seeds) and 3.26 or 3.37 mm where a middle leg is.
+    With the same leg first, seeds differ by some 0.01 mm: the first 9 tell as much as 20.
     """
-    distances = final_x("rule_based")
-    first_legs = np.array([np.random.RandomState(seed).choice([0, 1, 3, 4]) for seed in range(20)])
+    distances = final_x("rule_based", 9)
+    first_legs = np.array([np.random.RandomState(seed).choice([0, 1, 3, 4]) for seed in range(9)])
     foreleg_first = distances[np.isin(first_legs, [0, 3])]
     middle_leg_first = distances[np.isin(first_legs, [1, 4])]
     assert np.median(foreleg_first) == pytest.approx(2.6, rel=0.15)
@@ -39,14 +45,14 @@ def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_
 
 @pytest.mark.parametrize("body", ["classic", "current"])
 def test_zero_drive_stands_still(body: str) -> None:
-    positions, _ = walk((0, 0), 0.5, magnitude=0.0, settle=0.5, body=body)
+    positions, _ = walk((0, 0), 0.5, CONDITIONS, magnitude=0.0, settle=0.5, body=body)
     moved = np.linalg.norm((positions[-1] - positions[0])[:, :2], axis=1)
     assert np.median(moved) < 0.3
 
 
 def test_a_left_drive_turns_right_and_its_mirror_as_far_left() -> None:
-    _, right = walk((1.2, 0.2), 1.0)
-    _, left = walk((0.2, 1.2), 1.0)
+    _, right = walk((1.2, 0.2), 1.0, CONDITIONS)
+    _, left = walk((0.2, 1.2), 1.0, CONDITIONS)
     turned_right = np.median(right[-1] - right[0])
     turned_left = np.median(left[-1] - left[0])
     assert turned_right < -np.deg2rad(60)
@@ -54,7 +60,7 @@ def test_a_left_drive_turns_right_and_its_mirror_as_far_left() -> None:
 
 
 def test_equal_drives_walk_straight() -> None:
-    positions, _ = walk((1, 1), 1.0)
+    positions, _ = walk((1, 1), 1.0, CONDITIONS)
     way = positions[-1] - positions[0]
     drift = np.arctan2(way[:, 1], way[:, 0])
     assert np.median(way[:, 0]) >= 12.0
@@ -62,14 +68,14 @@ def test_equal_drives_walk_straight() -> None:
 
 
 def test_negative_drives_walk_backwards() -> None:
-    positions, _ = walk((-0.5, -0.5), 1.0)
+    positions, _ = walk((-0.5, -0.5), 1.0, CONDITIONS)
     assert np.median((positions[-1] - positions[0])[:, 0]) < -1.0
 
 
 @pytest.mark.parametrize("terrain", ["gapped", "blocks", "mixed"])
 def test_reflexes_get_through_where_the_cpg_alone_gets_stuck(terrain: str) -> None:
     hybrid, cpg = (
-        speed(walk((1, 1), 1.5, terrain=terrain, controller=name)[0], 1.5)
+        speed(walk((1, 1), 1.5, CONDITIONS, terrain=terrain, controller=name)[0], 1.5)
         for name in ("hybrid", "cpg")
     )
     low, _ = paired_interval(hybrid - cpg)

@@ -1,7 +1,8 @@
 """The one way in which flyrl compiles its controllers' maths.
 
 A kernel is a Numba function that works in place on float64 arrays, allocates nothing and raises
-nothing, so that the same code serves the Python classes and the native control callback.
+nothing, so that the same code serves the Python classes and the native control callback. It copies
+arrays in loops: `a[:] = b` brings a check of shapes, whose message takes seconds to compile.
 
 Numba caches a compiled function under a stamp of that function's own source file, so a kernel that
 calls kernels of other files would keep running their old code after they changed. Kernels are

@@ -110,7 +110,8 @@ def evaluate(
     units = np.empty(sizes.max())
     sums = np.empty(sizes.max())
     for row in range(len(inputs)):
-        units[: sizes[0]] = inputs[row]
+        for j in range(sizes[0]):
+            units[j] = inputs[row, j]
         offset = 0
         for layer in range(len(sizes) - 1):
             num_inputs, num_outputs = sizes[layer], sizes[layer + 1]
@@ -129,5 +130,6 @@ def evaluate(
                     units[k] = np.tanh(sums[k])
                 else:
                     units[k] = sums[k] if is_last else max(sums[k], 0.0)
-        outputs[row] = units[: sizes[-1]]
+        for k in range(sizes[-1]):
+            outputs[row, k] = units[k]
     return outputs

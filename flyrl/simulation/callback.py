@@ -252,7 +252,9 @@ def _log_gait(  # type: ignore[no-untyped-def]
     log.last_time = time
     for leg in range(NUM_LEGS):
         body = int(engine.end_effector_bodies[leg])
-        scratch.tips_w[leg, :] = carray(_as_float64(positions + 24 * body), (3,))
+        tip = carray(_as_float64(positions + 24 * body), (3,))
+        for axis in range(3):
+            scratch.tips_w[leg, axis] = tip[axis]
     log_gait(
         log,
         carray(_as_float64(log_address + GAIT_LOG_BYTES), (int(engine.gait_places),)),

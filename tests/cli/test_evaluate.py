@@ -85,8 +85,11 @@ def test_learning_curves_are_those_of_run_folders(tmp_path):
 
 @pytest.mark.slow
 def test_train_then_evaluate_end_to_end(tmp_path, run_here):
-    asked = ("evaluation.episodes=2", "evaluation.controllers=[zero]", "evaluation.videos=false")
-    trained = run_here("train.py", "experiment=main", *asked, *TINY_ARGUMENTS, "video_after=false")
+    asked = ("episodes=2", "controllers=[zero]", "videos=false", "close_ups=false")
+    evaluation = [f"evaluation.{argument}" for argument in asked]
+    trained = run_here(
+        "train.py", "experiment=main", *evaluation, *TINY_ARGUMENTS, "video_after=false"
+    )
     assert trained.returncode == 0, trained.stderr
     *_, first, last = trained.stdout.splitlines()
     run = last.removeprefix("run: ")
@@ -102,6 +105,7 @@ def test_train_then_evaluate_end_to_end(tmp_path, run_here):
         "terrains=[flat]",
         "episodes=2",
         "videos=false",
+        "close_ups=false",
     )
     assert compared.returncode == 0, compared.stderr
     report = tmp_path / compared.stdout.splitlines()[-1].removeprefix("report: ")
@@ -140,11 +144,10 @@ def own_policies(tmp_path, monkeypatch):
 
 
 def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_policies):
-    # with videos and close-ups of those who are left
+    # with videos and close-ups of those who are left, which the coarse physics makes cheaper
     short = [argument for argument in SHORT if not argument.endswith("=false")]
-    result = run_here(
-        "evaluate.py", "policies=[own_policies:broken]", "controllers=[zero]", "folder=out", *short
-    )
+    asked = ("policies=[own_policies:broken]", "controllers=[zero]", "physics=fast", "folder=out")
+    result = run_here("evaluate.py", *asked, *short)
     assert result.returncode == 0, result.stderr
     assert "warning: broken is out on flat: ArithmeticError: out of ideas" in result.stderr
     contents = json.loads((tmp_path / "out" / "results.json").read_text())

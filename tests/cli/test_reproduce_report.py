@@ -11,13 +11,20 @@ from flyrl.cli.main import main
 from flyrl.cli.reproduce_report import foreign_code
 from flyrl.report import read_origin
 
-ARGUMENTS = ["controllers=[cpg,zero]", "episodes=5", "task.time_limit=0.2", "videos=false"]
+ARGUMENTS = [
+    "controllers=[cpg,zero]",
+    "episodes=5",
+    "task.time_limit=0.2",
+    "videos=false",
+    "close_ups=false",
+    "num_threads=1",
+]
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    command = ["evaluate.py", *ARGUMENTS, f"folder={folder}", "num_threads=1"]
+    command = ["evaluate.py", *ARGUMENTS, f"folder={folder}"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", command)
         evaluate.main()

@@ -144,7 +144,8 @@ def test_the_commands_of_the_docs_train_and_evaluate(my_terms, run_here):
     trained = run_here(*train, *TINY_ARGUMENTS, "video_after=false")
     assert trained.returncode == 0, trained.stderr
     _, evaluate = _commands(trained.stdout.splitlines()[-1].removeprefix("run: "))
-    short = ("controllers=[zero]", "episodes=1", "videos=false", "task.time_limit=0.2")
+    short = ("controllers=[zero]", "episodes=1", "task.time_limit=0.2")
+    short = (*short, "videos=false", "close_ups=false")
     evaluated = run_here(*evaluate, *short)
     assert evaluated.returncode == 0, evaluated.stderr
     assert "report: " in evaluated.stdout

@@ -58,20 +58,20 @@ def _load(folder, name):
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
-    """A folder with a study of three trials, and what was printed."""
+    """A folder with a study of two trials, and what was printed."""
     folder = tmp_path_factory.mktemp("runs")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["flyrl", "tune", "--name", "three"])
-        assert _tune(folder, "--name", "three", "--trials", "3") == 0
+        patch.setattr(sys, "argv", ["flyrl", "tune", "--name", "two"])
+        assert _tune(folder, "--name", "two", "--trials", "2") == 0
     return folder
 
 
 def test_every_trial_is_a_run_with_what_was_drawn(study):
-    rows = _rows(study, "three")
-    assert [row["state"] for row in rows] == ["complete"] * 3
-    assert len(find_runs(study)) == 3
+    rows = _rows(study, "two")
+    assert [row["state"] for row in rows] == ["complete"] * 2
+    assert len(find_runs(study)) == 2
     for row in rows:
-        run = read_run(study / "studies" / "three" / row["run"])
+        run = read_run(study / "studies" / "two" / row["run"])
         assert run.state == "finished"
         assert run.setting("algo.learning_rate") == float(row["algo.learning_rate"])
         assert run.setting("algo.n_epochs") == int(row["algo.n_epochs"])
@@ -81,7 +81,7 @@ def test_every_trial_is_a_run_with_what_was_drawn(study):
 
 
 def test_trials_differ(study):
-    assert len({row["algo.learning_rate"] for row in _rows(study, "three")}) == 3
+    assert len({row["algo.learning_rate"] for row in _rows(study, "two")}) == 2
 
 
 def test_the_command_of_a_run_trains_it_without_the_study(study):
@@ -93,35 +93,35 @@ def test_the_command_of_a_run_trains_it_without_the_study(study):
 
 
 def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
-    rows = _rows(study, "three")
-    assert _tune(study, "--name", "three", "--trials", "3") == 0
-    assert len(find_runs(study)) == 3
-    assert _rows(study, "three") == rows
+    rows = _rows(study, "two")
+    assert _tune(study, "--name", "two", "--trials", "2") == 0
+    assert len(find_runs(study)) == 2
+    assert _rows(study, "two") == rows
     best = max(rows, key=lambda row: float(row["value"]))
     output = capsys.readouterr().out
     (line,) = [line for line in output.splitlines() if line.startswith("best: ")]
     _, *overrides = shlex.split(line.removeprefix("best: "))
     settings = training_record(training_config(compose_training(overrides)))
-    assert settings == read_run(study / "studies" / "three" / best["run"]).settings
-    assert "3 trials: 3 complete" in output
+    assert settings == read_run(study / "studies" / "two" / best["run"]).settings
+    assert "2 trials: 2 complete" in output
 
 
 def test_the_plots_are_drawn(study):
-    folder = study / "studies" / "three"
+    folder = study / "studies" / "two"
     for name in ("history", "slices"):
         assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert "<svg" in (folder / f"{name}.svg").read_text()
 
 
 def test_the_study_is_written_down(study):
-    record = json.loads((study / "studies" / "three" / "study.json").read_text())
-    assert record["commands"][0] == "flyrl tune --name three"
+    record = json.loads((study / "studies" / "two" / "study.json").read_text())
+    assert record["commands"][0] == "flyrl tune --name two"
     assert record["search"]["algo.n_epochs"] == {"low": 1, "high": 2}
     assert record["settings"]["training"]["total_decisions"] == 96
 
 
 def test_a_study_with_other_settings_is_another(study, capsys):
-    name = ("--name", "three", "--trials", "3")
+    name = ("--name", "two", "--trials", "2")
     assert _tune(study, *name, overrides=["algo.gamma=0.5"]) == 2
     assert "settings.algo.gamma is 0.98, now 0.5" in capsys.readouterr().err
     assert _tune(study, *name, space=SPACE.replace("3e-2", "4e-2")) == 2
@@ -132,7 +132,7 @@ def test_a_study_with_other_settings_is_another(study, capsys):
 
 @pytest.mark.parametrize("is_killed", [False, True])
 def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, capsys, is_killed):
-    folder = tmp_path / "studies" / "three"
+    folder = tmp_path / "studies" / "two"
 
     def interrupt():
         deadline = time.monotonic() + 60
@@ -144,20 +144,20 @@ def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, 
 
     thread = threading.Thread(target=interrupt)
     thread.start()
-    status = _tune(tmp_path, "--name", "three", "--trials", "3")
+    status = _tune(tmp_path, "--name", "two", "--trials", "2")
     thread.join()
     assert status == 128 + signal.SIGTERM
     assert "interrupted; go on with the same command" in capsys.readouterr().out
-    before = _rows(tmp_path, "three")
+    before = _rows(tmp_path, "two")
     assert [row["state"] for row in before] == ["interrupted"]
     assert read_run(folder / before[0]["run"]).state == "interrupted"
     if is_killed:  # what a kill after the checkpoint leaves: the trial does not know its run
-        left = _load(tmp_path, "three")
+        left = _load(tmp_path, "two")
         left._storage.set_trial_user_attr(left.get_trials()[0]._trial_id, "run", None)
         (folder / before[0]["run"] / "status.json").unlink()
-    assert _tune(tmp_path, "--name", "three", "--trials", "3") == 0
-    assert _drawn(_rows(tmp_path, "three")) == _drawn(_rows(study, "three"))
-    assert len(find_runs(tmp_path)) == 3
+    assert _tune(tmp_path, "--name", "two", "--trials", "2") == 0
+    assert _drawn(_rows(tmp_path, "two")) == _drawn(_rows(study, "two"))
+    assert len(find_runs(tmp_path)) == 2
 
 
 def test_a_trial_that_was_killed_counts_as_failed(tmp_path, capsys):
@@ -242,10 +242,10 @@ def test_without_optuna_it_says_what_to_install(monkeypatch, capsys):
 
 def test_a_storage_that_cannot_be_used_is_an_error_in_one_line(study, tmp_path, capsys):
     shutil.copytree(study, tmp_path / "runs")
-    (tmp_path / "runs" / "studies" / "three" / "study.db").write_text("no database " * 100)
-    assert _tune(study, "--name", "three", "--trials", "3", runs=tmp_path / "runs") == 2
+    (tmp_path / "runs" / "studies" / "two" / "study.db").write_text("no database " * 100)
+    assert _tune(study, "--name", "two", "--trials", "2", runs=tmp_path / "runs") == 2
     assert capsys.readouterr().err == (
-        f"error: {tmp_path}/runs/studies/three/study.db cannot be used: file is not a database\n"
+        f"error: {tmp_path}/runs/studies/two/study.db cannot be used: file is not a database\n"
     )
 
 

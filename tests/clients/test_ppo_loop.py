@@ -12,7 +12,8 @@ HORIZON = 32
 
 @pytest.fixture(scope="module")
 def run():
-    envs = gymnasium.make_vec("flyrl:flyrl/Target-v0", num_envs=NUM_ENVS, decision_interval=0.1)
+    settings = {"decision_interval": 0.1, "physics": "fast"}
+    envs = gymnasium.make_vec("flyrl:flyrl/Target-v0", num_envs=NUM_ENVS, **settings)
     envs = RecordEpisodeStatistics(envs)
     agent, log = train(envs, updates=2, horizon=HORIZON, seed=0)
     envs.close()

@@ -15,13 +15,13 @@ from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.tasks import TASKS
 
-INTERVAL_S = 0.1
+SETTINGS = {"decision_interval": 0.1, "physics": "fast"}
 
 
 @pytest.fixture(scope="module")
 def single():
     """Monitored single environments, as SB3 makes them from an id."""
-    make = functools.partial(gymnasium.make, "flyrl/Target-v0", decision_interval=INTERVAL_S)
+    make = functools.partial(gymnasium.make, "flyrl/Target-v0", **SETTINGS)
     env = make_vec_env(make, n_envs=2)
     yield env
     env.close()
@@ -29,7 +29,7 @@ def single():
 
 @pytest.fixture(scope="module")
 def batch():
-    env = FlyVecEnv(EnvConfig(decision_interval=INTERVAL_S), 2, num_threads=1)
+    env = FlyVecEnv(EnvConfig(**SETTINGS), 2, num_threads=1)
     yield env
     env.close()
 

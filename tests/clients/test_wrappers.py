@@ -19,7 +19,7 @@ from flyrl.simulation.rendering import RenderingUnavailableError
 
 ID = "flyrl:flyrl/Target-v0"
 # an episode is 30 decisions long at most
-SETTINGS = {"decision_interval": 0.1}
+SETTINGS = {"decision_interval": 0.1, "physics": "fast"}
 
 
 def make():

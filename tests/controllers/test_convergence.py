@@ -23,19 +23,19 @@ NUM_COURSES = 4
 FIELDS = ("phases", "magnitudes", "retraction", "stumbling", "net_correction", "targets")
 
 
-def drive(t: float) -> tuple[float, float]:
-    """Both sides, the left backwards at times."""
-    return 0.5 + np.sin(7.1 * t), 0.9 + 0.4 * np.cos(11.3 * t)
+def drive(t: np.ndarray) -> np.ndarray:
+    """Both sides at times (n,), the left backwards at some: (n, 2)."""
+    return np.stack([0.5 + np.sin(7.1 * t), 0.9 + 0.4 * np.cos(11.3 * t)], axis=1)
 
 
-def observe(t: float, course: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights of the legs' tips below a thorax at 0, contact forces, and heading."""
-    legs = np.arange(6)
-    heights = -1 - 0.2 * np.sin(2 * np.pi * (2.3 + 0.71 * legs) * t + 1.9 * legs + course)
-    heading = np.array([np.cos(3.3 * t), np.sin(3.3 * t), 0.0])
-    forces = np.zeros((36, 3))
-    pushes = np.sin(2 * np.pi * (4.7 + 0.83 * legs) * t + 0.7 * legs + 1.3 * course)
-    forces[6 * legs + legs % 3] = 2.0 * pushes[:, None] * heading
+def observe(t: np.ndarray, course: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights of the legs' tips below a thorax at 0, contact forces, and heading, (n, ...) each."""
+    legs, time = np.arange(6), t[:, None]
+    heights = -1 - 0.2 * np.sin(2 * np.pi * (2.3 + 0.71 * legs) * time + 1.9 * legs + course)
+    heading = np.stack([np.cos(3.3 * t), np.sin(3.3 * t), np.zeros(len(t))], axis=1)
+    forces = np.zeros((len(t), 36, 3))
+    pushes = np.sin(2 * np.pi * (4.7 + 0.83 * legs) * time + 0.7 * legs + 1.3 * course)
+    forces[:, 6 * legs + legs % 3] = 2.0 * pushes[:, :, None] * heading[:, None]
     return heights, forces, heading
 
 
@@ -46,15 +46,17 @@ def trajectory(reflexes: str, timestep: float) -> dict[str, np.ndarray]:
     parameters, coefficients = pack_parameters(config, timestep)
     steps_per_sample = round(SAMPLE_INTERVAL / timestep)
     samples: dict[str, list[np.ndarray]] = {name: [] for name in FIELDS}
+    times = np.arange(NUM_SAMPLES * steps_per_sample) * timestep
+    drives = drive(times)
     for course in range(NUM_COURSES):
         state = initial_state(
             config, init_phases=np.arange(6.0), init_magnitudes=np.linspace(0, 0.5, 6)
         )
-        for step in range(NUM_SAMPLES * steps_per_sample):
-            t = step * timestep
-            heights, state["contact_forces_w"], heading = observe(t, course)
-            state["drive"] = drive(t)
-            control_step(parameters, coefficients, state, 0.0, heights, heading)
+        heights, forces, headings = observe(times, course)
+        for step in range(len(times)):
+            state["contact_forces_w"] = forces[step]
+            state["drive"] = drives[step]
+            control_step(parameters, coefficients, state, 0.0, heights[step], headings[step])
             if (step + 1) % steps_per_sample == 0:
                 for name in FIELDS:
                     samples[name].append(state[name].copy())

@@ -150,7 +150,7 @@ def drive_all(env: gymnasium.vector.VectorEnv, steps: int) -> list[tuple]:
 def test_the_vector_environment_equals_gymnasiums_over_single_ones() -> None:
     """Through ends of episodes too: both start the next episode on the step after the last."""
     env_id = "flyrl/Target-v0"
-    settings = {"decision_interval": 0.1}
+    settings = {"decision_interval": 0.1, "physics": "fast"}
     native = gymnasium.make_vec(env_id, num_envs=3, **settings)
     assert type(native.unwrapped).__name__ == "FlyVectorEnv"
     plain = gymnasium.make_vec(env_id, num_envs=3, vectorization_mode="sync", **settings)
