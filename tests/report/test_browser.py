@@ -278,6 +278,28 @@ def test_videos_play_together(visit):
     )
 
 
+def test_videos_stand_still_once_their_page_is_left(visit):
+    page = visit()
+    on_flat(page)
+    are_paused, button, frame, last = page.evaluate(
+        """async () => {
+            const [button, slider] = document.querySelector("#flat .clock").children;
+            const videos = [...document.querySelectorAll("#flat video")];
+            const frames = () => new Promise(requestAnimationFrame);
+            button.click();
+            while (!videos.every((video) => !video.paused && video.currentTime > 0)) await frames();
+            location.hash = "gapped";
+            while (!document.getElementById("flat").hidden) await frames();
+            await frames();
+            const arePaused = videos.every((video) => video.paused);
+            return [arePaused, button.textContent, Number(slider.value), Number(slider.max)];
+        }"""
+    )
+    assert are_paused
+    assert button == "Play"
+    assert frame < last  # else they would have stopped anyway
+
+
 def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
     page = visit()
     player = on_flat(page)
