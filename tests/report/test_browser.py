@@ -376,6 +376,20 @@ def test_an_episode_that_is_not_there_is_told(visit, report):
     page.locator("#episode", has_text="no episode 99 on flat").wait_for()
 
 
+def test_a_long_table_is_filled_bit_by_bit(visit, report, tmp_path):
+    text = report.read_text(encoding="utf-8")
+    assert "rowsAtOnce = 10000" in text
+    short = tmp_path / "report.html"
+    short.write_text(text.replace("rowsAtOnce = 10000", "rowsAtOnce = 7"), encoding="utf-8")
+    page = visit(short)
+    page.goto(f"{short.as_uri()}#episodes")
+    rows = len(NAMES) * len(TERRAINS) * 5
+    page.locator("#episodes", has_text=f"Showing 1 to 25 of {rows} entries").wait_for()
+    page.goto(f"{short.as_uri()}#episode=gapped/4")  # the last ones
+    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 3")
+    assert [row[:3] for row in rows_shown(page)] == [["gapped", "4", name] for name in NAMES]
+
+
 def test_rows_are_filtered_by_a_column(visit, report):
     page = visit()
     page.goto(f"{report.as_uri()}#episodes")
