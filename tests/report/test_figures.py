@@ -150,6 +150,14 @@ def test_profiles_are_as_wide_as_other_figures(figures):
     assert {"0", "100", "success of at least (%)"} <= set(texts(svg))
 
 
+def test_titles_of_paths_are_not_cut_off():
+    record = walk("cpg", "flat", 0)
+    own = Walk(0, trajectory(record), record.episode.goal, record.outcome)
+    svg = ET.fromstring(aligned_figure({"cpg": [own]}, "flat"))
+    (title,) = (node for node in svg.iter() if is_text(node) and node.text.strip() == "cpg")
+    assert float(title.get("y")) > 9  # its baseline; a line has 10 points
+
+
 def test_same_results_same_figure(results, figures):
     assert success_figure(results.summary) == figures["success"]
 
