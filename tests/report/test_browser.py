@@ -227,6 +227,17 @@ def test_a_section_of_a_page_can_be_addressed(visit, report):
     assert not page.locator("#summary").is_visible()
 
 
+def test_the_navigation_stays_in_sight_and_leads_to_the_top_of_a_page(visit):
+    page = visit(reduced_motion="reduce")
+    page.locator("nav a", has_text="Flat").click()
+    page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
+    page.locator("nav a", has_text="Gapped").click(no_wait_after=True)
+    top = page.locator("#gapped h2").bounding_box()["y"]
+    bar = page.locator(".pages").bounding_box()
+    assert bar["y"] == pytest.approx(0, abs=1)
+    assert bar["height"] <= top < WIDE["height"] / 2
+
+
 def test_nothing_is_wider_than_a_phone(visit):
     page = visit(viewport=NARROW)
     assert page.evaluate("document.documentElement.scrollWidth") == NARROW["width"]

@@ -96,7 +96,7 @@ for (const link of document.querySelectorAll('svg a[href^="#episode="]')) {
   link.append(title);
   link.setAttribute("tabindex", "-1");
 }
-const night = matchMedia("(prefers-color-scheme: dark)");
+const night = matchMedia("screen and (prefers-color-scheme: dark)");
 // DataTables' style follows this class
 const followNight = () => document.documentElement.classList.toggle("dark", night.matches);
 night.addEventListener("change", followNight);
