@@ -14,6 +14,7 @@ from flyrl.cli.tables import NOTHING, csv_text, print_table, printable
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
+from flyrl.training.config import WITHOUT_EFFECT
 from flyrl.training.runs import RunSummary, find_runs, flat, read_run
 
 COMPARISON_FILE: Final = "comparison.csv"
@@ -25,14 +26,6 @@ _FIGURES: Final = {
     "best_return": ("best", "mean_return", ()),
 }
 """Column -> which evaluation of a run, which of its figures, and what that lies within."""
-
-_WITHOUT_EFFECT: Final = (
-    "logger",
-    "training.checkpoint",
-    "training.num_threads",
-    "training.progress_bar",
-)
-"""How settings begin that do not change what a run comes to."""
 
 Row = dict[str, Any]
 Settings = Mapping[str, Any]
@@ -103,7 +96,7 @@ def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
     return {
         key: value
         for key, value in flat(settings).items()
-        if not key.startswith(_WITHOUT_EFFECT) or f"{key}.".startswith(tuple(f"{k}." for k in but))
+        if not key.startswith(WITHOUT_EFFECT) or f"{key}.".startswith(tuple(f"{k}." for k in but))
     }
 
 

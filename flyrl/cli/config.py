@@ -110,13 +110,19 @@ class EvaluationSettings:
     folder: str | None = None
 
 
-EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
+_EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
 """Groups of an evaluation beside its own settings."""
 
 
 def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettings:
     """Settings of the group `evaluation`, which stands at `key` (empty: at the top)."""
     return from_mapping(EvaluationSettings, config, key)
+
+
+def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
+    """Settings of an evaluation that stand beside its groups, as in `configs/evaluate.yaml`."""
+    own = {key: value for key, value in record.items() if key not in _EVALUATION_GROUPS}
+    return evaluation_settings(own, "")
 
 
 def _varied(given: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
@@ -183,7 +189,7 @@ def evaluation_config(
         num_threads=settings.num_threads,
         progress=settings.progress_bar,
         settings={
-            **{key: config[key] for key in EVALUATION_GROUPS if key in config},
+            **{key: config[key] for key in _EVALUATION_GROUPS if key in config},
             **asdict(settings),
         },
         command=command,

@@ -41,12 +41,10 @@ def run(record: dict[str, Any], start: Start) -> Path:
     -------
     The folder of the results.
     """
-    from flyrl.cli.config import EVALUATION_GROUPS, evaluation_settings  # noqa: PLC0415
+    from flyrl.cli.config import own_settings  # noqa: PLC0415
 
     try:
-        settings = evaluation_settings(
-            {key: value for key, value in record.items() if key not in EVALUATION_GROUPS}, ""
-        )
+        settings = own_settings(record)
         config = comparison(record, settings, start.command)
     except ValueError as error:
         fail(error)

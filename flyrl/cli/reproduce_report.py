@@ -44,11 +44,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     OSError
         A file cannot be read, or written.
     """
-    from flyrl.cli.config import (  # noqa: PLC0415
-        EVALUATION_GROUPS,
-        evaluation_config,
-        evaluation_settings,
-    )
+    from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
     from flyrl.cli.evaluate import training_evaluations  # noqa: PLC0415
     from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
     from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
@@ -62,8 +58,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         raise ValueError(
             f"{path} names code that would be run: {', '.join(code)}. Say --trust if you know it"
         )
-    own = {key: value for key, value in record.items() if key not in EVALUATION_GROUPS}
-    settings = evaluation_settings({**own, "progress_bar": True}, "")
+    settings = own_settings({**record, "progress_bar": True})
     config = evaluation_config(record, settings, " ".join(sys.argv))
     results = evaluate(config)
     if output is not None:

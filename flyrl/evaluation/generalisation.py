@@ -141,12 +141,7 @@ def is_same_ground(one: TerrainConfig, other: TerrainConfig) -> bool:
 
 
 def _trained_on(entrant: Json) -> TerrainConfig | None:
-    """Terrain of a training, as the policy file says, which anybody may have written.
-
-    None of a zip file, which does not say.
-    """
-    if str(entrant.get("source")).endswith(".zip"):
-        return None  # it stands there with the environment that it was loaded for
+    """Terrain of a training, as the policy file says, which anybody may have written; or None."""
     terrain: Any = (entrant.get("trained_in") or {}).get("terrain")
     try:
         return TerrainConfig(**terrain)

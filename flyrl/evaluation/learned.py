@@ -88,7 +88,9 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
             "any code when they are read. Say trust_pickles=true if you know who made it"
         )
     env = config.env(config.terrains[0])
-    return Path(model), LearnedPolicy(import_sb3(model, made_by, env, trust=True))
+    bundle = import_sb3(model, made_by, env, trust=True)
+    # the file does not say what it was trained in; what it is loaded for is not that
+    return Path(model), LearnedPolicy(dataclasses.replace(bundle, env={}))
 
 
 def _check_observations(policy: LearnedPolicy, task: Task) -> None:
@@ -116,5 +118,5 @@ def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
         text += f" with {training['algo']}"
     terrain = env.get("terrain")
     if isinstance(terrain, dict) and "name" in terrain:
-        text += f" on {terrain_label(terrain['name'], terrain.get('random'))}"
-    return text
+        return f"{text} on {terrain_label(terrain['name'], terrain.get('random'))}"
+    return f"{text} on unknown ground"

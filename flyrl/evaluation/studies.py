@@ -73,6 +73,7 @@ class Study:
 
 
 _ROUGH: Final = ("gapped", "blocks", "mixed")
+"""Terrains of the study, whatever others flyrl may have."""
 
 STUDIES: Final[Mapping[str, Study]] = {
     "controller_comparison": Study(

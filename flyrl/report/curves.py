@@ -49,7 +49,7 @@ _STYLE: Final[Any] = {
     "legend.frameon": False,
 }
 
-_THEMED_STYLE: Final[Any] = {**FRAMED_STYLE, "axes.grid": True, "legend.frameon": False}
+_THEMED_STYLE: Final[Any] = {**FRAMED_STYLE, "axes.grid": True}
 
 Evaluations = Sequence[Mapping[str, float]]
 

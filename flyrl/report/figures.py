@@ -28,6 +28,7 @@ from flyrl.report.style import (
     svg_text,
 )
 from flyrl.rollouts import SUCCESS
+from flyrl.rollouts.records import BoolArray
 
 FloatArray = NDArray[np.float64]
 
@@ -60,7 +61,13 @@ METRIC_LABELS: Final = {
 }
 
 MAX_DOTS: Final = 400
-"""Dots of one row beyond which they are drawn as pixels, to keep the page small."""
+"""Dots of one row beyond which their outline stands for them, to keep the page small."""
+
+BINS: Final = 60
+"""Steps of such an outline over the width of its panel."""
+
+_REACH: Final = 0.32
+"""How far dots and outlines spread from the middle of their row."""
 
 _ROW_HEIGHT: Final = 0.36
 
@@ -109,6 +116,8 @@ def distributions_figure(
 ) -> str:
     """Every episode as a dot, with median and quartiles; a panel per metric.
 
+    Beyond `MAX_DOTS` an outline stands for the dots, its strong part for the successes among them.
+
     An episode without success has no time to goal: its dot stands at the horizon, and the median
     and quartiles count it there.
     """
@@ -117,13 +126,12 @@ def distributions_figure(
     with mpl.rc_context(FIGURE_STYLE):
         figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
-            for place, name in enumerate(names):
-                own = _of(rows, terrain, name)
-                values = own[metric].to_numpy(dtype=np.float64)
-                if metric == "time_to_goal_s":
-                    values = np.where(np.isnan(values), horizon_s, values)
+            owns = [_of(rows, terrain, name) for name in names]
+            drawn = [_drawn_values(own, metric, horizon_s) for own in owns]
+            edges = _edges(drawn)
+            for place, (name, own, values) in enumerate(zip(names, owns, drawn, strict=True)):
                 if values.size:
-                    _dots(axes, values, own, place, marker(colour[name]))
+                    _episodes(axes, values, own, place, edges, marker(colour[name]))
                     _quartiles(axes, values, place)
             axes.set_xlabel(METRIC_LABELS[metric])
             if metric == "time_to_goal_s":
@@ -151,13 +159,14 @@ def paired_figure(
         figure, panels = _panels(names, len(metrics))
         for axes, metric in zip(panels, metrics, strict=True):
             axes.axvline(0, color=marker("muted"), linewidth=1)
-            for place, row in enumerate(compared):
+            owns = [_of(rows, terrain, row["controller"]) for row in compared]
+            drawn = [paired_values(own, other, metric, horizon_s) for own in owns]
+            edges = _edges(drawn)
+            for place, (row, own, values) in enumerate(zip(compared, owns, drawn, strict=True)):
                 shade = marker(colour[row["controller"]])
-                own = _of(rows, terrain, row["controller"])
-                values = paired_values(own, other, metric, horizon_s)
                 if metric != "success" and values.size:
                     pairs = own[own["episode"].isin(other["episode"])].assign(outcome=SUCCESS)
-                    _dots(axes, values, pairs, place, shade, alpha=0.25)
+                    _episodes(axes, values, pairs, place, edges, shade, alpha=0.25)
                 difference = row["paired"]["differences"][metric]
                 if difference["low"] is not None:
                     axes.plot(
@@ -219,7 +228,8 @@ def doses_figure(
                 axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0)
                 axes.plot(at, middle, "o-", color=shade, markersize=4.5, label=name)
             axes.set_xlabel(quantity.replace("_", " "))
-            axes.set_title(METRIC_LABELS[metric], loc="left")
+            title = "success (%)" if metric == "success" else METRIC_LABELS[metric]
+            axes.set_title(title, loc="left")
             axes.set_xticks(places, values)
             axes.grid(visible=True)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
@@ -229,18 +239,20 @@ def doses_figure(
 def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[float]) -> str:
     """Share of runs that reach at least each success rate, a line per training, with intervals."""
     with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(0.6 * WIDTH_IN, 2.9), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
         axes = figure.subplots()
+        percent = 100 * np.array(at)
         for i, (name, points) in enumerate(profiles.items()):
             shade = marker(f"c{i % 8}")
-            values = np.array([point.value for point in points], dtype=np.float64)
-            bounds = np.array([[point.low, point.high] for point in points], dtype=np.float64)
+            values = 100 * np.array([point.value for point in points], dtype=np.float64)
+            bounds = 100 * np.array([[point.low, point.high] for point in points], dtype=np.float64)
             low, high = np.where(np.isnan(bounds.T), values, bounds.T)
-            axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0, step="post")
-            axes.step(at, values, where="post", color=shade, label=name)
-        axes.set_xlabel("success rate of at least")
-        axes.set_ylabel("share of runs")
-        axes.set_ylim(-0.03, 1.03)
+            axes.fill_between(percent, low, high, color=shade, alpha=0.15, linewidth=0, step="post")
+            axes.step(percent, values, where="post", color=shade, label=name)
+        axes.set_xlabel("success of at least (%)")
+        axes.set_ylabel("runs (%)")
+        axes.set_xlim(-1, 101)
+        axes.set_ylim(-3, 103)
         axes.grid(visible=True)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=2)
         return svg_text(figure, "profiles")
@@ -257,7 +269,11 @@ def _places(values: Sequence[str]) -> list[float]:
 def _dose(row: Json, metric: str) -> tuple[float | None, float | None, float | None]:
     if metric == "success":
         rate = row["success_rate"]
-        return rate["low"], rate["value"], rate["high"]
+        low, value, high = (
+            None if share is None else 100 * share
+            for share in (rate["low"], rate["value"], rate["high"])
+        )
+        return low, value, high
     spread = row["metrics"][metric]
     return spread["q1"], spread["median"], spread["q3"]
 
@@ -273,16 +289,84 @@ def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
     return figure, panels
 
 
+def _drawn_values(rows: pd.DataFrame, metric: str, horizon_s: float) -> FloatArray:
+    """Values of a metric; without success, the time to goal is the horizon."""
+    values: FloatArray = rows[metric].to_numpy(dtype=np.float64)
+    if metric == "time_to_goal_s":
+        return np.where(np.isnan(values), horizon_s, values)
+    return values
+
+
+def _edges(drawn: Sequence[FloatArray]) -> FloatArray:
+    """Edges of the bins that all rows of a panel share."""
+    together = np.concatenate([*drawn, np.empty(0)])
+    return np.histogram_bin_edges(together[np.isfinite(together)], BINS)
+
+
+def _episodes(
+    axes: Axes,
+    values: FloatArray,
+    rows: pd.DataFrame,
+    place: float,
+    edges: FloatArray,
+    shade: str,
+    *,
+    alpha: float = 0.75,
+) -> None:
+    """The episodes of a row: dots, or their outline if they are many."""
+    if values.size <= MAX_DOTS:
+        _dots(axes, values, rows, place, shade, alpha)
+        return
+    is_success = (rows["outcome"] == SUCCESS).to_numpy()
+    for outline, strength in zip(outlines(values, is_success, edges), (0.4, 1), strict=True):
+        axes.stairs(
+            place + outline,
+            edges,
+            baseline=place - outline,
+            fill=True,
+            facecolor=shade,
+            edgecolor=shade,
+            linewidth=0.8,
+            alpha=alpha * strength,
+            zorder=3,
+        )
+
+
+def outlines(values: FloatArray, is_success: BoolArray, edges: FloatArray) -> FloatArray:
+    """How far values spread from the middle of their row, bin by bin.
+
+    As the square root of their number, so that a few show beside thousands. NaN where there are
+    none: nothing is drawn there.
+
+    Parameters
+    ----------
+    values, is_success
+        Of episodes, shape (n,).
+    edges
+        Of the bins, shape (bins + 1,).
+
+    Returns
+    -------
+    Of all values, and within it the share of the successes, shape (2, bins).
+    """
+    count = np.histogram(values, edges)[0]
+    successes = np.histogram(values[is_success], edges)[0]
+    reach = _REACH * np.sqrt(count / max(count.max(), 1))
+    share = np.divide(successes, count, out=np.zeros(count.shape), where=count > 0)
+    both = np.array([reach, reach * share])
+    both[both == 0] = np.nan
+    return both
+
+
 def _dots(
     axes: Axes,
     values: FloatArray,
     rows: pd.DataFrame,
     place: float,
     shade: str,
-    *,
-    alpha: float = 0.75,
+    alpha: float,
 ) -> None:
-    """A dot per value, shaped by the outcome of its row; as long as they are few, it is a link."""
+    """A dot per value, shaped by the outcome of its row, and a link to its episode."""
     heights = place + swarm(values)
     for outcome in rows["outcome"].unique():
         chosen = (rows["outcome"] == outcome).to_numpy()
@@ -291,12 +375,10 @@ def _dots(
             heights[chosen],
             alpha=alpha,
             zorder=3,
-            rasterized=values.size > MAX_DOTS,
             **outcome_dot(outcome, shade),
         )
-        if values.size <= MAX_DOTS:
-            places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
-            dots.set_urls([episode_url(terrain, episode) for terrain, episode in places])
+        places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
+        dots.set_urls([episode_url(terrain, episode) for terrain, episode in places])
 
 
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
@@ -306,7 +388,7 @@ def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
     axes.plot([median, median], [place - 0.32, place + 0.32], linewidth=2.2, **style)
 
 
-def swarm(values: FloatArray, bins: int = 60, reach: float = 0.32) -> FloatArray:
+def swarm(values: FloatArray, bins: int = 60, reach: float = _REACH) -> FloatArray:
     """Offsets (n,) in [-reach, reach] that spread values close to one another, without chance."""
     spread = np.ptp(values)
     cell = np.zeros(len(values), dtype=int)

@@ -89,11 +89,12 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / REPORT_FILE
     context = report_context(results, **additions)
+    leaders = [leader for leader, _ in context["leaders"]]
     write_text(path, format_page(context))
     figures = {f"{name}.svg": standalone(svg) for name, svg in named_figures(context).items()}
     try:
         write_folder(folder / FIGURES_FOLDER, figures)
-        write_folder(folder / TABLES_FOLDER, format_tables(results))
+        write_folder(folder / TABLES_FOLDER, format_tables(results, leaders))
     except OSError as error:
         print(f"warning: the report lacks figures or tables beside it: {error}", file=sys.stderr)
     return path

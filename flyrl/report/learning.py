@@ -29,7 +29,7 @@ def curves_section(entrants: Sequence[Json], curves: Mapping[str, Evaluations]) 
     entrants
         Of the protocol.
     curves
-        Evaluations during training, by name of the entrant.
+        As in `flyrl.report.html.Additions`.
     """
     groups = [
         (label, [curves[name] for name in names if curves.get(name)])

@@ -129,6 +129,7 @@ def aligned_figure(walks: Walks, terrain: str) -> str:
             panels[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
             panels[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
         _label(figure, "along (mm)", "across (mm)")
+        figure.draw_without_rendering()  # of equal aspects, the first layout leaves out titles
         return svg_text(figure, f"trajectories-{terrain}")
 
 
@@ -232,7 +233,9 @@ def _panels(walks: Walks, height: float) -> tuple[Figure, list[Axes]]:
 
 
 def _label(figure: Figure, x: str, y: str) -> None:
-    figure.supxlabel(x, color=marker("muted"), fontsize=10)
+    shown = sum(axes.get_visible() for axes in figure.axes)
+    middle = min(shown, COLUMNS) / COLUMNS / 2
+    figure.supxlabel(x, x=middle, color=marker("muted"), fontsize=10)
     figure.supylabel(y, color=marker("muted"), fontsize=10)
 
 

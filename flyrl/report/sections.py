@@ -18,6 +18,7 @@ from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.report.close_up import drive_map_figure, gait_figure
 from flyrl.report.figures import (
+    MAX_DOTS,
     METRIC_LABELS,
     distributions_figure,
     doses_figure,
@@ -69,7 +70,7 @@ def table_row(row: Json) -> Json:
         **row,
         "failures": sum(failures.values()),
         "failure_text": ", ".join(f"{n} {outcome_name(name)}" for name, n in failures.items()),
-        "rate_text": interval_text(row["success_rate"], 100) if row["episodes"] else "",
+        "rate_text": interval_text(row["success_rate"]) if row["episodes"] else "",
     }
 
 
@@ -97,6 +98,7 @@ def terrain_section(
     """Figures, tables and videos of a terrain; where quantities were varied, their doses."""
     horizon_s = results.protocol["horizon_s"]
     summary = [row for row in results.summary if row["terrain"] == terrain]
+    walked = results.episodes["controller"][results.episodes["terrain"] == terrain]
     if results.protocol["vary"]:
         return {"name": terrain, "doses": _doses(results, terrain)}
     return {
@@ -107,6 +109,7 @@ def terrain_section(
                 results.episodes, terrain, horizon_s, spread_metrics(results.protocol)
             )
         ),
+        "is_outlined": walked.value_counts().max() > MAX_DOTS,
         "paths": paths_section(
             _walks(results, terrain),
             next(each for each in results.protocol["terrains"] if each["name"] == terrain),
@@ -171,7 +174,7 @@ def _doses(results: Results, terrain: str) -> list[Json]:
     return [
         {
             "name": name,
-            "text": QUANTITIES[name].text,
+            "text": f"{QUANTITIES[name].text[0].upper()}{QUANTITIES[name].text[1:]}",
             "figure": Markup(
                 doses_figure(
                     results.summary,

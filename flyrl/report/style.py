@@ -38,6 +38,7 @@ FIGURE_STYLE: Final[Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.spines.left": False,
+    "legend.frameon": False,
     "ytick.major.size": 0,
     "xtick.major.size": 0,
 }

@@ -10,11 +10,14 @@ from typing import Any, Final
 
 import pandas as pd
 
+from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.metrics import METRICS, compared_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
+from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import METRIC_LABELS
-from flyrl.report.wording import format_number
+from flyrl.report.sections import usual_condition
+from flyrl.report.wording import format_number, leader_cells, percent
 
 LEAST_P: Final = 0.001
 """p-values below are only said to be so."""
@@ -28,23 +31,36 @@ _DIFFERENCES: Final = (
     "sign-flip test, corrected after Benjamini and Hochberg; share of episodes in which it is the "
     "better one, ties counting half, with its interval; effect size d_z."
 )
-_NOT_IN_TEXT: Final = {"\u2212": "$-$", "\u2013": "--", "<": "$<$", ">": "$>$"}
+_LEADS: Final = (
+    "Who wins where: means, and the mean difference to the next on the same episodes with its "
+    "95 % interval, success in %; several names where they cannot be told apart."
+)
+_NOT_IN_TEXT: Final = {"\u00a0": "~", "\u2212": "$-$", "\u2013": "--", "<": "$<$", ">": "$>$"}
 """Characters that LaTeX does not print, or not as they are, outside of formulas."""
 
 
-def format_tables(results: Results) -> dict[str, str]:
+def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]:
     """Name of each file -> its text.
 
-    `summary` has success rates, and medians and quartiles; `differences` the paired comparisons
-    with the reference, where there are any. As CSV each is one file with all metrics and terrains.
-    In LaTeX `summary.tex` has the metrics that the task is compared by, `metrics-<terrain>.tex` all
-    of them, and `differences-<terrain>.tex` the comparisons on a terrain.
+    `summary` has success rates, and medians and quartiles; `leaders` who wins where; `differences`
+    the paired comparisons with the reference, where there are any. As CSV each is one
+    file with all metrics and terrains. In LaTeX `summary.tex` has the metrics that the task is
+    compared by, `metrics-<terrain>.tex` all of them, and `differences-<terrain>.tex` the
+    comparisons on a terrain.
+
+    Parameters
+    ----------
+    leaders
+        The best on each terrain under the usual condition.
     """
+    condition = usual_condition(results.protocol)
     compared = compared_metrics(results.protocol["task"])
     terrains = list(dict.fromkeys(row["terrain"] for row in results.summary))
     files = {
         "summary.csv": _csv(summary_table(results.summary)),
         "summary.tex": _latex(_printed_summary(results.summary, compared), _SPREADS),
+        "leaders.csv": _csv(leaders_table(leaders, condition)),
+        "leaders.tex": _latex(_printed_leaders(leaders, condition), _LEADS),
     }
     differences = differences_table(results.summary)
     if not differences.empty:
@@ -79,6 +95,33 @@ def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
         }
         for row in summary
     )
+
+
+def leaders_table(leaders: Sequence[Leader], condition: str) -> pd.DataFrame:
+    """A row per terrain: who is best, by which metric, and how far ahead of the next.
+
+    Means of the metric, and the mean difference with its interval; empty where nobody comes next.
+    Several of the best, whom nothing tells apart, stand with a comma in between.
+    """
+    rows = []
+    for leader in leaders:
+        ahead = leader.difference or Interval(None, None, None, 0)
+        rows.append(
+            {
+                "terrain": leader.terrain,
+                "condition": condition,
+                "best": ", ".join(leader.names),
+                "metric": leader.metric,
+                "mean": leader.value,
+                "next": leader.next_name,
+                "next_mean": leader.next_value,
+                "difference": ahead.value,
+                "low": ahead.low,
+                "high": ahead.high,
+                "no_interval": ahead.reason,
+            }
+        )
+    return pd.DataFrame(rows)
 
 
 def differences_table(summary: Sequence[Json]) -> pd.DataFrame:
@@ -148,6 +191,25 @@ def _printed_metrics(summary: Sequence[Json]) -> pd.DataFrame:
     return _without_empty(pd.DataFrame(list(cells.values())).fillna(""))
 
 
+def _printed_leaders(leaders: Sequence[Leader], condition: str) -> pd.DataFrame:
+    rows = []
+    for leader in leaders:
+        cells = leader_cells(leader)
+        rows.append(
+            {
+                "terrain": leader.terrain,
+                "condition": condition,
+                "best": ", ".join(leader.names),
+                "by": METRIC_LABELS[leader.metric],
+                "mean": cells["value"],
+                "next": leader.next_name or "",
+                "next mean": cells["next"],
+                "difference": cells["difference"],
+            }
+        )
+    return _without_empty(pd.DataFrame(rows))
+
+
 def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
     return _without_empty(
         pd.DataFrame(
@@ -175,10 +237,10 @@ def _share(interval: Mapping[str, Any]) -> str:
     """A share in percent, with its interval."""
     if interval["value"] is None:
         return format_number(None)
-    value = f"{100 * interval['value']:.0f}"
+    value = percent(interval["value"])
     if interval["low"] is None:
         return value
-    return f"{value} [{100 * interval['low']:.0f}, {100 * interval['high']:.0f}]"
+    return f"{value} [{percent(interval['low'])}, {percent(interval['high'])}]"
 
 
 def _spread(distribution: Mapping[str, Any]) -> str:

@@ -85,7 +85,7 @@ def time_figure(
         for axes in panels[-1]:
             axes.set_xlabel("simulated time (s)")
         handles = figure.axes[0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower left", ncols=6, frameon=False)
+        figure.legend(*handles, loc="outside lower left", ncols=6)
         # the layout is settled only by drawing
         svg = svg_text(figure, name)
         return TimeFigure(svg, [_box(axes, figure) for axes in panels.ravel()], until_s)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.rows import Json
+
+NOTHING: Final = 1e-9
+"""Numbers closer to 0 are told as 0."""
 
 
 def headline(leaders: Sequence[Leader], controllers: int) -> str:
@@ -76,7 +79,8 @@ def signed(value: float | None, scale: float = 1) -> str:
     """`scale` times a number, with a sign if it is above 0."""
     if value is None:
         return format_number(None)
-    return f"{'+' if value > 0 else ''}{format_number(scale * value)}"
+    text = format_number(scale * value)
+    return f"+{text}" if value > 0 and text != "0" else text
 
 
 def _share(summary: Sequence[Json], name: str) -> float:
@@ -86,8 +90,8 @@ def _share(summary: Sequence[Json], name: str) -> float:
 
 def _rates(rows: Sequence[Json]) -> str:
     return ", ".join(
-        f"{100 * row['success_rate']['value']:.0f}\u00a0% on {_place(row)} "
-        f"(95\u00a0% interval {interval_text(row['success_rate'], 100)}\u00a0%)"
+        f"{percent(row['success_rate']['value'])}\u00a0% on {_place(row)} "
+        f"(95\u00a0% interval {interval_text(row['success_rate'])}\u00a0%)"
         for row in rows
     )
 
@@ -101,19 +105,31 @@ def _listed(parts: Sequence[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def interval_text(interval: Mapping[str, Any], scale: float = 1) -> str:
-    """`low to high` of an interval, in whole numbers of 1 / `scale`."""
-    return f"{scale * interval['low']:.0f} to {scale * interval['high']:.0f}"
+def percent(share: float) -> str:
+    """A share in per cent, as a whole number."""
+    return str(round(100 * share))
+
+
+def interval_text(interval: Mapping[str, Any]) -> str:
+    """`low to high` of the interval of a share, in per cent."""
+    return f"{percent(interval['low'])} to {percent(interval['high'])}"
 
 
 def format_number(value: float | None, digits: int = 3) -> str:
-    """`value` to `digits` significant digits, without an exponent; a dash for None."""
+    """`value` to `digits` significant digits, without an exponent; a dash for None.
+
+    Below 1 the first zero counts as a digit, but two others are shown; what is left of 0 by
+    rounding errors (`NOTHING`) is 0.
+    """
     if value is None:
         return "\u2013"
-    if value == 0:
+    if abs(value) < NOTHING:
         return "0"
-    whole = len(str(int(abs(value)))) if abs(value) >= 1 else 0
-    return f"{value:.{max(0, digits - max(whole, 1))}f}".replace("-", "\u2212")
+    shown = digits if abs(value) >= 1 else max(2, digits - 1)
+    exponent = int(f"{value:.{shown - 1}e}".partition("e")[2])  # after rounding: 9.996 is 10.0
+    if exponent >= 0:
+        shown = digits
+    return f"{value:.{max(0, shown - 1 - exponent)}f}".replace("-", "\u2212")
 
 
 def title(protocol: Json, summary: Sequence[Json]) -> str:

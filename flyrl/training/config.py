@@ -149,8 +149,13 @@ class TrainingConfig:
         return "_".join(parts)
 
 
-_WITHOUT_EFFECT: Final = ("checkpoint", "num_threads", "progress_bar")
-"""How settings of a schedule begin that do not change what a run comes to."""
+WITHOUT_EFFECT: Final = (
+    "logger",
+    "training.checkpoint",
+    "training.num_threads",
+    "training.progress_bar",
+)
+"""How dotted settings begin that do not change what a run comes to."""
 
 
 def lasting_settings(config: TrainingConfig) -> dict[str, Any]:
@@ -159,7 +164,7 @@ def lasting_settings(config: TrainingConfig) -> dict[str, Any]:
     schedule = {
         key: value
         for key, value in record["training"].items()
-        if not key.startswith(_WITHOUT_EFFECT)
+        if not f"training.{key}".startswith(WITHOUT_EFFECT)
     }
     return {"algo": record["algo"], "training": schedule}
 

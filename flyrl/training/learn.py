@@ -119,11 +119,7 @@ def resume(
         As the run was started with.
     folder
         Its folder.
-    command
-        The command that asked for it, for the record.
-    goes_on
-        Asked after every evaluation; False ends the run, as an interruption does.
-    at_end
+    command, goes_on, at_end
         As in `train`.
 
     Raises

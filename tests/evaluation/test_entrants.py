@@ -325,6 +325,14 @@ def test_a_model_of_stable_baselines3_takes_part(sb3_model):
     )
 
 
+def test_a_zip_file_does_not_say_what_its_model_was_trained_in(sb3_model):
+    config = EvaluationConfig(policies=(f"ppo:{sb3_model}",), controllers=(), trust_pickles=True)
+    (imported,) = make_entrants(config)
+    assert imported.record["trained_in"] == {}
+    assert imported.record["policy"] == "learned with ppo on unknown ground"
+    assert imported.controller == config.legs
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [

@@ -127,7 +127,6 @@ def test_one_terrain_is_nothing_to_compare():
         {"trained_in": {}},
         {"trained_in": {"terrain": {"name": "ice"}}},
         {"trained_in": {"terrain": ["flat"]}},
-        {"source": "model.zip"},  # holds the terrain that it was loaded for
     ],
 )
 def test_a_policy_of_unknown_terrain_is_left_out(changes):

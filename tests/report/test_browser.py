@@ -227,6 +227,17 @@ def test_a_section_of_a_page_can_be_addressed(visit, report):
     assert not page.locator("#summary").is_visible()
 
 
+def test_the_navigation_stays_in_sight_and_leads_to_the_top_of_a_page(visit):
+    page = visit(reduced_motion="reduce")
+    page.locator("nav a", has_text="Flat").click()
+    page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
+    page.locator("nav a", has_text="Gapped").click(no_wait_after=True)
+    top = page.locator("#gapped h2").bounding_box()["y"]
+    bar = page.locator(".pages").bounding_box()
+    assert bar["y"] == pytest.approx(0, abs=1)
+    assert bar["height"] <= top < WIDE["height"] / 2
+
+
 def test_nothing_is_wider_than_a_phone(visit):
     page = visit(viewport=NARROW)
     assert page.evaluate("document.documentElement.scrollWidth") == NARROW["width"]
@@ -276,6 +287,28 @@ def test_videos_play_together(visit):
         }""",
         arg=len(NAMES),
     )
+
+
+def test_videos_stand_still_once_their_page_is_left(visit):
+    page = visit()
+    on_flat(page)
+    are_paused, button, frame, last = page.evaluate(
+        """async () => {
+            const [button, slider] = document.querySelector("#flat .clock").children;
+            const videos = [...document.querySelectorAll("#flat video")];
+            const frames = () => new Promise(requestAnimationFrame);
+            button.click();
+            while (!videos.every((video) => !video.paused && video.currentTime > 0)) await frames();
+            location.hash = "gapped";
+            while (!document.getElementById("flat").hidden) await frames();
+            await frames();
+            const arePaused = videos.every((video) => video.paused);
+            return [arePaused, button.textContent, Number(slider.value), Number(slider.max)];
+        }"""
+    )
+    assert are_paused
+    assert button == "Play"
+    assert frame < last  # else they would have stopped anyway
 
 
 def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
@@ -352,6 +385,20 @@ def test_an_episode_that_is_not_there_is_told(visit, report):
     page = visit()
     page.goto(f"{report.as_uri()}#episode=flat/99")
     page.locator("#episode", has_text="no episode 99 on flat").wait_for()
+
+
+def test_a_long_table_is_filled_bit_by_bit(visit, report, tmp_path):
+    text = report.read_text(encoding="utf-8")
+    assert "rowsAtOnce = 10000" in text
+    short = tmp_path / "report.html"
+    short.write_text(text.replace("rowsAtOnce = 10000", "rowsAtOnce = 7"), encoding="utf-8")
+    page = visit(short)
+    page.goto(f"{short.as_uri()}#episodes")
+    rows = len(NAMES) * len(TERRAINS) * 5
+    page.locator("#episodes", has_text=f"Showing 1 to 25 of {rows} entries").wait_for()
+    page.goto(f"{short.as_uri()}#episode=gapped/4")  # the last ones
+    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 3")
+    assert [row[:3] for row in rows_shown(page)] == [["gapped", "4", name] for name in NAMES]
 
 
 def test_rows_are_filtered_by_a_column(visit, report):

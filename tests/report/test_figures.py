@@ -2,15 +2,21 @@ import re
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.trajectories import trajectory
 from flyrl.report.figures import (
     distributions_figure,
+    doses_figure,
+    outlines,
     paired_figure,
+    profiles_figure,
     success_figure,
     swarm,
 )
+from flyrl.report.palette import colours
 from flyrl.report.paths import Walk, aligned_figure, ground_figure
 from flyrl.terrains import TerrainConfig, terrain_boxes
 from tests.synthetic import HORIZON_S, make_results, walk
@@ -109,6 +115,47 @@ def test_the_end_of_a_path_leads_to_its_episode(figures):
     for kind, terrain in (("aligned", "flat"), ("ground", "gapped")):
         links = re.findall(r'<a href="([^"]+)"', figures[kind])
         assert set(links) == {f"#episode={terrain}/{episode}" for episode in range(4)}
+
+
+def test_many_episodes_are_outlined_in_colours_of_the_page(results):
+    many = pd.concat([results.episodes] * 70)
+    svg = distributions_figure(many, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s"])
+    assert "<image" not in svg  # pixels do not follow the theme
+    assert "<a href" not in svg
+    assert len(svg) < 200_000
+    for colour in colours(NAMES).values():
+        assert f"fill: var(--{colour}," in svg
+
+
+def test_an_outline_is_as_high_as_the_root_of_its_episodes():
+    values = np.array([0.5, 0.5, 0.5, 0.5, 1.5])
+    is_success = np.array([True, False, False, False, True])
+    whole, successes = outlines(values, is_success, np.array([0.0, 1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(whole, [0.32, 0.16, np.nan])
+    np.testing.assert_allclose(successes, [0.08, 0.16, np.nan])
+
+
+def test_doses_tell_success_in_per_cent():
+    varied = make_results(("target-ppo", "hybrid"), episodes=3, vary={"push": (0, 8)})
+    labels = ["push=0", "push=8"]
+    shown = texts(doses_figure(varied.summary, "flat", "push", labels, ["success"]))
+    assert "success (%)" in shown
+    assert {"0", "100"} <= set(shown)
+
+
+def test_profiles_are_as_wide_as_other_figures(figures):
+    svg = profiles_figure({"ppo": [Interval(0.5, 0.25, 0.75, 5)] * 2}, [0.0, 1.0])
+    widths = {re.search(r'viewBox="0 0 (\S+)', each)[1] for each in (svg, figures["success"])}
+    assert len(widths) == 1
+    assert {"0", "100", "success of at least (%)"} <= set(texts(svg))
+
+
+def test_titles_of_paths_are_not_cut_off():
+    record = walk("cpg", "flat", 0)
+    own = Walk(0, trajectory(record), record.episode.goal, record.outcome)
+    svg = ET.fromstring(aligned_figure({"cpg": [own]}, "flat"))
+    (title,) = (node for node in svg.iter() if is_text(node) and node.text.strip() == "cpg")
+    assert float(title.get("y")) > 9  # its baseline; a line has 10 points
 
 
 def test_same_results_same_figure(results, figures):

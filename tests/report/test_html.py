@@ -10,7 +10,7 @@ from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.statistics import Interval
 from flyrl.report import Video, write_report
 from flyrl.report.html import format_report
-from flyrl.report.wording import format_number, headline, leader_cells, rates
+from flyrl.report.wording import format_number, headline, leader_cells, rates, signed
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
@@ -242,7 +242,9 @@ def test_figures_and_tables_lie_beside_the_report(alone, tmp_path):
     assert figures == {"success.svg", "paths-flat.svg", "distributions-flat.svg"}
     assert page.count("svg") == len(figures)
     tables = {path.name for path in (tmp_path / "tables").iterdir()}
-    assert tables == {"summary.csv", "summary.tex", "metrics-flat.tex"}
+    assert tables == {
+        "summary.csv", "summary.tex", "leaders.csv", "leaders.tex", "metrics-flat.tex"
+    }  # fmt: skip
     assert {"figures/", "tables/"} <= set(page.texts)
 
 
@@ -259,13 +261,29 @@ def test_a_report_stands_where_nothing_can_be_written_beside_it(alone, tmp_path,
         (0, "0"),
         (1.23456, "1.23"),
         (-12.3456, "\u221212.3"),
-        (0.04567, "0.05"),
+        (0.5, "0.50"),
+        (0.04567, "0.046"),
+        (-0.0042, "\u22120.0042"),
+        (-3e-17, "0"),
+        (0.999, "1.00"),
+        (9.996, "10.0"),
         (1234.5, "1234"),
         (3.0, "3.00"),
     ],
 )
 def test_numbers_are_short(value, text):
     assert format_number(value) == text
+
+
+def test_a_small_share_keeps_its_leading_digits():
+    assert format_number(0.0321, 2) == "0.032"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.25, "+25.0"), (-0.25, "\u221225.0"), (0.0, "0"), (1e-17, "0")]
+)
+def test_only_what_is_above_zero_has_a_plus(value, text):
+    assert signed(value, 100) == text
 
 
 def test_what_was_varied_is_drawn_dose_by_dose():
@@ -277,6 +295,7 @@ def test_what_was_varied_is_drawn_dose_by_dose():
     # spoken of first is where nothing is changed
     assert "of 6 targets on flat (friction=1):" in text
     assert "Factor on the friction of the legs" in text
+    assert "Force sideways after 1 s, µN" in text
     rows = [attributes for tag, attributes in page.tags if tag == "tr"]
     assert len(rows) >= 5 * len(NAMES)
 

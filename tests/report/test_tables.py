@@ -5,8 +5,11 @@ import re
 
 import pytest
 
+from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.metrics import METRICS
+from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import METRIC_LABELS
+from flyrl.report.sections import usual_leaders
 from flyrl.report.tables import differences_table, format_tables, summary_table
 from tests.synthetic import make_results
 
@@ -19,7 +22,11 @@ def results():
 
 @pytest.fixture(scope="module")
 def files(results):
-    return format_tables(results)
+    return tables(results)
+
+
+def tables(results):
+    return format_tables(results, usual_leaders(results))
 
 
 def rows(text):
@@ -34,7 +41,8 @@ def test_files_have_plain_names(files):
         for table in ("metrics", "differences")
         for terrain in ("flat", "gapped")
     ]
-    assert set(files) == {"summary.csv", "summary.tex", "differences.csv", *of_terrains}
+    of_all = {"summary.csv", "summary.tex", "leaders.csv", "leaders.tex", "differences.csv"}
+    assert set(files) == {*of_all, *of_terrains}
 
 
 def test_the_summary_has_a_row_per_controller_and_terrain(results, files):
@@ -63,6 +71,24 @@ def test_differences_tell_all_there_is_to_know(results):
     assert row["effect_size"] == expected["effect_size"]
 
 
+def test_leaders_are_told_as_in_the_report(results):
+    ahead = Interval(0.25, 0.125, 0.5, 9)
+    leaders = [
+        Leader("flat", ("a", "b"), "success", 0.5, "c", 0.25, ahead),
+        Leader("gapped", ("a", "b", "c"), "success", 0.5),
+    ]
+    files = format_tables(results, leaders)
+    flat, gapped = csv.DictReader(io.StringIO(files["leaders.csv"]))
+    assert list(flat.values()) == [
+        "flat", "", "a, b", "success", "0.5", "c", "0.25", "0.25", "0.125", "0.5", ""
+    ]  # fmt: skip
+    assert gapped["next"] == gapped["difference"] == ""
+    assert rows(files["leaders.tex"])[1:] == [
+        ["flat", "a, b", "success", r"50.0~\%", "c", r"25.0~\%", "+25.0 [+12.5, +50.0]"],
+        ["gapped", "a, b, c", "success", r"50.0~\%", "", "", ""],
+    ]
+
+
 def test_all_latex_is_whole(files):
     for name, text in files.items():
         if name.endswith(".tex"):
@@ -82,7 +108,7 @@ def test_names_are_escaped():
     results = make_results(("cpg", "hybrid"), episodes=2)
     for row in results.summary:
         row["controller"] = row["controller"].replace("cpg", "50%_a&b<c")
-    text = format_tables(results)["summary.tex"]
+    text = tables(results)["summary.tex"]
     assert r"50\%\_a\&b$<$c & 0" in text
 
 
@@ -101,7 +127,7 @@ def test_numbers_in_latex_are_short(results):
     difference = row["paired"]["differences"]["return"]
     difference.update(value=-1.0, low=-2.0, high=0.5, p_value=0.0004, p_adjusted=0.02)
     difference.update(effect_size=None, improvement={"value": 0.25, "low": None, "high": None})
-    files = format_tables(results)
+    files = tables(results)
     heading, *body = rows(files["metrics-flat.tex"])
     assert heading == ["metric", "target-ppo", "cpg", "hybrid"]
     cells = {cells[0]: cells[2] for cells in body}
@@ -117,17 +143,20 @@ def test_numbers_in_latex_are_short(results):
 
 def test_conditions_have_their_column(results, files):
     varied = make_results(("cpg", "hybrid"), episodes=2, vary={"push": (0, 8)})
-    told = format_tables(varied)
+    told = tables(varied)
     for name in ("summary.tex", "metrics-flat.tex", "differences-flat.tex"):
         assert "condition" in rows(told[name])[0]
         assert "push=8" in told[name]
         assert "condition" not in rows(files[name])[0]
+    assert rows(told["leaders.tex"])[1][:2] == ["flat", "push=0"]  # as in the report
     assert len(summary_table(varied.summary)) == 2 * 2
 
 
 def test_one_controller_alone_has_no_differences():
-    assert set(format_tables(make_results(("hybrid",), episodes=1))) == {
+    assert set(tables(make_results(("hybrid",), episodes=1))) == {
         "summary.csv",
         "summary.tex",
+        "leaders.csv",
+        "leaders.tex",
         "metrics-flat.tex",
     }

@@ -1,6 +1,7 @@
 // The table of all episodes: unpacked when it is first shown.
 const episodesPage = document.getElementById("episodes");
-let episodesTable = null; // the promise of it
+const rowsAtOnce = 10000; // few enough for the page to answer in between
+let episodesTable = null; // the promise of it, with all its rows
 
 async function unpacked(id) {
   const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (c) => c.charCodeAt(0));
@@ -14,8 +15,6 @@ async function makeTable() {
   document.head.prepend(sheet); // the report's own style has the last word
   const { jQuery } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
   const columns = JSON.parse(data);
-  const rows = columns[0].values.map((_, row) =>
-    columns.map(({ names, values }) => (names ? names[values[row]] : values[row])));
   const isMissing = (value) => typeof value !== "number"; // then it is what is shown instead
   const missingLast = (way) => (a, b) => (isMissing(a) || isMissing(b) ? isMissing(a) - isMissing(b) : way * (a - b));
   jQuery.fn.dataTable.type("number", { order: { asc: missingLast(1), desc: missingLast(-1) } });
@@ -26,20 +25,28 @@ async function makeTable() {
     heading.textContent = label;
     headings.append(heading);
   }
-  return jQuery("#rows").DataTable({
-    data: rows,
+  const table = jQuery("#rows").DataTable({
+    autoWidth: false, // it would measure every cell
     columns: columns.map(({ key, names }) => ({
       name: key,
       type: names ? "string" : "number",
       className: names ? "text" : "number",
       defaultContent: "–",
-      columnControl: ["order", names ? { extend: "dropdown", icon: "search", content: ["searchList"] } : "searchDropdown"],
+      columnControl: ["order", names ? { extend: "dropdown", icon: "search", content: [{ extend: "searchList", options: names.map((name) => ({ label: name, value: name })) }] } : "searchDropdown"],
     })),
     order: [],
     ordering: { indicators: false, handler: true },
     pageLength: 25,
     layout: { topStart: "info", topEnd: null, bottomStart: "pageLength", bottomEnd: "paging" },
   });
+  const count = columns[0].values.length;
+  const rowAt = (row) => columns.map(({ names, values }) => (names ? names[values[row]] : values[row]));
+  for (let from = 0; from < count; from += rowsAtOnce) {
+    const size = Math.min(rowsAtOnce, count - from);
+    table.rows.add(Array.from({ length: size }, (_, row) => rowAt(from + row))).draw(false);
+    await new Promise((done) => setTimeout(done));
+  }
+  return table;
 }
 
 async function showEpisodes() {
@@ -57,8 +64,11 @@ async function showEpisodes() {
 
 function showEpisode(table, asked) {
   const [, terrain, episode] = asked ?? [];
-  const only = (name, wanted) =>
-    table.column(`${name}:name`).search.fixed("asked", asked ? (_, row, index) => `${table.cell(index, `${name}:name`).data()}` === wanted : null);
+  const only = (name, wanted) => {
+    const column = table.column(`${name}:name`);
+    const place = column.index();
+    column.search.fixed("asked", asked ? (_, row) => `${row[place]}` === wanted : null);
+  };
   only("terrain", terrain);
   only("episode", episode);
   table.draw();
@@ -86,7 +96,7 @@ for (const link of document.querySelectorAll('svg a[href^="#episode="]')) {
   link.append(title);
   link.setAttribute("tabindex", "-1");
 }
-const night = matchMedia("(prefers-color-scheme: dark)");
+const night = matchMedia("screen and (prefers-color-scheme: dark)");
 // DataTables' style follows this class
 const followNight = () => document.documentElement.classList.toggle("dark", night.matches);
 night.addEventListener("change", followNight);

@@ -103,6 +103,9 @@ for (const player of document.querySelectorAll(".player")) {
     show();
   };
 
+  window.addEventListener("hashchange", () => {
+    if (isPlaying && player.closest(".page").hidden) pause(); // its reader has gone to another page
+  });
   button.addEventListener("click", toggle);
   slider.addEventListener("input", () => jump(Number(slider.value)));
   for (const video of videos) {
