@@ -5,6 +5,7 @@ Matplotlib's object-oriented interface only: no pyplot, no list of open figures,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -65,6 +66,12 @@ MAX_DOTS: Final = 400
 
 BINS: Final = 60
 """Steps of such an outline over the width of its panel."""
+
+DOSE_PANELS: Final = 3
+"""Panels side by side of what doses do."""
+
+MAX_DOSE_LETTERS: Final = 36
+"""What fits below a panel on one line."""
 
 _REACH: Final = 0.32
 """How far dots and outlines spread from the middle of their row."""
@@ -199,9 +206,10 @@ def doses_figure(
     labels: Sequence[str],
     metrics: Sequence[str],
 ) -> str:
-    """What each dose of a quantity does: a panel per metric, a line per controller.
+    """What each dose of a quantity does: a panel per metric, a colour per controller.
 
-    Success with its interval, of all other metrics the median with quartiles.
+    Success with its interval, of all other metrics the median with quartiles; a line leads from
+    number to number, and what cannot be ordered stands side by side.
 
     Parameters
     ----------
@@ -214,24 +222,34 @@ def doses_figure(
     names = _names(rows)
     colour = colours(names)
     values = [label.partition("=")[2] for label in labels]
-    places = _places(values)
+    places, is_ordered = _places(values)
+    rows_of_panels = math.ceil(len(metrics) / DOSE_PANELS)
     with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 2.9), layout="constrained")
-        panels = figure.subplots(1, len(metrics), squeeze=False).ravel()
-        for axes, metric in zip(panels, metrics, strict=True):
-            for name in names:
+        figure = Figure(figsize=(WIDTH_IN, 2.9 * rows_of_panels), layout="constrained")
+        panels = figure.subplots(rows_of_panels, DOSE_PANELS, squeeze=False).ravel()
+        for axes in panels[len(metrics) :]:
+            axes.set_axis_off()
+        for axes, metric in zip(panels, metrics, strict=False):
+            for i, name in enumerate(names):
                 own = {row["condition"]: row for row in rows if row["controller"] == name}
                 points = [_dose(own[label], metric) for label in labels if label in own]
                 at = [place for place, label in zip(places, labels, strict=True) if label in own]
                 low, middle, high = np.array(points, dtype=np.float64).T
                 shade = marker(colour[name])
-                axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0)
-                axes.plot(at, middle, "o-", color=shade, markersize=4.5, label=name)
+                if is_ordered:
+                    axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0)
+                    axes.plot(at, middle, "o-", color=shade, markersize=4.5, label=name)
+                else:
+                    beside = np.array(at) + 0.14 * (i - (len(names) - 1) / 2)
+                    axes.vlines(beside, low, high, color=shade, alpha=0.35, linewidth=4)
+                    axes.plot(beside, middle, "o", color=shade, markersize=4.5, label=name)
             axes.set_xlabel(quantity.replace("_", " "))
             title = "success (%)" if metric == "success" else METRIC_LABELS[metric]
             axes.set_title(title, loc="left")
-            axes.set_xticks(places, values)
-            axes.grid(visible=True)
+            axes.set_xticks(places, values, fontsize=9)
+            if max(map(len, values)) * len(values) > MAX_DOSE_LETTERS:
+                axes.tick_params(axis="x", labelrotation=20)
+            axes.grid(visible=True, axis="both" if is_ordered else "y")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
         return svg_text(figure, f"doses-{terrain}-{quantity}")
 
@@ -258,12 +276,12 @@ def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[flo
         return svg_text(figure, "profiles")
 
 
-def _places(values: Sequence[str]) -> list[float]:
-    """Where values stand on an axis: numbers where they belong, others side by side."""
+def _places(values: Sequence[str]) -> tuple[list[float], bool]:
+    """Where values stand on an axis, and whether they are numbers, each in its place."""
     try:
-        return [float(value) for value in values]
+        return [float(value) for value in values], True
     except ValueError:
-        return [float(i) for i in range(len(values))]
+        return [float(i) for i in range(len(values))], False
 
 
 def _dose(row: Json, metric: str) -> tuple[float | None, float | None, float | None]:

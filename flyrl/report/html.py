@@ -142,7 +142,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "compared": compared_metrics(results.protocol["task"]),
         "labels": METRIC_LABELS,
         "success_svg": Markup(success_figure(usual)),
-        "rows": [table_row(row) for row in results.summary],
+        "rows": [table_row(row) for row in usual],
         "episodes": episodes_section(
             results, [*spread_metrics(results.protocol), "path_efficiency"]
         ),

@@ -100,7 +100,11 @@ def terrain_section(
     summary = [row for row in results.summary if row["terrain"] == terrain]
     walked = results.episodes["controller"][results.episodes["terrain"] == terrain]
     if results.protocol["vary"]:
-        return {"name": terrain, "doses": _doses(results, terrain)}
+        return {
+            "name": terrain,
+            "doses": _doses(results, terrain),
+            "rows": [table_row(row) for row in summary],
+        }
     return {
         "name": terrain,
         "doses": [],

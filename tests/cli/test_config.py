@@ -8,9 +8,8 @@ from omegaconf import OmegaConf
 from flyrl.bodies.fly import FlyConfig
 from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import (
-    EVALUATION_GROUPS,
     evaluation_config,
-    evaluation_settings,
+    own_settings,
     training_config,
 )
 from flyrl.envs.core import EnvConfig
@@ -105,8 +104,7 @@ def test_the_experiment_with_hindsight_is_one():
 )
 def test_experiments_of_evaluations_can_be_walked(name, quantities):
     composed = _composed(f"experiment={name}", name="evaluate")
-    own = {key: value for key, value in composed.items() if key not in EVALUATION_GROUPS}
-    config = evaluation_config(composed, evaluation_settings(own, ""), "")
+    config = evaluation_config(composed, own_settings(composed), "")
     assert set(config.vary) == quantities
     assert {entrant.name for entrant in make_entrants(config)} >= set(config.controllers)
 

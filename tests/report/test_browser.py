@@ -180,13 +180,13 @@ def test_it_opens_offline_without_a_word(visit):
 
 def test_a_click_on_a_heading_sorts_and_another_turns_it_round(visit):
     page = visit()
-    heading = page.locator("#all th", has_text="speed")
+    heading = page.locator("table.rates th", has_text="speed")
     heading.locator("button").click()
-    down = [float(value) for value in column(page, "#all", "speed")]
+    down = [float(value) for value in column(page, "table.rates", "speed")]
     assert down == sorted(down, reverse=True)
     assert heading.get_attribute("aria-sort") == "descending"
     heading.locator("button").click()
-    up = [float(value) for value in column(page, "#all", "speed")]
+    up = [float(value) for value in column(page, "table.rates", "speed")]
     assert up == sorted(down) != down
     assert heading.get_attribute("aria-sort") == "ascending"
 
@@ -194,8 +194,8 @@ def test_a_click_on_a_heading_sorts_and_another_turns_it_round(visit):
 def test_missing_values_stand_last_either_way(visit):
     page = visit()
     for _ in range(2):
-        page.locator("#all th", has_text="time to goal").locator("button").click()
-        values = column(page, "#all", "time to goal")
+        page.locator("table.rates th", has_text="time to goal").locator("button").click()
+        values = column(page, "table.rates", "time to goal")
         missing = [value == "" for value in values]
         assert any(missing)
         assert missing == sorted(missing)
@@ -245,7 +245,7 @@ def test_nothing_is_wider_than_a_phone(visit):
 
 def test_text_is_readable_by_day_and_by_night(visit):
     page = visit()
-    parts = dict.fromkeys(["h1", ".headline", ".caption", "nav a", "#all td", "code"], "color")
+    parts = dict.fromkeys(["h1", ".headline", ".caption", "nav a", ".rates td", "code"], "color")
     parts["svg text"] = "fill"
     grounds = []
     for scheme in ("light", "dark"):
