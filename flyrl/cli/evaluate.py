@@ -118,7 +118,7 @@ def compare(
     videos, note = record_videos(config, missing=missing) if with_videos else ([], None)
     examples, drive_map = [], None
     if with_close_ups:
-        examples = walk_examples(config)
+        examples = walk_examples(config, results.examples)
         drive_map = measure_drive_map(config, config.terrain_configs[0])
     return write_report(
         results,

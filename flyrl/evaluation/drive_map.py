@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 SETTLE_S: Final = 0.25
 """Until the gait has settled, s: three strides."""
 
-MEASURE_S: Final = 0.75
-"""For which speed and yaw rate are measured, s: nine strides."""
+MEASURE_S: Final = 0.5
+"""For which speed and yaw rate are measured, s: six strides."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,9 @@
-"""Some episodes of everyone, walked again, to be looked at closely."""
+"""Some episodes of everyone, to be looked at closely."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 from flyrl.envs.core import BatchedEnv
@@ -14,13 +15,17 @@ from flyrl.tasks import Episode
 from flyrl.terrains import TerrainConfig
 
 
-def walk_examples(config: EvaluationConfig) -> list[EpisodeRecord]:
+def walk_examples(
+    config: EvaluationConfig, walked: Sequence[EpisodeRecord] = ()
+) -> list[EpisodeRecord]:
     """Records of the episodes to `film`: as in the evaluation, to the bit, with all of the gait.
 
     Parameters
     ----------
     config
         Of the evaluation; where it varies something, nothing is varied here.
+    walked
+        Those that were kept from the evaluation; the others are walked again.
 
     Returns
     -------
@@ -32,13 +37,19 @@ def walk_examples(config: EvaluationConfig) -> list[EpisodeRecord]:
         for index in config.film
     ]
 
+    kept = {(record.controller, record.terrain, record.index): record for record in walked}
+
     def walk(entrant: Entrant) -> list[EpisodeRecord | None]:
-        return [_walk(entrant, config, *each) for each in drawn]
+        return [
+            kept.get((entrant.name, terrain.label, index))
+            or _walk(entrant, config, terrain, index, episode)
+            for terrain, index, episode in drawn
+        ]
 
     # one fly at a time keeps one core busy: as many at once as there are cores
     with ThreadPoolExecutor(config.num_threads or os.cpu_count()) as executor:
-        walked = list(executor.map(walk, make_entrants(config)))
-    return [record for of_episode in zip(*walked, strict=True) for record in of_episode if record]
+        records = list(executor.map(walk, make_entrants(config)))
+    return [record for of_episode in zip(*records, strict=True) for record in of_episode if record]
 
 
 def _walk(

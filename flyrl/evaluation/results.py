@@ -33,7 +33,7 @@ from flyrl.evaluation.rows import (
 )
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
 from flyrl.files import replacing
-from flyrl.rollouts.records import OUTCOMES
+from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
 
 SCHEMA: Final = "flyrl.results/3"
 RESULTS_FILE: Final = "results.json"
@@ -92,6 +92,8 @@ class Results:
         The episodes that everybody walks, by terrain; plain values, made when asked for.
     trajectories
         Those that were kept, by the number of their row.
+    examples
+        Records of the episodes to film that were walked in this process; no file holds them.
     """
 
     protocol: Json
@@ -99,6 +101,7 @@ class Results:
     summary: list[Json]
     drawn: Mapping[str, Sequence[Json]] = field(default_factory=dict)
     trajectories: Mapping[int, Trajectory] = field(default_factory=dict)
+    examples: Sequence[EpisodeRecord] = ()
 
     def to_json(self) -> Json:
         """The contents of `results.json`."""

@@ -29,7 +29,7 @@ from flyrl.evaluation.rows import Json, episode_row, episode_table, joined
 from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
-from flyrl.rollouts import OUTCOMES, run_episodes
+from flyrl.rollouts import OUTCOMES, EpisodeRecord, run_episodes
 from flyrl.tasks import Episode, task_record
 from flyrl.terrains import TerrainConfig
 
@@ -76,6 +76,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         [protocol, config.num_envs, config.paths, _versions(), _first_episodes(config)],
     )
     tables: list[pd.DataFrame] = []
+    examples: list[EpisodeRecord] = []
     trajectories: dict[int, Trajectory] = {}
     num_rows = 0
     crashes: list[Json] = []
@@ -93,7 +94,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
             bar.set_postfix_str(walk.text)
             due = bar.n + round(config.episodes * config.horizon_s * 1000)
             try:
-                found = walk.batches(parts, number, bar)
+                found = walk.batches(parts, number, bar, examples)
             except _CrashError as crash:
                 crashes.append(walk.crash(crash))
                 bar.update(due - bar.n)
@@ -124,6 +125,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
             for terrain in config.terrain_configs
         },
         trajectories=trajectories,
+        examples=examples,
     )
 
 
@@ -148,30 +150,39 @@ class _Walk:
             filter(None, (self.entrant.name, self.terrain.label, self.condition.label))
         )
 
-    def batches(self, parts: Parts, number: int, bar: tqdm[NoReturn]) -> list[Part]:
-        """Walk the batches that `parts` does not hold yet, keep them there, and return all."""
+    def batches(
+        self, parts: Parts, number: int, bar: tqdm[NoReturn], examples: list[EpisodeRecord]
+    ) -> list[Part]:
+        """Walk the batches that `parts` does not hold yet, keep them there, and return all.
+
+        Where nothing is varied, records of the episodes to film are appended to `examples`.
+        """
         episodes = self.config.draw_episodes(self.terrain, self.condition)
         size = min(self.config.num_envs, len(episodes))
         env: BatchedEnv | None = None
-        found = []
+        found, filmed = [], []
         for start in range(0, len(episodes), size):
             batch = episodes[start : start + size]
             part = parts.read((number, start))
             if part is None:
                 if env is None:
                     env = BatchedEnv(self.env_config, size, self.config.num_threads)
-                part = self._walk(env, batch, start, bar)
+                records = self._walk(env, batch, start, bar)
+                part = self._part(records, start)
+                if not self.condition.name:
+                    filmed += [each for each in records if each.index in self.config.film]
                 parts.write((number, start), part)
             else:
                 bar.update(round(len(batch) * self.config.horizon_s * 1000))
             found.append(part)
+        examples += filmed
         return found
 
     def _walk(
         self, env: BatchedEnv, batch: Sequence[Episode], start: int, bar: tqdm[NoReturn]
-    ) -> Part:
+    ) -> list[EpisodeRecord]:
         try:
-            records = run_episodes(
+            return run_episodes(
                 env,
                 self.entrant.policy,
                 batch,
@@ -182,6 +193,8 @@ class _Walk:
         except Exception as error:
             # a policy may be anybody's code, and raise anything
             raise _CrashError from error
+
+    def _part(self, records: Sequence[EpisodeRecord], start: int) -> Part:
         table = episode_table([episode_row(record, self.condition.label) for record in records])
         kept = max(0, self.config.paths - start)
         return table, list(map(trajectory, records[:kept]))

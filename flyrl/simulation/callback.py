@@ -14,6 +14,7 @@ forces of this step are summed per segment and kept for the next.
 
 import ctypes
 import functools
+import threading
 from typing import Any
 
 import mujoco
@@ -348,6 +349,10 @@ _CONTROL_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
 _SENSOR_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
 
 
+_ONE_AT_A_TIME = threading.Lock()
+"""Two threads would each compile a callback, of which the second one's is not the installed one."""
+
+
 @functools.cache
 def _c_functions() -> tuple[Any, Any]:
     found = layout()
@@ -363,19 +368,20 @@ def install() -> None:
     RuntimeError
         If somebody else's control or sensor callback is installed.
     """
-    control, sensor = _c_functions()
-    for name, ours, get, put in (
-        ("mjcb_control", control, mujoco.get_mjcb_control, mujoco.set_mjcb_control),
-        ("mjcb_sensor", sensor, mujoco.get_mjcb_sensor, mujoco.set_mjcb_sensor),
-    ):
-        present = get()
-        if present is None:
-            put(ours)
-        elif not _same_function(present, ours):
-            raise RuntimeError(
-                f"MuJoCo's {name} is already taken by {present!r}; flyrl's controllers run there. "
-                f"Remove it with mujoco.set_{name}(None) before simulating a fly"
-            )
+    with _ONE_AT_A_TIME:
+        control, sensor = _c_functions()
+        for name, ours, get, put in (
+            ("mjcb_control", control, mujoco.get_mjcb_control, mujoco.set_mjcb_control),
+            ("mjcb_sensor", sensor, mujoco.get_mjcb_sensor, mujoco.set_mjcb_sensor),
+        ):
+            present = get()
+            if present is None:
+                put(ours)
+            elif not _same_function(present, ours):
+                raise RuntimeError(
+                    f"MuJoCo's {name} is already taken by {present!r}; flyrl's controllers run "
+                    f"there. Remove it with mujoco.set_{name}(None) before simulating a fly"
+                )
 
 
 def _same_function(present: Any, ours: Any) -> bool:

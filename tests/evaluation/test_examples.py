@@ -14,6 +14,11 @@ def test_examples_are_the_episodes_that_were_evaluated():
     )
     results = evaluate(config)
     examples = walk_examples(config)
+    kept = walk_examples(config, results.examples)
+    assert set(map(id, kept)) == set(map(id, results.examples))
+    for record, again in zip(kept, examples, strict=True):
+        np.testing.assert_array_equal(record.position_w, again.position_w)
+        np.testing.assert_array_equal(record.gait.stance, again.gait.stance)
     assert [(record.index, record.controller) for record in examples] == [
         *((2, "cpg"), (2, "hybrid")),
         *((0, "cpg"), (0, "hybrid")),

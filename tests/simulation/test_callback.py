@@ -1,6 +1,8 @@
 """The controller inside the engine: the same maths as the classes, and exact bookkeeping."""
 
 import dataclasses
+import subprocess
+import sys
 
 import mujoco
 import numpy as np
@@ -227,3 +229,13 @@ def test_somebody_elses_callback_is_not_overwritten() -> None:
 def test_a_callback_is_compiled_once_and_then_read_from_the_disk(compiled) -> None:
     compiled(layout())
     assert compiled(layout()).cache_hits == 1
+
+
+def test_threads_may_start_together_in_a_new_process():
+    code = (
+        "from concurrent.futures import ThreadPoolExecutor\n"
+        "from flyrl.simulation.callback import install\n"
+        "with ThreadPoolExecutor(4) as executor:\n"
+        "    list(executor.map(lambda _: install(), range(8)))\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
