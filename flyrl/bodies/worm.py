@@ -85,6 +85,9 @@ class WormConfig:
         down, about "z" to its left and right.
     strength : of every muscle, µN mm.
     profile : of every muscle's motor pool: a file in assets/muscles.
+    anchored : whether every muscle pulls against the segment before its own, as in animals, which
+        bends no joint but its own; else its segment is turned as if by a hand, which bends all
+        joints up to the head, and turns a free worm as a whole.
     muscles : "pairs", two antagonists per joint; or "one", for demonstrations: the first muscle of
         the last joint.
     mount : "hanging", with the first segment fixed to the world and the others below it; or "free",
@@ -101,6 +104,7 @@ class WormConfig:
     hinge_axes: tuple[Axis, ...] = ("y",)
     strength: float = 3500.0
     profile: str = "human.png"
+    anchored: bool = False
     muscles: Muscles = "pairs"
     mount: Mount = "hanging"
 
@@ -221,6 +225,8 @@ def _add_muscles(
         )
         spec.add_text(name=f"{name}/profile", data=config.profile)
         spec.add_numeric(name=f"{name}/strength", data=[config.strength], size=1)
+        if config.anchored:
+            spec.add_text(name=f"{name}/anchor", data=f"Segment{joint}")
 
 
 def _set_look(spec: mujoco.MjSpec, config: WormConfig) -> None:

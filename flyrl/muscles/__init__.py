@@ -3,13 +3,8 @@
 After cortex, Simulated Muscles, R. McIntyre (2012-14).
 """
 
-from flyrl.muscles.creature import (
-    AttachedMuscle,
-    Creature,
-    attach_muscles,
-    load_creature,
-    movement,
-)
+from flyrl.muscles.attachment import AttachedMuscle, attach_muscles
+from flyrl.muscles.creature import Creature, load_creature, movement
 from flyrl.muscles.muscle import Muscle, PackedMuscles, pack_muscles
 from flyrl.muscles.pool import MotorPool
 

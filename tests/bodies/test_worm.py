@@ -138,6 +138,14 @@ def test_a_muscle_bends_the_worm_towards_its_side(axis, side):
     assert (data.geom("Segment3").xpos - start_w) @ towards_w > 0.5
 
 
+@pytest.mark.parametrize(("anchored", "bends"), [(False, [1, 1, 0]), (True, [0, 1, 0])])
+def test_an_anchored_muscle_turns_its_own_joint_only(anchored, bends):
+    creature = load_creature(build_worm(WormConfig(segments=4, anchored=anchored, strength=9)))
+    movement(creature)([0, 0, 300, 0, 0, 0])
+    mujoco.mj_forward(creature.model, creature.data)
+    np.testing.assert_allclose(creature.data.qfrc_actuator, 9 * np.array(bends), atol=1e-9)
+
+
 def test_only_one_muscle_for_the_demonstration():
     (attached,) = load_creature(build_worm(WormConfig(muscles="one", segments=6))).muscles
     assert (attached.name, attached.body) == ("Muscle5_dorsal", "Segment6")
