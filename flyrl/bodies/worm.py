@@ -22,7 +22,7 @@ ROOT_JOINT: Final = "root"
 """Free joint of a worm that is not fixed to the world."""
 
 TIMESTEP: Final = 1e-3
-"""s; where muscles pull at random with all their strength, four times as much explodes."""
+"""s; four times as much explodes on the ground where muscles pull at random with all strength."""
 
 JOINT_LIMIT_SOLREF: Final = (0.01, 1.0)
 """Limits of joints stop softly, within ten time steps."""
@@ -85,11 +85,12 @@ class WormConfig:
         down, about "z" to its left and right.
     strength : of every muscle, µN mm.
     profile : of every muscle's motor pool: a file in assets/muscles.
-    anchored : whether every muscle pulls against the segment before its own, as in animals, which
-        bends no joint but its own; else its segment is turned as if by a hand, which bends all
-        joints up to the head, and turns a free worm as a whole.
     muscles : "pairs", two antagonists per joint; or "one", for demonstrations: the first muscle of
         the last joint.
+    anchored : whether every muscle pulls against the segment before its own, as in animals, and so
+        bends no joint but its own. Otherwise nothing feels the opposite torque, as in the
+        literature: a muscle bends all joints up to the head, and a free worm, turned as a whole,
+        soon whirls about.
     mount : "hanging", with the first segment fixed to the world and the others below it; or "free",
         lying straight on a ground at z = 0 with its head to +x, which is not part of it.
     """
@@ -104,8 +105,8 @@ class WormConfig:
     hinge_axes: tuple[Axis, ...] = ("y",)
     strength: float = 3500.0
     profile: str = "human.png"
-    anchored: bool = False
     muscles: Muscles = "pairs"
+    anchored: bool = True
     mount: Mount = "hanging"
 
     def __post_init__(self) -> None:
@@ -132,6 +133,10 @@ class WormConfig:
     def axis(self, joint: int) -> Axis:
         """Axis of a joint, of 1 (between the first two segments) to `joints`."""
         return self.hinge_axes[(joint - 1) % len(self.hinge_axes)]
+
+
+DEMONSTRATION: Final = WormConfig(muscles="one", anchored=False)
+"""The literature's worm: it hangs, and its one muscle bends all of it."""
 
 
 def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:

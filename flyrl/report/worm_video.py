@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image, ImageDraw, ImageFont
 
-from flyrl.bodies.worm import WormConfig, build_worm
+from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.files import write_bytes, write_text
 from flyrl.muscles import load_creature
 from flyrl.report.video import FPS, HOLD_FRAMES, Picture, encode
@@ -58,14 +58,14 @@ class WormVideo:
 
 
 def film_worm(
-    config: WormConfig | None = None, step: int = STEP, hold_s: float = HOLD_S
+    config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: float = HOLD_S
 ) -> WormVideo:
     """Film a worm while more and more neurons of its muscle are recruited.
 
     Parameters
     ----------
     config
-        The worm; by default the hanging one with one muscle.
+        The worm; by default the literature's.
     step
         Neurons that are recruited at a time.
     hold_s
@@ -80,7 +80,6 @@ def film_worm(
     OSError, RuntimeError
         If ffmpeg fails.
     """
-    config = config or WormConfig(muscles="one", mount="hanging")
     if config.muscles != "one":
         raise ValueError(f"the filmed worm must have muscles='one', got {config.muscles!r}")
     spec = build_worm(config)

@@ -160,20 +160,26 @@ def test_the_profile_and_strength_asked_for():
 # ------------------------------------------------------------------ stability
 
 
-@pytest.mark.parametrize("config", [WormConfig(), WormConfig(mount="free", hinge_axes=("y", "z"))])
+@pytest.mark.parametrize(
+    "config",
+    [
+        WormConfig(),
+        WormConfig(anchored=False),
+        WormConfig(mount="free"),
+        WormConfig(mount="free", hinge_axes=("z",)),
+    ],
+)
 def test_muscles_that_pull_at_random_do_not_explode_it(config):
-    creature = on_the_ground(config)
-    if config.mount == "hanging":
-        creature.model.geom_contype[:] = 0
+    is_free = config.mount == "free"
+    creature = on_the_ground(config) if is_free else load_creature(build_worm(config))
     move = movement(creature)
     rng = np.random.default_rng(0)
-    for _ in range(25):
+    for _ in range(80):
         move(300 * rng.integers(0, 2, len(creature.muscles)))
-        step(creature, 0.02)
-    assert np.abs(creature.data.qvel).max() < 2000
+        step(creature, 0.025)
+        assert np.abs(creature.data.qvel).max() < 1000
+        assert np.abs(creature.data.qpos[-9:]).max() < 1.3 * config.joint_range
     assert not creature.data.warning.number.any()
-    angles = creature.data.qpos[-9:]
-    assert np.abs(angles).max() < 1.3 * config.joint_range
 
 
 # ------------------------------------------------------------------ errors

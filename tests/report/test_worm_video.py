@@ -1,10 +1,12 @@
 """The demonstration of muscles: bar, video, table; and the figure of a muscle."""
 
+import dataclasses
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from flyrl.bodies.worm import WormConfig
+from flyrl.bodies.worm import DEMONSTRATION, WormConfig
 from flyrl.report.muscle_figure import muscle_figure
 from flyrl.report.video import HOLD_FRAMES
 from flyrl.report.worm_video import film_worm, tension_bars, write_worm_video
@@ -40,7 +42,7 @@ def test_bars_of_several_muscles_stand_one_below_the_other():
 @pytest.fixture(scope="module")
 def video():
     try:
-        return film_worm(WormConfig(muscles="one", segments=4), step=150, hold_s=0.2)
+        return film_worm(dataclasses.replace(DEMONSTRATION, segments=4), step=150, hold_s=0.2)
     except RenderingUnavailableError as error:
         pytest.skip(str(error))
 

@@ -1,13 +1,15 @@
 """Recruitment, step by step."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
-from flyrl.bodies.worm import WormConfig, build_worm
+from flyrl.bodies.worm import DEMONSTRATION, build_worm
 from flyrl.muscles import load_creature
 from flyrl.simulation.recruitment import recruit_stepwise
 
-WORM = WormConfig(segments=4, muscles="one")
+WORM = dataclasses.replace(DEMONSTRATION, segments=4)
 
 
 def moments(config=WORM, **settings):
@@ -42,7 +44,7 @@ def test_bend_and_tension_grow_non_linearly(ramp):
 
 
 def test_a_profile_decides_how_the_bend_grows(ramp):
-    config = WormConfig(segments=4, muscles="one", profile="uniform.png")
+    config = dataclasses.replace(WORM, profile="uniform.png")
     even = [m for m in moments(config, step=150, hold_s=0.4) if m.is_last]
     assert even[1].tension[0] == pytest.approx(0.5)
     assert even[1].bend > 2 * ramp[3].bend
