@@ -78,7 +78,7 @@ class FlyRenderer:
         self._data = mujoco.MjData(self._model)
         self._ground = base_height(config.terrain)
         self._leg_colours = LegColours(self._model) if colours_legs else None
-        self._offscreen = _Offscreen(self._model, width, height)
+        self._offscreen = Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation, self._camera.distance = _CAMERAS[camera]
         self._aim: tuple[tuple[float, ...], NDArray[np.float64], float] | None = None
@@ -128,8 +128,21 @@ class FlyRenderer:
         self._camera.distance = zoom
 
 
-class _Offscreen:
-    """A picture in memory, and the GL context that draws it."""
+class Offscreen:
+    """A picture in memory, and the GL context that draws it.
+
+    Parameters
+    ----------
+    model
+        What is drawn; its `vis.global_.offwidth` and `offheight` hold the picture.
+    width, height
+        Size of the picture, px.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If no GL context can be made.
+    """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         try:

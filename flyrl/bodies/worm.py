@@ -1,0 +1,256 @@
+"""A worm as a MuJoCo model specification: a chain of capsules, with muscles as sites.
+
+In its own frame the worm lies straight along x with its head forward, its right to -y and its back
+to +z, like the fly. Units mm, g, s, rad; forces in µN, torques in µN mm.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import mujoco
+import numpy as np
+
+from flyrl.bodies.fly import BOXES, GRAVITY, PLANES
+from flyrl.validation import at_least, not_negative, one_of, positive, within
+
+Axis = Literal["y", "z"]
+Mount = Literal["hanging", "free"]
+Muscles = Literal["pairs", "one"]
+
+ROOT_JOINT: Final = "root"
+"""Free joint of a worm that is not fixed to the world."""
+
+TIMESTEP: Final = 1e-3
+"""s; four times as much explodes on the ground where muscles pull at random with all strength."""
+
+JOINT_LIMIT_SOLREF: Final = (0.01, 1.0)
+"""Limits of joints stop softly, within ten time steps."""
+
+MUSCLE_HEIGHT: Final = 1.2
+"""Distance of a muscle from a segment's axis, in radii."""
+
+_SKINS: Final = ((0.86, 0.55, 0.48, 1.0), (0.78, 0.47, 0.41, 1.0))
+"""Colours of segments, in turn."""
+
+_MUSCLE_COLOUR: Final = (0.65, 0.05, 0.05, 1.0)
+
+
+class _Side(NamedTuple):
+    """A side on which a muscle sits: where in the segment's frame, and how it is turned.
+
+    The tail lies behind the joint, along -x. So a right-handed turn about +y lifts it to the back,
+    +z, and one about +z takes it to the right, -y. The quaternions turn the muscle's y axis to the
+    axis about which the tail moves towards the muscle.
+    """
+
+    name: str
+    direction: tuple[float, float, float]
+    quat: tuple[float, float, float, float]
+
+
+_HALF: Final = math.sqrt(0.5)
+_SIDES: Final[dict[Axis, tuple[_Side, _Side]]] = {
+    "y": (
+        _Side("dorsal", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)),
+        _Side("ventral", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0, 0.0)),
+    ),
+    "z": (
+        _Side("left", (0.0, 1.0, 0.0), (_HALF, -_HALF, 0.0, 0.0)),
+        _Side("right", (0.0, -1.0, 0.0), (_HALF, _HALF, 0.0, 0.0)),
+    ),
+}
+"""Sides of a joint's two muscles, by the joint's axis."""
+
+_AXES: Final[dict[Axis, tuple[float, float, float]]] = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+_HEAD_UP: Final = (_HALF, 0.0, -_HALF, 0.0)
+"""Turns x upwards, and the back, z, to -x."""
+
+
+@dataclass(frozen=True)
+class WormConfig:
+    """Which worm.
+
+    Attributes
+    ----------
+    segments : how many, 2 or more; one joint less.
+    radius : of a segment, mm.
+    segment_length : from one joint to the next, mm.
+    density : g/mm³; that of water by default.
+    joint_stiffness, joint_damping : of a joint's spring, which keeps the worm straight, µN mm/rad,
+        and of its damper, µN mm s/rad.
+    joint_range : how far a joint bends to either side, rad.
+    hinge_axes : axes of the joints from head to tail, in turn: about "y" the worm bends up and
+        down, about "z" to its left and right.
+    strength : of every muscle, µN mm.
+    profile : of every muscle's motor pool: a file in assets/muscles.
+    muscles : "pairs", two antagonists per joint; or "one", for demonstrations: the first muscle of
+        the last joint.
+    anchored : whether every muscle pulls against the segment before its own, as in animals, and so
+        bends no joint but its own. Otherwise nothing feels the opposite torque, as in the
+        literature: a muscle bends all joints up to the head, and a free worm, turned as a whole,
+        soon whirls about.
+    mount : "hanging", with the first segment fixed to the world and the others below it; or "free",
+        lying straight on a ground at z = 0 with its head to +x, which is not part of it.
+    """
+
+    segments: int = 10
+    radius: float = 1.0
+    segment_length: float = 3.0
+    density: float = 1e-3
+    joint_stiffness: float = 4000.0
+    joint_damping: float = 250.0
+    joint_range: float = 1.0
+    hinge_axes: tuple[Axis, ...] = ("y",)
+    strength: float = 3500.0
+    profile: str = "human.png"
+    muscles: Muscles = "pairs"
+    anchored: bool = True
+    mount: Mount = "hanging"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.segments, bool) or not isinstance(self.segments, int):
+            raise ValueError(f"segments must be a whole number, got {self.segments!r}")
+        at_least("segments", self.segments, 2)
+        for name in ("radius", "segment_length", "density"):
+            positive(name, getattr(self, name))
+        for name in ("joint_stiffness", "joint_damping", "strength"):
+            not_negative(name, getattr(self, name))
+        within("joint_range", self.joint_range, 0.01, math.pi)
+        if not self.hinge_axes:
+            raise ValueError("hinge_axes must name at least one axis, got none")
+        for axis in self.hinge_axes:
+            one_of("hinge_axes", axis, _SIDES)
+        one_of("muscles", self.muscles, ("pairs", "one"))
+        one_of("mount", self.mount, ("hanging", "free"))
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return self.segments - 1
+
+    def axis(self, joint: int) -> Axis:
+        """Axis of a joint, of 1 (between the first two segments) to `joints`."""
+        return self.hinge_axes[(joint - 1) % len(self.hinge_axes)]
+
+
+DEMONSTRATION: Final = WormConfig(muscles="one", anchored=False)
+"""The literature's worm: it hangs, and its one muscle bends all of it."""
+
+
+def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
+    """Specification of a worm.
+
+    Bodies "Segment1" (the head) to "Segment{N}", each the child of the one before and with its
+    origin at its front end; there is the joint, "joint_1" to "joint_{N-1}", that ties it to the
+    segment before. A positive angle about y bends the tail to the back, one about z to the right.
+
+    Muscles are sites of a body "muscles", which `flyrl.muscles.attach_muscles` turns into
+    actuators: "Muscle{i}_dorsal" and "Muscle{i}_ventral", or "Muscle{i}_left" and
+    "Muscle{i}_right", act on the segment behind joint i. A muscle's y axis is the one about which
+    the segment moves towards the muscle, so those of antagonists are opposite.
+
+    The worm touches the ground only (planes with contype `PLANES`, boxes with contype `BOXES`),
+    not itself.
+
+    Parameters
+    ----------
+    config : which worm; the default one if not given.
+    """
+    config = config or WormConfig()
+    spec = mujoco.MjSpec()
+    spec.modelname = "worm"
+    spec.compiler.degree = False
+    spec.option.gravity = GRAVITY
+    spec.option.timestep = TIMESTEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+
+    is_free = config.mount == "free"
+    pose = {
+        "pos": (0.0, 0.0, config.radius if is_free else 0.0),
+        "quat": (1.0, 0.0, 0.0, 0.0) if is_free else _HEAD_UP,
+    }
+    muscles = spec.worldbody.add_body(name="muscles", **pose)
+    body = spec.worldbody.add_body(name="Segment1", **pose)
+    if is_free:
+        body.add_freejoint(name=ROOT_JOINT)
+    _add_capsule(body, config, 1)
+    for joint in range(1, config.segments):
+        body = body.add_body(name=f"Segment{joint + 1}", pos=(-config.segment_length, 0.0, 0.0))
+        _add_joint(body, config, joint)
+        _add_capsule(body, config, joint + 1)
+        _add_muscles(spec, muscles, config, joint)
+    _set_look(spec, config)
+    return spec
+
+
+def _add_capsule(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None:
+    body.add_geom(
+        name=f"Segment{segment}",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=(0.0, 0.0, 0.0, -config.segment_length, 0.0, 0.0),
+        size=(config.radius, 0.0, 0.0),
+        density=config.density,
+        rgba=_SKINS[segment % len(_SKINS)],
+        contype=0,
+        conaffinity=PLANES | BOXES,
+    )
+
+
+def _add_joint(body: mujoco.MjsBody, config: WormConfig, joint: int) -> None:
+    hinge = body.add_joint(
+        name=f"joint_{joint}",
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=_AXES[config.axis(joint)],
+        limited=True,
+        range=(-config.joint_range, config.joint_range),
+        solref_limit=JOINT_LIMIT_SOLREF,
+    )
+    hinge.stiffness[0] = config.joint_stiffness
+    hinge.damping[0] = config.joint_damping
+
+
+def _add_muscles(
+    spec: mujoco.MjSpec, muscles: mujoco.MjsBody, config: WormConfig, joint: int
+) -> None:
+    """Add the muscles of a joint over the middle of the segment behind it."""
+    sides: tuple[_Side, ...] = _SIDES[config.axis(joint)]
+    if config.muscles == "one":
+        sides = sides[:1] if joint == config.joints else ()
+    middle = np.array((-(joint + 0.5) * config.segment_length, 0.0, 0.0))
+    for side in sides:
+        name = f"Muscle{joint}_{side.name}"
+        muscles.add_site(
+            name=name,
+            pos=middle + MUSCLE_HEIGHT * config.radius * np.array(side.direction),
+            quat=side.quat,
+            size=(0.4 * config.radius, 0.0, 0.0),
+            rgba=_MUSCLE_COLOUR,
+        )
+        spec.add_text(name=f"{name}/profile", data=config.profile)
+        spec.add_numeric(name=f"{name}/strength", data=[config.strength], size=1)
+        if config.anchored:
+            spec.add_text(name=f"{name}/anchor", data=f"Segment{joint}")
+
+
+def _set_look(spec: mujoco.MjSpec, config: WormConfig) -> None:
+    """Light, and viewing figures for a scene of the worm's length."""
+    length = config.segments * config.segment_length
+    spec.visual.quality.offsamples = 0
+    spec.visual.quality.shadowsize = 1024
+    spec.stat.extent = length
+    spec.visual.map.znear = 0.01
+    spec.visual.map.zfar = 60.0
+    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
+    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
+    spec.visual.headlight.specular = (0.1, 0.1, 0.1)
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=(0.0, -length, length),
+        dir=(0.3, 0.6, -0.7),
+        diffuse=(0.5, 0.48, 0.45),
+        specular=(0.2, 0.2, 0.2),
+        castshadow=False,
+    )

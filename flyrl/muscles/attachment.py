@@ -1,0 +1,237 @@
+"""Muscles of a creature: where a model says they sit, and what they do there.
+
+In a creature's MJCF or MjSpec a muscle is a site of a body "muscles", a child of the world that
+holds nothing else. Its profile and strength are custom data:
+
+    <custom>
+      <text name="Muscle1/profile" data="linear.png"/>
+      <numeric name="Muscle1/strength" data="1500"/>
+    </custom>
+    <worldbody>
+      <body name="muscles">
+        <site name="Muscle1" pos="0 0 1"/>
+      </body>
+      ...
+
+Without a strength it is 1. A muscle may also name the body that it pulls against, as a text
+"Muscle1/anchor": that body then feels the opposite torque, as with the muscles of animals. Without,
+nothing does, and the creature as a whole is turned as if by a hand.
+
+Units are mm, g, s: torques come out in µN mm. After cortex, Simulated Muscles, R. McIntyre
+(2012-14), where a muscle is a marker in the creature's model, too, and has no anchor.
+"""
+
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import mujoco
+import numpy as np
+
+from flyrl.muscles.muscle import Muscle
+from flyrl.muscles.placement import Measured, Place, measuring_model, nearest_body, place_on
+from flyrl.muscles.pool import MotorPool
+from flyrl.resources import assets_folder
+from flyrl.validation import not_negative, one_of
+
+MUSCLES_BODY: Final = "muscles"
+"""Name of the body that muscles are sites of."""
+
+_TORQUE_ABOUT_Y: Final = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Gear of a muscle's actuator: forces along the site's axes, torques about them."""
+
+
+class AttachedMuscle(NamedTuple):
+    """A muscle of a creature.
+
+    Attributes
+    ----------
+    name : of the muscle, its site and its actuator.
+    muscle : its motor pool and strength.
+    body : name of the body on which it acts.
+    """
+
+    name: str
+    muscle: Muscle
+    body: str
+
+
+def attach_muscles(spec: mujoco.MjSpec, profiles: Path | None = None) -> list[AttachedMuscle]:
+    """Attach the muscles of a specification to the bodies on which they act, in place.
+
+    The site of each muscle moves to the body that is nearest to it, and keeps its place and
+    orientation in the world. There an actuator of the muscle's name, whose control is the muscle's
+    force, turns the body about the site's y axis: right-handed, µN mm. A muscle with an anchor has
+    a twin of its site there, "{muscle}/anchor", and turns both bodies, in opposite directions,
+    about the twin's y axis. The body "muscles" and the custom data about muscles are no longer
+    needed, and removed.
+
+    Nearest is the body from whose surface the site is the least way off in the model's initial
+    pose; inside a geom this way is negative. All geoms of a body count, in MuJoCo's sense: meshes
+    by their convex hulls, height fields not at all. The world does not count. Of bodies that are
+    equally near, the first in the model's order is taken.
+
+    Parameters
+    ----------
+    spec
+        Of a creature as the head of this module describes it. After an error it is as it was.
+    profiles
+        Folder in which profiles lie, that of the assets by default. No profile may lie elsewhere.
+
+    Returns
+    -------
+    The muscles, in the order of their sites.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a profile is missing in that folder.
+    ValueError
+        If the model does not compile, has no muscles, or anything else than sites in the body
+        "muscles"; if a muscle has no name or no profile, its profile is not one, its strength is
+        negative, its anchor is no other body, or an actuator has its name already; or if there is
+        no body for it.
+    """
+    folder = assets_folder() / "muscles" if profiles is None else Path(profiles)
+    sites = _muscle_sites(spec)
+    muscles = [_read_muscle(spec, site.name, folder) for site in sites]
+    anchors = [_read_anchor(spec, site.name) for site in sites]
+    measured = measuring_model(spec)
+    placed = [_places(measured, *pair) for pair in zip(sites, anchors, strict=True)]
+
+    bodies = list(spec.bodies)
+    attached = []
+    for site, muscle, (place, anchor) in zip(sites, muscles, placed, strict=True):
+        name = site.name
+        # What refers to the site does so by name. Deleted under its name, it would take that along.
+        site.name = ""
+        _add_site(bodies[place.body], name, place, site)
+        actuator = spec.add_actuator(
+            name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_SITE, gear=_TORQUE_ABOUT_Y
+        )
+        actuator.set_to_motor()
+        actuator.ctrllimited = actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        if anchor is not None:
+            _add_site(bodies[anchor.body], _anchor(name), anchor, site)
+            actuator.refsite = _anchor(name)
+        attached.append(AttachedMuscle(name, muscle, bodies[place.body].name))
+    spec.delete(spec.body(MUSCLES_BODY))
+    for name in (attachment.name for attachment in attached):
+        custom = (
+            spec.text(_profile(name)),
+            spec.numeric(_strength(name)),
+            spec.text(_anchor(name)),
+        )
+        for data in custom:
+            if data is not None:
+                spec.delete(data)
+    return attached
+
+
+def _places(
+    measured: Measured, site: mujoco.MjsSite, anchor: str | None
+) -> tuple[Place, Place | None]:
+    """Where a muscle's site comes to stand, and where its twin on the body it pulls against."""
+    index = measured.model.site(site.name).id
+    body = nearest_body(measured, index)
+    if body is None:
+        raise ValueError(
+            f"muscle {site.name!r} has no body to act on: none but the world has geoms"
+        )
+    place = place_on(measured, index, body)
+    if anchor is None:
+        return place, None
+    against = measured.model.body(anchor).id
+    if against == body:
+        raise ValueError(f"muscle {site.name!r} acts on body {anchor!r}, its anchor: take another")
+    return place, place_on(measured, index, against)
+
+
+def _add_site(body: mujoco.MjsBody, name: str, place: Place, like: mujoco.MjsSite) -> None:
+    added = body.add_site(
+        name=name,
+        pos=place.pos,
+        quat=place.quat,
+        type=like.type,
+        size=place.size,
+        group=like.group,
+        rgba=like.rgba,
+        material=like.material,
+        userdata=like.userdata,
+    )
+    # whatever the model's defaults say
+    added.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    added.fromto = np.full(6, np.nan)
+
+
+# --------------------------------------------------------------------------- what the model says
+
+
+def _profile(muscle: str) -> str:
+    return f"{muscle}/profile"
+
+
+def _strength(muscle: str) -> str:
+    return f"{muscle}/strength"
+
+
+def _anchor(muscle: str) -> str:
+    """Name of the text that names a muscle's anchor, and of its site there."""
+    return f"{muscle}/anchor"
+
+
+def _muscle_sites(spec: mujoco.MjSpec) -> list[mujoco.MjsSite]:
+    body = spec.body(MUSCLES_BODY)
+    if body is None or body.parent.name != "world":
+        raise ValueError(
+            f"a creature's muscles must be sites of a body {MUSCLES_BODY!r}, a child "
+            "of the world; this model has no such body"
+        )
+    for what in ("bodies", "joints", "geoms", "cameras", "lights"):
+        if getattr(body, what):
+            raise ValueError(f"body {MUSCLES_BODY!r} must hold nothing but sites, it has {what}")
+    sites = list(body.sites)
+    if not sites:
+        raise ValueError(f"body {MUSCLES_BODY!r} must hold a site per muscle, it has none")
+    actuators = {actuator.name for actuator in spec.actuators}
+    for i, site in enumerate(sites):
+        if not site.name:
+            raise ValueError(f"every muscle needs a name; site {i} of {MUSCLES_BODY!r} has none")
+        if site.name in actuators:
+            raise ValueError(f"muscle {site.name!r}: an actuator has that name already")
+    return sites
+
+
+def _read_muscle(spec: mujoco.MjSpec, name: str, folder: Path) -> Muscle:
+    text, numeric = spec.text(_profile(name)), spec.numeric(_strength(name))
+    if text is None:
+        raise ValueError(
+            f"muscle {name!r} has no profile: a custom text {_profile(name)!r} must name its image"
+        )
+    file = str(text.data)
+    # resolved, so that links lead nowhere else either
+    path = (folder / file).resolve()
+    if path == folder.resolve() or not path.is_relative_to(folder.resolve()):
+        raise ValueError(f"muscle {name!r}: its profile must be a file in {folder}, got {file!r}")
+    try:
+        pool = MotorPool.from_image(path)
+    except (FileNotFoundError, ValueError) as error:
+        raise type(error)(f"muscle {name!r}: {error}") from error
+    strength = 1.0 if numeric is None else _one_number(name, numeric)
+    return Muscle(pool, strength)
+
+
+def _one_number(name: str, numeric: mujoco.MjsNumeric) -> float:
+    data = np.array(numeric.data, dtype=np.float64)
+    if numeric.size != 1 or data.size > 1:
+        raise ValueError(
+            f"muscle {name!r}: {_strength(name)} must be one number, got {data.tolist()}"
+        )
+    return not_negative(f"muscle {name!r}: {_strength(name)}", float(data[0]))
+
+
+def _read_anchor(spec: mujoco.MjSpec, name: str) -> str | None:
+    text = spec.text(_anchor(name))
+    if text is None:
+        return None
+    bodies = [body.name for body in spec.bodies if body.name not in ("", MUSCLES_BODY)]
+    return one_of(f"muscle {name!r}: {_anchor(name)}", str(text.data), bodies)

@@ -1,0 +1,208 @@
+"""The worm: its chain, its muscles, and how these bend it."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from flyrl.bodies.worm import WormConfig, build_worm
+from flyrl.muscles import load_creature, movement
+from flyrl.terrains import TerrainConfig, add_terrain
+
+
+def step(creature, seconds):
+    for _ in range(round(seconds / creature.model.opt.timestep)):
+        mujoco.mj_step(creature.model, creature.data)
+    mujoco.mj_kinematics(creature.model, creature.data)
+
+
+def on_the_ground(config):
+    spec = build_worm(config)
+    add_terrain(spec, TerrainConfig("flat"))
+    return load_creature(spec)
+
+
+def names(model, kind, count):
+    return [getattr(model, kind)(i).name for i in range(count)]
+
+
+# ------------------------------------------------------------------ the model
+
+
+def test_a_chain_of_segments_and_joints():
+    model = load_creature(build_worm(WormConfig(segments=4))).model
+    assert names(model, "body", model.nbody) == ["world", *(f"Segment{i}" for i in range(1, 5))]
+    assert names(model, "joint", model.njnt) == ["joint_1", "joint_2", "joint_3"]
+    assert [model.body(model.joint(f"joint_{i}").bodyid[0]).name for i in (1, 2, 3)] == [
+        "Segment2",
+        "Segment3",
+        "Segment4",
+    ]
+    assert load_creature(build_worm(WormConfig(segments=4, mount="free"))).model.nv == 6 + 3
+
+
+def test_a_segment_weighs_what_a_capsule_does():
+    """Cylinder of length 2 and radius 0.5, and a ball: 0.5 pi + pi / 6 mm³, of 3 g/mm³."""
+    config = WormConfig(segments=3, radius=0.5, segment_length=2.0, density=3.0)
+    model = build_worm(config).compile()
+    np.testing.assert_allclose(
+        model.body("Segment2").mass, 3 * (0.5 * math.pi + math.pi / 6), rtol=1e-12
+    )
+
+
+def test_joints_have_the_springs_dampers_ranges_and_axes_asked_for():
+    config = WormConfig(
+        segments=4, hinge_axes=("y", "z"), joint_stiffness=7, joint_damping=2, joint_range=0.5
+    )
+    model = build_worm(config).compile()
+    assert model.jnt_axis.tolist() == [[0, 1, 0], [0, 0, 1], [0, 1, 0]]
+    assert model.jnt_stiffness.ravel()[:3].tolist() == [7, 7, 7]
+    assert model.dof_damping.ravel()[:3].tolist() == [2, 2, 2]
+    assert model.jnt_limited.all()
+    assert model.jnt_range.tolist() == [[-0.5, 0.5]] * 3
+
+
+def test_the_hanging_worm_hangs_straight_down():
+    config = WormConfig(segments=4, segment_length=3.0)
+    creature = load_creature(build_worm(config))
+    step(creature, 0.2)
+    for i in range(4):
+        np.testing.assert_allclose(
+            creature.data.body(f"Segment{i + 1}").xpos, (0, 0, -3 * i), atol=1e-9
+        )
+
+
+def test_the_free_worm_lies_still_on_the_ground_with_its_head_to_x():
+    creature = on_the_ground(WormConfig(segments=5, mount="free"))
+    step(creature, 0.3)
+    places = np.array([creature.data.body(f"Segment{i}").xpos for i in range(1, 6)])
+    np.testing.assert_allclose(places[:, 0], [0, -3, -6, -9, -12], atol=0.05)
+    np.testing.assert_allclose(places[:, 1], 0, atol=1e-3)
+    # its radius is 1 mm
+    assert 0.9 < places[:, 2].min() <= places[:, 2].max() < 1.001
+    assert _touched(creature) == {"ground"}
+
+
+def _touched(creature):
+    pairs = [
+        [creature.model.geom(i).name for i in contact.geom] for contact in creature.data.contact
+    ]
+    return {name for pair in pairs for name in pair if not name.startswith("Segment")}
+
+
+# ------------------------------------------------------------------ muscles
+
+
+@pytest.mark.parametrize("radius", [0.2, 1.0, 5.0])
+def test_a_pair_of_muscles_per_joint_acts_on_the_segment_behind_it(radius):
+    config = WormConfig(segments=4, hinge_axes=("y", "z"), radius=radius)
+    muscles = load_creature(build_worm(config)).muscles
+    assert [(attached.name, attached.body) for attached in muscles] == [
+        ("Muscle1_dorsal", "Segment2"),
+        ("Muscle1_ventral", "Segment2"),
+        ("Muscle2_left", "Segment3"),
+        ("Muscle2_right", "Segment3"),
+        ("Muscle3_dorsal", "Segment4"),
+        ("Muscle3_ventral", "Segment4"),
+    ]
+    assert {attached.muscle.strength for attached in muscles} == {config.strength}
+
+
+@pytest.mark.parametrize("mount", ["hanging", "free"])
+@pytest.mark.parametrize("axis", ["y", "z"])
+def test_antagonists_turn_about_opposite_axes_along_the_joint(axis, mount):
+    creature = load_creature(build_worm(WormConfig(segments=3, hinge_axes=(axis,), mount=mount)))
+    mujoco.mj_kinematics(creature.model, creature.data)
+    mujoco.mj_comPos(creature.model, creature.data)
+    first, second = (
+        creature.data.site(attached.name).xmat.reshape(3, 3)[:, 1]
+        for attached in creature.muscles[:2]
+    )
+    np.testing.assert_allclose(first, -second, atol=1e-12)
+    joint_w = creature.data.joint("joint_1").xaxis
+    assert abs(first @ joint_w) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("axis", ["y", "z"])
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_muscle_bends_the_worm_towards_its_side(axis, side):
+    creature = load_creature(build_worm(WormConfig(segments=3, hinge_axes=(axis,))))
+    data = creature.data
+    mujoco.mj_kinematics(creature.model, data)
+    start_w = data.geom("Segment3").xpos.copy()
+    towards_w = data.site(creature.muscles[2 + side].name).xpos - start_w
+    movement(creature)(300 * np.eye(4, dtype=int)[2 + side])
+    step(creature, 0.3)
+    # the direction has the length 1.2 mm
+    assert (data.geom("Segment3").xpos - start_w) @ towards_w > 0.5
+
+
+@pytest.mark.parametrize(("anchored", "bends"), [(False, [1, 1, 0]), (True, [0, 1, 0])])
+def test_an_anchored_muscle_turns_its_own_joint_only(anchored, bends):
+    creature = load_creature(build_worm(WormConfig(segments=4, anchored=anchored, strength=9)))
+    movement(creature)([0, 0, 300, 0, 0, 0])
+    mujoco.mj_forward(creature.model, creature.data)
+    np.testing.assert_allclose(creature.data.qfrc_actuator, 9 * np.array(bends), atol=1e-9)
+
+
+def test_only_one_muscle_for_the_demonstration():
+    (attached,) = load_creature(build_worm(WormConfig(muscles="one", segments=6))).muscles
+    assert (attached.name, attached.body) == ("Muscle5_dorsal", "Segment6")
+
+
+def test_the_profile_and_strength_asked_for():
+    config = WormConfig(segments=2, profile="uniform.png", strength=70.0)
+    muscle = load_creature(build_worm(config)).muscles[0].muscle
+    assert muscle.force(150) == pytest.approx(35.0)
+
+
+# ------------------------------------------------------------------ stability
+
+
+@pytest.mark.parametrize(
+    "config",
+    [
+        WormConfig(),
+        WormConfig(anchored=False),
+        WormConfig(mount="free"),
+        WormConfig(mount="free", hinge_axes=("z",)),
+    ],
+)
+def test_muscles_that_pull_at_random_do_not_explode_it(config):
+    is_free = config.mount == "free"
+    creature = on_the_ground(config) if is_free else load_creature(build_worm(config))
+    move = movement(creature)
+    rng = np.random.default_rng(0)
+    for _ in range(80):
+        move(300 * rng.integers(0, 2, len(creature.muscles)))
+        step(creature, 0.025)
+        assert np.abs(creature.data.qvel).max() < 1000
+        assert np.abs(creature.data.qpos[-9:]).max() < 1.3 * config.joint_range
+    assert not creature.data.warning.number.any()
+
+
+# ------------------------------------------------------------------ errors
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"segments": 1}, "segments must be at least 2, got 1"),
+        ({"segments": 3.0}, "segments must be a whole number, got 3.0"),
+        ({"radius": 0}, "radius must be a finite number above 0"),
+        ({"segment_length": -1}, "segment_length must be"),
+        ({"density": math.nan}, "density must be"),
+        ({"joint_stiffness": -1}, "joint_stiffness must be"),
+        ({"joint_damping": math.inf}, "joint_damping must be"),
+        ({"strength": -1}, "strength must be"),
+        ({"joint_range": 4.0}, "joint_range must lie within 0.01 and"),
+        ({"hinge_axes": ()}, "hinge_axes must name at least one axis"),
+        ({"hinge_axes": ("x",)}, "hinge_axes must be one of 'y', 'z', got 'x'"),
+        ({"muscles": "two"}, "muscles must be one of 'pairs', 'one'"),
+        ({"mount": "flying"}, "mount must be one of 'hanging', 'free'"),
+    ],
+)
+def test_bad_settings(settings, message):
+    with pytest.raises(ValueError, match=message):
+        WormConfig(**settings)

@@ -1,0 +1,80 @@
+"""On which body a muscle acts."""
+
+import numpy as np
+import pytest
+
+from flyrl.muscles import attach_muscles
+from tests.muscles.creatures import profile_of, specification
+
+
+def bodies_of(spec, profiles):
+    return [attached.body for attached in attach_muscles(spec, profiles)]
+
+
+def test_the_nearest_surface_counts_not_the_nearest_centre(profiles):
+    """A large ball, 3 - 2.5 = 0.5 off; a small one whose centre is nearer, 2 - 0.1 = 1.9 off."""
+    bodies = """
+        <body name="small" pos="2 0 0"> <geom size="0.1"/> </body>
+        <body name="large" pos="-3 0 0"> <geom size="2.5"/> </body>
+    """
+    spec = specification('<site name="M"/>', profile_of("M"), bodies)
+    assert bodies_of(spec, profiles) == ["large"]
+
+
+def test_every_geom_of_a_body_counts(profiles):
+    """The second geom of a body is nearest; its own frame is far away. So is a box's middle."""
+    bodies = """
+        <body name="near" pos="0 0 3"> <geom size="0.5"/> </body>
+        <body name="far" pos="90 0 0"> <geom size="1"/> <geom size="1" pos="-88 0 0"/> </body>
+        <body name="box" pos="0 40 0"> <geom type="box" size="1 36 1"/> </body>
+    """
+    spec = specification(
+        '<site name="M"/><site name="B" pos="0 3 -1"/>', profile_of("M", "B"), bodies
+    )
+    assert bodies_of(spec, profiles) == ["far", "box"]
+
+
+def test_inside_of_two_geoms_the_deeper_one_counts(profiles):
+    """0.2 inside of one ball, 0.7 inside of the other."""
+    bodies = """
+        <body name="shallow" pos="0.8 0 0"> <geom size="1"/> </body>
+        <body name="deep" pos="-1.3 0 0"> <geom size="2"/> </body>
+    """
+    spec = specification('<site name="M"/>', profile_of("M"), bodies)
+    assert bodies_of(spec, profiles) == ["deep"]
+
+
+def test_the_world_does_not_count(profiles):
+    bodies = '<geom size="1"/> <body name="far" pos="50 0 0"> <geom size="1"/> </body>'
+    spec = specification('<site name="M" pos="0 0 1"/>', profile_of("M"), bodies)
+    assert bodies_of(spec, profiles) == ["far"]
+
+
+@pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
+def test_of_equally_near_bodies_the_first_is_taken(order, profiles):
+    """Capsules that lean to either side are equally near but for rounding."""
+    y = {"left": 0.3, "right": -0.3}
+    bodies = "".join(
+        f'<body name="{name}" pos="0 {y[name]} 0" euler="{100 * y[name]} 0 0">'
+        '<geom type="capsule" size="0.1 1"/> </body>'
+        for name in order
+    )
+    spec = specification('<site name="M" pos="0.1 0 0.1"/>', profile_of("M"), bodies)
+    assert bodies_of(spec, profiles) == [order[0]]
+
+
+def test_the_initial_pose_counts(profiles):
+    """In the pose of the key frame, the arm would be at the muscle."""
+    bodies = """
+        <body name="arm"> <joint axis="0 0 1"/> <geom size="0.1" pos="3 0 0"/> </body>
+        <body name="post" pos="0 5 0"> <geom size="0.1"/> </body>
+    """
+    spec = specification('<site name="M" pos="0 3 0"/>', profile_of("M"), bodies)
+    spec.add_key(name="home", qpos=[np.pi / 2])
+    assert bodies_of(spec, profiles) == ["post"]
+
+
+def test_without_any_body(profiles):
+    spec = specification('<site name="M"/>', profile_of("M"), '<geom size="1"/><body name="a"/>')
+    with pytest.raises(ValueError, match="muscle 'M' has no body to act on"):
+        attach_muscles(spec, profiles)

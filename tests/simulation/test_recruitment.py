@@ -1,0 +1,58 @@
+"""Recruitment, step by step."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.bodies.worm import DEMONSTRATION, build_worm
+from flyrl.muscles import load_creature
+from flyrl.simulation.recruitment import recruit_stepwise
+
+WORM = dataclasses.replace(DEMONSTRATION, segments=4)
+
+
+def moments(config=WORM, **settings):
+    return list(recruit_stepwise(load_creature(build_worm(config)), **settings))
+
+
+@pytest.fixture(scope="module")
+def ramp():
+    """Every 50 neurons, long enough for a short worm to settle."""
+    return [moment for moment in moments(step=50, hold_s=0.4) if moment.is_last]
+
+
+def test_neurons_are_recruited_step_by_step_to_the_last():
+    told = [moment.n for moment in moments(step=70, hold_s=0.004, frame_s=0.002)]
+    assert told == [0, 0, 70, 70, 140, 140, 210, 210, 280, 280, 300, 300]
+
+
+def test_without_recruitment_no_bend_and_with_more_more(ramp):
+    bends = np.array([moment.bend for moment in ramp])
+    tensions = np.array([moment.tension[0] for moment in ramp])
+    assert tensions[0] == bends[0] == 0
+    assert tensions[-1] == 1
+    assert (np.diff(bends) > 0).all()
+    assert bends[-1] > 0.5
+
+
+def test_bend_and_tension_grow_non_linearly(ramp):
+    """The pool is human-like: its second half gives ten elevenths of the force."""
+    assert ramp[6].n == 2 * ramp[3].n == 300
+    assert ramp[6].tension[0] > 5 * ramp[3].tension[0]
+    assert ramp[6].bend > 5 * ramp[3].bend
+
+
+def test_a_profile_decides_how_the_bend_grows(ramp):
+    config = dataclasses.replace(WORM, profile="uniform.png")
+    even = [m for m in moments(config, step=150, hold_s=0.4) if m.is_last]
+    assert even[1].tension[0] == pytest.approx(0.5)
+    assert even[1].bend > 2 * ramp[3].bend
+    assert even[2].bend == pytest.approx(ramp[6].bend, rel=0.05)
+
+
+@pytest.mark.parametrize("settings", [{"step": 0}, {"hold_s": 0.0}, {"frame_s": -1.0}])
+def test_bad_settings(settings):
+    (name,) = settings
+    with pytest.raises(ValueError, match=name):
+        moments(**settings)
