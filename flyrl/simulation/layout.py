@@ -24,13 +24,21 @@ _C_TYPES: dict[str, Any] = {
     "uintptr_t": ctypes.c_void_p,
 }
 
-MODEL_FIELDS = ("opt", "nuserdata", "nnumericdata", "numeric_data", "geom_bodyid")
+MODEL_FIELDS = (
+    "opt",
+    "nuserdata",
+    "nnumericdata",
+    "numeric_data",
+    "geom_bodyid",
+    "actuator_gainprm",
+)
 DATA_POINTERS = (
     "ctrl",
     "userdata",
     "xpos",
     "xmat",
     "actuator_force",
+    "actuator_length",
     "actuator_velocity",
     "efc_force",
 )
@@ -136,7 +144,7 @@ def _check(found: Layout) -> None:
     ]
     pairs += [
         (model_read(name, ctypes.c_void_p), getattr(model, name).ctypes.data)
-        for name in ("numeric_data", "geom_bodyid")
+        for name in ("numeric_data", "geom_bodyid", "actuator_gainprm")
     ]
     pairs += [(data_read("time", ctypes.c_double), data.time)]
     pairs += [(data_read("ncon", ctypes.c_int), data.ncon)]
