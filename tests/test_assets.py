@@ -23,7 +23,7 @@ def by_position(values):
 def test_assets_hold_no_pickle():
     files = [path for path in ASSETS.rglob("*") if path.is_file()]
     assert {path.suffix for path in files} <= {
-        ".json", ".csv", ".npz", ".stl", ".md", ".safetensors", ""
+        ".json", ".csv", ".npz", ".stl", ".png", ".md", ".safetensors", ""
     }  # fmt: skip
     for path in files:
         if path.suffix == ".npz":

@@ -1,4 +1,4 @@
-"""The one way in which flyrl compiles its controllers' maths.
+"""The one way in which flyrl compiles its controllers' and muscles' maths.
 
 A kernel is a Numba function that works in place on float64 arrays, allocates nothing and raises
 nothing, so that the same code serves the Python classes and the native control callback. It copies
@@ -6,13 +6,13 @@ arrays in loops: `a[:] = b` brings a check of shapes, whose message takes second
 
 Numba caches a compiled function under a stamp of that function's own source file, so a kernel that
 calls kernels of other files would keep running their old code after they changed. Kernels are
-therefore stamped with all sources of this package.
+therefore stamped with all sources of the packages whose kernels other files call.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
 from numba.core.ccallback import CFunc
@@ -21,15 +21,23 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def _sources_digest() -> str:
+KERNEL_FOLDERS: Final = tuple(
+    Path(__file__).resolve().parents[1] / package for package in ("controllers", "muscles")
+)
+"""Packages whose kernels other files call."""
+
+
+def sources_digest(folders: Sequence[Path]) -> str:
+    """SHA-256 over the Python files that lie in some folders, in hexadecimal."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    for folder in folders:
+        for path in sorted(folder.glob("*.py")):
+            digest.update(f"{folder.name}/{path.name}\0".encode() + path.read_bytes())
     return digest.hexdigest()
 
 
-SOURCES_DIGEST = _sources_digest()
-"""SHA-256 over all Python files of `flyrl.controllers`; changes whenever a kernel may have."""
+SOURCES_DIGEST = sources_digest(KERNEL_FOLDERS)
+"""Of `KERNEL_FOLDERS`; changes whenever a kernel there may have."""
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,10 +1,12 @@
 """Compiled kernels are cached, and compiled anew when any kernel's source changed."""
 
 import importlib.util
+from pathlib import Path
 
 import pytest
 from numba import types
 
+import flyrl
 from flyrl.controllers import compilation
 
 SOURCE = """
@@ -55,3 +57,20 @@ def test_division_by_zero_raises_nothing():
         return 1.0 / x
 
     assert invert.ctypes(0.0) == float("inf")
+
+
+def test_the_stamp_covers_the_packages_whose_kernels_call_each_other():
+    root = Path(flyrl.__file__).parent
+    assert set(compilation.KERNEL_FOLDERS) == {root / "controllers", root / "muscles"}
+    assert compilation.sources_digest(compilation.KERNEL_FOLDERS) == compilation.SOURCES_DIGEST
+
+
+@pytest.mark.parametrize("folder", ["controllers", "muscles"])
+def test_the_stamp_changes_with_any_source(folder, tmp_path):
+    folders = [tmp_path / name for name in ("controllers", "muscles")]
+    for path in folders:
+        path.mkdir()
+        (path / "kernels.py").write_text("a = 1\n")
+    before = compilation.sources_digest(folders)
+    (tmp_path / folder / "kernels.py").write_text("a = 2\n")
+    assert compilation.sources_digest(folders) != before

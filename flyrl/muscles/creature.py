@@ -1,0 +1,338 @@
+"""Muscles of a creature: where a model says they sit, and what they do there.
+
+In a creature's MJCF or MjSpec a muscle is a site of a body "muscles", a child of the world that
+holds nothing else. Its profile and strength are custom data:
+
+    <custom>
+      <text name="Muscle1/profile" data="linear.png"/>
+      <numeric name="Muscle1/strength" data="1500"/>
+    </custom>
+    <worldbody>
+      <body name="muscles">
+        <site name="Muscle1" pos="0 0 1"/>
+      </body>
+      ...
+
+Without a strength it is 1. Units are mm, g, s: torques come out in µN mm. After cortex, Simulated
+Muscles, R. McIntyre (2012-14), where a muscle is a marker in the creature's model, too.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flyrl.muscles.kernels import activate
+from flyrl.muscles.muscle import Muscle, pack_muscles, whole_numbers
+from flyrl.muscles.pool import MotorPool
+from flyrl.resources import assets_folder
+from flyrl.validation import FloatArray, not_negative
+
+MUSCLES_BODY: Final = "muscles"
+"""Name of the body that muscles are sites of."""
+
+_TORQUE_ABOUT_Y: Final = (0.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""Gear of a muscle's actuator: forces along the site's axes, torques about them."""
+
+_PROBE_RADIUS: Final = 1e-6
+"""Of the sphere with which distances are measured, in the model's unit."""
+
+_TIE: Final = 1e-6
+"""Share of the model's extent by which one distance has to be smaller than another."""
+
+
+class AttachedMuscle(NamedTuple):
+    """A muscle of a creature.
+
+    Attributes
+    ----------
+    name : of the muscle, its site and its actuator.
+    muscle : its motor pool and strength.
+    body : name of the body on which it acts.
+    """
+
+    name: str
+    muscle: Muscle
+    body: str
+
+
+@dataclass(frozen=True, eq=False)
+class Creature:
+    """A creature with muscles, compiled, and its state.
+
+    Attributes
+    ----------
+    model, data
+        Of MuJoCo.
+    muscles
+        In the order of the sites in the model that it was made from.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    muscles: tuple[AttachedMuscle, ...]
+
+
+def load_creature(source: mujoco.MjSpec | Path | str, profiles: Path | None = None) -> Creature:
+    """Compile a creature with its muscles attached.
+
+    Parameters
+    ----------
+    source
+        Its model: a specification, which stays as it is, or the path of an MJCF file.
+    profiles
+        See `attach_muscles`.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If its muscles are not as the head of this module says, or the model does not compile.
+    """
+    if isinstance(source, mujoco.MjSpec):
+        spec = source.copy()
+    elif Path(source).is_file():
+        spec = mujoco.MjSpec.from_file(str(source))
+    else:
+        raise FileNotFoundError(f"creature {source}: there is no such file")
+    muscles = attach_muscles(spec, profiles)
+    model = spec.compile()
+    return Creature(model, mujoco.MjData(model), tuple(muscles))
+
+
+def movement(creature: Creature) -> Callable[[ArrayLike], FloatArray]:
+    """Return the function that moves a creature: whole numbers in, tensions out.
+
+    From cortex, Simulated Muscles, R. McIntyre. The function takes one whole number per muscle,
+    (M,), in the order of `creature.muscles`; recruits every motor neuron up to it, as `Muscle`
+    does; sets the muscles' actuators in `creature.data`, which act from the next step of the
+    physics on; and returns the tensions, (M,) within 0 and 1. It raises ValueError for anything
+    else than M whole numbers.
+    """
+    muscles = [attached.muscle for attached in creature.muscles]
+    packed = pack_muscles(muscles)
+    actuators = [creature.model.actuator(attached.name).id for attached in creature.muscles]
+
+    def move(n: ArrayLike) -> FloatArray:
+        index = whole_numbers("n", n)
+        if index.shape != (len(muscles),):
+            raise ValueError(
+                f"n must be one whole number per muscle, shape ({len(muscles)},), "
+                f"got shape {index.shape}"
+            )
+        tension, force = np.empty(len(muscles)), np.empty(len(muscles))
+        activate(*packed, index, tension, force)
+        creature.data.ctrl[actuators] = force
+        return tension
+
+    return move
+
+
+def attach_muscles(spec: mujoco.MjSpec, profiles: Path | None = None) -> list[AttachedMuscle]:
+    """Attach the muscles of a specification to the bodies on which they act, in place.
+
+    The site of each muscle moves to the body that is nearest to it, and keeps its place and
+    orientation in the world. There an actuator of the muscle's name, whose control is the muscle's
+    force, turns the body about the site's y axis: right-handed, µN mm. It is a torque from outside,
+    for which nothing else is turned the other way. The body "muscles" and the custom data about
+    muscles are no longer needed, and removed.
+
+    Nearest is the body from whose surface the site is the least way off in the model's initial
+    pose; inside a geom this way is negative. All geoms of a body count, in MuJoCo's sense: meshes
+    by their convex hulls, height fields not at all. The world does not count. Of bodies that are
+    equally near, the first in the model's order is taken.
+
+    Parameters
+    ----------
+    spec
+        Of a creature as the head of this module describes it. After an error it is as it was.
+    profiles
+        Folder in which profiles lie, that of the assets by default. No profile may lie elsewhere.
+
+    Returns
+    -------
+    The muscles, in the order of their sites.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a profile is missing in that folder.
+    ValueError
+        If the model does not compile, has no muscles, or anything else than sites in the body
+        "muscles"; if a muscle has no name or no profile, its profile is not one, its strength is
+        negative, or an actuator has its name already; or if there is no body for it.
+    """
+    folder = assets_folder() / "muscles" if profiles is None else Path(profiles)
+    sites = _muscle_sites(spec)
+    muscles = [_read_muscle(spec, site.name, folder) for site in sites]
+    model = _measuring_model(spec)
+    places = [_place(model, site.name) for site in sites]
+
+    bodies = list(spec.bodies)
+    attached = []
+    for site, muscle, place in zip(sites, muscles, places, strict=True):
+        name, body = site.name, bodies[place.body]
+        # What refers to the site does so by name. Deleted under its name, it would take that along.
+        site.name = ""
+        moved = body.add_site(
+            name=name,
+            pos=place.pos,
+            quat=place.quat,
+            type=site.type,
+            size=place.size,
+            group=site.group,
+            rgba=site.rgba,
+            material=site.material,
+            userdata=site.userdata,
+        )
+        # whatever the model's defaults say
+        moved.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        moved.fromto = np.full(6, np.nan)
+        actuator = spec.add_actuator(
+            name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_SITE, gear=_TORQUE_ABOUT_Y
+        )
+        actuator.set_to_motor()
+        actuator.ctrllimited = actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        attached.append(AttachedMuscle(name, muscle, body.name))
+    spec.delete(spec.body(MUSCLES_BODY))
+    for attachment in attached:
+        for data in (
+            spec.text(_profile(attachment.name)),
+            spec.numeric(_strength(attachment.name)),
+        ):
+            if data is not None:
+                spec.delete(data)
+    return attached
+
+
+# --------------------------------------------------------------------------- what the model says
+
+
+def _profile(muscle: str) -> str:
+    return f"{muscle}/profile"
+
+
+def _strength(muscle: str) -> str:
+    return f"{muscle}/strength"
+
+
+def _muscle_sites(spec: mujoco.MjSpec) -> list[mujoco.MjsSite]:
+    body = spec.body(MUSCLES_BODY)
+    if body is None or body.parent.name != "world":
+        raise ValueError(
+            f"a creature's muscles must be sites of a body {MUSCLES_BODY!r}, a child "
+            "of the world; this model has no such body"
+        )
+    for what in ("bodies", "joints", "geoms", "cameras", "lights"):
+        if getattr(body, what):
+            raise ValueError(f"body {MUSCLES_BODY!r} must hold nothing but sites, it has {what}")
+    sites = list(body.sites)
+    if not sites:
+        raise ValueError(f"body {MUSCLES_BODY!r} must hold a site per muscle, it has none")
+    actuators = {actuator.name for actuator in spec.actuators}
+    for i, site in enumerate(sites):
+        if not site.name:
+            raise ValueError(f"every muscle needs a name; site {i} of {MUSCLES_BODY!r} has none")
+        if site.name in actuators:
+            raise ValueError(f"muscle {site.name!r}: an actuator has that name already")
+    return sites
+
+
+def _read_muscle(spec: mujoco.MjSpec, name: str, folder: Path) -> Muscle:
+    text, numeric = spec.text(_profile(name)), spec.numeric(_strength(name))
+    if text is None:
+        raise ValueError(
+            f"muscle {name!r} has no profile: a custom text {_profile(name)!r} must name its image"
+        )
+    file = str(text.data)
+    # resolved, so that links lead nowhere else either
+    path = (folder / file).resolve()
+    if path == folder.resolve() or not path.is_relative_to(folder.resolve()):
+        raise ValueError(f"muscle {name!r}: its profile must be a file in {folder}, got {file!r}")
+    try:
+        pool = MotorPool.from_image(path)
+    except (FileNotFoundError, ValueError) as error:
+        raise type(error)(f"muscle {name!r}: {error}") from error
+    strength = 1.0 if numeric is None else _one_number(name, numeric)
+    return Muscle(pool, strength)
+
+
+def _one_number(name: str, numeric: mujoco.MjsNumeric) -> float:
+    data = np.array(numeric.data, dtype=np.float64)
+    if numeric.size != 1 or data.size > 1:
+        raise ValueError(
+            f"muscle {name!r}: {_strength(name)} must be one number, got {data.tolist()}"
+        )
+    return not_negative(f"muscle {name!r}: {_strength(name)}", float(data[0]))
+
+
+# --------------------------------------------------------------------------- the nearest body
+
+
+class _Place(NamedTuple):
+    """Where a muscle's site comes to stand: its body's id, pose in its frame, and its size."""
+
+    body: int
+    pos: FloatArray
+    quat: FloatArray
+    size: FloatArray
+
+
+class _Measured(NamedTuple):
+    """A model in its initial pose, to take measures of; its probe is a tiny sphere."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    probe: int
+
+
+def _measuring_model(spec: mujoco.MjSpec) -> _Measured:
+    """Compile a copy whose bodies have the order and frames of the specification."""
+    copy = spec.copy()
+    copy.compiler.fusestatic = False
+    copy.compiler.alignfree = False
+    for joint in copy.joints:
+        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE
+    probe = copy.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=(_PROBE_RADIUS, 0, 0), mass=0
+    )
+    model = copy.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return _Measured(model, data, probe.id)
+
+
+def _place(measured: _Measured, name: str) -> _Place:
+    model, data, _ = measured
+    site = model.site(name).id
+    body = _nearest_body(measured, data.site_xpos[site], name)
+    quats = np.empty((3, 4))
+    mujoco.mju_mat2Quat(quats[0], data.site_xmat[site])
+    mujoco.mju_negQuat(quats[1], data.xquat[body])
+    mujoco.mju_mulQuat(quats[2], quats[1], quats[0])
+    offset_w = data.site_xpos[site] - data.xpos[body]
+    pos = data.xmat[body].reshape(3, 3).T @ offset_w
+    return _Place(body, pos, quats[2], model.site_size[site])
+
+
+def _nearest_body(measured: _Measured, position_w: FloatArray, name: str) -> int:
+    model, data, probe = measured
+    data.geom_xpos[probe] = position_w
+    extent = float(model.stat.extent)
+    farthest = 1e6 * extent
+    nearest, least = 0, farthest
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if body == 0:
+            continue
+        distance = mujoco.mj_geomDistance(model, data, probe, geom, farthest, None)
+        if distance < least - _TIE * extent:
+            nearest, least = body, distance
+    if nearest == 0:
+        raise ValueError(f"muscle {name!r} has no body to act on: none but the world has geoms")
+    return nearest

@@ -1,0 +1,122 @@
+"""Muscles: force and tension, and the neurons that a tension takes."""
+
+import numpy as np
+import pytest
+
+from flyrl.muscles import MotorPool, Muscle, pack_muscles
+from flyrl.muscles.kernels import activate, recruited, tension_of
+
+POOL = MotorPool([1.0, 2.0, 3.0, 4.0])
+"""Of sum 10."""
+
+
+def random_pool(seed):
+    rng = np.random.default_rng(seed)
+    forces = rng.exponential(size=rng.integers(1, 300))
+    # some neurons have no force
+    forces[rng.random(forces.size) < 0.3] = 0.0
+    forces[rng.integers(forces.size)] = 1.0
+    return MotorPool(forces)
+
+
+@pytest.mark.parametrize(
+    ("n", "tension"), [(-5, 0.1), (0, 0.1), (1, 0.3), (2, 0.6), (3, 1.0), (4, 1.0), (10**6, 1.0)]
+)
+def test_neurons_up_to_n_add_their_shares(n, tension):
+    muscle = Muscle(POOL, 20.0)
+    assert muscle.tension(n) == pytest.approx(tension, rel=1e-15)
+    assert muscle.force(n) == pytest.approx(20 * tension, rel=1e-15)
+
+
+def test_a_first_neuron_without_force_lets_a_muscle_rest():
+    assert Muscle(MotorPool([0, 1])).force(0) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_tension_grows_within_0_and_1_and_full_recruitment_gives_strength(seed):
+    strength = np.random.default_rng(seed).uniform(0, 1e4)
+    muscle = Muscle(random_pool(seed), strength)
+    n = np.arange(-2, len(muscle.pool) + 2)
+    tension = muscle.tension(n)
+    assert (np.diff(tension) >= 0).all()
+    assert tension.min() >= 0
+    assert tension.max() == 1.0
+    assert muscle.force(len(muscle.pool) - 1) == strength
+    np.testing.assert_array_equal(muscle.force(n), strength * tension)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_recruit_is_the_smallest_n_that_reaches_a_tension(seed):
+    muscle = Muscle(random_pool(seed))
+    rng = np.random.default_rng(seed)
+    wanted = np.concatenate([rng.random(50), muscle.pool.recruitment, [0.0, 1.0]])
+    for tension, n in zip(wanted, muscle.recruit(wanted), strict=True):
+        assert muscle.tension(n) >= tension
+        assert n == 0 or muscle.tension(n - 1) < tension
+
+
+def test_recruit_by_hand():
+    muscle = Muscle(MotorPool([1, 2, 3, 4, 0]), strength=7.0)
+    assert [muscle.recruit(t) for t in (0.05, 0.2, 0.5, 0.9, 1.0)] == [0, 1, 2, 3, 3]
+    assert [muscle.recruit(t) for t in (-1.0, -np.inf, 1.5, np.inf)] == [0, 0, 3, 3]
+
+
+def test_arrays_keep_their_shape():
+    muscle = Muscle(POOL, 2.0)
+    n = np.array([[0, 1, 2], [3, 9, -9]], dtype=np.int16)
+    expected = [[0.1, 0.3, 0.6], [1.0, 1.0, 0.1]]
+    np.testing.assert_allclose(muscle.tension(n), expected)
+    np.testing.assert_allclose(muscle.force(n.T), 2 * np.transpose(expected))
+    np.testing.assert_array_equal(muscle.recruit(expected), [[0, 1, 2], [3, 3, 0]])
+    assert isinstance(muscle.tension(np.int64(2)), float)
+    assert isinstance(muscle.recruit(0.5), int)
+
+
+def test_unsigned_numbers_do_not_wrap():
+    assert Muscle(POOL).tension(np.uint64(2**64 - 1)) == 1.0
+
+
+@pytest.mark.parametrize("n", [1.0, "2", None, True, [1.5], [[1], [2, 3]], 10**30])
+def test_whole_numbers_are_asked_for(n):
+    for call in (Muscle(POOL).tension, Muscle(POOL).force):
+        with pytest.raises(ValueError, match="n must be whole numbers"):
+            call(n)
+
+
+@pytest.mark.parametrize("tension", [np.nan, "much", None, [0.1, np.nan]])
+def test_bad_tensions(tension):
+    with pytest.raises(ValueError, match="tension must be numbers"):
+        Muscle(POOL).recruit(tension)
+
+
+@pytest.mark.parametrize("strength", [-1.0, np.nan, np.inf, "3"])
+def test_bad_strengths(strength):
+    with pytest.raises(ValueError, match="strength must be a finite number of at least 0, got"):
+        Muscle(POOL, strength)
+
+
+def test_without_strength_tension_stays_a_share():
+    muscle = Muscle(POOL, 0)
+    assert (muscle.force(1), muscle.tension(1)) == (0.0, pytest.approx(0.3))
+
+
+def test_kernels_and_class_are_the_same():
+    muscles = [Muscle(random_pool(seed), seed + 0.5) for seed in range(8)]
+    rng = np.random.default_rng(0)
+    packed = pack_muscles(muscles)
+    assert packed.starts[-1] == sum(len(muscle.pool) for muscle in muscles)
+    for _ in range(20):
+        n = rng.integers(-5, 305, len(muscles))
+        tension, force = np.empty(len(muscles)), np.empty(len(muscles))
+        activate(*packed, n, tension, force)
+        pairs = list(zip(muscles, n, strict=True))
+        assert tension.tolist() == [muscle.tension(i) for muscle, i in pairs]
+        assert force.tolist() == [muscle.force(i) for muscle, i in pairs]
+    table = muscles[3].pool.recruitment
+    for n in range(-3, len(table) + 3):
+        assert tension_of(table, n) == muscles[3].tension(n)
+        assert recruited(table, tension_of(table, n)) == muscles[3].recruit(muscles[3].tension(n))
+
+
+def test_what_is_no_number_recruits_the_first_neuron():
+    assert recruited(POOL.recruitment, np.nan) == 0
