@@ -98,8 +98,7 @@ def pack_model_data(
 ) -> np.ndarray:
     """Concatenate what a model carries for the callback into one float64 array.
 
-    Of muscles, that is the strengths (84,), then the recruitment table of the pool that they share;
-    of a body without, nothing.
+    The last is what `muscles.pack_muscles` gives.
     """
     return np.concatenate(
         [
@@ -176,14 +175,12 @@ def _control_callback(found: Layout) -> Any:
     positions_at = found.data["xpos"]
     rotations_at = found.data["xmat"]
     engine_bytes = ENGINE.itemsize
-    gains_at = found.model["actuator_gainprm"]
     angles_at = found.data["actuator_length"]
     header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
     state_bytes = STATE.itemsize
     queue_bytes = 8 * USERDATA_SIZE
     place_size = PLACE_SIZE
     spline_bytes = 8 * NUM_LEGS * 7 * 4
-    gain_size = int(mujoco.mjNGAIN)
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
@@ -221,10 +218,11 @@ def _control_callback(found: Layout) -> Any:
         ctrl = carray(_as_float64(_int64(data + ctrl_at)), (NUM_SERVOS + NUM_LEGS,))
         if engine.num_neurons != 0.0:
             muscles = address + header_bytes + spline_bytes * int(engine.num_intervals)
+            strengths = muscles + 8 * NUM_SERVOS
             move_by_muscles(
-                carray(_as_float64(muscles), (NUM_SERVOS, 2)),
-                carray(_as_float64(muscles + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
-                carray(_as_float64(_int64(model + gains_at)), (NUM_SERVOS, gain_size)),
+                carray(_as_float64(muscles), (NUM_SERVOS,)),
+                carray(_as_float64(strengths), (NUM_SERVOS, 2)),
+                carray(_as_float64(strengths + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
                 carray(_as_float64(_int64(data + angles_at)), (NUM_SERVOS,)),
                 state.targets,
                 carray(_as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_SERVOS, 2)),

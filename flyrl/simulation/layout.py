@@ -24,14 +24,7 @@ _C_TYPES: dict[str, Any] = {
     "uintptr_t": ctypes.c_void_p,
 }
 
-MODEL_FIELDS = (
-    "opt",
-    "nuserdata",
-    "nnumericdata",
-    "numeric_data",
-    "geom_bodyid",
-    "actuator_gainprm",
-)
+MODEL_FIELDS = ("opt", "nuserdata", "nnumericdata", "numeric_data", "geom_bodyid")
 DATA_POINTERS = (
     "ctrl",
     "userdata",
@@ -144,7 +137,7 @@ def _check(found: Layout) -> None:
     ]
     pairs += [
         (model_read(name, ctypes.c_void_p), getattr(model, name).ctypes.data)
-        for name in ("numeric_data", "geom_bodyid", "actuator_gainprm")
+        for name in ("numeric_data", "geom_bodyid")
     ]
     pairs += [(data_read("time", ctypes.c_double), data.time)]
     pairs += [(data_read("ncon", ctypes.c_int), data.ncon)]

@@ -15,6 +15,8 @@ from flyrl.controllers.steps import StepsName
 from flyrl.simulation.callback import (
     ENGINE,
     MAGIC,
+    NUM_MUSCLES,
+    NUM_SERVOS,
     gait_log_at,
     pack_model_data,
     tensions_at,
@@ -144,7 +146,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     engine["gait_places"] = config.gait_places
     engine["steps_per_gait_sample"] = config.steps_per_gait_sample
     muscles = pack_muscles(config.body)
-    engine["num_neurons"] = max(0, muscles.size - NUM_MUSCLES)
+    engine["num_neurons"] = max(0, muscles.size - NUM_SERVOS - NUM_MUSCLES)
     model_data = pack_model_data(engine, parameters, coefficients, muscles)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
     model = spec.compile()
