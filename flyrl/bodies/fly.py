@@ -6,8 +6,9 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import mujoco
 import numpy as np
@@ -27,7 +28,7 @@ from flyrl.bodies.table import (
     pose_degrees,
 )
 from flyrl.resources import assets_folder
-from flyrl.validation import one_of, within
+from flyrl.validation import not_negative, one_of, within
 
 ROOT_BODY: Final = "Thorax"
 ROOT_JOINT: Final = "root"
@@ -99,6 +100,32 @@ _COLOURS: Final[dict[str, Colour]] = {
 
 
 @dataclass(frozen=True)
+class LegMuscles:
+    """Muscles that move the legs: at each of the 42 joints a pair, one muscle for either way.
+
+    Attributes
+    ----------
+    profile : motor pool of every muscle, the name of an image in assets/muscles.
+    order : whether its neurons are recruited as in the image or, "reversed", the last one first.
+    strength : torque of a muscle with all neurons active, µN·mm.
+    left, right : factors on the strength of the muscles of a side.
+    """
+
+    profile: str = "human"
+    order: Literal["profile", "reversed"] = "profile"
+    strength: float = 15.0
+    left: float = 1.0
+    right: float = 1.0
+
+    def __post_init__(self) -> None:
+        known = sorted(path.stem for path in (assets_folder() / "muscles").glob("*.png"))
+        one_of("muscles.profile", self.profile, known)
+        one_of("muscles.order", self.order, ("profile", "reversed"))
+        for name in ("strength", "left", "right"):
+            not_negative(f"muscles.{name}", getattr(self, name))
+
+
+@dataclass(frozen=True)
 class FlyConfig:
     """Which fly.
 
@@ -116,6 +143,7 @@ class FlyConfig:
     fixed_joints : joints that cannot move, each a name in anatomy.JOINTS and its angle, rad.
     senses_contact : False silences the legs' sense of contact, of which stumbling and the
         observed contacts and forces come.
+    muscles : what moves the legs' joints instead of servos; None for servos.
     """
 
     name: BodyName = "current"
@@ -125,6 +153,7 @@ class FlyConfig:
     missing_legs: tuple[Leg, ...] = ()
     fixed_joints: tuple[tuple[str, float], ...] = ()
     senses_contact: bool = True
+    muscles: LegMuscles | None = None
 
     def __post_init__(self) -> None:
         if self.name not in BODY_NAMES:
@@ -140,6 +169,14 @@ class FlyConfig:
             within(f"fixed_joints: angle of {joint}", angle, -math.pi, math.pi)
 
 
+FLIES: Final[Mapping[str, FlyConfig]] = {
+    "current": FlyConfig(),
+    "classic": FlyConfig(name="classic"),
+    "fly_muscles": FlyConfig(muscles=LegMuscles()),
+}
+"""Flies by name, as in configs/body."""
+
+
 def build_fly(
     config: FlyConfig | None = None,
     contact: ContactConfig | None = None,
@@ -148,7 +185,8 @@ def build_fly(
     """Specification of a fly that floats freely, with its actuators.
 
     Actuators, in order: 42 position servos `actuator_{joint}` as anatomy.JOINTS, whose control is
-    an angle in rad; then 6 adhesions `adhesion_{leg}` as anatomy.LEGS, whose control is 0 to 1.
+    an angle in rad, or with muscles motors, whose control is a torque in µN·mm; then 6 adhesions
+    `adhesion_{leg}` as anatomy.LEGS, whose control is 0 to 1.
 
     Only leg segments can touch something, and only the ground (planes with contype `PLANES`, boxes
     with contype `BOXES`, conaffinity 0): the published models let the legs, and nothing else of the
@@ -183,7 +221,7 @@ def build_fly(
             _add_collision(spec, body, shape, contact)
         if visual and row.mesh is not None:
             _add_mesh(spec, body, row)
-    _add_actuators(spec, table, config.adhesion_gain)
+    _add_actuators(spec, table, config)
     _fix_joints(spec, config)
     _add_cameras(spec)
     _add_light(spec)
@@ -316,12 +354,15 @@ def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:
     )
 
 
-def _add_actuators(spec: mujoco.MjSpec, table: BodyTable, adhesion_gain: float) -> None:
-    for joint in JOINTS:
+def _add_actuators(spec: mujoco.MjSpec, table: BodyTable, config: FlyConfig) -> None:
+    for joint, stiffness in zip(JOINTS, servo_stiffness(config), strict=True):
         servo = spec.add_actuator(
             name=f"actuator_{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )
-        servo.set_to_position(kp=table.kp)
+        if config.muscles is not None:
+            servo.set_to_motor()
+            continue
+        servo.set_to_position(kp=stiffness)
         if table.force_range is not None:
             servo.forcelimited = True
             servo.forcerange = table.force_range
@@ -329,15 +370,23 @@ def _add_actuators(spec: mujoco.MjSpec, table: BodyTable, adhesion_gain: float) 
         grip = spec.add_actuator(
             name=f"adhesion_{leg}", target=tip, trntype=mujoco.mjtTrn.mjTRN_BODY
         )
-        grip.set_to_adhesion(gain=adhesion_gain)
+        grip.set_to_adhesion(gain=config.adhesion_gain)
         grip.ctrllimited = True
         grip.ctrlrange = (0.0, 1.0)
 
 
+def servo_stiffness(config: FlyConfig) -> NDArray[np.float64]:
+    """Stiffness of the servos, or of those that muscles stand in for, µN·mm/rad, (42,).
+
+    Those of joints that cannot move, which could do nothing, are still.
+    """
+    fixed = {joint for joint, _ in config.fixed_joints}
+    return np.array([0.0 if joint in fixed else _table(config).kp for joint in JOINTS])
+
+
 def _fix_joints(spec: mujoco.MjSpec, config: FlyConfig) -> None:
-    """Hold joints at their angles; their servos, which could do nothing, are still."""
+    """Hold joints at their angles."""
     for joint, angle in config.fixed_joints:
-        spec.actuator(f"actuator_{joint}").set_to_position(kp=0.0)
         data = np.zeros(mujoco.mjNEQDATA)
         data[0] = angle
         spec.add_equality(

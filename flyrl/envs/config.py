@@ -7,8 +7,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.bodies.fly import FlyConfig
-from flyrl.bodies.table import BodyName
+from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.controllers.leg_controller import ControllerConfig, ControllerName
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
@@ -29,9 +28,9 @@ class EnvConfig:
     task
         A name in `flyrl.tasks.TASKS`, or a task of your own.
     body, terrain, controller
-        Configs, or the name that picks one with default settings (of a terrain: one in
-        `flyrl.terrains.TERRAINS`). With None, the controller is the hybrid one whose recorded
-        step goes with the body.
+        Configs, or the name that picks one: a body in `flyrl.bodies.fly.FLIES`, a terrain in
+        `flyrl.terrains.TERRAINS`, a controller with default settings. With None, the controller is
+        the hybrid one whose recorded step goes with the body.
     physics
         Settings, or the name of a preset.
     decision_interval
@@ -61,9 +60,9 @@ class EnvConfig:
         task = self.task
         if isinstance(task, str):
             task = TASKS[one_of("task", task, TASKS)]
-        body = (
-            FlyConfig(name=cast(BodyName, self.body)) if isinstance(self.body, str) else self.body
-        )
+        body = self.body
+        if isinstance(body, str):
+            body = FLIES[one_of("body", body, FLIES)]
         terrain = self.terrain
         if isinstance(terrain, str):
             terrain = TERRAINS[one_of("terrain", terrain, TERRAINS)]

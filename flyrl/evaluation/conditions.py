@@ -77,6 +77,19 @@ def _body(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
     return change
 
 
+def _muscles(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
+    def change(env: EnvConfig, value: Any) -> EnvConfig:
+        body = env.scene.body
+        if body.muscles is None:
+            raise ValueError(
+                f"vary.{name}_muscles is for a body with muscles (body=fly_muscles); this one has "
+                "servos"
+            )
+        return replace(env, body=replace(body, muscles=replace(body.muscles, **{name: value})))
+
+    return change
+
+
 def _pushed(episode: Episode, value: Any) -> Episode:
     """One push, to the left in every other episode."""
     side = 1.0 if episode.seed % 2 else -1.0
@@ -96,6 +109,8 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
     "stumbling": Quantity("factor on the stumbling reflex", 1.0, _reflex("stumbling")),
     "missing_legs": Quantity("legs that are cut off", (), _body("missing_legs")),
     "fixed_joints": Quantity("joints that cannot move, rad", (), _body("fixed_joints")),
+    "left_muscles": Quantity("factor on the left legs' muscles", 1.0, _muscles("left")),
+    "right_muscles": Quantity("factor on the right legs' muscles", 1.0, _muscles("right")),
     "senses_contact": Quantity("whether legs feel contact", True, _body("senses_contact")),
 }
 """What can be varied, by name."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from flyrl.bodies.fly import FlyConfig
-from flyrl.bodies.table import BodyName
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.conditions import Condition
@@ -97,7 +96,7 @@ class EvaluationConfig:
     terrains: tuple[str | TerrainConfig, ...] = ("flat",)
     episodes: int = 50
     seed: int = 0
-    body: BodyName | FlyConfig = "current"
+    body: str | FlyConfig = "current"
     physics: str | PhysicsConfig = "balanced"
     randomisation: str | RandomisationConfig = "none"
     vary: Mapping[str, Sequence[Any]] = field(default_factory=dict)

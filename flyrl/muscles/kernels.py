@@ -72,3 +72,71 @@ def activate(
     for i in range(len(strengths)):
         tension[i] = tension_of(recruitment[starts[i] : starts[i + 1]], n[i])
         force[i] = strengths[i] * tension[i]
+
+
+@kernel
+def pull(
+    recruitment: FloatArray, strengths: FloatArray, torque: float, tension: FloatArray
+) -> float:
+    """Torque of an antagonist pair that is asked for some: as near to it as neurons come.
+
+    One muscle turns the joint to positive angles, the other back. The one that is asked for
+    recruits against the other, which rests: there, as always, the first neuron is active.
+
+    Parameters
+    ----------
+    recruitment
+        Table of the pool that both have.
+    strengths
+        Torques with all neurons active, (2,).
+    torque
+        What is asked for.
+    tension
+        Of both muscles, written, (2,).
+    """
+    agonist = 0 if torque >= 0.0 else 1
+    antagonist = 1 - agonist
+    resting = recruitment[0]
+    wanted = (abs(torque) + strengths[antagonist] * resting) / strengths[agonist]
+    n = recruited(recruitment, wanted)
+    if n > 0 and wanted - recruitment[n - 1] < recruitment[n] - wanted:
+        n -= 1
+    tension[agonist] = recruitment[n]
+    tension[antagonist] = resting
+    pulled: float = strengths[0] * tension[0] - strengths[1] * tension[1]
+    return pulled
+
+
+@kernel
+def move_by_muscles(
+    stiffness: FloatArray,
+    strengths: FloatArray,
+    recruitment: FloatArray,
+    angles: FloatArray,
+    targets: FloatArray,
+    tension: FloatArray,
+    torque: FloatArray,
+) -> None:
+    """Let antagonist pairs do what J servos would: the inverse map from torque to recruitment.
+
+    A servo would exert the torque stiffness * (target - angle). Its pair comes as near to that as
+    it can, see `pull`.
+
+    Parameters
+    ----------
+    stiffness
+        Of the servos, µN mm / rad, (J,).
+    strengths
+        Of each joint's two muscles, µN mm, (J, 2).
+    recruitment
+        Table of the pool that all muscles have, (N,).
+    angles, targets
+        Where the joints are and where the servos would lead them, rad, (J,) each.
+    tension
+        Written, (J, 2).
+    torque
+        On the joints, µN mm, written, (J or more,).
+    """
+    for i in range(len(stiffness)):
+        wanted = stiffness[i] * (targets[i] - angles[i])
+        torque[i] = pull(recruitment, strengths[i], wanted, tension[i])

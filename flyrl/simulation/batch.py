@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 from flyrl.bodies.fly import spawn_offset, start_pose
 from flyrl.controllers.gait_log import GAIT_LOG
 from flyrl.controllers.leg_controller import STATE
-from flyrl.simulation.callback import GAIT_LOG_SIZE, STATE_SIZE, gait_log_at, install
+from flyrl.simulation.callback import (
+    GAIT_LOG_SIZE,
+    NUM_MUSCLES,
+    STATE_SIZE,
+    gait_log_at,
+    install,
+    tensions_at,
+)
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, LegStates
@@ -64,10 +71,13 @@ class FlyBatch:
         self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
         self.gait_logs: NDArray[np.void] | None = None
         if scene.config.gait_places:
-            start = gait_log_at(scene.config.queue_places)
+            start = gait_log_at(scene.config.queue_places, scene.config.body.muscles is not None)
             end = start + GAIT_LOG_SIZE
             self.gait_logs = self._userdata[:, start:end].view(GAIT_LOG)[:, 0]
             self._gait_samples = self._userdata[:, end : end + scene.config.gait_places]
+        start = tensions_at(scene.config.queue_places)
+        places = NUM_MUSCLES if scene.config.body.muscles else 0
+        self._tensions = self._userdata[:, start : start + places]
         self._ground: slice | None = None
         if scene.config.terrain.random:
             first = scene.model.geom("ground_0").id
@@ -242,6 +252,7 @@ class FlyBatch:
             retraction=controllers["retraction"].copy(),
             stumbling=controllers["stumbling"].copy(),
             adhesion=controllers["adhesion"].copy(),
+            muscle_tensions=self._tensions.copy(),
             is_unstable=self._is_unstable.copy(),
         )
 

@@ -27,6 +27,7 @@ from flyrl.controllers.compilation import kernel, native_callback
 from flyrl.controllers.gait_log import GAIT_LOG, log_gait
 from flyrl.controllers.latency import PLACE_SIZE, advance_drive
 from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
+from flyrl.muscles.kernels import move_by_muscles
 from flyrl.simulation.layout import Layout, layout
 
 MAGIC = 20_261_121.0
@@ -35,6 +36,7 @@ MAGIC = 20_261_121.0
 NUM_LEGS = 6
 NUM_SENSED_SEGMENTS = 6
 NUM_SERVOS = 42
+NUM_MUSCLES = 2 * NUM_SERVOS
 
 ENGINE = np.dtype(
     [
@@ -42,7 +44,10 @@ ENGINE = np.dtype(
         ("is_elliptic", "f8"),
         ("thorax_body", "f8"),
         ("num_intervals", "f8"),
+        ("num_neurons", "f8"),
         ("queue_places", "f8"),
+        ("tensions_at", "f8"),
+        ("gait_log_at", "f8"),
         ("gait_places", "f8"),
         ("steps_per_gait_sample", "f8"),
         ("senses_contact", "f8"),
@@ -73,23 +78,35 @@ USERDATA_SIZE = STATE_SIZE + SCRATCH.itemsize // 8
 """Without the queue of drives on their way and the log of the gait, which come last."""
 
 
-def userdata_size(queue_places: int, gait_places: int = 0) -> int:
+def userdata_size(queue_places: int, gait_places: int = 0, has_muscles: bool = False) -> int:
     """How many numbers a simulation carries for the callback; without places, there is no log."""
-    return gait_log_at(queue_places) + (GAIT_LOG_SIZE + gait_places if gait_places else 0)
+    end = gait_log_at(queue_places, has_muscles)
+    return end + (GAIT_LOG_SIZE + gait_places if gait_places else 0)
 
 
-def gait_log_at(queue_places: int) -> int:
-    """Where in the userdata the log of the gait is; its samples follow it."""
+def tensions_at(queue_places: int) -> int:
+    """Where in the userdata the muscles' tensions are, if the body has muscles."""
     return USERDATA_SIZE + PLACE_SIZE * queue_places
 
 
-def pack_model_data(engine: np.void, parameters: np.void, coefficients: np.ndarray) -> np.ndarray:
-    """Concatenate what a model carries for the callback into one float64 array."""
+def gait_log_at(queue_places: int, has_muscles: bool = False) -> int:
+    """Where in the userdata the log of the gait is; its samples follow it."""
+    return tensions_at(queue_places) + (NUM_MUSCLES if has_muscles else 0)
+
+
+def pack_model_data(
+    engine: np.void, parameters: np.void, coefficients: np.ndarray, muscles: np.ndarray
+) -> np.ndarray:
+    """Concatenate what a model carries for the callback into one float64 array.
+
+    The last is what `muscles.pack_muscles` gives.
+    """
     return np.concatenate(
         [
             np.frombuffer(engine.tobytes()),
             np.frombuffer(parameters.tobytes()),
             np.ascontiguousarray(coefficients, dtype=np.float64).ravel(),
+            muscles,
         ]
     )
 
@@ -159,10 +176,12 @@ def _control_callback(found: Layout) -> Any:
     positions_at = found.data["xpos"]
     rotations_at = found.data["xmat"]
     engine_bytes = ENGINE.itemsize
+    angles_at = found.data["actuator_length"]
     header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
     state_bytes = STATE.itemsize
     queue_bytes = 8 * USERDATA_SIZE
     place_size = PLACE_SIZE
+    spline_bytes = 8 * NUM_LEGS * 7 * 4
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
@@ -198,8 +217,21 @@ def _control_callback(found: Layout) -> Any:
                 parameters, coefficients, state, thorax_z, scratch.end_effector_z, scratch.heading
             )
         ctrl = carray(_as_float64(_int64(data + ctrl_at)), (NUM_SERVOS + NUM_LEGS,))
-        for servo in range(NUM_SERVOS):
-            ctrl[servo] = state.targets[servo]
+        if engine.num_neurons != 0.0:
+            muscles = address + header_bytes + spline_bytes * int(engine.num_intervals)
+            strengths = muscles + 8 * NUM_SERVOS
+            move_by_muscles(
+                carray(_as_float64(muscles), (NUM_SERVOS,)),
+                carray(_as_float64(strengths), (NUM_SERVOS, 2)),
+                carray(_as_float64(strengths + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
+                carray(_as_float64(_int64(data + angles_at)), (NUM_SERVOS,)),
+                state.targets,
+                carray(_as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_SERVOS, 2)),
+                ctrl,
+            )
+        else:
+            for servo in range(NUM_SERVOS):
+                ctrl[servo] = state.targets[servo]
         for leg in range(NUM_LEGS):
             ctrl[NUM_SERVOS + leg] = state.adhesion[leg]
 
@@ -293,8 +325,6 @@ def _sensor_callback(found: Layout) -> Any:
     acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
     engine_bytes = ENGINE.itemsize
     state_bytes = STATE.itemsize
-    queue_bytes = 8 * USERDATA_SIZE
-    place_bytes = 8 * PLACE_SIZE
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
@@ -333,7 +363,7 @@ def _sensor_callback(found: Layout) -> Any:
                 carray(_as_parameters(address + engine_bytes), (1,))[0],
                 state,
                 carray(_as_scratch(userdata + state_bytes), (1,))[0],
-                userdata + queue_bytes + place_bytes * int(engine.queue_places),
+                userdata + 8 * int(engine.gait_log_at),
                 carray(_as_float64(data + time_at), (1,))[0],
                 _int64(data + positions_at),
                 carray(_as_float64(_int64(data + torques_at)), (NUM_SERVOS,)),

@@ -31,6 +31,7 @@ DATA_POINTERS = (
     "xpos",
     "xmat",
     "actuator_force",
+    "actuator_length",
     "actuator_velocity",
     "efc_force",
 )

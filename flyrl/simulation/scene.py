@@ -12,7 +12,17 @@ from flyrl.bodies.table import BodyName
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
 from flyrl.controllers.steps import StepsName
-from flyrl.simulation.callback import ENGINE, MAGIC, pack_model_data, userdata_size
+from flyrl.simulation.callback import (
+    ENGINE,
+    MAGIC,
+    NUM_MUSCLES,
+    NUM_SERVOS,
+    gait_log_at,
+    pack_model_data,
+    tensions_at,
+    userdata_size,
+)
+from flyrl.simulation.muscles import pack_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.terrains import TerrainConfig, add_terrain
@@ -112,7 +122,8 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     pair_with_planes(spec, config.physics.contact.plane_friction_across)
     apply_physics(spec, config.physics)
     spec.compiler.fusestatic = True
-    spec.nuserdata = userdata_size(config.queue_places, config.gait_places)
+    has_muscles = config.body.muscles is not None
+    spec.nuserdata = userdata_size(config.queue_places, config.gait_places, has_muscles)
     # a user sensor makes MuJoCo call the sensor callback
     spec.add_sensor(
         name="contact_forces",
@@ -128,11 +139,15 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
     engine["num_intervals"] = coefficients.shape[1]
     engine["queue_places"] = config.queue_places
+    engine["tensions_at"] = tensions_at(config.queue_places)
+    engine["gait_log_at"] = gait_log_at(config.queue_places, has_muscles)
     engine["senses_contact"] = config.body.senses_contact
     engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
     engine["gait_places"] = config.gait_places
     engine["steps_per_gait_sample"] = config.steps_per_gait_sample
-    model_data = pack_model_data(engine, parameters, coefficients)
+    muscles = pack_muscles(config.body)
+    engine["num_neurons"] = max(0, muscles.size - NUM_SERVOS - NUM_MUSCLES)
+    model_data = pack_model_data(engine, parameters, coefficients, muscles)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
     model = spec.compile()
     joints = [model.joint(name) for name in JOINTS]

@@ -39,6 +39,9 @@ class FlyState:
         Correction amounts of the two reflexes, (n, 6).
     adhesion
         1 while a leg grips, else 0, (n, 6).
+    muscle_tensions
+        Of the legs' muscles, from 0 to 1: at each joint, ordered as anatomy.JOINTS, of the one that
+        turns it to positive angles, then of the other, (n, 84); (n, 0) of a fly without muscles.
     is_unstable
         Whether the simulation blew up since its reset, (n,).
     """
@@ -59,6 +62,7 @@ class FlyState:
     retraction: Array
     stumbling: Array
     adhesion: Array
+    muscle_tensions: Array
     is_unstable: NDArray[np.bool_]
 
     @property

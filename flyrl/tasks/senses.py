@@ -9,6 +9,13 @@ from typing import Final
 from flyrl.tasks import terms
 from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm
 
+MUSCLE_TENSIONS: Final = ObservationTerm(
+    "muscle_tensions", (84,), 0.0, 1.0, terms.muscle_tensions,
+    "share of their strength that the legs' muscles exert", spread=0.1,
+)  # fmt: skip
+"""Not among the senses below, since most flies have servos; add it to a task of a fly with muscles:
+task.terms=[flyrl.tasks.senses:MUSCLE_TENSIONS]."""
+
 SENSES: Final = (
     ObservationTerm(
         "velocity", (2,), -5.0, 5.0, terms.velocity_b,

@@ -217,6 +217,11 @@ def reflexes(state: TaskState) -> Array:
     return np.concatenate([state.fly.retraction, state.fly.stumbling], axis=1) / CORRECTION_CAP
 
 
+def muscle_tensions(state: TaskState) -> Array:
+    """Tension of the legs' muscles, 0 to 1, (n, 84)."""
+    return state.fly.muscle_tensions
+
+
 def joints(state: TaskState) -> Array:
     """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
     fly = state.fly

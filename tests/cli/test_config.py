@@ -5,7 +5,7 @@ import yaml
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
-from flyrl.bodies.fly import FlyConfig
+from flyrl.bodies.fly import FLIES
 from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import (
     evaluation_config,
@@ -60,13 +60,13 @@ def test_randomisations(name):
 
 @pytest.mark.parametrize("terrain", TERRAINS)
 @pytest.mark.parametrize("controller", ["cpg", "rule_based", "hybrid"])
-@pytest.mark.parametrize("body", ["current", "classic"])
+@pytest.mark.parametrize("body", FLIES)
 def test_bodies_controllers_and_terrains(body, controller, terrain):
     config = training_config(
         _composed(f"body={body}", f"controller={controller}", f"terrain={terrain}")
     )
     assert config.env.scene == EnvConfig(body=body, controller=controller, terrain=terrain).scene
-    assert config.env.scene.body == FlyConfig(name=body)
+    assert config.env.scene.body == FLIES[body]
 
 
 @pytest.mark.parametrize("name", sorted(_names("task")))
@@ -137,7 +137,7 @@ def test_every_file_is_tested_above():
     assert _names("terrain") == set(TERRAINS)
     assert _names("controller") == {"cpg", "rule_based", "hybrid"}
     assert _names("launcher") == set(EXTRAS)
-    assert _names("body") == {"current", "classic"}
+    assert _names("body") == set(FLIES)
     assert _names("task") == set(TASKS) - {"hybrid_turning"}
 
 

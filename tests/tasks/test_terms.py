@@ -28,6 +28,7 @@ def fly_state(n: int = 1, **changes: object) -> FlyState:
         "retraction": (n, 6),
         "stumbling": (n, 6),
         "adhesion": (n, 6),
+        "muscle_tensions": (n, 84),
     }
     state = FlyState(
         **{name: np.zeros(shape) for name, shape in zeros.items()},

@@ -1,0 +1,131 @@
+"""A fly on muscles, against the same fly on servos."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flyrl.bodies.fly import FLIES, FlyConfig, LegMuscles
+from flyrl.cli.terms import load_terms
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.evaluation.conditions import Condition
+from flyrl.tasks import TASKS, extended
+
+LIMP = FlyConfig(muscles=LegMuscles(strength=0.0))
+
+
+def walked(body, drive=1.0, num_flies=4, decisions=25, **config):
+    env = BatchedEnv(EnvConfig(task="traverse", body=body, **config), num_flies, num_threads=1)
+    env.reset(seeds=range(num_flies))
+    action = np.tile(env.task.action(np.full(2, drive)), (num_flies, 1))
+    for _ in range(decisions):
+        env.step(action)
+    return env.fly_state
+
+
+def test_torques_are_those_of_the_tensions():
+    state = walked("fly_muscles", num_flies=2, decisions=3)
+    pairs = state.muscle_tensions.reshape(2, 42, 2)
+    strength = FLIES["fly_muscles"].muscles.strength
+    assert (pairs > 0).any(axis=2).all()
+    np.testing.assert_allclose(
+        state.actuator_torques, strength * (pairs[..., 0] - pairs[..., 1]), atol=1e-9
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["cpg", "rule_based", "hybrid"])
+def test_a_fly_on_muscles_walks_as_fast_as_on_servos(controller):
+    forward = {
+        name: np.median(walked(name, controller=controller).position_w[:, 0])
+        for name in ("current", "fly_muscles")
+    }
+    # the rules know no drive: their fly stays where its muscles have no strength
+    at_rest = (LIMP, 1.0) if controller == "rule_based" else ("fly_muscles", 0.0)
+    still = np.median(walked(*at_rest, controller=controller).position_w[:, 0])
+    assert forward["fly_muscles"] == pytest.approx(forward["current"], rel=0.2)
+    assert forward["fly_muscles"] > still + 3.0
+
+
+def test_muscles_without_strength_carry_nothing():
+    state = walked(LIMP, num_flies=1, decisions=10)
+    assert not state.actuator_torques.any()
+    assert state.position_w[0, 2] < 0.8 * walked("fly_muscles", 0.0, 1, 10).position_w[0, 2]
+
+
+def test_one_side_can_be_weaker():
+    weak = replace(FLIES["fly_muscles"], muscles=LegMuscles(strength=1.0, left=0.5))
+    torques = np.abs(walked(weak, num_flies=2, decisions=10).actuator_torques).reshape(2, 2, 3, 7)
+    left, right = torques[:, 0].max(), torques[:, 1].max()
+    assert left <= 0.5 < right <= 1.0
+
+
+def test_the_order_of_recruitment_is_a_setting():
+    # the first neurons of a human pool are weak: recruited last, the one at rest is a strong one
+    at_rest = [
+        walked(FlyConfig(muscles=LegMuscles(order=order)), num_flies=1, decisions=2)
+        for order in ("profile", "reversed")
+    ]
+    first, last = (state.muscle_tensions.min() for state in at_rest)
+    assert first == 0.0
+    assert last > 0.005
+
+
+def test_a_fly_with_servos_has_no_tensions():
+    assert walked("current", num_flies=2, decisions=1).muscle_tensions.shape == (2, 0)
+
+
+def test_tensions_can_be_observed():
+    name = "flyrl.tasks.senses:MUSCLE_TENSIONS"
+    task = extended(TASKS["target"], load_terms([name]), {})
+    env = BatchedEnv(EnvConfig(task=task, body="fly_muscles"), 2, num_threads=1)
+    env.reset(seeds=[0, 1])
+    observation = env.step(np.ones((2, 2))).observation
+    np.testing.assert_array_equal(
+        observation[:, task.slices()["muscle_tensions"]],
+        env.fly_state.muscle_tensions.astype(np.float32),
+    )
+
+
+def test_the_log_of_the_gait_lies_behind_the_tensions():
+    env = BatchedEnv(EnvConfig(task="traverse", body="fly_muscles", log_gait=True), 1, 1)
+    env.reset(seeds=[0])
+    env.step(np.ones((1, 2)))
+    # 20 ms, one sample per ms and one at the start
+    assert env.flies.gait_logs["num_samples"][0] in (20, 21)
+    assert env.flies.gait_logs["num_steps"][0] == 40
+    assert 0 < env.fly_state.muscle_tensions.max() <= 1
+
+
+def test_the_same_bits_with_and_without_the_log():
+    plain, logged = (
+        walked("fly_muscles", num_flies=2, decisions=3, log_gait=log_gait).position_w
+        for log_gait in (False, True)
+    )
+    np.testing.assert_array_equal(plain, logged)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"profile": "humn"}, "muscles.profile .*'human'"),
+        ({"order": "random"}, "muscles.order .*'reversed'"),
+        ({"strength": -1.0}, "muscles.strength"),
+        ({"left": float("nan")}, "muscles.left"),
+    ],
+)
+def test_what_muscles_cannot_be(changes, message):
+    with pytest.raises(ValueError, match=message):
+        LegMuscles(**changes)
+
+
+def test_a_side_is_weakened_as_a_condition():
+    env = EnvConfig(body="fly_muscles")
+    weakened = Condition("left_muscles", 0.5).env(env)
+    assert weakened.scene.body.muscles == LegMuscles(left=0.5)
+    assert Condition("left_muscles", 1.0).is_usual
+
+
+def test_a_fly_with_servos_has_no_muscles_to_weaken():
+    with pytest.raises(ValueError, match=r"left_muscles .*body=fly_muscles"):
+        Condition("left_muscles", 0.5).env(EnvConfig())
