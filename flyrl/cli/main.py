@@ -1,4 +1,4 @@
-"""flyrl: one command with a subcommand for what there is to do with runs."""
+"""flyrl: one command, with a subcommand for what there is to do beside training and comparing."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from flyrl.cli import reproduce, runs, sweeps, tune
+from flyrl.cli import figures, reproduce, runs, sweeps, tune
 
-_SUBCOMMANDS: Final = (runs, sweeps, reproduce, tune)
+_SUBCOMMANDS: Final = (runs, sweeps, reproduce, tune, figures)
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand."""
 
 
@@ -31,7 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         With status 2, for a command line that cannot be meant so.
     """
     parser = argparse.ArgumentParser(
-        prog="flyrl", description="Look at training runs, compare, repeat and tune them."
+        prog="flyrl",
+        description="Look at training runs, compare, repeat and tune them; draw figures.",
     )
     subparsers = parser.add_subparsers(metavar="command", required=True)
     for module in _SUBCOMMANDS:

@@ -26,7 +26,7 @@ def test_slope_is_the_common_factor() -> None:
 @pytest.mark.slow
 def test_flies_turn_towards_the_weaker_side_and_zero_drive_does_not_turn() -> None:
     """Left drive -0.5, 0.5, 1.5 by right drive."""
-    rates, falls = yaw_rates("fast", 3, conditions=2, seconds=1.0)
+    rates, falls = yaw_rates("fast", 3, conditions=2, seconds=0.5)
     assert rates[1, 2] > 50
     assert rates[2, 1] < -50
     assert abs(rates[1, 1]) < 20

@@ -88,6 +88,7 @@ def test_the_experiment_with_hindsight_is_one():
     ("name", "quantities"),
     [
         ("controller_comparison", set()),
+        ("weak_side", {"left_muscles"}),
         ("robustness", {"friction", "mass", "sensor_noise", "drive_latency", "push"}),
         (
             "lesions",

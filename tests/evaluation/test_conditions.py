@@ -17,9 +17,13 @@ STRONG = {
 }
 
 
+def usual_env(name):
+    return EnvConfig(body="fly_muscles" if name.endswith("_muscles") else "current")
+
+
 @pytest.mark.parametrize("name", QUANTITIES)
 def test_the_usual_value_changes_no_environment(name):
-    env = EnvConfig()
+    env = usual_env(name)
     condition = Condition(name, QUANTITIES[name].usual)
     same, scene = condition.env(env), env.scene
     assert same.scene == dataclasses.replace(scene, queue_places=same.scene.queue_places)
@@ -30,8 +34,8 @@ def test_the_usual_value_changes_no_environment(name):
 @pytest.mark.parametrize("name", [name for name in QUANTITIES if name != "push"])
 def test_another_value_makes_another_fly(name):
     condition = Condition(name, STRONG.get(name, 0.5))
-    env = condition.env(EnvConfig())
-    usual = EnvConfig()
+    usual = usual_env(name)
+    env = condition.env(usual)
     drawn = [each.sample_episode(3).randomisation for each in (env, usual)]
     assert drawn[0] != drawn[1] or env.scene != usual.scene
 

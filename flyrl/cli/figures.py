@@ -1,0 +1,60 @@
+"""flyrl figures: draw the literature's figures."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "figures",
+        help="draw the literature's figures",
+        description="Draw figures and videos of the literature, each with a CSV file of the "
+        "numbers that it shows. Without names, all of them.",
+        epilog="muscle: a motor pool and its recruitment curve. worm: a hanging worm recruits its "
+        "muscle step by step (a video; needs a GL library).",
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="muscle, worm (default: all)")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("figures"),
+        metavar="FOLDER",
+        help="where they go (default: figures)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw them; the status is 1 if one could not be drawn, which stops no other.
+
+    Raises
+    ------
+    ValueError
+        There is no such figure.
+    OSError
+        The folder cannot be made.
+    """
+    from flyrl.progress import progress_bar  # noqa: PLC0415
+    from flyrl.report.gallery import GALLERY  # noqa: PLC0415
+    from flyrl.simulation.rendering import RenderingUnavailableError  # noqa: PLC0415
+    from flyrl.validation import one_of  # noqa: PLC0415
+
+    names = [one_of("figure", name, GALLERY) for name in options.names] or list(GALLERY)
+    options.output.mkdir(parents=True, exist_ok=True)
+    status = 0
+    with progress_bar(len(names), is_shown=True, unit="figure", description="drawing") as bar:
+        for name in names:
+            bar.set_postfix_str(name)
+            try:
+                GALLERY[name](options.output)
+            except (RenderingUnavailableError, RuntimeError, OSError) as error:
+                print(f"{name} is left out: {' '.join(str(error).split())}", file=sys.stderr)
+                status = 1
+            bar.update()
+    print(f"figures: {options.output}")
+    return status

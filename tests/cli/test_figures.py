@@ -1,0 +1,44 @@
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+
+from flyrl.cli.main import main
+
+
+def test_a_figure_comes_with_the_numbers_that_it_shows(tmp_path, capsys):
+    assert main(["figures", "muscle", "--output", str(tmp_path / "new")]) == 0
+    assert capsys.readouterr().out == f"figures: {tmp_path / 'new'}\n"
+    table = pd.read_csv(tmp_path / "new" / "muscle.csv")
+    assert list(table) == ["n", "force", "tension"]
+    # as many neurons as the image has pixels, weak ones first
+    assert len(table) == 301
+    assert table["tension"].iloc[-1] == 1.0
+    np.testing.assert_allclose(
+        table["tension"], np.cumsum(table["force"]) / table["force"].sum(), atol=1e-5
+    )
+    svg = (tmp_path / "new" / "muscle.svg").read_text()
+    assert svg.startswith("<?xml")
+    assert "human.png" in svg
+
+
+def test_no_such_figure(tmp_path, capsys):
+    assert main(["figures", "mussle", "--output", str(tmp_path / "new")]) == 2
+    assert "'muscle'" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_without_gl_the_others_are_drawn(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "flyrl", "figures", "--output", tmp_path],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "MUJOCO_GL": "disable"},
+    )
+    assert done.returncode == 1
+    (line,) = [line for line in done.stderr.splitlines() if "left out" in line]
+    assert "worm" in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["muscle.csv", "muscle.svg"]
