@@ -246,9 +246,10 @@ def doses_figure(
             axes.set_xlabel(quantity.replace("_", " "))
             title = "success (%)" if metric == "success" else METRIC_LABELS[metric]
             axes.set_title(title, loc="left")
-            axes.set_xticks(places, values, fontsize=9)
-            if max(map(len, values)) * len(values) > MAX_DOSE_LETTERS:
-                axes.tick_params(axis="x", labelrotation=20)
+            if not is_ordered:
+                axes.set_xticks(places, values, fontsize=9)
+                if max(map(len, values)) * len(values) > MAX_DOSE_LETTERS:
+                    axes.tick_params(axis="x", labelrotation=20)
             axes.grid(visible=True, axis="both" if is_ordered else "y")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
         return svg_text(figure, f"doses-{terrain}-{quantity}")
