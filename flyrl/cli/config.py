@@ -87,6 +87,8 @@ class EvaluationSettings:
         Whether to show videos, where a GL library can be used.
     close_ups
         Whether to show gait diagrams and curves over time, and what drives do.
+    drive_map
+        Whether these close-ups hold what drives do.
     folder
         Where results and report go; None makes a new folder in `reports/`.
     """
@@ -107,6 +109,7 @@ class EvaluationSettings:
     progress_bar: bool = True
     videos: bool = True
     close_ups: bool = True
+    drive_map: bool = True
     folder: str | None = None
 
 

@@ -55,7 +55,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
             folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
         else:
             folder = usable_folder(Path(settings.folder))
-        report = compare(config, folder, settings.videos, settings.close_ups)
+        report = compare(config, folder, settings)
     except (OSError, ValueError) as error:
         fail(error)
     except KeyboardInterrupt:
@@ -90,9 +90,7 @@ def comparison(
     return config
 
 
-def compare(
-    config: EvaluationConfig, folder: Path, with_videos: bool, with_close_ups: bool
-) -> Path:
+def compare(config: EvaluationConfig, folder: Path, settings: EvaluationSettings) -> Path:
     """Evaluate, write results and report to `folder`, and return the report's path.
 
     Where the same evaluation was interrupted in that folder, it goes on.
@@ -115,11 +113,10 @@ def compare(
     write_results(results, folder)
     drop_parts(folder)
     missing = {(crash["controller"], crash["terrain"]) for crash in results.protocol["crashes"]}
-    videos, note = record_videos(config, missing=missing) if with_videos else ([], None)
-    examples, drive_map = [], None
-    if with_close_ups:
-        examples = walk_examples(config, results.examples)
-        drive_map = measure_drive_map(config, config.terrain_configs[0])
+    videos, note = record_videos(config, missing=missing) if settings.videos else ([], None)
+    examples = walk_examples(config, results.examples) if settings.close_ups else []
+    has_map = settings.close_ups and settings.drive_map
+    drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
     return write_report(
         results,
         folder,

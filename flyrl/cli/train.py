@@ -79,7 +79,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
         folder = settings.folder or finished.folder / "evaluation"
         entrants = comparison(record, with_run, start.command)
         try:
-            report = compare(entrants, Path(folder), settings.videos, settings.close_ups)
+            report = compare(entrants, Path(folder), settings)
         except OSError as error:
             fail(error)
         print(f"report: {report}")
