@@ -380,8 +380,9 @@ def servo_stiffness(config: FlyConfig) -> NDArray[np.float64]:
 
     Those of joints that cannot move, which could do nothing, are still.
     """
+    stiffness = body_table(config.name).kp
     fixed = {joint for joint, _ in config.fixed_joints}
-    return np.array([0.0 if joint in fixed else _table(config).kp for joint in JOINTS])
+    return np.array([0.0 if joint in fixed else stiffness for joint in JOINTS])
 
 
 def _fix_joints(spec: mujoco.MjSpec, config: FlyConfig) -> None:

@@ -99,7 +99,7 @@ def pack_model_data(
 ) -> np.ndarray:
     """Concatenate what a model carries for the callback into one float64 array.
 
-    The last is what `muscles.pack_muscles` gives.
+    The last is what `muscles.pack_leg_muscles` gives.
     """
     return np.concatenate(
         [

@@ -9,7 +9,7 @@ from flyrl.muscles import MotorPool
 from flyrl.resources import assets_folder
 
 
-def pack_muscles(config: FlyConfig) -> NDArray[np.float64]:
+def pack_leg_muscles(config: FlyConfig) -> NDArray[np.float64]:
     """What the callback is told of the muscles; of a fly without, nothing.
 
     Stiffness of the servos that they stand in for (42,), strengths (84,), two per joint, and the

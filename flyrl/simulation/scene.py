@@ -22,7 +22,7 @@ from flyrl.simulation.callback import (
     tensions_at,
     userdata_size,
 )
-from flyrl.simulation.muscles import pack_muscles
+from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.terrains import TerrainConfig, add_terrain
@@ -145,7 +145,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
     engine["gait_places"] = config.gait_places
     engine["steps_per_gait_sample"] = config.steps_per_gait_sample
-    muscles = pack_muscles(config.body)
+    muscles = pack_leg_muscles(config.body)
     engine["num_neurons"] = max(0, muscles.size - NUM_SERVOS - NUM_MUSCLES)
     model_data = pack_model_data(engine, parameters, coefficients, muscles)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
