@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW
+from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW
 
 Array = NDArray[np.float64]
 

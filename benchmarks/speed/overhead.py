@@ -68,8 +68,8 @@ def _ratios(env: BatchedEnv, seconds: float, repeats: int) -> Row:
     per_decision = env.config.steps_per_decision
     decisions = max(1, round(seconds / env.config.decision_interval_s))
     num_steps = decisions * per_decision
-    action = env.task.action(np.ones((env.num_envs, 2)))
-    recording = record(env, env.task.drive(action), num_steps)
+    action = env.task.actions.of(np.ones((env.num_envs, 2)))
+    recording = record(env, env.task.actions.commands(action), num_steps)
     bare = Batch(env.scene.model, env.num_envs, 1)
 
     def decide() -> None:

@@ -191,7 +191,7 @@ class BatchedEnv:
             raise RuntimeError("step() was called before reset()")
         previous = self._previous = self.fly_state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
-        self.flies.set_drive(self.task.drive(actions[moved]), moved)
+        self.flies.set_drive(self.task.actions.commands(actions[moved]), moved)
         if self._pushes.size:
             self._push(moved)
         self.flies.step(self.config.steps_per_decision, ids)

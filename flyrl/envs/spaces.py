@@ -6,12 +6,15 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from flyrl.tasks import ObservationTerm, Task
+from flyrl.tasks import Neurons, ObservationTerm, Task
 
 
-def action_space(task: Task) -> spaces.Box:
-    """Two components (left, right)."""
-    return spaces.Box(task.action_low, task.action_high, (2,), np.float32)
+def action_space(task: Task) -> spaces.Box | spaces.MultiDiscrete:
+    """A number per component of an action, or a whole number per muscle."""
+    actions = task.actions
+    if isinstance(actions, Neurons) and actions.is_integer:
+        return spaces.MultiDiscrete(list(actions.pools))
+    return spaces.Box(actions.low, actions.high, (actions.size,), np.float32)
 
 
 def observation_space(task: Task) -> spaces.Box | spaces.Dict:

@@ -67,7 +67,7 @@ def measure_drive_map(config: EvaluationConfig, terrain: TerrainConfig, size: in
     # long before any episode that is compared on
     start = env.config.sample_episode(FIRST_SEED - 1)
     env.reset(episodes=[start] * left.size)
-    action = task.action(np.stack([left, right], axis=1)).astype(np.float32)
+    action = task.actions.of(np.stack([left, right], axis=1)).astype(np.float32)
     interval = env.config.decision_interval_s
     has_failed = np.zeros(left.size, dtype=bool)
     turned = np.zeros(left.size)

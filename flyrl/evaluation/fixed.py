@@ -59,24 +59,24 @@ _GOALS: Final = (ACHIEVED_GOAL, DESIRED_GOAL, "compass")
 
 
 def _walk(task: Task) -> Policy:
-    return ConstantDrive(1.0, 1.0, task.action)
+    return ConstantDrive(1.0, 1.0, task.actions.of)
 
 
 def _stand(task: Task) -> Policy:
-    return ConstantDrive(0.0, 0.0, task.action)
+    return ConstantDrive(0.0, 0.0, task.actions.of)
 
 
 def _pursue(task: Task) -> Policy:
     tuned = _QUICK_PURSUIT if task.name in ("target", "target_goal", "heading") else {}
     shown = task.slices()
     if "target_direction" in shown:
-        return Pursuit(shown["target_direction"], task.action, **tuned)
+        return Pursuit(shown["target_direction"], task.actions.of, **tuned)
     achieved, desired, compass = (shown[name] for name in _GOALS)
-    return PursuitOfGoal(achieved, desired, compass, task.action, **tuned)
+    return PursuitOfGoal(achieved, desired, compass, task.actions.of, **tuned)
 
 
 def _follow_command(task: Task) -> Policy:
-    return OpenLoop(task.slices()["command"], task.action)
+    return OpenLoop(task.slices()["command"], task.actions.of)
 
 
 _AHEAD: Final = "constant drive (1, 1)"
@@ -164,5 +164,5 @@ def _constant(name: str) -> FixedEntrant | None:
     return FixedEntrant(
         "hybrid",
         f"constant drive ({left:g}, {right:g})",
-        lambda task: ConstantDrive(left, right, task.action),
+        lambda task: ConstantDrive(left, right, task.actions.of),
     )

@@ -183,7 +183,7 @@ def _walk(
         inside = [step for step in range(1, steps) if (walked + step) % per_frame == 0]
         if inside:
             stand_in.restore(env.flies.integration_state())
-            stand_in.set_drive(env.task.drive(np.asarray(action, dtype=np.float64)))
+            stand_in.set_drive(env.task.actions.commands(np.asarray(action, dtype=np.float64)))
         for last, step in itertools.pairwise([0, *inside]):
             stand_in.step(step - last)
             yield stand_in, (walked + step) * timestep, RUNNING

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Actions, Drives, Neurons
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.extension import Term, extended, task_record, term_digests
 from flyrl.tasks.failures import FAILURES
@@ -14,8 +15,6 @@ from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
     DESIRED_GOAL,
-    DRIVE_HIGH,
-    DRIVE_LOW,
     ERRORS,
     IS_FAILURE,
     RUNNING,
@@ -53,10 +52,13 @@ __all__ = [
     "TASKS",
     "TIMEOUT",
     "UNSTABLE",
+    "Actions",
+    "Drives",
     "Episode",
     "EpisodeSampler",
     "ErrorTerm",
     "MeanTerm",
+    "Neurons",
     "ObservationTerm",
     "RewardTerm",
     "Task",

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from flyrl.tasks import hybrid_turning, terms
+from flyrl.tasks.actions import Drives
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
@@ -71,8 +72,7 @@ HEADING: Final = Task(
     terminations=FAILURES,
     time_limit_s=TIME_LIMIT_S,
     decision_interval_s=0.02,
-    action_low=-1.0,
-    action_high=1.0,
+    actions=Drives(),
     sample_episode=sample_episode,
     difficulty="turn, from 0 to ±180°, and pushes, from none to 4-8 µN",
     succeeds_in_time=was_kept,

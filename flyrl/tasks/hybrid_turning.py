@@ -5,9 +5,10 @@ from typing import Final
 import numpy as np
 
 from flyrl.tasks import terms
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES
-from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm, RewardTerm, Task
+from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
 from flyrl.terrains import TerrainConfig
 
 
@@ -51,7 +52,6 @@ HYBRID_TURNING: Final = Task(
     terminations=FAILURES,
     time_limit_s=None,
     decision_interval_s=None,
-    action_low=DRIVE_LOW,
-    action_high=DRIVE_HIGH,
+    actions=Drives(DRIVE_LOW, DRIVE_HIGH),
     sample_episode=sample_episode,
 )  # fmt: skip

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from flyrl.tasks import hybrid_turning, terms
+from flyrl.tasks.actions import Drives
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
@@ -120,8 +121,7 @@ PATH: Final = Task(
     ),
     time_limit_s=4.0,
     decision_interval_s=0.02,
-    action_low=-1.0,
-    action_high=1.0,
+    actions=Drives(),
     sample_episode=sample_episode,
     difficulty="first direction, from 0 to ±180°, curves, from none, length, from 12 to 24 mm",
     errors=(ErrorTerm("path_error_mm", LENGTH, terms.off_path),),

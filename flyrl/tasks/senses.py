@@ -7,7 +7,8 @@ reflexes are its own commands, and legs are on the ground or not.
 from typing import Final
 
 from flyrl.tasks import terms
-from flyrl.tasks.task import DRIVE_HIGH, DRIVE_LOW, ObservationTerm
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW
+from flyrl.tasks.task import ObservationTerm
 
 MUSCLE_TENSIONS: Final = ObservationTerm(
     "muscle_tensions", (84,), 0.0, 1.0, terms.muscle_tensions,

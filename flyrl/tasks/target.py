@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 
 from flyrl.tasks import terms
+from flyrl.tasks.actions import Drives
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
@@ -76,8 +77,7 @@ TARGET: Final = Task(
     ),
     time_limit_s=3.0,
     decision_interval_s=0.02,
-    action_low=-1.0,
-    action_high=1.0,
+    actions=Drives(),
     sample_episode=sample_episode,
     difficulty="distance of the target, from 5 mm to 5-15, and its bearing, from 0 to ±180°",
     errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_target),),

@@ -8,16 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.simulation.state import FlyState
+from flyrl.tasks.actions import Actions
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, TerrainConfig
 from flyrl.validation import not_negative, number, one_of, positive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-
-DRIVE_LOW: Final = -0.5
-DRIVE_HIGH: Final = 1.5
-"""Range of the descending drive on each side."""
 
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
@@ -241,8 +238,8 @@ class Task:
         s until an episode is truncated, or None.
     decision_interval_s
         s for which a decision is held; None means one physics step.
-    action_low, action_high
-        Range of each of the two components of an action, mapped linearly to the drive range.
+    actions
+        What an action is, and what it commands.
     sample_episode
         Draws an episode from a seed.
     difficulty
@@ -269,8 +266,7 @@ class Task:
     terminations: tuple[Termination, ...]
     time_limit_s: float | None
     decision_interval_s: float | None
-    action_low: float
-    action_high: float
+    actions: Actions
     sample_episode: EpisodeSampler
     succeeds_in_time: Callable[[TaskState], Mask] | None = None
     means: tuple[MeanTerm, ...] = ()
@@ -345,17 +341,6 @@ class Task:
             raise ValueError(f"task {self.name!r} has no goals")
         is_failure = _of_info(info, IS_FAILURE).astype(bool)
         return np.asarray(self.is_reached(achieved_goal, desired_goal) | is_failure)
-
-    def drive(self, action: Array) -> Array:
-        """Map actions to drives (left, right), clipped to the action's range, (n, 2)."""
-        clipped = np.clip(action, self.action_low, self.action_high)
-        share = (clipped - self.action_low) / (self.action_high - self.action_low)
-        return DRIVE_LOW + share * (DRIVE_HIGH - DRIVE_LOW)
-
-    def action(self, drive: Array) -> Array:
-        """Map drives to the actions that command them; the inverse of `drive`."""
-        share = (np.asarray(drive) - DRIVE_LOW) / (DRIVE_HIGH - DRIVE_LOW)
-        return self.action_low + share * (self.action_high - self.action_low)
 
     def slices(self) -> dict[str, slice]:
         """Where each observation term lies in a flat observation."""

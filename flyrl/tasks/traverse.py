@@ -3,6 +3,7 @@
 from typing import Final
 
 from flyrl.tasks import terms
+from flyrl.tasks.actions import Drives
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.hybrid_turning import sample_episode
 from flyrl.tasks.senses import SENSES
@@ -35,8 +36,7 @@ TRAVERSE: Final = Task(
     ),
     time_limit_s=3.0,
     decision_interval_s=0.02,
-    action_low=-1.0,
-    action_high=1.0,
+    actions=Drives(),
     sample_episode=sample_episode,
     errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_finish),),
 )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from flyrl.tasks import hybrid_turning, terms
+from flyrl.tasks.actions import Drives
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.senses import SENSES
@@ -74,8 +75,7 @@ VELOCITY: Final = Task(
     terminations=FAILURES,
     time_limit_s=NUM_COMMANDS * terms.COMMAND_S,
     decision_interval_s=0.02,
-    action_low=-1.0,
-    action_high=1.0,
+    actions=Drives(),
     sample_episode=sample_episode,
     difficulty="range of the commands, from 7 mm/s to 2-12, and from 0 to ±2.5 rad/s",
     succeeds_in_time=was_on_command,

@@ -52,7 +52,7 @@ def test_the_example_of_the_docs_walks():
     config = training_config(groups(terms=ADDED, weights=WEIGHTS))
     env = BatchedEnv(config.env, 2)
     env.reset(seeds=[0, 1])
-    walk = env.task.action(np.ones((2, 2)))
+    walk = env.task.actions.of(np.ones((2, 2)))
     for _ in range(20):
         transition = env.step(walk)
     assert transition.outcome.tolist() == ["running", "running"]

@@ -55,7 +55,7 @@ def test_every_task_runs_on_every_terrain_with_finite_numbers(task: str, terrain
     env.reset(seeds=[0, 1, 2])
     rng = np.random.default_rng(0)
     for _ in range(20):
-        transition = env.step(rng.uniform(env.task.action_low, env.task.action_high, (3, 2)))
+        transition = env.step(rng.uniform(env.task.actions.low, env.task.actions.high, (3, 2)))
         observation = transition.observation
         arrays = observation.values() if isinstance(observation, dict) else [observation]
         assert all(np.isfinite(array).all() for array in arrays)
@@ -76,7 +76,7 @@ def test_the_drive_steers() -> None:
 def test_time_limit_truncates_after_three_seconds() -> None:
     env = BatchedEnv(EnvConfig(physics=FAST), 1)
     env.reset(seeds=[0])
-    still = env.task.action(np.zeros((1, 2)))
+    still = env.task.actions.of(np.zeros((1, 2)))
     for _ in range(149):
         assert not env.step(still).done.any()
     last = env.step(still)
@@ -93,7 +93,7 @@ def walk_to(goal: tuple[float, float]) -> Episode:
 def test_reaching_the_target_ends_in_success_with_its_bonus() -> None:
     env = BatchedEnv(EnvConfig(physics=FAST), 1)
     env.reset(episodes=[walk_to((5.0, 0.0))])
-    straight = env.task.action(np.ones((1, 2)))
+    straight = env.task.actions.of(np.ones((1, 2)))
     for _ in range(60):
         transition = env.step(straight)
         if transition.done[0]:
@@ -139,7 +139,7 @@ def test_a_divergence_ends_its_own_episode_alone() -> None:
 def test_a_divergence_costs_as_much_as_standing_still_to_the_end() -> None:
     env = BatchedEnv(EnvConfig(physics=FAST), 2)
     env.reset(seeds=[3, 3])
-    still = env.task.action(np.zeros((2, 2)))
+    still = env.task.actions.of(np.zeros((2, 2)))
     returns = env.step(still).reward
     env.flies._qvel[1, 20] = 1e13
     first = env.step(still)
@@ -253,7 +253,7 @@ def test_the_mean_velocity_is_that_of_the_way_walked() -> None:
     """A steady walk: the mean over a stride is the speed over many."""
     env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 1)
     env.reset(seeds=[0])
-    straight = env.task.action(np.ones((1, 2)))
+    straight = env.task.actions.of(np.ones((1, 2)))
     for _ in range(25):
         env.step(straight)
     start = env.fly_state.position_w[0, :2]
@@ -266,12 +266,12 @@ def test_the_mean_velocity_is_that_of_the_way_walked() -> None:
 
 def test_commands_can_be_followed_and_standing_still_does_not_follow_them() -> None:
     env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 8)
-    follow = OpenLoop(env.task.slices()["command"], env.task.action)
+    follow = OpenLoop(env.task.slices()["command"], env.task.actions.of)
     observation = env.reset(seeds=[0, 1, 2, 3, 0, 1, 2, 3])
     assert isinstance(observation, np.ndarray)
     for _ in range(200):
         action = follow.predict(observation)[0]
-        action[4:] = env.task.action(np.zeros(2))
+        action[4:] = env.task.actions.of(np.zeros(2))
         transition = env.step(action)
         observation = np.asarray(transition.observation)
     assert transition.done.all()
@@ -286,7 +286,7 @@ def pushed(*pushes: float) -> Episode:
 def test_a_push_from_the_left_at_the_abdomen_turns_the_fly_to_the_left() -> None:
     env = BatchedEnv(EnvConfig(task="heading", physics="fast"), 3)
     env.reset(episodes=[pushed(0.5, -8.0), pushed(), pushed(0.5, 8.0)])
-    walk = env.task.action(np.ones((3, 2)))
+    walk = env.task.actions.of(np.ones((3, 2)))
     for _ in range(25):
         env.step(walk)
     np.testing.assert_array_equal(env.fly_state.yaw, env.fly_state.yaw[[1, 1, 1]])
@@ -327,7 +327,7 @@ def test_an_environment_restored_during_a_push_goes_on_with_the_same_bits() -> N
 def test_rewards_and_ends_are_those_of_the_goals_observed() -> None:
     env = BatchedEnv(EnvConfig(task="target_goal", physics=FAST), 2)
     env.reset(episodes=[walk_to((5.0, 0.0)), walk_to((-5.0, 0.0))])
-    straight = env.task.action(np.ones((2, 2)))
+    straight = env.task.actions.of(np.ones((2, 2)))
     for _ in range(60):
         transition = env.step(straight)
         goals = (transition.observation[name] for name in ("achieved_goal", "desired_goal"))

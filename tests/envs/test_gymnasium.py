@@ -183,7 +183,7 @@ def test_same_step_autoreset_hands_over_the_final_observation() -> None:
 def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
     env = FlyVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
     env.reset()
-    still = np.tile(env.core.task.action(np.zeros(2)), (2, 1)).astype(np.float32)
+    still = np.tile(env.core.task.actions.of(np.zeros(2)), (2, 1)).astype(np.float32)
     total = np.zeros(2)
     for step in range(150):
         observation, reward, done, infos = env.step(still)

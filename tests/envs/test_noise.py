@@ -25,7 +25,7 @@ def pair(task: str = "target", num_envs: int = 2) -> tuple[BatchedEnv, BatchedEn
 
 def test_only_what_the_fly_measures_is_noisy_by_a_share_of_its_spread() -> None:
     noisy, exact = pair(num_envs=4)
-    still = noisy.task.action(np.zeros((4, 2)))
+    still = noisy.task.actions.of(np.zeros((4, 2)))
     differences = []
     for _ in range(100):
         ours, theirs = noisy.step(still), exact.step(still)

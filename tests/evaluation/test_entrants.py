@@ -155,7 +155,7 @@ def test_constant_drives(name, legs, drive):
     assert entrant.controller.name == legs
     size = sum(term.size for term in TARGET.observation)
     action, _ = entrant.policy.predict(np.zeros((3, size), np.float32))
-    np.testing.assert_allclose(TARGET.drive(action), [drive] * 3, atol=1e-6)
+    np.testing.assert_allclose(TARGET.actions.commands(action), [drive] * 3, atol=1e-6)
 
 
 def test_pursuit_turns_left_towards_a_target_on_the_left():
@@ -163,7 +163,7 @@ def test_pursuit_turns_left_towards_a_target_on_the_left():
     observation = np.zeros((1, sum(term.size for term in TARGET.observation)), np.float32)
     observation[0, TARGET.slices()["target_direction"]] = (0, 1)
     action, _ = entrant.policy.predict(observation)
-    left, right = TARGET.drive(action)[0]
+    left, right = TARGET.actions.commands(action)[0]
     assert left < right
 
 
@@ -205,7 +205,7 @@ def test_open_loop_drives_the_right_legs_more_for_a_turn_to_the_left():
     (entrant,) = make_entrants(EvaluationConfig(task="velocity", controllers=("open_loop",)))
     observation = np.zeros((1, sum(term.size for term in VELOCITY.observation)), np.float32)
     observation[0, VELOCITY.slices()["command"]] = (0.5, 0.2)
-    left, right = VELOCITY.drive(entrant.policy.predict(observation)[0])[0]
+    left, right = VELOCITY.actions.commands(entrant.policy.predict(observation)[0])[0]
     assert left < right
 
 
@@ -235,7 +235,7 @@ def test_a_reference_that_does_not_take_part():
 def test_a_constant_drive_is_an_entrant():
     (entrant,) = make_entrants(EvaluationConfig(controllers=("constant(1.2, 0.4)",)))
     action, _ = entrant.policy.predict(np.zeros((3, 1)))
-    np.testing.assert_allclose(TARGET.drive(action), [[1.2, 0.4]] * 3, atol=1e-6)
+    np.testing.assert_allclose(TARGET.actions.commands(action), [[1.2, 0.4]] * 3, atol=1e-6)
     assert entrant.record["policy"] == "constant drive (1.2, 0.4)"
 
 
@@ -265,7 +265,7 @@ def own_policies(tmp_path, monkeypatch):
     (tmp_path / "own_policies.py").write_text(
         "from flyrl.policies import ConstantDrive\n"
         "def steady(task):\n"
-        "    return ConstantDrive(0.5, 0.5, task.action)\n"
+        "    return ConstantDrive(0.5, 0.5, task.actions.of)\n"
         "def broken(task):\n"
         "    raise KeyError('nothing')\n"
         "def nothing(task):\n"
@@ -284,7 +284,7 @@ def test_a_factory_of_a_users_own_makes_an_entrant(own_policies):
     assert entrant.controller == config.legs
     assert entrant.record["sha256"] == hashlib.sha256(own_policies.read_bytes()).hexdigest()
     action, _ = entrant.policy.predict(np.zeros((2, 1)))
-    np.testing.assert_allclose(TARGET.drive(action), 0.5, atol=1e-6)
+    np.testing.assert_allclose(TARGET.actions.commands(action), 0.5, atol=1e-6)
 
 
 @pytest.mark.parametrize(

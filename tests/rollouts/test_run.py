@@ -25,7 +25,7 @@ TASK = dataclasses.replace(
     time_limit_s=LIMIT_S,
     terminations=(Termination("success", _is_over),),
 )
-WALK = ConstantDrive(1.0, 1.0, TASK.action)
+WALK = ConstantDrive(1.0, 1.0, TASK.actions.of)
 
 
 def counting_policy():
@@ -122,7 +122,7 @@ def test_memory_lasts_for_an_episode_and_no_longer():
     records = run_episodes(make_env(2), counting_policy(), episodes)
     # after k decisions the cell holds k tanh(0.3)
     memory = np.tanh(np.arange(1, 6) * np.tanh(0.3))
-    drives = TASK.drive(np.repeat(memory[:, None], 2, axis=1))
+    drives = TASK.actions.commands(np.repeat(memory[:, None], 2, axis=1))
     for record, decisions in zip(records, (5, 2, 5), strict=True):
         np.testing.assert_allclose(record.drive[1:], drives[:decisions], atol=1e-6)
 

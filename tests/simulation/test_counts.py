@@ -27,7 +27,7 @@ def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: 
     assert env.config.steps_per_decision == steps
     episode = Episode(0, (0.0, 0.0, 0.5), 0.0, (5.0, 0.0), TRIPOD, (0.0,) * 6)
     env.reset(episodes=[episode] * 2)
-    straight = env.task.action(np.ones((2, 2)))
+    straight = env.task.actions.of(np.ones((2, 2)))
     for decision in (1, 2):
         env.step(straight)
         state = env.fly_state

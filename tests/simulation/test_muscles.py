@@ -17,7 +17,7 @@ LIMP = FlyConfig(muscles=LegMuscles(strength=0.0))
 def walked(body, drive=1.0, num_flies=4, decisions=25, **config):
     env = BatchedEnv(EnvConfig(task="traverse", body=body, **config), num_flies, num_threads=1)
     env.reset(seeds=range(num_flies))
-    action = np.tile(env.task.action(np.full(2, drive)), (num_flies, 1))
+    action = np.tile(env.task.actions.of(np.full(2, drive)), (num_flies, 1))
     for _ in range(decisions):
         env.step(action)
     return env.fly_state

@@ -56,14 +56,14 @@ def test_oscillators_are_drawn_phases_first() -> None:
 
 
 def test_the_normalised_action_spans_the_drive_range() -> None:
-    drive = TARGET.drive(np.array([[-1.0, 1.0], [0.0, 5.0]]))
+    drive = TARGET.actions.commands(np.array([[-1.0, 1.0], [0.0, 5.0]]))
     np.testing.assert_allclose(drive, [[-0.5, 1.5], [0.5, 1.5]])
-    np.testing.assert_allclose(TARGET.action(drive), [[-1, 1], [0, 1]])
+    np.testing.assert_allclose(TARGET.actions.of(drive), [[-1, 1], [0, 1]])
 
 
 def test_the_bare_action_is_the_drive() -> None:
     drive = np.array([[1.2, 0.2], [-0.5, 1.5]])
-    np.testing.assert_allclose(TASKS["hybrid_turning"].drive(drive), drive)
+    np.testing.assert_allclose(TASKS["hybrid_turning"].actions.commands(drive), drive)
 
 
 def test_slices_cover_the_observation_once() -> None:
