@@ -31,6 +31,9 @@ Array = NDArray[np.float64]
 NEURONS: Final = 301
 """With the first, which has no force: 300 do."""
 
+FEW_NEURONS: Final = 16
+"""Of the pool "small", with the first: few enough that a policy can choose among them."""
+
 HEIGHT: Final = 16
 """Pixels."""
 
@@ -45,18 +48,27 @@ Fuglevand, Winter and Patla (1993), doi:10.1152/jn.1993.70.6.2470, whose pools g
 
 
 def profiles() -> dict[str, Array]:
-    """Force of every neuron, (NEURONS,) within 0 and 1, by the name of the profile."""
+    """Force of every neuron within 0 and 1, by the name of the profile.
+
+    (NEURONS,), and (FEW_NEURONS,) of "small", which is human-like too.
+    """
     x = np.linspace(0.0, 1.0, NEURONS)
     shapes = {
         "linear": x,
-        "human": FORCE_RANGE ** (x - 1.0),
+        "human": _human(x),
         "uniform": np.ones(NEURONS),
         "late": np.clip((x - 0.6) / 0.4, 0.0, 1.0) ** 2,
         "two_humps": np.maximum(_hump(x, 0.28, 0.09), _hump(x, 0.78, 0.07)),
+        "small": _human(np.linspace(0.0, 1.0, FEW_NEURONS)),
     }
     for forces in shapes.values():
         forces[0] = 0.0
     return shapes
+
+
+def _human(x: Array) -> Array:
+    forces: Array = FORCE_RANGE ** (x - 1.0)
+    return forces
 
 
 def _hump(x: Array, middle: float, width: float) -> Array:

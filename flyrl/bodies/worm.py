@@ -6,20 +6,32 @@ to +z, like the fly. Units mm, g, s, rad; forces in µN, torques in µN mm.
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple, get_args
 
 import mujoco
 import numpy as np
 
-from flyrl.bodies.fly import BOXES, GRAVITY, PLANES
+from flyrl.bodies.fly import BOXES, COLLISION_GROUP, GRAVITY, PLANES
 from flyrl.validation import at_least, not_negative, one_of, positive, within
 
 Axis = Literal["y", "z"]
-Mount = Literal["hanging", "free"]
+Mount = Literal["hanging", "free", "crawling"]
 Muscles = Literal["pairs", "one"]
 
 ROOT_JOINT: Final = "root"
 """Free joint of a worm that is not fixed to the world."""
+
+CRAWLING_ROOT: Final = ("root_x", "root_y", "root_z", "root_yaw")
+"""Joints of a crawling worm's head: three slides along the world's axes, then a hinge about z."""
+
+_FOOT_LENGTH: Final = 0.6
+_FOOT_RISE: Final = 0.09
+"""How long a foot is, and by how much its front end lies higher, in radii of the worm."""
+
+FOOT_SOLREF: Final = (0.01, 1.0)
+FOOT_SOLIMP: Final = (0.1, 0.5, 0.1, 0.5, 2.0)
+"""Contact of a foot: so soft that MuJoCo's solver has half the work, and the worm, which sinks in
+by 0.04 mm, comes as far as on hard ground."""
 
 TIMESTEP: Final = 1e-3
 """s; four times as much explodes on the ground where muscles pull at random with all strength."""
@@ -91,8 +103,12 @@ class WormConfig:
         bends no joint but its own. Otherwise nothing feels the opposite torque, as in the
         literature: a muscle bends all joints up to the head, and a free worm, turned as a whole,
         soon whirls about.
-    mount : "hanging", with the first segment fixed to the world and the others below it; or "free",
-        lying straight on a ground at z = 0 with its head to +x, which is not part of it.
+    mount : "hanging", with the first segment fixed to the world and the others below it; "free",
+        lying straight on a ground at z = 0 with its head to +x, which is not part of it; or
+        "crawling", lying there too, but unable to pitch or roll, and with feet that slip more
+        easily along the worm than across it, as bristles do.
+    friction_along, friction_across : sliding friction of a crawling worm's feet, along and across
+        their segment.
     """
 
     segments: int = 10
@@ -108,6 +124,8 @@ class WormConfig:
     muscles: Muscles = "pairs"
     anchored: bool = True
     mount: Mount = "hanging"
+    friction_along: float = 0.3
+    friction_across: float = 1.0
 
     def __post_init__(self) -> None:
         if isinstance(self.segments, bool) or not isinstance(self.segments, int):
@@ -115,7 +133,13 @@ class WormConfig:
         at_least("segments", self.segments, 2)
         for name in ("radius", "segment_length", "density"):
             positive(name, getattr(self, name))
-        for name in ("joint_stiffness", "joint_damping", "strength"):
+        for name in (
+            "joint_stiffness",
+            "joint_damping",
+            "strength",
+            "friction_along",
+            "friction_across",
+        ):
             not_negative(name, getattr(self, name))
         within("joint_range", self.joint_range, 0.01, math.pi)
         if not self.hinge_axes:
@@ -123,7 +147,7 @@ class WormConfig:
         for axis in self.hinge_axes:
             one_of("hinge_axes", axis, _SIDES)
         one_of("muscles", self.muscles, ("pairs", "one"))
-        one_of("mount", self.mount, ("hanging", "free"))
+        one_of("mount", self.mount, get_args(Mount))
 
     @property
     def joints(self) -> int:
@@ -137,6 +161,14 @@ class WormConfig:
 
 DEMONSTRATION: Final = WormConfig(muscles="one", anchored=False)
 """The literature's worm: it hangs, and its one muscle bends all of it."""
+
+CRAWLER: Final = WormConfig(
+    segments=6, joint_damping=500.0, hinge_axes=("z",), profile="small.png", mount="crawling"
+)
+HANGER: Final = WormConfig(segments=5, profile="small.png")
+
+WORMS: Final[dict[str, WormConfig]] = {"worm_crawler": CRAWLER, "worm_hanger": HANGER}
+"""Worms that go by a name, for policies to drive."""
 
 
 def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
@@ -152,7 +184,12 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     the segment moves towards the muscle, so those of antagonists are opposite.
 
     The worm touches the ground only (planes with contype `PLANES`, boxes with contype `BOXES`),
-    not itself.
+    not itself. A crawling one has the joints `CRAWLING_ROOT` at its head instead of a free joint,
+    and touches planes only, with a foot under the middle of each segment: geoms "Foot1" to
+    "Foot{N}", capsules that are tilted a little, so that only one end touches. MuJoCo aligns the
+    contact of a capsule with a plane with the capsule's axis. But friction that differs along and
+    across it takes an explicit pair of the two geoms (see `flyrl.simulation.pairs`); without, that
+    along the segment holds in all directions.
 
     Parameters
     ----------
@@ -166,26 +203,35 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
-    is_free = config.mount == "free"
+    lies = config.mount != "hanging"
     pose = {
-        "pos": (0.0, 0.0, config.radius if is_free else 0.0),
-        "quat": (1.0, 0.0, 0.0, 0.0) if is_free else _HEAD_UP,
+        "pos": (0.0, 0.0, config.radius if lies else 0.0),
+        "quat": (1.0, 0.0, 0.0, 0.0) if lies else _HEAD_UP,
     }
     muscles = spec.worldbody.add_body(name="muscles", **pose)
     body = spec.worldbody.add_body(name="Segment1", **pose)
-    if is_free:
+    if config.mount == "free":
         body.add_freejoint(name=ROOT_JOINT)
-    _add_capsule(body, config, 1)
+    elif config.mount == "crawling":
+        _add_crawling_root(body)
+    _add_segment(body, config, 1)
     for joint in range(1, config.segments):
         body = body.add_body(name=f"Segment{joint + 1}", pos=(-config.segment_length, 0.0, 0.0))
         _add_joint(body, config, joint)
-        _add_capsule(body, config, joint + 1)
+        _add_segment(body, config, joint + 1)
         _add_muscles(spec, muscles, config, joint)
     _set_look(spec, config)
     return spec
 
 
-def _add_capsule(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None:
+def _add_crawling_root(body: mujoco.MjsBody) -> None:
+    slides = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+    for name, axis in zip(CRAWLING_ROOT[:3], slides, strict=True):
+        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    body.add_joint(name=CRAWLING_ROOT[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES["z"])
+
+
+def _add_segment(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None:
     body.add_geom(
         name=f"Segment{segment}",
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -194,7 +240,31 @@ def _add_capsule(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None
         density=config.density,
         rgba=_SKINS[segment % len(_SKINS)],
         contype=0,
-        conaffinity=PLANES | BOXES,
+        conaffinity=0 if config.mount == "crawling" else PLANES | BOXES,
+    )
+    if config.mount == "crawling":
+        _add_foot(body, config, segment)
+
+
+def _add_foot(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None:
+    """Add what touches the ground under a segment's middle; it has no mass."""
+    middle = -config.segment_length / 2
+    front = middle + _FOOT_LENGTH * config.radius
+    body.add_geom(
+        name=f"Foot{segment}",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=(front, 0.0, _FOOT_RISE * config.radius, middle, 0.0, 0.0),
+        size=(config.radius, 0.0, 0.0),
+        mass=0.0,
+        group=COLLISION_GROUP,
+        contype=0,
+        conaffinity=PLANES,
+        # its own contact counts, not a mean of its and the ground's
+        priority=1,
+        condim=3,
+        friction=(config.friction_along, 0.005, 0.0001),
+        solref=FOOT_SOLREF,
+        solimp=FOOT_SOLIMP,
     )
 
 

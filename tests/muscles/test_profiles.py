@@ -8,7 +8,7 @@ from PIL import Image
 
 from flyrl.muscles import MotorPool, Muscle
 from flyrl.resources import assets_folder
-from tools.draw_profiles import NEURONS, main, profiles
+from tools.draw_profiles import FEW_NEURONS, NEURONS, main, profiles
 
 FOLDER = assets_folder() / "muscles"
 
@@ -42,7 +42,7 @@ def test_the_check_finds_changed_missing_and_foreign_images(tmp_path, capsys):
 @pytest.mark.parametrize("name", profiles())
 def test_a_profile_rests_at_0_and_is_read_as_it_was_drawn(name):
     pool = MotorPool.from_image(FOLDER / f"{name}.png")
-    assert len(pool) == NEURONS
+    assert len(pool) == (FEW_NEURONS if name == "small" else NEURONS)
     assert Muscle(pool).tension(0) == 0
     np.testing.assert_allclose(pool.forces, 255 * profiles()[name], atol=0.5)
 
@@ -51,3 +51,6 @@ def test_human_like_pools_have_their_weak_neurons_first():
     """Half of them give less than a tenth of the force: (100^0.5 - 1) / (100 - 1) = 1 / 11."""
     human = Muscle(MotorPool.from_image(FOLDER / "human.png"))
     assert human.tension(150) == pytest.approx(1 / 11, abs=0.004)
+    # of 15, the weaker 7: (100^(8/15) - 100^(1/15)) / (100^(16/15) - 100^(1/15)) = 0.0765
+    small = Muscle(MotorPool.from_image(FOLDER / "small.png"))
+    assert small.tension(7) == pytest.approx(0.0765, abs=0.004)
