@@ -63,11 +63,11 @@ def walk(
     for _ in range(round(settle / 0.005)):
         env.step(np.zeros((conditions, 2)))
     action = np.tile(drive, (conditions, 1))
-    positions, yaws = [env.fly_state.position_w], [env.fly_state.yaw]
+    positions, yaws = [env.state.position_w], [env.state.yaw]
     for _ in range(round(seconds / 0.005)):
         env.step(action)
-        positions.append(env.fly_state.position_w)
-        yaws.append(env.fly_state.yaw)
+        positions.append(env.state.position_w)
+        yaws.append(env.state.yaw)
     return np.array(positions), np.unwrap(np.array(yaws), axis=0)
 
 

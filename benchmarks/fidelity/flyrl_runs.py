@@ -30,7 +30,7 @@ def walk_straight(
     unstable_from = np.full(len(seeds), np.iinfo(np.int64).max)
     for k in range(1, round(seconds / config.decision_interval_s) + 1):
         env.step(drive)
-        unstable_from[env.fly_state.is_unstable & (unstable_from > k)] = k
+        unstable_from[env.state.is_unstable & (unstable_from > k)] = k
         samples.append(_sample(env))
     series = {name: np.array([each[name] for each in samples]) for name in samples[0]}
     series["time"] = np.tile(
@@ -54,7 +54,7 @@ def config(controller: str, terrain: str, physics: str) -> EnvConfig:
 
 
 def _sample(env: BatchedEnv) -> dict[str, np.ndarray]:
-    fly: FlyState = env.fly_state
+    fly: FlyState = env.state
     return {
         "position_w": fly.position_w,
         "yaw": fly.yaw,

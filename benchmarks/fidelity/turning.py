@@ -47,11 +47,11 @@ def yaw_rates(
     action = np.repeat(np.stack([left.ravel(), right.ravel()], axis=1), conditions, axis=0)
     turned, time, is_up = np.zeros(count), np.zeros(count), np.ones(count, dtype=bool)
     for k in range(1, round(seconds / SAMPLING_S) + 1):
-        before = env.fly_state.yaw
+        before = env.state.yaw
         # who fell no longer moves, nor counts
         is_up &= ~env.step(action, ids=np.flatnonzero(is_up)).terminated
         if k * SAMPLING_S > SETTLING_S:
-            change = (env.fly_state.yaw - before + np.pi) % (2 * np.pi) - np.pi
+            change = (env.state.yaw - before + np.pi) % (2 * np.pi) - np.pi
             turned += np.where(is_up, change, 0.0)
             time += np.where(is_up, SAMPLING_S, 0.0)
         if not is_up.any():

@@ -125,7 +125,7 @@ def replay(bare: Batch, scene: Scene, recording: Recording) -> float:
 
 def _timed(env: BatchedEnv, recording: Recording, run: Callable[[], None]) -> float:
     env.flies.restore(recording.start)
-    env.fly_state = env.flies.state()
+    env.state = env.flies.state()
     began = time.perf_counter()
     run()
     taken = time.perf_counter() - began

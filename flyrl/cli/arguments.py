@@ -178,7 +178,16 @@ def _check_overrides(
         except HydraException:
             _explain(config_name, job, choices, groups)
             raise
+        _check_taken(overrides, composed[job])
     return composed
+
+
+def _check_taken(overrides: Sequence[Override], config: DictConfig) -> None:
+    """Raise UsageError if a choice has no effect, as that of a controller with a worm."""
+    for override in overrides:
+        key = override.key_or_group
+        if key in config and config[key] is None and override.value() is not None:
+            raise UsageError(f"{override.input_line} has no effect with task={config.task.name}")
 
 
 def _explain(

@@ -5,15 +5,16 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from flyrl.bodies.fly import FlyConfig
+from flyrl.bodies.worm import WormConfig
 from flyrl.cli.conversion import from_mapping, whole_number
 from flyrl.cli.terms import load_terms
 from flyrl.controllers.leg_controller import ControllerConfig
-from flyrl.envs.core import EnvConfig
+from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.scene import STEPS_OF_BODY
-from flyrl.tasks import TASKS, Task, extended
+from flyrl.tasks import TASK_NAMES, WORM_TASKS, Task, extended, task_named
 from flyrl.terrains import TerrainConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
@@ -31,10 +32,15 @@ class _TaskSettings:
     terms: tuple[str, ...] = ()
     weights: dict[str, float] = field(default_factory=dict)
 
-    def task(self) -> Task:
-        """The task, with what the user changed of it; imports the modules of the terms."""
-        task = TASKS[one_of("task.name", self.name, TASKS)]
+    def task(self, body: BodyConfig) -> Task:
+        """The task for a body, with what the user changed of it; imports the terms' modules."""
+        task = task_named(self.name, body if isinstance(body, WormConfig) else None)
         return extended(task, load_terms(self.terms), self.weights, self.time_limit)
+
+    def body(self, given: Mapping[str, Any]) -> BodyConfig:
+        """The group `body`: of a worm in a task for worms, else of a fly."""
+        one_of("task.name", self.name, TASK_NAMES)
+        return from_mapping(WormConfig if self.name in WORM_TASKS else FlyConfig, given, "body")
 
 
 def training_config(config: Mapping[str, Any]) -> TrainingConfig:
@@ -61,20 +67,27 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
 
 def env_config(config: Mapping[str, Any]) -> EnvConfig:
     """Settings of an environment, from the groups that `env_record` has as keys."""
-    body = from_mapping(FlyConfig, config["body"], "body")
-    controller = dict(config["controller"])
-    if controller.get("steps") is None:
-        controller["steps"] = STEPS_OF_BODY[body.name]
     task = from_mapping(_TaskSettings, config["task"], "task")
+    body = task.body(config["body"])
     return EnvConfig(
-        task=task.task(),
+        task=task.task(body),
         body=body,
         terrain=from_mapping(TerrainConfig, config["terrain"], "terrain"),
-        controller=from_mapping(ControllerConfig, controller, "controller"),
+        controller=_controller(config.get("controller"), body),
         physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
         decision_interval=task.decision_interval,
         randomisation=_randomisation(config),
     )
+
+
+def _controller(given: Mapping[str, Any] | None, body: BodyConfig) -> ControllerConfig | None:
+    """The group `controller`, which is null with a worm."""
+    if given is None:
+        return None
+    settings = dict(given)
+    if settings.get("steps") is None and isinstance(body, FlyConfig):
+        settings["steps"] = STEPS_OF_BODY[body.name]
+    return from_mapping(ControllerConfig, settings, "controller")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +137,9 @@ def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettin
 
 def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
     """Settings of an evaluation that stand beside its groups, as in `configs/evaluate.yaml`."""
-    own = {key: value for key, value in record.items() if key not in _EVALUATION_GROUPS}
+    # entrants bring their own controllers; a task for worms says that there is none
+    groups = (*_EVALUATION_GROUPS, "controller")
+    own = {key: value for key, value in record.items() if key not in groups}
     return evaluation_settings(own, "")
 
 
@@ -160,7 +175,8 @@ def evaluation_config(
         A key or value that is not allowed.
     """
     asked = from_mapping(_TaskSettings, config["task"], "task")
-    task = asked.task()
+    body = asked.body(config["body"])
+    task = asked.task(body)
     own = task.decision_interval_s
     if asked.decision_interval not in (None, own):
         raise ValueError(
@@ -179,7 +195,7 @@ def evaluation_config(
         ),
         episodes=settings.episodes,
         seed=settings.seed,
-        body=from_mapping(FlyConfig, config["body"], "body"),
+        body=body,
         physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
         randomisation=_randomisation(config),
         vary=_varied(settings.vary or {}),

@@ -115,7 +115,7 @@ def compare(config: EvaluationConfig, folder: Path, settings: EvaluationSettings
     missing = {(crash["controller"], crash["terrain"]) for crash in results.protocol["crashes"]}
     videos, note = record_videos(config, missing=missing) if settings.videos else ([], None)
     examples = walk_examples(config, results.examples) if settings.close_ups else []
-    has_map = settings.close_ups and settings.drive_map
+    has_map = settings.close_ups and settings.drive_map and config.legs is not None
     drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
     return write_report(
         results,

@@ -1,20 +1,27 @@
 """What an environment is made of, and what a decision in it leads to."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FLIES, FlyConfig
+from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.controllers.leg_controller import ControllerConfig, ControllerName
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
-from flyrl.tasks import TASKS, Episode, Task
+from flyrl.simulation.worms import WormSceneConfig
+from flyrl.tasks import WORM_TASKS, Episode, Neurons, Task, task_named
 from flyrl.terrains import TERRAINS, TerrainConfig
 from flyrl.validation import one_of
+
+BodyConfig = FlyConfig | WormConfig
+BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
+"""Bodies by name."""
 
 Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
@@ -26,13 +33,14 @@ class EnvConfig:
     Parameters
     ----------
     task
-        A name in `flyrl.tasks.TASKS`, or a task of your own.
+        A name in `flyrl.tasks.TASK_NAMES`, or a task of your own.
     body, terrain, controller
-        Configs, or the name that picks one: a body in `flyrl.bodies.fly.FLIES`, a terrain in
-        `flyrl.terrains.TERRAINS`, a controller with default settings. With None, the controller is
-        the hybrid one whose recorded step goes with the body.
+        Configs, or the name that picks one: a body in `BODIES`, a terrain in
+        `flyrl.terrains.TERRAINS`, a controller with default settings. With None, the body is the
+        usual one of the task, and the controller the hybrid one whose recorded step goes with the
+        body. A worm has no controller: a task for worms recruits its muscles itself.
     physics
-        Settings, or the name of a preset.
+        Settings, or the name of a preset; None takes "balanced" for a fly and "worm" for a worm.
     decision_interval
         s for which a decision is held; None takes the task's. A multiple of the physics step.
     randomisation
@@ -43,36 +51,35 @@ class EnvConfig:
     """
 
     task: str | Task = "target"
-    body: str | FlyConfig = "current"
+    body: str | BodyConfig | None = None
     terrain: str | TerrainConfig = "flat"
     controller: str | ControllerConfig | None = None
-    physics: str | PhysicsConfig = "balanced"
+    physics: str | PhysicsConfig | None = None
     decision_interval: float | None = None
     randomisation: str | RandomisationConfig = "none"
     log_gait: bool = False
 
     resolved_task: Task = field(init=False, repr=False)
     resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
-    scene: SceneConfig = field(init=False, repr=False)
+    scene: SceneConfig | WormSceneConfig = field(init=False, repr=False)
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        body = self.body
+        if body is None:
+            body = usual_body(self.task)
+        if isinstance(body, str):
+            body = BODIES[one_of("body", body, BODIES)]
         task = self.task
         if isinstance(task, str):
-            task = TASKS[one_of("task", task, TASKS)]
-        body = self.body
-        if isinstance(body, str):
-            body = FLIES[one_of("body", body, FLIES)]
+            task = task_named(task, body if isinstance(body, WormConfig) else None)
+        _check_body(task, body)
         terrain = self.terrain
         if isinstance(terrain, str):
             terrain = TERRAINS[one_of("terrain", terrain, TERRAINS)]
-        controller = self.controller
-        if controller is None or isinstance(controller, str):
-            controller = ControllerConfig(
-                name=cast(ControllerName, controller or "hybrid"),
-                steps=STEPS_OF_BODY[body.name],
-            )
         physics = self.physics
+        if physics is None:
+            physics = "worm" if isinstance(body, WormConfig) else "balanced"
         if isinstance(physics, str):
             physics = PHYSICS_PRESETS[one_of("physics", physics, PHYSICS_PRESETS)]
         interval = self.decision_interval
@@ -98,15 +105,55 @@ class EnvConfig:
                 f"randomisation.sensor_noise is {drawn_from.sensor_noise}; it must be 0 in the "
                 f"task {task.name!r}, none of whose observation terms has a spread"
             )
+        scene: SceneConfig | WormSceneConfig
+        if isinstance(body, WormConfig):
+            scene = WormSceneConfig(body, terrain, physics)
+            if self.controller is not None:
+                raise ValueError(f"controller of a worm must be None, got {self.controller!r}")
+            if replace(drawn_from, sensor_noise=0.0) != RandomisationConfig():
+                raise ValueError(
+                    f"randomisation of a worm must be of sensor_noise alone, got {drawn_from}"
+                )
+        else:
+            scene = self._fly_scene(body, terrain, physics, drawn_from, steps)
+        object.__setattr__(self, "resolved_task", task)
+        object.__setattr__(self, "resolved_randomisation", drawn_from)
+        object.__setattr__(self, "scene", scene)
+        object.__setattr__(self, "steps_per_decision", steps)
+
+    def _fly_scene(
+        self,
+        body: FlyConfig,
+        terrain: TerrainConfig,
+        physics: PhysicsConfig,
+        drawn_from: RandomisationConfig,
+        steps: int,
+    ) -> SceneConfig:
+        controller = self.controller
+        if controller is None or isinstance(controller, str):
+            controller = ControllerConfig(
+                name=cast(ControllerName, controller or "hybrid"),
+                steps=STEPS_OF_BODY[body.name],
+            )
         # with every drive another, as many are on their way as are decided on meanwhile
         places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
         scene = SceneConfig(body, terrain, controller, physics, places)
         if self.log_gait:  # all samples of a decision are kept until its end
             scene = replace(scene, gait_places=1 + steps // scene.steps_per_gait_sample)
-        object.__setattr__(self, "resolved_task", task)
-        object.__setattr__(self, "resolved_randomisation", drawn_from)
-        object.__setattr__(self, "scene", scene)
-        object.__setattr__(self, "steps_per_decision", steps)
+        return scene
+
+    @property
+    def fly_scene(self) -> SceneConfig:
+        """The scene, of flies.
+
+        Raises
+        ------
+        ValueError
+            If it is one of worms.
+        """
+        if not isinstance(self.scene, SceneConfig):
+            raise ValueError(f"task must be one for flies, got {self.resolved_task.name!r}")
+        return self.scene
 
     @property
     def decision_interval_s(self) -> float:
@@ -117,6 +164,27 @@ class EnvConfig:
         """Draw the episode with a seed: the task's, of a fly from the ranges."""
         episode = self.resolved_task.sample_episode(self.scene.terrain, seed, difficulty)
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
+
+
+def usual_body(task: str | Task) -> str:
+    """Name of the body that a task is for, unless another is asked for."""
+    name = task if isinstance(task, str) else task.name
+    return WORM_TASKS[name].body if name in WORM_TASKS else "current"
+
+
+def _check_body(task: Task, body: BodyConfig) -> None:
+    """Raise ValueError unless the task is for bodies like this."""
+    is_for_worms = isinstance(task.actions, Neurons)
+    if is_for_worms != isinstance(body, WormConfig):
+        creature, names = ("worm", WORMS) if is_for_worms else ("fly", FLIES)
+        raise ValueError(
+            f"body must be a {creature} in the task {task.name!r} ({', '.join(names)}), got {body}"
+        )
+    if isinstance(body, WormConfig) and task.actions.size != 2 * body.joints:
+        raise ValueError(
+            f"body must have {task.actions.size} muscles in the task {task.name!r}, got "
+            f"{2 * body.joints}"
+        )
 
 
 @dataclass(frozen=True)

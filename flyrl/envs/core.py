@@ -1,4 +1,4 @@
-"""The one environment under every interface: a task on a batch of flies, without Python loops."""
+"""The one environment under every interface: a task on a batch of bodies, without Python loops."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.controllers.leg_controller import initial_state
 from flyrl.envs.config import EnvConfig, Observation, Transition
+from flyrl.envs.flies import Flies
 from flyrl.envs.noise import SensorNoise, generator
+from flyrl.envs.simulation import BodyState, Simulation
+from flyrl.envs.worms import Worms
 from flyrl.simulation.batch import FlyBatch
-from flyrl.simulation.randomisation import UNVARIED, Randomisation
-from flyrl.simulation.scene import Scene, build_scene
+from flyrl.simulation.randomisation import Randomisation
+from flyrl.simulation.scene import Scene, SceneConfig
 from flyrl.simulation.state import FlyState
+from flyrl.simulation.worms import WormBatch, WormScene
 from flyrl.tasks import (
     ACHIEVED_GOAL,
     DESIRED_GOAL,
@@ -23,17 +26,16 @@ from flyrl.tasks import (
     TIMEOUT,
     UNSTABLE,
     Episode,
-    TaskState,
+    EpisodeState,
 )
-from flyrl.tasks.episode import PUSH_ARM, PUSH_S
 from flyrl.tasks.failures import failure_info
-from flyrl.terrains import draw_ground, terrain_bounds
+from flyrl.terrains import terrain_bounds
 
 __all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]
 
 
 class BatchedEnv:
-    """A task on `num_envs` flies; episodes end, but are reset only on request.
+    """A task on `num_envs` bodies; episodes end, but are reset only on request.
 
     Simulation i depends on its own seed and actions alone, to the bit: not on the number of
     simulations, nor on that of threads.
@@ -49,8 +51,10 @@ class BatchedEnv:
 
     Attributes
     ----------
-    fly_state
-        The flies after the last decision; one that blew up is kept as it was before.
+    simulation
+        What steps the bodies.
+    state
+        The bodies after the last decision; one that blew up is kept as it was before.
     episodes
         What each simulation was last reset to.
     difficulty
@@ -63,16 +67,13 @@ class BatchedEnv:
         self.config = config
         self.task = config.resolved_task
         self.num_envs = num_envs
-        self.scene: Scene = build_scene(config.scene)
-        self.flies = FlyBatch(self.scene, num_envs, num_threads)
+        self.simulation = build_simulation(config, num_envs, num_threads)
         self.episodes: list[Episode | None] = [None] * num_envs
         self.difficulty = 1.0
         self._bounds = terrain_bounds(config.scene.terrain)
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._goal: NDArray[np.float64] | None = None
         self._command: NDArray[np.float64] | None = None
-        self._pushes = np.zeros((num_envs, 0))
-        self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
         self._totals = np.zeros((len(self.task.reward), num_envs))
         self._noise = SensorNoise(self.task.observation, num_envs)
         self._means = {term.name: np.zeros((num_envs, term.size)) for term in self.task.means}
@@ -86,8 +87,44 @@ class BatchedEnv:
         outcomes = [RUNNING, SUCCESS, TIMEOUT, UNSTABLE]
         outcomes += [termination.outcome for termination in self.task.terminations]
         self._outcome_type = np.array(outcomes).dtype
-        self.fly_state = self.flies.state()
-        self._previous = self.fly_state
+        self.state: BodyState = self.simulation.state()
+        self._previous = self.state
+
+    @property
+    def batch(self) -> FlyBatch | WormBatch:
+        """The bodies' physics."""
+        return self.simulation.batch
+
+    @property
+    def flies(self) -> FlyBatch:
+        """The flies' physics.
+
+        Raises
+        ------
+        TypeError
+            If the bodies are no flies.
+        """
+        batch = self.batch
+        if not isinstance(batch, FlyBatch):
+            raise TypeError(f"the bodies of the task {self.task.name!r} are no flies")
+        return batch
+
+    @property
+    def scene(self) -> Scene | WormScene:
+        """The compiled scene."""
+        return self.batch.scene
+
+    @property
+    def drive(self) -> NDArray[np.float64]:
+        """What the bodies do by command: drives (n, 2) of flies, tensions (n, M) of worms."""
+        state = self.state
+        return state.drive if isinstance(state, FlyState) else state.tensions
+
+    @property
+    def gait_logs(self) -> NDArray[np.void] | None:
+        """Logs of how flies walk, (n,); None where none are kept, and of worms."""
+        batch = self.batch
+        return batch.gait_logs if isinstance(batch, FlyBatch) else None
 
     def reset(
         self,
@@ -110,9 +147,9 @@ class BatchedEnv:
         Raises
         ------
         ValueError
-            If the numbers of entries do not fit, an episode brings a ground where the terrain is
-            not random, or more latency than the settings have, or, at the first reset, a term of
-            the task does not give an array of its shape.
+            If the numbers of entries do not fit, an episode asks for what the bodies or the
+            settings do not have, or, at the first reset, a term of the task does not give an array
+            of its shape.
         """
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         for name, given in (("seeds", seeds), ("episodes", episodes)):
@@ -125,21 +162,7 @@ class BatchedEnv:
             episodes = [
                 self.draw_episode(int(i), seed) for i, seed in zip(chosen, drawn, strict=True)
             ]
-        latencies = self._latencies(episodes)
-        self._lay_ground(chosen, episodes)
-        controller = self.config.scene.controller
-        self.flies.vary(chosen, [episode.randomisation for episode in episodes])
-        self.flies.reset(
-            chosen,
-            np.array([episode.spawn_position_w for episode in episodes]),
-            np.array([episode.spawn_yaw for episode in episodes]),
-            [
-                initial_state(
-                    controller, episode.seed, episode.init_phases, episode.init_magnitudes, latency
-                )
-                for episode, latency in zip(episodes, latencies, strict=True)
-            ],
-        )
+        self.simulation.start(chosen, episodes)
         goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
         commands = np.array([episode.command for episode in episodes], dtype=np.float64)
         is_first = self._goal is None
@@ -148,7 +171,6 @@ class BatchedEnv:
             self._command = np.zeros((self.num_envs, commands.shape[1]))
         self._goal[chosen] = goals
         self._command[chosen] = commands
-        self._set_pushes(chosen, episodes)
         self._noise.start(chosen, episodes)
         self._totals[:, chosen] = 0.0
         for mean in self._means.values():
@@ -156,7 +178,7 @@ class BatchedEnv:
         self._decisions[chosen] = 0
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
-        self.fly_state = self._previous = self.flies.state()
+        self.state = self._previous = self.simulation.state()
         if is_first:
             self._check_terms(self.task_state())
         return self.observe()
@@ -173,40 +195,38 @@ class BatchedEnv:
         return self.config.sample_episode(seed, self.difficulty)
 
     def step(self, action: NDArray[np.floating], ids: NDArray[np.intp] | None = None) -> Transition:
-        """Hold one action per simulation, (n, 2), for a decision interval.
+        """Hold one action per simulation, (n, size of an action), for a decision interval.
 
         With `ids`, only these simulations move; of the others the result repeats what is.
 
         Raises
         ------
         ValueError
-            If the actions have the wrong shape or are not finite.
+            If the actions have the wrong shape, are not finite, or no whole numbers where the task
+            takes these.
         """
         actions = np.asarray(action, dtype=np.float64)
-        if actions.shape != (self.num_envs, 2):
-            raise ValueError(f"action has shape {actions.shape}; it must be ({self.num_envs}, 2)")
+        shape = (self.num_envs, self.task.actions.size)
+        if actions.shape != shape:
+            raise ValueError(f"action has shape {actions.shape}; it must be {shape}")
         if not np.isfinite(actions).all():
             raise ValueError(f"action must be finite; got {actions[~np.isfinite(actions)][0]}")
         if self._goal is None:
             raise RuntimeError("step() was called before reset()")
-        previous = self._previous = self.fly_state
+        previous = self._previous = self.state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
-        self.flies.set_drive(self.task.actions.commands(actions[moved]), moved)
-        if self._pushes.size:
-            self._push(moved)
-        self.flies.step(self.config.steps_per_decision, ids)
+        self.simulation.act(actions, previous, ids)
+        self.batch.step(self.config.steps_per_decision, ids)
         self._decisions[moved] += 1
         if self._noise.is_on:
             self._noise.draw(moved)
-        fly_state = self.flies.state()
-        is_unstable = fly_state.is_unstable
+        now = self.simulation.state()
+        is_unstable = now.is_unstable
         if is_unstable.any():
             # what blew up is shown as it was before the decision, which then ends its episode
-            time = np.where(
-                is_unstable, previous.time + self.config.decision_interval_s, fly_state.time
-            )
-            fly_state = replace(_where(is_unstable, previous, fly_state), time=time)
-        self.fly_state = fly_state
+            time = np.where(is_unstable, previous.time + self.config.decision_interval_s, now.time)
+            now = replace(_where(is_unstable, previous, now), time=time)
+        self.state = now
         state = self._task_state(previous)
         for averaged in self.task.means:
             mean = self._means[averaged.name]
@@ -242,13 +262,10 @@ class BatchedEnv:
         Nested dicts and lists of arrays, numbers and text, for `restore`.
         """
         return {
-            "physics": self.flies.integration_state(),
-            "fly_state": {
-                item.name: getattr(self.fly_state, item.name) for item in fields(FlyState)
-            },
+            "simulation": self.simulation.snapshot(),
+            "state": {item.name: getattr(self.state, item.name) for item in fields(self.state)},
             "goal": None if self._goal is None else self._goal.copy(),
             "command": None if self._command is None else self._command.copy(),
-            "pushes": self._pushes.copy(),
             "noise": self._noise.snapshot(),
             "totals": self._totals.copy(),
             "means": {name: mean.copy() for name, mean in self._means.items()},
@@ -261,16 +278,9 @@ class BatchedEnv:
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned, in an environment of the same settings."""
         self.episodes = [episode and _episode(episode) for episode in snapshot["episodes"]]
-        started = [i for i, episode in enumerate(self.episodes) if episode is not None]
-        self._lay_ground(np.array(started, dtype=np.intp), [*filter(None, self.episodes)])
-        self.flies.vary(
-            np.arange(self.num_envs),
-            [episode.randomisation if episode else UNVARIED for episode in self.episodes],
-        )
-        self.flies.restore(snapshot["physics"])
-        self.fly_state = self._previous = FlyState(**snapshot["fly_state"])
+        self.simulation.restore(snapshot["simulation"], self.episodes)
+        self.state = self._previous = replace(self.state, **snapshot["state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
-        self._pushes = snapshot["pushes"]
         self._noise.restore(snapshot["noise"])
         self._totals[:] = snapshot["totals"]
         for name, mean in self._means.items():
@@ -281,13 +291,13 @@ class BatchedEnv:
 
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
-        return self._observe(self._task_state(self.fly_state))
+        return self._observe(self._task_state(self.state))
 
     def grounds(self) -> NDArray[np.int64]:
         """Seeds of the grounds that the simulations walk on, on random terrain; -1: none yet."""
         return np.array([-1 if each is None else each.ground_seed for each in self.episodes])
 
-    def task_state(self) -> TaskState:
+    def task_state(self) -> EpisodeState:
         """What the task's terms saw after the last decision, or see after a reset since."""
         return self._task_state(self._previous)
 
@@ -295,56 +305,7 @@ class BatchedEnv:
         """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
         return failure_info(self.task_state()) if self.task.has_goals else {}
 
-    def _lay_ground(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
-        """Lay the ground of episodes that start, where the terrain is random."""
-        terrain = self.config.scene.terrain
-        if terrain.random and len(ids):
-            grounds = [
-                draw_ground(terrain, episode.ground_seed, episode.difficulty)
-                for episode in episodes
-            ]
-            self.flies.set_ground(ids, grounds)
-            return
-        for episode in episodes:
-            if episode.ground is not None:
-                raise ValueError(
-                    f"ground of the episode is {episode.ground}; it must be None where "
-                    f"terrain.random is false, as on {terrain.name!r}"
-                )
-
-    def _latencies(self, episodes: Sequence[Episode]) -> list[int]:
-        """Physics steps by which each episode's drives come later."""
-        longest = self.config.resolved_randomisation.longest_latency
-        latencies = [episode.randomisation.drive_latency for episode in episodes]
-        if max(latencies) > longest:
-            raise ValueError(
-                f"randomisation.drive_latency is {max(latencies)} s; the environment's own allows "
-                f"at most {longest} s"
-            )
-        return [round(latency / self.config.scene.physics.timestep) for latency in latencies]
-
-    def _set_pushes(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
-        """Note the pushes of episodes that start; a push of 0 µN is none."""
-        most = max(len(episode.pushes) for episode in episodes)
-        missing = max(0, most - self._pushes.shape[1])
-        self._pushes = np.pad(self._pushes, ((0, 0), (0, missing)))
-        self._pushes[ids] = 0.0
-        for i, episode in zip(ids, episodes, strict=True):
-            self._pushes[i, : len(episode.pushes)] = episode.pushes
-
-    def _push(self, moved: NDArray[np.intp] | slice) -> None:
-        """Push the flies as hard as is due in this decision."""
-        start, strength = self._pushes[:, ::2], self._pushes[:, 1::2]
-        duration = self._decisions_per_push * self.config.decision_interval_s
-        since = self.fly_state.time[:, None] - start
-        # but for rounding: a push that starts with a decision lasts no decision more
-        is_due = (since > -1e-6) & (since < duration - 1e-6)
-        to_the_left = np.where(is_due, strength, 0.0).sum(axis=1) * (PUSH_S / duration)
-        yaw = self.fly_state.yaw
-        force_w = to_the_left[:, None] * np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
-        self.flies.push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)
-
-    def _task_state(self, previous: FlyState) -> TaskState:
+    def _task_state(self, previous: BodyState) -> EpisodeState:
         goal, command = self._goal, self._command
         if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
@@ -355,9 +316,9 @@ class BatchedEnv:
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
-        return TaskState(
-            fly=self.fly_state,
-            previous=previous,
+        return self.simulation.seen(
+            self.state,
+            previous,
             goal=goal,
             command=command,
             totals=totals,
@@ -367,7 +328,7 @@ class BatchedEnv:
             bounds=self._bounds,
         )
 
-    def _check_terms(self, state: TaskState) -> None:
+    def _check_terms(self, state: EpisodeState) -> None:
         """Raise ValueError if a term does not give a row of its shape per simulation."""
         task = self.task
         with np.errstate(all="ignore"):  # no time has passed yet, by which a term may divide
@@ -384,7 +345,7 @@ class BatchedEnv:
                     f"simulations, got {np.shape(values)} for {self.num_envs}"
                 )
 
-    def _observe(self, state: TaskState) -> Observation:
+    def _observe(self, state: EpisodeState) -> Observation:
         terms = {}
         is_noisy = self._noise.is_on
         for term in self.task.observation:
@@ -402,11 +363,19 @@ class BatchedEnv:
         return {**goals, "observation": vector} if goals else vector
 
 
+def build_simulation(config: EnvConfig, num_envs: int, num_threads: int) -> Simulation:
+    """Bodies of the creature that an environment is of; 0 threads are one per CPU."""
+    scene = config.scene
+    if isinstance(scene, SceneConfig):
+        return Flies(config, scene, num_envs, num_threads)
+    return Worms(config, scene, num_envs, num_threads)
+
+
 def _episode(record: Mapping[str, Any]) -> Episode:
     return Episode(**{**record, "randomisation": Randomisation(**record["randomisation"])})
 
 
-def _where(mask: NDArray[np.bool_], chosen: FlyState, other: FlyState) -> FlyState:
+def _where(mask: NDArray[np.bool_], chosen: BodyState, other: BodyState) -> BodyState:
     """Mix two snapshots, simulation by simulation; the flag `is_unstable` is the other's."""
     mixed = {
         item.name: np.where(

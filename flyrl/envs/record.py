@@ -1,6 +1,6 @@
 """Configs as plain JSON values."""
 
-import dataclasses
+from dataclasses import asdict
 from typing import Any
 
 from flyrl.envs.core import EnvConfig
@@ -16,10 +16,10 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
             "decision_interval": env.decision_interval_s,
         },
         **{
-            part: plain(dataclasses.asdict(getattr(scene, part)))
+            part: None if (config := getattr(scene, part)) is None else plain(asdict(config))
             for part in ("body", "terrain", "controller", "physics")
         },
-        "randomisation": plain(dataclasses.asdict(env.resolved_randomisation)),
+        "randomisation": plain(asdict(env.resolved_randomisation)),
     }
 
 

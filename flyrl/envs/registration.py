@@ -4,10 +4,11 @@ from typing import Final
 
 import gymnasium
 
-from flyrl.tasks import TASKS
+from flyrl.tasks import TASK_NAMES, TASKS
 
 ENV_IDS: Final = {
-    f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name for name in TASKS
+    f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name 
+    for name in TASK_NAMES
 }
 """Gymnasium id -> task."""
 
@@ -16,7 +17,8 @@ def register_envs() -> None:
     """Register every id; a second call changes nothing."""
     for env_id, task in ENV_IDS.items():
         if env_id not in gymnasium.registry:
-            env_class = "FlyGoalEnv" if TASKS[task].has_goals else "FlyEnv"
+            has_goals = task in TASKS and TASKS[task].has_goals
+            env_class = "FlyGoalEnv" if has_goals else "FlyEnv"
             gymnasium.register(
                 id=env_id,
                 entry_point=f"flyrl.envs.single:{env_class}",

@@ -80,7 +80,7 @@ class FlyEnv(gymnasium.Env[Any, Any]):
             {
                 "outcome": str(transition.outcome[0]),
                 "is_success": bool(transition.is_success[0]),
-                "time_s": float(self.core.fly_state.time[0]),
+                "time_s": float(self.core.state.time[0]),
                 **self._facts(),
             },
         )

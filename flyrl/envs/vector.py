@@ -172,7 +172,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
             "_outcome": everyone,
             "is_success": is_success,
             "_is_success": everyone.copy(),
-            "time_s": self.core.fly_state.time.copy(),
+            "time_s": self.core.state.time.copy(),
             "_time_s": everyone.copy(),
         }
 

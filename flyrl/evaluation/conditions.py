@@ -12,6 +12,7 @@ from typing import Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.simulation.scene import SceneConfig
 from flyrl.tasks import Episode
 from flyrl.validation import not_negative, number, one_of
 
@@ -58,28 +59,28 @@ def _noisy(env: EnvConfig, value: Any) -> EnvConfig:
 
 
 def _coupled(env: EnvConfig, value: Any) -> EnvConfig:
-    legs = env.scene.controller
+    legs = env.fly_scene.controller
     weight = not_negative("vary.coupling", value) * legs.coupling_weight
     return replace(env, controller=replace(legs, coupling_weight=weight))
 
 
 def _reflex(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
     def change(env: EnvConfig, value: Any) -> EnvConfig:
-        return replace(env, controller=replace(env.scene.controller, **{name: value}))
+        return replace(env, controller=replace(env.fly_scene.controller, **{name: value}))
 
     return change
 
 
 def _body(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
     def change(env: EnvConfig, value: Any) -> EnvConfig:
-        return replace(env, body=replace(env.scene.body, **{name: value}))
+        return replace(env, body=replace(env.fly_scene.body, **{name: value}))
 
     return change
 
 
 def _muscles(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
     def change(env: EnvConfig, value: Any) -> EnvConfig:
-        body = env.scene.body
+        body = env.fly_scene.body
         if body.muscles is None:
             raise ValueError(
                 f"vary.{name}_muscles is for a body with muscles (body=fly_muscles); this one has "
@@ -155,7 +156,13 @@ class Condition:
         ValueError
             A value that is not allowed.
         """
-        return self._quantity.env(env, self.value) if self.name else env
+        if not self.name:
+            return env
+        if not isinstance(env.scene, SceneConfig) and self.name != "sensor_noise":
+            raise ValueError(
+                f"vary.{self.name} is for flies; of a worm, sensor_noise can be varied"
+            )
+        return self._quantity.env(env, self.value)
 
     def episode(self, episode: Episode) -> Episode:
         """The episode under this condition."""

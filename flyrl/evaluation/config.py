@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers import ControllerConfig
-from flyrl.envs.core import EnvConfig
+from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.studies import STUDIES
@@ -43,7 +42,7 @@ class EvaluationConfig:
         Names of fixed entrants; see `flyrl.evaluation.fixed.FIXED`. None takes the usual ones that
         go with the task.
     task
-        A name in `flyrl.tasks.TASKS` or a task of your own, with a flat observation or goals, and
+        A name in `flyrl.tasks.TASK_NAMES` or a task of your own, with a flat observation or goals, and
         a time limit.
     terrains
         Names (see `flyrl.terrains.TERRAINS`) or configs; their labels differ from one another.
@@ -52,7 +51,7 @@ class EvaluationConfig:
     seed
         Picks the episodes, and the resampling of the statistics.
     body, physics
-        Names or configs; the same for every entrant.
+        Names or configs, or None for the task's usual ones; the same for every entrant.
     randomisation
         Ranges that the fly of every episode is drawn from, or the name of some; every entrant
         walks as the same flies.
@@ -96,8 +95,8 @@ class EvaluationConfig:
     terrains: tuple[str | TerrainConfig, ...] = ("flat",)
     episodes: int = 50
     seed: int = 0
-    body: str | FlyConfig = "current"
-    physics: str | PhysicsConfig = "balanced"
+    body: str | BodyConfig | None = None
+    physics: str | PhysicsConfig | None = None
     randomisation: str | RandomisationConfig = "none"
     vary: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     reference: str | None = None
@@ -164,8 +163,8 @@ class EvaluationConfig:
         return tuple(self.env(terrain).scene.terrain for terrain in self.terrains)
 
     @property
-    def legs(self) -> ControllerConfig:
-        """The hybrid controller that goes with the body."""
+    def legs(self) -> ControllerConfig | None:
+        """The hybrid controller that goes with the body; None of a worm, which has no legs."""
         return self.env(self.terrains[0]).scene.controller
 
     @property

@@ -71,18 +71,18 @@ def measure_drive_map(config: EvaluationConfig, terrain: TerrainConfig, size: in
     interval = env.config.decision_interval_s
     has_failed = np.zeros(left.size, dtype=bool)
     turned = np.zeros(left.size)
-    begin = env.fly_state
+    begin = env.state
     settle, end = round(SETTLE_S / interval), round((SETTLE_S + MEASURE_S) / interval)
     for decision in range(1, end + 1):
-        before = env.fly_state.yaw
+        before = env.state.yaw
         transition = env.step(action)
         has_failed |= transition.terminated & ~transition.is_success
         if decision == settle:
-            begin = env.fly_state
+            begin = env.state
         elif decision > settle:
-            turned += (env.fly_state.yaw - before + np.pi) % (2 * np.pi) - np.pi
+            turned += (env.state.yaw - before + np.pi) % (2 * np.pi) - np.pi
     duration = (end - settle) * interval
-    way = np.linalg.norm((env.fly_state.position_w - begin.position_w)[:, :2], axis=1)
+    way = np.linalg.norm((env.state.position_w - begin.position_w)[:, :2], axis=1)
     speed = np.where(has_failed, np.nan, way / duration)
     yaw_rate = np.where(has_failed, np.nan, np.rad2deg(turned) / duration)
     return DriveMap(drives, speed.reshape(size, size), yaw_rate.reshape(size, size))

@@ -16,16 +16,16 @@ from flyrl.terrains import TerrainConfig
 
 @dataclass(frozen=True)
 class Entrant:
-    """A leg controller and the policy that steers it.
+    """A leg controller, if there are legs, and the policy that steers it.
 
     Attributes
     ----------
     name
         Unique among the entrants of an evaluation.
     controller
-        Of the legs.
+        Of the legs; None of a worm.
     policy
-        Of the descending drive.
+        Of the descending drive, or of the muscles.
     decision_interval
         s for which a decision is held; None takes the task's.
     record
@@ -33,7 +33,7 @@ class Entrant:
     """
 
     name: str
-    controller: ControllerConfig
+    controller: ControllerConfig | None
     policy: Policy
     decision_interval: float | None
     record: Mapping[str, Any]

@@ -53,10 +53,10 @@ def make_from_factory(name: str, config: EvaluationConfig, taken: Collection[str
     record = {
         "name": free_name(attribute, taken),
         "kind": "entry_point",
-        "leg_controller": config.legs.name,
+        "leg_controller": config.legs and config.legs.name,
         "policy": f"made by {name}",
         "source": name,
         "sha256": file and file_digest(Path(file)),
-        "controller_config": dataclasses.asdict(config.legs),
+        "controller_config": config.legs and dataclasses.asdict(config.legs),
     }
     return Entrant(str(record["name"]), config.legs, policy, None, record)

@@ -1,4 +1,4 @@
-"""Fixed entrants: leg controllers with a drive that nobody learned."""
+"""Fixed entrants: leg controllers with a drive, or muscles with a rhythm, that nobody learned."""
 
 from __future__ import annotations
 
@@ -12,9 +12,17 @@ from flyrl.controllers.leg_controller import ControllerName
 from flyrl.controllers.reflexes import ReflexesName
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
-from flyrl.policies import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
+from flyrl.policies import (
+    ConstantDrive,
+    OpenLoop,
+    Pursuit,
+    PursuitOfGoal,
+    Relaxed,
+    WormCPG,
+    WormReflex,
+)
 from flyrl.rollouts import Policy
-from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, DRIVE_HIGH, DRIVE_LOW, Task
+from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, DRIVE_HIGH, DRIVE_LOW, Drives, Neurons, Task
 from flyrl.validation import one_of, within
 
 
@@ -25,7 +33,7 @@ class FixedEntrant:
     Attributes
     ----------
     legs
-        The leg controller.
+        The leg controller; None of a worm.
     text
         What steers it, in words.
     make
@@ -38,7 +46,7 @@ class FixedEntrant:
         Whether it takes part unless others were asked for.
     """
 
-    legs: ControllerName
+    legs: ControllerName | None
     text: str
     make: Callable[[Task], Policy]
     sees: tuple[tuple[str, ...], ...] = ()
@@ -46,7 +54,9 @@ class FixedEntrant:
     is_usual: bool = True
 
     def goes_with(self, task: Task) -> bool:
-        """Whether the task shows what it needs."""
+        """Whether the task is for its creature, and shows what it needs."""
+        if isinstance(task.actions, Drives) != (self.legs is not None):
+            return False
         shown = task.slices()
         return not self.sees or any(shown.keys() >= set(terms) for terms in self.sees)
 
@@ -75,6 +85,28 @@ def _pursue(task: Task) -> Policy:
     return PursuitOfGoal(achieved, desired, compass, task.actions.of, **tuned)
 
 
+def _wave(task: Task) -> Policy:
+    actions, interval_s = _muscles(task)
+    return WormCPG(actions, interval_s)
+
+
+def _bend(task: Task) -> Policy:
+    actions, interval_s = _muscles(task)
+    return WormReflex(actions, interval_s, task.slices()["bend_error"])
+
+
+def _relax(task: Task) -> Policy:
+    actions, _ = _muscles(task)
+    return Relaxed(actions)
+
+
+def _muscles(task: Task) -> tuple[Neurons, float]:
+    """Actions of a task for worms, and s from one to the next."""
+    actions, interval_s = task.actions, task.decision_interval_s
+    assert isinstance(actions, Neurons) and interval_s is not None  # goes_with says so
+    return actions, interval_s
+
+
 def _follow_command(task: Task) -> Policy:
     return OpenLoop(task.slices()["command"], task.actions.of)
 
@@ -101,6 +133,11 @@ FIXED: Final[Mapping[str, FixedEntrant]] = {
         "hybrid", "drive that answers the command", _follow_command, (("command",),)
     ),
     "zero": FixedEntrant("hybrid", "constant drive (0, 0)", _stand),
+    "worm_cpg": FixedEntrant(None, "CPG that sends waves along the worm", _wave, (("heading",),)),
+    "worm_reflex": FixedEntrant(
+        None, "reflex that recruits until the bend is right", _bend, (("bend_error",),)
+    ),
+    "relaxed": FixedEntrant(None, "no muscle recruited", _relax),
 }
 """Fixed entrants by name. Besides, there is constant(left, right): any drive, held."""
 
@@ -129,13 +166,17 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
     fixed = _constant(name) or FIXED[one_of("controllers", name, [*FIXED, "constant(left, right)"])]
     task = config.resolved_task
     if not fixed.goes_with(task):
-        needed = " or ".join(", ".join(terms) for terms in fixed.sees)
+        creature = "a worm" if fixed.legs is None else "flies"
+        needed = " or ".join(", ".join(terms) for terms in fixed.sees) or "anything"
         raise ValueError(
-            f"controllers: {name!r} needs a task that shows {needed}, got {task.name!r}"
+            f"controllers: {name!r} needs a task for {creature} that shows {needed}, got "
+            f"{task.name!r}"
         )
-    controller = dataclasses.replace(config.legs, name=fixed.legs)
-    if fixed.reflexes is not None:
-        controller = dataclasses.replace(controller, reflexes=fixed.reflexes)
+    controller = config.legs
+    if controller is not None and fixed.legs is not None:
+        controller = dataclasses.replace(
+            controller, name=fixed.legs, reflexes=fixed.reflexes or controller.reflexes
+        )
     record = {
         "name": name,
         "kind": "fixed",
@@ -143,7 +184,7 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         "policy": fixed.text,
         "source": None,
         "sha256": None,
-        "controller_config": dataclasses.asdict(controller),
+        "controller_config": controller and dataclasses.asdict(controller),
     }
     return Entrant(name, controller, fixed.make(task), None, record)
 

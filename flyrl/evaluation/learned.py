@@ -51,7 +51,8 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     env, training = policy.bundle.env, policy.bundle.training
     _check_observations(policy, config.resolved_task)
     try:
-        controller = ControllerConfig(**env["controller"]) if "controller" in env else config.legs
+        legs = env.get("controller")
+        controller = ControllerConfig(**legs) if legs is not None else config.legs
     except TypeError as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
     interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
@@ -59,11 +60,11 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     record = {
         "name": name,
         "kind": "learned",
-        "leg_controller": controller.name,
+        "leg_controller": controller and controller.name,
         "policy": _how_learned(env, training),
         "source": str(file),
         "sha256": file_digest(file),
-        "controller_config": dataclasses.asdict(controller),
+        "controller_config": controller and dataclasses.asdict(controller),
         "trained_in": dict(env),
         "training": dict(training),
     }

@@ -85,6 +85,12 @@ _COMPARED_IN_TASK: Final = {
     "velocity": ("success", "speed_error_mm_s", "yaw_rate_error_deg_s", "return"),
     "heading": ("success", "heading_error_deg", "return"),
     "path": ("success", "time_to_goal_s", "path_error_mm", "return"),
+    **dict.fromkeys(
+        ("worm_crawl", "worm_crawl_box"), ("success", "advance_mm", "recruited_share", "return")
+    ),
+    **dict.fromkeys(
+        ("worm_hang", "worm_hang_box"), ("success", "bend_error_deg", "recruited_share", "return")
+    ),
 }
 
 
@@ -93,6 +99,10 @@ _DECISIVE: Final = {
     "velocity": ("success", "speed_error_mm_s"),
     "heading": ("success", "heading_error_deg"),
     "path": ("success", "path_error_mm"),
+    "worm_crawl": ("advance_mm",),
+    "worm_crawl_box": ("advance_mm",),
+    "worm_hang": ("success", "bend_error_deg"),
+    "worm_hang_box": ("success", "bend_error_deg"),
 }
 
 

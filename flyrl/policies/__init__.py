@@ -18,6 +18,7 @@ from flyrl.policies.bundle import (
 from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
 from flyrl.policies.learned import LearnedPolicy, load_policy
 from flyrl.policies.library import named_policies
+from flyrl.policies.worm import Relaxed, WormCPG, WormReflex
 
 if TYPE_CHECKING:
     from flyrl.policies.onnx import export_onnx
@@ -38,7 +39,10 @@ __all__ = [
     "PolicyFileError",
     "Pursuit",
     "PursuitOfGoal",
+    "Relaxed",
     "TermLayout",
+    "WormCPG",
+    "WormReflex",
     "export_onnx",
     "export_sb3",
     "import_sb3",

@@ -51,6 +51,8 @@ METRIC_LABELS: Final = {
     "path_error_mm": "distance to path (mm)",
     "speed_error_mm_s": "speed error (mm/s)",
     "yaw_rate_error_deg_s": "yaw rate error (deg/s)",
+    "bend_error_deg": "bend error (deg)",
+    "recruited_share": "share of neurons recruited",
     "work_nj_per_mm": "work per way (nJ/mm)",
     "slip_share": "slip per way",
     "stride_frequency_hz": "stride frequency (Hz)",

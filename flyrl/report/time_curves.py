@@ -57,7 +57,7 @@ class _Quantity:
 def time_figure(
     records: Sequence[EpisodeRecord], name: str, until_s: float | None = None
 ) -> TimeFigure:
-    """Way, speed and drives over the time of one episode, a line per controller.
+    """Way, speed and drives (or tensions) over the time of one episode, a line per controller.
 
     A line that ends with a dot ends with its episode.
 
@@ -98,8 +98,20 @@ def _quantities(records: Sequence[EpisodeRecord]) -> list[_Quantity]:
         if has_goal
         else _Quantity("way along +x (mm)", advance_mm),
         _Quantity(f"speed over {STRIDE_S:g} s (mm/s)", speed_mm_s),
-        _Quantity("left drive", lambda record: held_drive(record)[:, 0], is_held=True),
-        _Quantity("right drive", lambda record: held_drive(record)[:, 1], is_held=True),
+        *_commands(records[0]),
+    ]
+
+
+def _commands(record: EpisodeRecord) -> list[_Quantity]:
+    """What a fly is told, or what a worm's muscles exert."""
+    if is_of_fly(record):
+        return [
+            _Quantity("left drive", lambda record: held_drive(record)[:, 0], is_held=True),
+            _Quantity("right drive", lambda record: held_drive(record)[:, 1], is_held=True),
+        ]
+    return [
+        _Quantity("tension of the first muscle", lambda r: held_drive(r)[:, 0], is_held=True),
+        _Quantity("mean tension", lambda r: held_drive(r).mean(axis=1), is_held=True),
     ]
 
 
@@ -160,7 +172,7 @@ def speed_mm_s(record: EpisodeRecord) -> FloatArray:
 
 
 def held_drive(record: EpisodeRecord) -> FloatArray:
-    """Left and right drive held up to each sample, shape (T, 2); at the start the first of all."""
+    """Drives or tensions held up to each sample, shape (T, k); at the start the first of all."""
     drive = record.drive.copy()
     drive[0] = drive[min(1, len(drive) - 1)]
     return drive

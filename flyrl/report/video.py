@@ -160,21 +160,19 @@ def record_video(
 
 def _walk(
     env: BatchedEnv, entrant: Entrant, episode: Episode
-) -> Iterator[tuple[FlyBatch, float, str]]:
-    """Walk an episode; every `FRAME_S` and at the end: the fly, the time, how the episode stands.
+) -> Iterator[tuple[FlyBatch | WormBatch, float, str]]:
+    """Walk an episode; every `FRAME_S` and at the end: the body, the time, how the episode stands.
 
     The environment walks as in the evaluation. Between two decisions it cannot be looked at: there
-    a second fly, set to the same state before the decision, stands in for it.
+    a second body, set to the same state before the decision, stands in for it.
     """
-    stand_in = FlyBatch(env.scene, 1, num_threads=1)
+    stand_in = build_simulation(env.config, 1, num_threads=1)
     steps = env.config.steps_per_decision
     timestep = env.config.scene.physics.timestep
     per_frame = max(1, round(FRAME_S / timestep))
     observation = env.reset(episodes=[episode])
-    if (ground := env.flies.ground(0)) is not None:
-        stand_in.set_ground(np.array([0]), [ground])
-    stand_in.vary(np.array([0]), [episode.randomisation])
-    yield env.flies, 0.0, RUNNING
+    stand_in.restore(env.simulation.snapshot(), env.episodes)
+    yield env.batch, 0.0, RUNNING
     state, outcome, walked = None, RUNNING, 0
     while outcome == RUNNING:
         action, state = entrant.policy.predict(
@@ -182,16 +180,16 @@ def _walk(
         )
         inside = [step for step in range(1, steps) if (walked + step) % per_frame == 0]
         if inside:
-            stand_in.restore(env.flies.integration_state())
-            stand_in.set_drive(env.task.actions.commands(np.asarray(action, dtype=np.float64)))
+            stand_in.batch.restore(env.batch.integration_state())
+            stand_in.act(np.asarray(action, dtype=np.float64), env.state, None)
         for last, step in itertools.pairwise([0, *inside]):
-            stand_in.step(step - last)
-            yield stand_in, (walked + step) * timestep, RUNNING
+            stand_in.batch.step(step - last)
+            yield stand_in.batch, (walked + step) * timestep, RUNNING
         transition = env.step(action)
         observation, outcome = transition.observation, str(transition.outcome[0])
         walked += steps
         if walked % per_frame == 0 or outcome != RUNNING:
-            yield env.flies, walked * timestep, outcome
+            yield env.batch, walked * timestep, outcome
 
 
 def _titled(picture: Picture, title: str, time_s: float, ending: str = "") -> Picture:

@@ -82,11 +82,12 @@ class EpisodeRecord:
     time_s
         Sample times since the start, s, shape (T,).
     position_w
-        Thorax position, mm, world frame, shape (T, 3).
+        Position of the thorax, or of a worm's middle, mm, world frame, shape (T, 3).
     yaw
         Heading about the world's z axis, rad, unwrapped, shape (T,).
     drive
-        Descending drive (left, right) held up to the sample, shape (T, 2); zero at the start.
+        Descending drive (left, right) held up to the sample, shape (T, 2); zero at the start. Of a
+        worm, the tensions of its M muscles, shape (T, M).
     errors
         Mean over the horizon of what the task measures, by name (see `tasks.ERRORS`); the time that
         a failure cut off counts as the worst.
@@ -119,7 +120,7 @@ class EpisodeRecord:
             "time_s": (samples,),
             "position_w": (samples, 3),
             "yaw": (samples,),
-            "drive": (samples, 2),
+            "drive": (samples, *np.shape(self.drive)[1:2]),
         }
         for name, shape in shapes.items():
             values = getattr(self, name)

@@ -26,8 +26,8 @@ class Policy(Protocol):
         state: Any = None,
         episode_start: Any = None,
         deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
-        """Actions (n, 2) for a batch of n observations, and the policy's next state."""
+    ) -> tuple[NDArray[Any], Any]:
+        """Actions (n, size) for a batch of n observations, and the policy's next state."""
         ...
 
 
@@ -120,15 +120,13 @@ class _Path:
 
     def add(self, env: BatchedEnv, sim: int, time_s: float) -> None:
         """Sample simulation `sim` as it is now."""
-        fly = env.fly_state
-        self.samples.append(
-            (time_s, fly.position_w[sim].copy(), float(fly.yaw[sim]), fly.drive[sim].copy())
-        )
+        body, drive = env.state, env.drive[sim].copy()
+        self.samples.append((time_s, body.position_w[sim].copy(), float(body.yaw[sim]), drive))
 
     def add_gait(self, env: BatchedEnv, sim: int) -> None:
         """Take what simulation `sim` has logged of its gait since the last time."""
-        logs = env.flies.gait_logs
-        if logs is None or env.fly_state.is_unstable[sim]:
+        logs = env.gait_logs
+        if logs is None or env.state.is_unstable[sim]:
             return
         samples = env.flies.gait_samples(sim, self.num_gait_samples)
         self.gait_samples.append(samples)
@@ -147,9 +145,9 @@ class _Path:
 
     def gait(self, env: BatchedEnv) -> Gait | None:
         """How the fly walked."""
-        if env.flies.gait_logs is None:
+        if env.gait_logs is None:
             return None
-        scene = env.config.scene
+        scene = env.config.fly_scene
         return Gait(
             interval_s=scene.steps_per_gait_sample * scene.physics.timestep,
             **unpack(np.concatenate([np.empty(0, np.uint32), *self.gait_samples])),

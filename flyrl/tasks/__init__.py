@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Actions, Drives, Neurons
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.extension import Term, extended, task_record, term_digests
@@ -22,6 +23,7 @@ from flyrl.tasks.task import (
     TIMEOUT,
     UNSTABLE,
     EpisodeSampler,
+    EpisodeState,
     ErrorTerm,
     MeanTerm,
     ObservationTerm,
@@ -29,14 +31,36 @@ from flyrl.tasks.task import (
     Task,
     TaskState,
     Termination,
+    WormTaskState,
 )
 from flyrl.tasks.traverse import TRAVERSE
 from flyrl.tasks.velocity import VELOCITY
+from flyrl.tasks.worm import WORM_TASKS
+from flyrl.validation import one_of
 
 TASKS: Final = {
     task.name: task
     for task in (TARGET, TARGET_GOAL, VELOCITY, PATH, TRAVERSE, HEADING, HYBRID_TURNING)
 }
+"""Tasks for flies by name."""
+
+TASK_NAMES: Final = (*TASKS, *WORM_TASKS)
+
+
+def task_named(name: str, worm: WormConfig | None = None) -> Task:
+    """Task of a name; one for worms is made for the worm that is given, or for its usual one.
+
+    Raises
+    ------
+    ValueError
+        If there is no task of that name.
+    """
+    one_of("task", name, TASK_NAMES)
+    if name in TASKS:
+        return TASKS[name]
+    made = WORM_TASKS[name]
+    return made.task(name, worm or WORMS[made.body])
+
 
 __all__ = [
     "ACHIEVED_GOAL",
@@ -50,12 +74,15 @@ __all__ = [
     "RUNNING",
     "SUCCESS",
     "TASKS",
+    "TASK_NAMES",
     "TIMEOUT",
     "UNSTABLE",
+    "WORM_TASKS",
     "Actions",
     "Drives",
     "Episode",
     "EpisodeSampler",
+    "EpisodeState",
     "ErrorTerm",
     "MeanTerm",
     "Neurons",
@@ -65,7 +92,9 @@ __all__ = [
     "TaskState",
     "Term",
     "Termination",
+    "WormTaskState",
     "extended",
+    "task_named",
     "task_record",
     "term_digests",
 ]

@@ -1,6 +1,7 @@
 """One episode, in full: everything about it that was drawn at random."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +20,8 @@ PUSH_ARM = 1.5
 
 Six = tuple[float, float, float, float, float, float]
 
+NO_OSCILLATORS: Final[Six] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""Phases and magnitudes where there are no legs."""
 
 FIRST_GROUND_SEED = 2**32
 """Beyond all seeds of episodes, so that a ground has nothing in common with what else is drawn."""
@@ -33,7 +36,8 @@ class Episode:
     seed
         Where the rest was drawn from; also seeds the rule-based controller's choices.
     spawn_position_w
-        Where the fly is placed, mm (x, y, z); the thorax is at `bodies.spawn_offset` from it.
+        Where the fly is placed, mm (x, y, z); the thorax is at `bodies.spawn_offset` from it. Of a
+        worm, where its head begins.
     spawn_yaw
         Heading from +x, rad.
     goal
@@ -42,7 +46,8 @@ class Episode:
         Of the six oscillators, rad and 1, ordered as anatomy.LEGS.
     command
         What else the task asks for, as its terms read it: in `velocity` speed (mm/s) and yaw rate
-        (rad/s) of each second, in `path` x and y (mm) of every point, in `heading` an angle (rad).
+        (rad/s) of each second, in `path` x and y (mm) of every point, in `heading` an angle (rad),
+        in `worm_hang` a bend (rad).
     pushes
         Sideways pushes for PUSH_S each: when (s since the reset) and how hard to the fly's left
         (µN), in turn. They turn the fly to the other side, for they meet its abdomen.
@@ -54,19 +59,22 @@ class Episode:
     difficulty
         That it was drawn with, from 0 to 1, the usual one. Random ground is laid with it too: a
         factor on its heights and gaps.
+    joint_angles
+        Of a worm's joints at the start, rad; none: it is straight.
     """
 
     seed: int
     spawn_position_w: tuple[float, float, float]
     spawn_yaw: float
     goal: tuple[float, ...]
-    init_phases: Six
-    init_magnitudes: Six
+    init_phases: Six = NO_OSCILLATORS
+    init_magnitudes: Six = NO_OSCILLATORS
     command: tuple[float, ...] = ()
     pushes: tuple[float, ...] = ()
     ground: int | None = None
     randomisation: Randomisation = UNVARIED
     difficulty: float = 1.0
+    joint_angles: tuple[float, ...] = ()
 
     @property
     def ground_seed(self) -> int:

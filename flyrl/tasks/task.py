@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.simulation.state import FlyState
+from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, TerrainConfig
@@ -15,6 +16,8 @@ from flyrl.validation import not_negative, number, one_of, positive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Compute = Callable[[Any], Array]
+"""From a `TaskState`, or in a task for worms a `WormTaskState`, to values (n, …)."""
 
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
@@ -33,14 +36,12 @@ time limit that cut off (0 without a failure)."""
 _OF_THE_ENVIRONMENT: Final = (RUNNING, TIMEOUT, UNSTABLE)
 
 
-@dataclass(frozen=True)
-class TaskState:
-    """What terms are computed from; the first axis of every array is the simulation.
+@dataclass(frozen=True, kw_only=True)
+class EpisodeState:
+    """What terms are computed from, but for the bodies; the first axis is the simulation.
 
     Attributes
     ----------
-    fly, previous
-        The flies after this decision and before it.
     goal
         Where the episodes lead to, mm, (n, 2); (n, 0) in a task that leads nowhere.
     command
@@ -57,8 +58,6 @@ class TaskState:
         The terrain's extent.
     """
 
-    fly: FlyState
-    previous: FlyState
     goal: Array
     command: Array
     totals: Mapping[str, Array]
@@ -71,6 +70,34 @@ class TaskState:
     def remaining_s(self) -> Array:
         """Time left before the time limit, s, (n,); infinite without one."""
         return self.decisions_left * self.decision_interval_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskState(EpisodeState):
+    """What the terms of a task for flies are computed from.
+
+    Attributes
+    ----------
+    fly, previous
+        The flies after this decision and before it.
+    """
+
+    fly: FlyState
+    previous: FlyState
+
+
+@dataclass(frozen=True, kw_only=True)
+class WormTaskState(EpisodeState):
+    """What the terms of a task for worms are computed from.
+
+    Attributes
+    ----------
+    worm, previous
+        The worms after this decision and before it.
+    """
+
+    worm: WormState
+    previous: WormState
 
 
 @dataclass(frozen=True)
@@ -87,7 +114,7 @@ class ObservationTerm:
     shape: tuple[int, ...]
     low: float
     high: float
-    compute: Callable[[TaskState], Array]
+    compute: Compute
     description: str
     spread: float | tuple[float, ...] = 0.0
 
@@ -135,7 +162,7 @@ class RewardTerm:
 
     name: str
     weight: float
-    compute: Callable[[TaskState], Array]
+    compute: Compute
     description: str
     of_goals: Callable[[ArrayLike, ArrayLike, ArrayLike], Array] | None = None
 
@@ -155,7 +182,7 @@ class MeanTerm:
     name: str
     size: int
     time_constant_s: float
-    compute: Callable[[TaskState], Array]
+    compute: Compute
     description: str
 
     def __post_init__(self) -> None:
@@ -167,13 +194,15 @@ ERRORS: Final = {
     "path_error_mm": "distance to the path, mm",
     "speed_error_mm_s": "difference from the commanded forward speed, mm/s",
     "yaw_rate_error_deg_s": "difference from the commanded yaw rate, deg/s",
+    "bend_error_deg": "difference from the commanded bend of a worm, deg",
+    "recruited_share": "share of a worm's motor neurons that are recruited",
 }
-"""What a fly may be off by: names, which end in their units, and what they mean."""
+"""What a body may be off by, or spend: names, which end in their units, and what they mean."""
 
 
 @dataclass(frozen=True)
 class ErrorTerm:
-    """How far a fly is from doing what it is asked to, for evaluations; no policy sees it.
+    """How far a body is from doing what it is asked to, for evaluations; no policy sees it.
 
     An evaluation takes the mean over an episode's decisions, and over the time that a failure cut
     off it counts `worst`. `compute` gives (n,), none below 0.
@@ -181,7 +210,7 @@ class ErrorTerm:
 
     name: str
     worst: float
-    compute: Callable[[TaskState], Array]
+    compute: Compute
 
     def __post_init__(self) -> None:
         one_of("name of an error term", self.name, ERRORS)
@@ -196,7 +225,7 @@ class Termination:
     """
 
     outcome: str
-    holds: Callable[[TaskState], Mask]
+    holds: Callable[[Any], Mask]
 
     def __post_init__(self) -> None:
         if not self.outcome or self.outcome in _OF_THE_ENVIRONMENT:
@@ -221,12 +250,12 @@ class EpisodeSampler(Protocol):
 
 @dataclass(frozen=True)
 class Task:
-    """A decision problem on top of the descending drive.
+    """A decision problem on top of the descending drive, or of muscles.
 
     Attributes
     ----------
     name
-        Key in `TASKS`.
+        Key in `TASKS` or `WORM_TASKS`.
     observation
         Terms in the order of the observation vector.
     is_flat
@@ -268,7 +297,7 @@ class Task:
     decision_interval_s: float | None
     actions: Actions
     sample_episode: EpisodeSampler
-    succeeds_in_time: Callable[[TaskState], Mask] | None = None
+    succeeds_in_time: Callable[[Any], Mask] | None = None
     means: tuple[MeanTerm, ...] = ()
     added: tuple[str, ...] = ()
     difficulty: str = ""

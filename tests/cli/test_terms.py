@@ -58,7 +58,7 @@ def test_the_example_of_the_docs_walks():
     assert transition.outcome.tolist() == ["running", "running"]
     (height,) = env.task.slices()["height"].indices(99)[:1]
     np.testing.assert_allclose(
-        transition.observation[:, height], env.fly_state.position_w[:, 2], rtol=1e-6
+        transition.observation[:, height], env.state.position_w[:, 2], rtol=1e-6
     )
     assert (env.task_state().totals["slip"] > 0).all()
     (collapse,) = (end for end in env.task.terminations if end.outcome == "collapse")

@@ -69,7 +69,7 @@ def test_the_drive_steers() -> None:
     env.reset(seeds=[4, 4])
     for _ in range(25):
         env.step(np.array([[1.2, 0.2], [0.0, 0.0]]))
-    turning, still = np.rad2deg(env.fly_state.yaw)
+    turning, still = np.rad2deg(env.state.yaw)
     assert turning < still - 45
 
 
@@ -83,7 +83,7 @@ def test_time_limit_truncates_after_three_seconds() -> None:
     assert last.truncated.tolist() == [True]
     assert last.terminated.tolist() == [False]
     assert last.outcome.tolist() == ["timeout"]
-    assert env.fly_state.time[0] == pytest.approx(3.0)
+    assert env.state.time[0] == pytest.approx(3.0)
 
 
 def walk_to(goal: tuple[float, float]) -> Episode:
@@ -157,7 +157,7 @@ def test_steps_of_some_leave_the_others_where_they_are() -> None:
     env = BatchedEnv(EnvConfig(physics=FAST), 3)
     env.reset(seeds=[0, 1, 2])
     env.step(np.ones((3, 2)), ids=np.array([0, 2]))
-    np.testing.assert_allclose(env.fly_state.time, [0.02, 0.0, 0.02])
+    np.testing.assert_allclose(env.state.time, [0.02, 0.0, 0.02])
 
 
 @pytest.mark.parametrize(
@@ -256,10 +256,10 @@ def test_the_mean_velocity_is_that_of_the_way_walked() -> None:
     straight = env.task.actions.of(np.ones((1, 2)))
     for _ in range(25):
         env.step(straight)
-    start = env.fly_state.position_w[0, :2]
+    start = env.state.position_w[0, :2]
     for _ in range(50):
         speed = 20 * env.step(straight).observation[0, env.task.slices()["mean_velocity"]][0]
-    walked = np.linalg.norm(env.fly_state.position_w[0, :2] - start)
+    walked = np.linalg.norm(env.state.position_w[0, :2] - start)
     assert walked > 9
     assert speed == pytest.approx(walked, abs=2.0)
 
@@ -289,10 +289,10 @@ def test_a_push_from_the_left_at_the_abdomen_turns_the_fly_to_the_left() -> None
     walk = env.task.actions.of(np.ones((3, 2)))
     for _ in range(25):
         env.step(walk)
-    np.testing.assert_array_equal(env.fly_state.yaw, env.fly_state.yaw[[1, 1, 1]])
+    np.testing.assert_array_equal(env.state.yaw, env.state.yaw[[1, 1, 1]])
     for _ in range(15):
         env.step(walk)
-    left, straight, right = np.rad2deg(env.fly_state.yaw)
+    left, straight, right = np.rad2deg(env.state.yaw)
     assert 10 < left - straight < 60
     assert 10 < straight - right < 60
 

@@ -84,7 +84,7 @@ def test_reset_options_set_the_oscillators() -> None:
     env = gymnasium.make("flyrl/HybridTurning-v0")
     phases, magnitudes = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
     env.reset(seed=0, options={"init_phases": phases, "init_magnitudes": magnitudes})
-    fly = env.unwrapped.core.fly_state
+    fly = env.unwrapped.core.state
     np.testing.assert_array_equal(fly.phases[0], phases)
     np.testing.assert_array_equal(fly.magnitudes[0], magnitudes)
 

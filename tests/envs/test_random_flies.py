@@ -107,7 +107,7 @@ def test_latency_holds_each_decision_back_by_its_time() -> None:
         env.step(env.task.actions.of(np.full((1, 2), 0.1 * (number + 1))))
         drives.append(float(env.flies.controllers["drive"][0, 0]))
         # what the fly knows of is what it decided
-        assert env.fly_state.drive[0, 0] == pytest.approx(0.1 * (number + 1))
+        assert env.state.drive[0, 0] == pytest.approx(0.1 * (number + 1))
     np.testing.assert_allclose(drives, [0.0, 0.0, 0.1, 0.2, 0.3, 0.4])
 
 

@@ -120,10 +120,10 @@ def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
     ]
     finer = BatchedEnv(dataclasses.replace(settings, decision_interval=FRAME_S), 1, 1)
     observation = finer.reset(episodes=[episode])
-    walked = [finer.fly_state.position_w[0]]
+    walked = [finer.state.position_w[0]]
     for _ in range(10):
         finer.step(entrant.policy.predict(observation)[0])
-        walked.append(finer.fly_state.position_w[0])
+        walked.append(finer.state.position_w[0])
     np.testing.assert_array_equal(filmed, walked)
 
 

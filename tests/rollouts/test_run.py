@@ -130,7 +130,7 @@ def test_memory_lasts_for_an_episode_and_no_longer():
 def test_what_has_ended_stands_still_and_earns_nothing():
     env = make_env(2)
     short, long = run_episodes(env, WALK, [countdown(1), countdown(99)])
-    assert env.fly_state.time == pytest.approx([0.02, 0.1])
+    assert env.state.time == pytest.approx([0.02, 0.1])
     (alone,) = run_episodes(make_env(1), WALK, [countdown(1)])
     assert short.return_ == alone.return_
     assert long.outcome == "timeout"

@@ -30,7 +30,7 @@ def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: 
     straight = env.task.actions.of(np.ones((2, 2)))
     for decision in (1, 2):
         env.step(straight)
-        state = env.fly_state
+        state = env.state
         np.testing.assert_allclose(state.time, decision * steps * timestep, rtol=0, atol=1e-12)
         magnitude = 1 - (1 - 20 * timestep) ** (decision * steps)
         np.testing.assert_allclose(state.magnitudes, magnitude, rtol=0, atol=1e-9)

@@ -20,7 +20,7 @@ def walked(body, drive=1.0, num_flies=4, decisions=25, **config):
     action = np.tile(env.task.actions.of(np.full(2, drive)), (num_flies, 1))
     for _ in range(decisions):
         env.step(action)
-    return env.fly_state
+    return env.state
 
 
 def test_torques_are_those_of_the_tensions():
@@ -83,7 +83,7 @@ def test_tensions_can_be_observed():
     observation = env.step(np.ones((2, 2))).observation
     np.testing.assert_array_equal(
         observation[:, task.slices()["muscle_tensions"]],
-        env.fly_state.muscle_tensions.astype(np.float32),
+        env.state.muscle_tensions.astype(np.float32),
     )
 
 
@@ -94,7 +94,7 @@ def test_the_log_of_the_gait_lies_behind_the_tensions():
     # 20 ms, one sample per ms and one at the start
     assert env.flies.gait_logs["num_samples"][0] in (20, 21)
     assert env.flies.gait_logs["num_steps"][0] == 40
-    assert 0 < env.fly_state.muscle_tensions.max() <= 1
+    assert 0 < env.state.muscle_tensions.max() <= 1
 
 
 def test_the_same_bits_with_and_without_the_log():

@@ -1,0 +1,148 @@
+"""Flies as an environment steps them: with the ground, the pushes and the delays of episodes."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.controllers.leg_controller import initial_state
+from flyrl.envs.config import EnvConfig
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.randomisation import UNVARIED
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.state import FlyState
+from flyrl.tasks import Episode, TaskState
+from flyrl.tasks.episode import PUSH_ARM, PUSH_S
+from flyrl.terrains import draw_ground
+
+Ids = NDArray[np.intp]
+
+
+class Flies:
+    """Flies of one environment.
+
+    Parameters
+    ----------
+    config, scene
+        What to simulate, and its scene.
+    num_envs, num_threads
+        Number of flies, and of native threads; 0 takes one per CPU.
+    """
+
+    def __init__(
+        self, config: EnvConfig, scene: SceneConfig, num_envs: int, num_threads: int
+    ) -> None:
+        self.batch = FlyBatch(build_scene(scene), num_envs, num_threads)
+        self._config = config
+        self._scene = scene
+        self._pushes = np.zeros((num_envs, 0))
+        self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
+
+    def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
+        """Start episodes, one per simulation in `ids` (sorted).
+
+        Raises
+        ------
+        ValueError
+            If an episode brings a ground where the terrain is not random, or more latency than the
+            settings have.
+        """
+        latencies = self._latencies(episodes)
+        self._lay_ground(ids, episodes)
+        self.batch.vary(ids, [episode.randomisation for episode in episodes])
+        self.batch.reset(
+            ids,
+            np.array([episode.spawn_position_w for episode in episodes]),
+            np.array([episode.spawn_yaw for episode in episodes]),
+            [
+                initial_state(
+                    self._scene.controller,
+                    episode.seed,
+                    episode.init_phases,
+                    episode.init_magnitudes,
+                    latency,
+                )
+                for episode, latency in zip(episodes, latencies, strict=True)
+            ],
+        )
+        self._set_pushes(ids, episodes)
+
+    def act(self, actions: NDArray[np.float64], now: FlyState, ids: Ids | None) -> None:
+        """Set actions, (n, 2), from the next physics step on, with the flies as they are `now`."""
+        moved: Ids | slice = slice(None) if ids is None else ids
+        self.batch.set_drive(self._config.resolved_task.actions.commands(actions[moved]), moved)
+        if self._pushes.size:
+            self._push(now, moved)
+
+    def state(self) -> FlyState:
+        """Copy what the flies look like now."""
+        return self.batch.state()
+
+    def seen(self, state: FlyState, previous: FlyState, **episodes: Any) -> TaskState:
+        """What terms are computed from, with what the episodes say."""
+        return TaskState(fly=state, previous=previous, **episodes)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Copy everything that the future depends on."""
+        return {"physics": self.batch.integration_state(), "pushes": self._pushes.copy()}
+
+    def restore(self, snapshot: Mapping[str, Any], episodes: Sequence[Episode | None]) -> None:
+        """Put back what `snapshot` returned, in the midst of these episodes."""
+        started = [i for i, episode in enumerate(episodes) if episode is not None]
+        self._lay_ground(np.array(started, dtype=np.intp), [*filter(None, episodes)])
+        self.batch.vary(
+            np.arange(len(episodes)),
+            [episode.randomisation if episode else UNVARIED for episode in episodes],
+        )
+        self.batch.restore(snapshot["physics"])
+        self._pushes = snapshot["pushes"]
+
+    def _lay_ground(self, ids: Ids, episodes: Sequence[Episode]) -> None:
+        """Lay the ground of episodes that start, where the terrain is random."""
+        terrain = self._scene.terrain
+        if terrain.random and len(ids):
+            grounds = [
+                draw_ground(terrain, episode.ground_seed, episode.difficulty)
+                for episode in episodes
+            ]
+            self.batch.set_ground(ids, grounds)
+            return
+        for episode in episodes:
+            if episode.ground is not None:
+                raise ValueError(
+                    f"ground of the episode is {episode.ground}; it must be None where "
+                    f"terrain.random is false, as on {terrain.name!r}"
+                )
+
+    def _latencies(self, episodes: Sequence[Episode]) -> list[int]:
+        """Physics steps by which each episode's drives come later."""
+        longest = self._config.resolved_randomisation.longest_latency
+        latencies = [episode.randomisation.drive_latency for episode in episodes]
+        if max(latencies) > longest:
+            raise ValueError(
+                f"randomisation.drive_latency is {max(latencies)} s; the environment's own allows "
+                f"at most {longest} s"
+            )
+        return [round(latency / self._scene.physics.timestep) for latency in latencies]
+
+    def _set_pushes(self, ids: Ids, episodes: Sequence[Episode]) -> None:
+        """Note the pushes of episodes that start; a push of 0 µN is none."""
+        most = max(len(episode.pushes) for episode in episodes)
+        missing = max(0, most - self._pushes.shape[1])
+        self._pushes = np.pad(self._pushes, ((0, 0), (0, missing)))
+        self._pushes[ids] = 0.0
+        for i, episode in zip(ids, episodes, strict=True):
+            self._pushes[i, : len(episode.pushes)] = episode.pushes
+
+    def _push(self, now: FlyState, moved: Ids | slice) -> None:
+        """Push the flies as hard as is due in this decision."""
+        start, strength = self._pushes[:, ::2], self._pushes[:, 1::2]
+        duration = self._decisions_per_push * self._config.decision_interval_s
+        since = now.time[:, None] - start
+        # but for rounding: a push that starts with a decision lasts no decision more
+        is_due = (since > -1e-6) & (since < duration - 1e-6)
+        to_the_left = np.where(is_due, strength, 0.0).sum(axis=1) * (PUSH_S / duration)
+        yaw = now.yaw
+        force_w = to_the_left[:, None] * np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
+        self.batch.push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)

@@ -1,0 +1,88 @@
+"""What the tables of the tasks for worms compute; the first axis is the simulation."""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from flyrl.tasks.actions import Neurons
+from flyrl.tasks.task import Array, Mask, WormTaskState
+
+BENT_WITHIN: Final = 0.1
+"""rad; a worm that is off by less has bent as told."""
+
+
+def heading(state: WormTaskState) -> Array:
+    """Cosine and sine of the heading's angle from +x, (n, 2)."""
+    yaw = state.worm.yaw
+    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+
+
+def velocity_b(state: WormTaskState) -> Array:
+    """Velocity of the worm's middle, forward and to the left of its heading, 20 mm/s, (n, 2)."""
+    (x, y), yaw = state.worm.velocity_w[:, :2].T, state.worm.yaw
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1) / 20.0
+
+
+def joint_angles(state: WormTaskState) -> Array:
+    """Angles of the joints, rad, (n, J)."""
+    return state.worm.joint_angles
+
+
+def joint_velocities(state: WormTaskState) -> Array:
+    """Velocities of the joints, 5 rad/s, (n, J)."""
+    return state.worm.joint_velocities / 5.0
+
+
+def tensions(state: WormTaskState) -> Array:
+    """Tensions of the muscles, 0 to 1, (n, M)."""
+    return state.worm.tensions
+
+
+def progress(state: WormTaskState) -> Array:
+    """Way of the worm's middle along +x, mm, (n,)."""
+    return state.worm.position_w[:, 0] - state.previous.position_w[:, 0]
+
+
+def has_crawled(state: WormTaskState, way: float) -> Mask:
+    """Whether the worm has come `way` mm along +x in this episode, (n,)."""
+    return np.asarray(state.totals["progress"] >= way)
+
+
+def command(state: WormTaskState) -> Array:
+    """Bend that is asked for, rad, (n, 1)."""
+    return state.command
+
+
+def bend_error(state: WormTaskState) -> Array:
+    """Bend less what is asked for, rad, (n, 1)."""
+    return state.worm.bend[:, None] - state.command
+
+
+def absolute_bend_error(state: WormTaskState) -> Array:
+    """How far the bend is off what is asked for, rad, (n,)."""
+    return np.abs(bend_error(state)[:, 0])
+
+
+def bend_error_deg(state: WormTaskState) -> Array:
+    """The same, deg, (n,)."""
+    return np.degrees(absolute_bend_error(state))
+
+
+def has_bent(state: WormTaskState) -> Mask:
+    """Whether the worm is bent as told, within `BENT_WITHIN`, (n,)."""
+    return np.asarray(absolute_bend_error(state) < BENT_WITHIN)
+
+
+def recruited_share(actions: Neurons) -> Callable[[WormTaskState], Array]:
+    """What computes the share of a worm's motor neurons that are recruited, 0 to 1, (n,).
+
+    The first neuron of a pool always is, so it does not count.
+    """
+    most = sum(actions.pools) - len(actions.pools)
+
+    def share(state: WormTaskState) -> Array:
+        return np.asarray(state.worm.neurons.sum(axis=1) / most)
+
+    return share
