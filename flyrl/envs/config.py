@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, cast
+from typing import Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,6 +141,11 @@ class EnvConfig:
         if self.log_gait:  # all samples of a decision are kept until its end
             scene = replace(scene, gait_places=1 + steps // scene.steps_per_gait_sample)
         return scene
+
+    @property
+    def creature(self) -> Literal["fly", "worm"]:
+        """What the body is."""
+        return "fly" if isinstance(self.scene, SceneConfig) else "worm"
 
     @property
     def fly_scene(self) -> SceneConfig:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from flyrl.evaluation.rows import Json
 from flyrl.report.time_curves import time_figure
-from flyrl.report.video import FPS, FRAME_S, Video
+from flyrl.report.video import FLY_PACE, FPS, Video
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import EpisodeRecord
 from flyrl.simulation.leg_colours import LEG_COLOURS
@@ -54,6 +54,7 @@ def _player(
     Without videos the curves show all of the episode.
     """
     end_s = max((video.shown_s for video in shown), default=None)
+    frame_s = shown[0].frame_s if shown else FLY_PACE.frame_s
     curves = time_figure(walked, f"time-{name}", end_s) if walked else None
     return {
         "id": f"videos-{name}",
@@ -68,10 +69,10 @@ def _player(
             }
             for video in shown
         ],
-        "legend": [(_css_colour(LEG_COLOURS[name]), text) for name, text in _LEGEND.items()],
+        "legend": _legend(walked),
         "fps": FPS,
-        "slowdown": 1 / (FPS * FRAME_S),
-        "frame_s": FRAME_S,
+        "slowdown": 1 / (FPS * frame_s),
+        "frame_s": frame_s,
         "frames": max((video.num_frames for video in shown), default=0),
         "end_s": end_s,
         "curves": curves
@@ -81,6 +82,13 @@ def _player(
             "until_s": curves.until_s,
         },
     }
+
+
+def _legend(walked: Sequence[EpisodeRecord]) -> list[tuple[str, str]]:
+    """Colours of a fly's legs, and what they mean."""
+    if any(record.creature != "fly" for record in walked):
+        return []
+    return [(_css_colour(LEG_COLOURS[name]), text) for name, text in _LEGEND.items()]
 
 
 def _css_colour(rgb: tuple[float, float, float]) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import imageio_ffmpeg
 import numpy as np
@@ -18,24 +18,50 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
-from flyrl.envs.core import BatchedEnv
+from flyrl.envs.config import EnvConfig
+from flyrl.envs.core import BatchedEnv, build_simulation
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
+from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
+from flyrl.simulation.scene import SceneConfig
+from flyrl.simulation.worm_rendering import WormRenderer
+from flyrl.simulation.worms import WormBatch
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import TerrainConfig
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
 FPS: Final = 25
-FRAME_S: Final = 0.01
-"""Simulated time between two frames, s; at `FPS` a quarter of real time."""
 
-FILM_S: Final = 2.0
-"""Simulated time that is filmed at most, s."""
+
+class Pace(NamedTuple):
+    """How an episode is filmed.
+
+    Attributes
+    ----------
+    frame_s
+        Simulated time between two frames, s.
+    longest_s
+        Simulated time that is filmed at most, s.
+    """
+
+    frame_s: float
+    longest_s: float
+
+
+FLY_PACE: Final = Pace(0.01, 2.0)
+"""A quarter of real time, in which single steps can be seen."""
+
+WORM_PACE: Final = Pace(1 / FPS, 5.0)
+"""Real time."""
 
 HOLD_FRAMES: Final = 20
 """Frames for which the end stands still, so that it can be read."""
+
+BAR_WIDTH: Final = 120
+BAR_HEIGHT: Final = 7
+"""Size of a worm's tension bars, px."""
 
 _KEYFRAME_EVERY: Final = 20
 """Pictures; a browser that jumps into a video has no more than these to decode."""
@@ -61,6 +87,8 @@ class Video:
         How it ended.
     num_frames
         How many pictures it has, with those in which the end stands still.
+    frame_s
+        Simulated time between two of the others, s.
     mp4
         The file: H.264, yuv420p.
     poster
@@ -72,13 +100,14 @@ class Video:
     episode: int
     outcome: str
     num_frames: int
+    frame_s: float
     mp4: bytes
     poster: bytes
 
     @property
     def shown_s(self) -> float:
         """Simulated time that it shows, s."""
-        return (self.num_frames - 1 - HOLD_FRAMES) * FRAME_S
+        return (self.num_frames - 1 - HOLD_FRAMES) * self.frame_s
 
 
 def record_videos(
@@ -125,7 +154,7 @@ def record_video(
     episode: Episode,
     index: int = 0,
 ) -> Video:
-    """Film one entrant on one episode: its first `FILM_S`, and how it ends.
+    """Film one entrant on one episode: its beginning (see `Pace`), and how it ends.
 
     Raises
     ------
@@ -135,16 +164,17 @@ def record_video(
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
     pictures: list[Picture] = []
     ending = (0.0, RUNNING)
-    scene = env.config.scene
-    with closing(FlyRenderer(scene, WIDTH, HEIGHT, "goal", colours_legs=True)) as renderer:
-        for flies, time_s, outcome in _walk(env, entrant, episode):
+    camera = _Camera(env.config)
+    with closing(camera):
+        for body, time_s, outcome in _walk(env, entrant, episode, camera.pace.frame_s):
             ending = (time_s, outcome)
-            if time_s <= FILM_S:
-                picture = renderer.render(flies, 0, episode.goal)
-                pictures.append(_titled(picture, entrant.name, time_s))
+            if time_s <= camera.pace.longest_s + 1e-9:
+                picture = camera.take(body, episode)
+                shown = f"{time_s:.2f} s   ({camera.pace.frame_s * FPS:g} x real time)"
+                pictures.append(_titled(picture, entrant.name, shown))
     time_s, outcome = ending
     text = f"{outcome.replace('_', ' ')} at {time_s:.2f} s"
-    pictures += [_titled(picture, entrant.name, time_s, text)] * HOLD_FRAMES
+    pictures += [_titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
     poster = io.BytesIO()
     Image.fromarray(pictures[-1]).save(poster, "JPEG", quality=80)
     return Video(
@@ -153,15 +183,43 @@ def record_video(
         index,
         outcome,
         len(pictures),
+        camera.pace.frame_s,
         encode(pictures),
         poster.getvalue(),
     )
 
 
+class _Camera:
+    """What takes the pictures of a body: of a fly its legs' doings too, of a worm its tensions."""
+
+    def __init__(self, config: EnvConfig) -> None:
+        scene = config.scene
+        self._renderer: FlyRenderer | WormRenderer
+        if isinstance(scene, SceneConfig):
+            self.pace = FLY_PACE
+            self._renderer = FlyRenderer(scene, WIDTH, HEIGHT, "goal", colours_legs=True)
+        else:
+            self.pace = WORM_PACE
+            self._renderer = WormRenderer(scene, WIDTH, HEIGHT)
+
+    def take(self, body: FlyBatch | WormBatch, episode: Episode) -> Picture:
+        """Take a picture of the first body of a batch."""
+        if isinstance(self._renderer, FlyRenderer):
+            assert isinstance(body, FlyBatch)
+            return self._renderer.render(body, 0, episode.goal)
+        assert isinstance(body, WormBatch)
+        picture = self._renderer.render(body, 0)
+        return tension_bars(picture, body.state().tensions[0], BAR_WIDTH, BAR_HEIGHT)
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._renderer.close()
+
+
 def _walk(
-    env: BatchedEnv, entrant: Entrant, episode: Episode
+    env: BatchedEnv, entrant: Entrant, episode: Episode, frame_s: float
 ) -> Iterator[tuple[FlyBatch | WormBatch, float, str]]:
-    """Walk an episode; every `FRAME_S` and at the end: the body, the time, how the episode stands.
+    """Walk an episode; every `frame_s` and at the end: the body, the time, how the episode stands.
 
     The environment walks as in the evaluation. Between two decisions it cannot be looked at: there
     a second body, set to the same state before the decision, stands in for it.
@@ -169,7 +227,7 @@ def _walk(
     stand_in = build_simulation(env.config, 1, num_threads=1)
     steps = env.config.steps_per_decision
     timestep = env.config.scene.physics.timestep
-    per_frame = max(1, round(FRAME_S / timestep))
+    per_frame = max(1, round(frame_s / timestep))
     observation = env.reset(episodes=[episode])
     stand_in.restore(env.simulation.snapshot(), env.episodes)
     yield env.batch, 0.0, RUNNING
@@ -192,17 +250,16 @@ def _walk(
             yield env.batch, walked * timestep, outcome
 
 
-def _titled(picture: Picture, title: str, time_s: float, ending: str = "") -> Picture:
-    """Write the controller's name and the time onto a picture; in the end, how it ended."""
+def _titled(picture: Picture, title: str, text: str, *, is_end: bool = False) -> Picture:
+    """Write the controller's name and a line below it onto a picture, brighter in the end."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    second = ending or f"{time_s:.2f} s   ({FRAME_S * FPS:g} x real time)"
-    lines = [(title, 22.0), (second, 15.0)]
+    lines = [(title, 22.0), (text, 15.0)]
     fonts = [ImageFont.load_default(size) for _, size in lines]
     width = max(draw.textlength(text, font) for (text, _), font in zip(lines, fonts, strict=True))
     draw.rectangle((10, 10, 34 + width, 68), fill=(10, 14, 20, 150))
     for (text, size), font, y in zip(lines, fonts, (15, 43), strict=True):
-        shade = (255, 255, 255, 255) if size > 20 or ending else (205, 212, 220, 255)
+        shade = (255, 255, 255, 255) if size > 20 or is_end else (205, 212, 220, 255)
         draw.text((22, y), text, fill=shade, font=font)
     return np.asarray(image)
 

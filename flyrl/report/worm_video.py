@@ -6,7 +6,7 @@ in the lower right corner fills with red in proportion to tension.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,24 +20,16 @@ from PIL import Image, ImageDraw, ImageFont
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.files import write_bytes, write_text
 from flyrl.muscles import load_creature
+from flyrl.report.tension_bars import tension_bars
 from flyrl.report.video import FPS, HOLD_FRAMES, Picture, encode
 from flyrl.simulation.recruitment import STEP, Moment, recruit_stepwise
 from flyrl.simulation.rendering import Offscreen
-from flyrl.validation import FloatArray
 
 WIDTH: Final = 640
 HEIGHT: Final = 480
 
-BAR_WIDTH: Final = 300
-BAR_HEIGHT: Final = 20
-
 HOLD_S: Final = 1.0
 """For how long every number of neurons is held, s: the worm has settled then."""
-
-_MARGIN: Final = 16
-_RED: Final = (200, 24, 24)
-_EMPTY: Final = (236, 238, 241)
-_FRAME: Final = (40, 46, 54)
 
 
 @dataclass(frozen=True)
@@ -103,26 +95,6 @@ def write_worm_video(video: WormVideo, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_bytes(folder / "worm.mp4", video.mp4)
     write_text(folder / "worm.csv", video.table.to_csv(index=False, float_format="%.6g"))
-
-
-def tension_bars(picture: Picture, tensions: Sequence[float] | FloatArray) -> Picture:
-    """Draw a bar per muscle into the lower right corner of a picture, the first on top.
-
-    A bar measures `BAR_WIDTH` x `BAR_HEIGHT` and fills from the left with red; a thin frame
-    surrounds it.
-    """
-    image = Image.fromarray(picture)
-    draw = ImageDraw.Draw(image)
-    left = image.width - _MARGIN - BAR_WIDTH
-    for place, tension in enumerate(tensions[::-1]):
-        top = image.height - _MARGIN - BAR_HEIGHT - place * (BAR_HEIGHT + 6)
-        right, bottom = left + BAR_WIDTH - 1, top + BAR_HEIGHT - 1
-        draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill=_FRAME)
-        draw.rectangle((left, top, right, bottom), fill=_EMPTY)
-        filled = round(BAR_WIDTH * float(tension))
-        if filled:
-            draw.rectangle((left, top, left + filled - 1, bottom), fill=_RED)
-    return np.asarray(image)
 
 
 def _annotated(picture: Picture, moment: Moment) -> Picture:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
 
 SAMPLING_S: Final = 0.02
 """Least spacing of a record's samples, s: a quarter of a stride."""
+
+
+Creature = Literal["fly", "worm"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +97,8 @@ class EpisodeRecord:
     gait
         How the fly walked until then, where the environment logs it. Of a fly whose physics
         diverged, until the decision before.
+    creature
+        What walked.
     """
 
     controller: str
@@ -111,6 +116,7 @@ class EpisodeRecord:
     drive: FloatArray
     errors: Mapping[str, float] = field(default_factory=dict)
     gait: Gait | None = None
+    creature: Creature = "fly"
 
     def __post_init__(self) -> None:
         if self.outcome in ("", RUNNING):

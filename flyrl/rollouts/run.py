@@ -83,6 +83,7 @@ def run_episodes(
                 horizon_s=decisions * env.config.decision_interval_s,
                 errors=path.mean_errors(env, decisions),
                 gait=path.gait(env),
+                creature=env.config.creature,
                 **path.fields(),
             )
             for i, (episode, path) in enumerate(

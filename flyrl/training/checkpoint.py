@@ -25,7 +25,7 @@ from stable_baselines3.her import HerReplayBuffer
 from flyrl.files import write_bytes
 from flyrl.training.runs import ResumeError
 
-_FORMAT: Final = 5
+_FORMAT: Final = 6
 
 _COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 _LAST: Final = ("_last_obs", "_last_original_obs", "_last_episode_starts")
