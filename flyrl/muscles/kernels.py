@@ -54,9 +54,9 @@ def fill_recruited(recruitment: FloatArray, tension: FloatArray, n: IntArray) ->
 @kernel
 def activate(
     recruitment: FloatArray,
-    starts: IntArray,
+    starts: IntArray | FloatArray,
     strengths: FloatArray,
-    n: IntArray,
+    n: IntArray | FloatArray,
     tension: FloatArray,
     force: FloatArray,
 ) -> None:
@@ -67,10 +67,11 @@ def activate(
     recruitment, starts, strengths
         The muscles, see `muscle.PackedMuscles`.
     n
-        Whole numbers, (M,): recruit every neuron up to this index.
+        Whole numbers, (M,): recruit every neuron up to this index. They and `starts` may be of
+        float64, which is all that a model of MuJoCo carries.
     """
     for i in range(len(strengths)):
-        tension[i] = tension_of(recruitment[starts[i] : starts[i + 1]], n[i])
+        tension[i] = tension_of(recruitment[int(starts[i]) : int(starts[i + 1])], int(n[i]))
         force[i] = strengths[i] * tension[i]
 
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import spawn_offset, start_pose
@@ -15,19 +14,17 @@ from flyrl.simulation.callback import (
     NUM_MUSCLES,
     STATE_SIZE,
     gait_log_at,
-    install,
     tensions_at,
 )
+from flyrl.simulation.native import Ids, NativeBatch
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.simulation.variation import Variation
 from flyrl.terrains import Boxes, box_colours, terrain_boxes
 
-Ids = NDArray[np.intp]
 
-
-class FlyBatch:
+class FlyBatch(NativeBatch):
     """`num_sims` flies of one scene, each a row of MuJoCo's integration state.
 
     The result does not depend on the number of threads or of other simulations, to the bit.
@@ -52,18 +49,8 @@ class FlyBatch:
     """
 
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
-        if num_sims < 1:
-            raise ValueError(f"num_sims is {num_sims}; it must be >= 1")
-        if num_threads < 0:
-            raise ValueError(f"num_threads is {num_threads}; it must be >= 0 (0: one per CPU)")
-        install()
+        super().__init__(scene.model, num_sims, num_threads)
         self.scene = scene
-        self.num_sims = num_sims
-        self._batch = Batch(scene.model, num_sims, num_threads)
-        self._qpos = self._batch.bind("qpos")
-        self._qvel = self._batch.bind("qvel")
-        self._time = self._batch.bind("time")
-        self._userdata = self._batch.bind("userdata")
         self._outer_forces = self._batch.bind("xfrc_applied")
         self._xpos = self._batch.bind("xpos")
         self._xmat = self._batch.bind("xmat")
@@ -87,13 +74,6 @@ class FlyBatch:
         self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
         self._variation = Variation(scene.model, self._batch)
-        self._is_unstable = np.zeros(num_sims, dtype=bool)
-        self._warned = self.warnings().sum(axis=1)
-
-    @property
-    def num_threads(self) -> int:
-        """Number of native threads in use."""
-        return int(self._batch.nthread)
 
     def reset(
         self,
@@ -129,7 +109,7 @@ class FlyBatch:
                 f"queue_places is 0; it must be > 0 for a latency of {records['latency'].max():.0f}"
                 " time steps"
             )
-        self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._clear(ids)
         cos, sin = np.cos(yaws), np.sin(yaws)
         x, y, z = self._spawn_offset
         offsets = np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(ids), z)], axis=1)
@@ -139,9 +119,7 @@ class FlyBatch:
         self._qpos[ids, 6] = np.sin(yaws / 2)
         self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._start_pose
         self.controllers[ids] = records
-        self._is_unstable[ids] = False
-        self._warned = self.warnings().sum(axis=1)
-        self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        self._forward(ids)
 
     def vary(self, ids: Ids, randomisations: Sequence[Randomisation]) -> None:
         """Make flies differ from the scene's own in friction, mass, servos and adhesion.
@@ -190,19 +168,6 @@ class FlyBatch:
         return Boxes(
             self._geom_pos[sim, self._ground].copy(), self._geom_size[sim, self._ground].copy()
         )
-
-    def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:
-        """Advance by physics steps, holding the drives.
-
-        A simulation that diverges is marked unstable and keeps a finite state; the others go on.
-        """
-        try:
-            self._batch.step(ids, num_steps, stage=mujoco.mjtStage.mjSTAGE_POS.value)
-        except SimulationError as error:
-            self._is_unstable[error.ids] = True
-        warned = self.warnings().sum(axis=1)
-        self._is_unstable |= warned > self._warned
-        self._warned = warned
 
     def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
         """Set the descending drive (left, right), (n, 2), from the next physics step on.
@@ -281,23 +246,6 @@ class FlyBatch:
         kept = self._gait_samples[sim, np.arange(first, end) % places]
         return np.asarray(kept, dtype=np.uint32)
 
-    def warnings(self) -> NDArray[np.intp]:
-        """How often MuJoCo warned of each simulation since its reset, (n, mjNWARNING)."""
-        return np.array(self._batch.warning[:, :, 1], dtype=np.intp)
-
-    def integration_state(self) -> NDArray[np.float64]:
-        """Everything that determines the future of each simulation, one row each (a copy).
-
-        On random terrain, the ground does so too: see `ground`.
-        """
-        return np.array(self._batch.state)
-
-    def restore(self, rows: NDArray[np.float64]) -> None:
-        """Put back what `integration_state` returned; as which flies, `vary` says."""
-        self._batch.state[:] = rows
-        self._is_unstable[:] = False
-        self._batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
-
     def copy_into(self, sim: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Pose a model of the same body as simulation `sim`, for rendering, and lay its ground.
 
@@ -308,7 +256,4 @@ class FlyBatch:
             model.geom_pos[self._ground] = ground.centres
             model.geom_size[self._ground] = ground.half_sizes
             model.geom_rgba[self._ground] = box_colours(ground)
-        data.qpos[:] = self._qpos[sim]
-        data.qvel[:] = self._qvel[sim]
-        data.time = self._time[sim]
-        mujoco.mj_kinematics(model, data)
+        super().copy_into(sim, model, data)

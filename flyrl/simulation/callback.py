@@ -10,11 +10,16 @@ Two callbacks share the work. At the control stage the leg controller advances, 
 simulated time, from the contact forces of the previous step and the kinematics of this one, and
 writes the servo targets and adhesion. At the acceleration stage of the sensors the contact
 forces of this step are summed per segment and kept for the next.
+
+Other creatures with muscles have a mark of their own. Their models carry the muscles, and their
+userdata how many neurons are recruited; the control callback writes the tensions and forces that
+follow from these, and advances nothing.
 """
 
 import ctypes
 import functools
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -27,11 +32,18 @@ from flyrl.controllers.compilation import kernel, native_callback
 from flyrl.controllers.gait_log import GAIT_LOG, log_gait
 from flyrl.controllers.latency import PLACE_SIZE, advance_drive
 from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
-from flyrl.muscles.kernels import move_by_muscles
+from flyrl.muscles import Muscle, pack_muscles
+from flyrl.muscles.kernels import activate, move_by_muscles
 from flyrl.simulation.layout import Layout, layout
 
 MAGIC = 20_261_121.0
 """Marks a model as flyrl's; a number that no other model's first numeric begins with."""
+
+CREATURE_MAGIC = 20_261_122.0
+"""Marks a model of another creature, which has muscles and no leg controller."""
+
+CREATURE_HEAD = 3
+"""How many numbers a creature's model carries before its muscles' arrays."""
 
 NUM_LEGS = 6
 NUM_SENSED_SEGMENTS = 6
@@ -111,6 +123,22 @@ def pack_model_data(
     )
 
 
+def creature_userdata_size(num_muscles: int) -> int:
+    """How many numbers a creature carries: its muscles' neurons, then their tensions."""
+    return 2 * num_muscles
+
+
+def pack_creature_data(muscles: Sequence[Muscle]) -> np.ndarray:
+    """Concatenate what a creature's model carries for the callback into one float64 array.
+
+    The mark, the number M of muscles, that of the entries of their tables, and `PackedMuscles`:
+    starts (M + 1), strengths (M), recruitment tables. Actuator i is muscle i.
+    """
+    packed = pack_muscles(muscles)
+    head = (CREATURE_MAGIC, len(packed.strengths), len(packed.recruitment))
+    return np.concatenate([head, packed.starts, packed.strengths, packed.recruitment])
+
+
 def _pointer_cast(element: types.Type) -> Any:
     """Make a Numba intrinsic that reads an integer address as a pointer to `element`."""
 
@@ -160,13 +188,42 @@ def _engine_address(model, userdata_size_at, numeric_size_at, numeric_at):  # ty
     return address
 
 
+@kernel
+def _creature_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
+    """Address of what `pack_creature_data` packed, or 0 where the model has none."""
+    if _int64(model + numeric_size_at) < CREATURE_HEAD:
+        return 0
+    address = _int64(model + numeric_at)
+    head = carray(_as_float64(address), (CREATURE_HEAD,))
+    if head[0] != CREATURE_MAGIC or _int64(model + userdata_size_at) < 2 * int(head[1]):
+        return 0
+    return address
+
+
+@kernel
+def _move_creature(address, userdata, ctrl):  # type: ignore[no-untyped-def]
+    """Write the tensions and forces of a creature's muscles; all are addresses."""
+    head = carray(_as_float64(address), (CREATURE_HEAD,))
+    muscles, entries = int(head[1]), int(head[2])
+    starts = address + 8 * CREATURE_HEAD
+    strengths = starts + 8 * (muscles + 1)
+    activate(
+        carray(_as_float64(strengths + 8 * muscles), (entries,)),
+        carray(_as_float64(starts), (muscles + 1,)),
+        carray(_as_float64(strengths), (muscles,)),
+        carray(_as_float64(userdata), (muscles,)),
+        carray(_as_float64(userdata + 8 * muscles), (muscles,)),
+        carray(_as_float64(ctrl), (muscles,)),
+    )
+
+
 # Numba captures a variable of an enclosing function by value and keys its cache on disk on it; so
 # the offsets below, unlike constants of this module, may change with MuJoCo. They must be plain
 # numbers: a captured kernel has another key in every process, which would compile anew.
 
 
 def _control_callback(found: Layout) -> Any:
-    """Compile the callback that advances the leg controller."""
+    """Compile the callback that advances the leg controller, or moves a creature's muscles."""
     userdata_size_at = found.model["nuserdata"]
     numeric_size_at = found.model["nnumericdata"]
     numeric_at = found.model["numeric_data"]
@@ -187,6 +244,9 @@ def _control_callback(found: Layout) -> Any:
     def control(model, data):  # type: ignore[no-untyped-def]
         address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
         if address == 0:
+            creature = _creature_address(model, userdata_size_at, numeric_size_at, numeric_at)
+            if creature != 0:
+                _move_creature(creature, _int64(data + userdata_at), _int64(data + ctrl_at))
             return
         engine = carray(_as_engine(address), (1,))[0]
         parameters = carray(_as_parameters(address + engine_bytes), (1,))[0]

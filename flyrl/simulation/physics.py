@@ -6,6 +6,7 @@ from typing import Final, Literal, get_args
 import mujoco
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
+from flyrl.bodies.worm import TIMESTEP as WORM_TIMESTEP
 
 Integrator = Literal["euler", "implicitfast", "discrete"]
 Cone = Literal["pyramidal", "elliptic"]
@@ -78,7 +79,7 @@ class PhysicsConfig:
     multiccd
         Whether to look for more than one point where a leg touches a box.
     contact
-        How legs touch the ground.
+        How legs touch the ground; a worm's feet have a contact of their own (see `bodies.worm`).
     """
 
     timestep: float = 5e-4
@@ -119,7 +120,12 @@ PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {
     ),
     "balanced": PhysicsConfig(),
     "fast": PhysicsConfig(timestep=1e-3, contact=_FAST_CONTACT),
+    # step and integrator at which no muscle explodes a worm
+    "worm": PhysicsConfig(timestep=WORM_TIMESTEP, integrator="implicitfast"),
 }
+
+FLY_PRESETS: Final = ("reference", "balanced", "fast")
+"""Those among `PHYSICS_PRESETS` that are for flies."""
 
 
 def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig) -> None:

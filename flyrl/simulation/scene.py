@@ -133,7 +133,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
         dim=1,
     )
     if visual:
-        _add_target_marker(spec)
+        add_target_marker(spec)
     # compiled twice: the controller's record needs the body ids that only a model has
     engine = _engine_record(spec.compile())
     parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
@@ -176,13 +176,17 @@ def _engine_record(model: mujoco.MjModel) -> np.void:
     return engine
 
 
-def _add_target_marker(spec: mujoco.MjSpec) -> None:
+def add_target_marker(spec: mujoco.MjSpec, size: float = 1.0) -> None:
+    """Add a mocap body that marks a target, out of sight until it is moved.
+
+    A disc on the ground, and a pole that shows above rough ground; `size` is the disc's radius and
+    half the pole's height, mm.
+    """
     marker = spec.worldbody.add_body(name=TARGET_MARKER, mocap=True, pos=[0.0, 0.0, -100.0])
-    # a disc on the ground, and a pole that shows above rough ground
-    for size, height in (([1.0, 0.02, 0.0], 0.0), ([0.05, 1.0, 0.0], 1.0)):
+    for extent, height in (([size, 0.02, 0.0], 0.0), ([0.05 * size, size, 0.0], size)):
         marker.add_geom(
             type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            size=size,
+            size=extent,
             pos=[0.0, 0.0, height],
             rgba=[0.85, 0.2, 0.2, 0.6],
             contype=0,

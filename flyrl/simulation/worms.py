@@ -1,0 +1,315 @@
+"""Many worms of one scene, whose muscles are recruited from outside."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flyrl.bodies.worm import CRAWLER, CRAWLING_ROOT, WormConfig, build_worm
+from flyrl.muscles import AttachedMuscle, attach_muscles
+from flyrl.simulation.callback import creature_userdata_size, pack_creature_data
+from flyrl.simulation.native import Ids, NativeBatch
+from flyrl.simulation.pairs import pair_with_planes
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
+from flyrl.simulation.scene import add_target_marker
+from flyrl.terrains import TerrainConfig, add_terrain
+from flyrl.validation import one_of
+
+Array = NDArray[np.float64]
+
+HANGING_CLEARANCE: Final = 2.0
+"""How far above the ground the end of a hanging worm's tail is, mm."""
+
+
+@dataclass(frozen=True)
+class WormSceneConfig:
+    """What a worm's scene is made of.
+
+    Attributes
+    ----------
+    body, terrain, physics
+        Its parts. A worm has no controller.
+
+    Raises
+    ------
+    ValueError
+        If the worm neither crawls nor hangs, or has not two muscles per joint, or the ground is
+        not flat.
+    """
+
+    body: WormConfig = CRAWLER
+    terrain: TerrainConfig = TerrainConfig()
+    physics: PhysicsConfig = PHYSICS_PRESETS["worm"]
+
+    controller = None
+
+    def __post_init__(self) -> None:
+        one_of("the mount of a worm in a scene", self.body.mount, ("crawling", "hanging"))
+        one_of("muscles of a worm in a scene", self.body.muscles, ("pairs",))
+        one_of("terrain of a worm", self.terrain.label, ("flat",))
+
+
+@dataclass(frozen=True)
+class WormScene:
+    """A compiled scene of a worm with N segments, and where its parts lie in MuJoCo's arrays.
+
+    Attributes
+    ----------
+    config
+        What it was built from.
+    model
+        Compiled; its first custom numeric carries the muscles (see `callback`).
+    muscles
+        Of the worm, M; muscle i is actuator i.
+    joint_qpos, joint_dofs
+        Addresses of the N - 1 joints between segments in qpos and qvel, head to tail.
+    segment_bodies, segment_geoms
+        Ids of the segments, (N,), head to tail.
+    """
+
+    config: WormSceneConfig
+    model: mujoco.MjModel
+    muscles: tuple[AttachedMuscle, ...]
+    joint_qpos: NDArray[np.intp]
+    joint_dofs: NDArray[np.intp]
+    segment_bodies: NDArray[np.intp]
+    segment_geoms: NDArray[np.intp]
+
+
+def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene:
+    """Compile a scene.
+
+    A crawling worm touches the ground with its feet. A hanging one hangs above it, and touches
+    nothing.
+
+    Parameters
+    ----------
+    config
+        Body, terrain and physics.
+    visual
+        Whether to include what only a camera sees, the target's marker (a mocap body). The physics
+        is the same with and without.
+    """
+    body = config.body
+    spec = build_worm(body)
+    if body.mount == "hanging":
+        height = body.segments * body.segment_length + body.radius + HANGING_CLEARANCE
+        for name in ("muscles", "Segment1"):
+            spec.body(name).pos[2] += height
+        for geom in spec.geoms:
+            geom.conaffinity = 0
+    muscles = tuple(attach_muscles(spec))
+    add_terrain(spec, config.terrain)
+    pair_with_planes(spec, body.friction_across)
+    apply_physics(spec, config.physics)
+    spec.nuserdata = creature_userdata_size(len(muscles))
+    data = pack_creature_data([attached.muscle for attached in muscles])
+    spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
+    if visual:
+        add_target_marker(spec, size=body.radius)
+    model = spec.compile()
+    joints = [model.joint(f"joint_{i}") for i in range(1, body.segments)]
+    segments = [f"Segment{i}" for i in range(1, body.segments + 1)]
+    return WormScene(
+        config=config,
+        model=model,
+        muscles=muscles,
+        joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
+        joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
+        segment_bodies=np.array([model.body(name).id for name in segments]),
+        segment_geoms=np.array([model.geom(name).id for name in segments]),
+    )
+
+
+@dataclass(frozen=True)
+class WormState:
+    """A snapshot of n simulations of a worm with J joints and M muscles.
+
+    The first axis of every array is the simulation.
+
+    Attributes
+    ----------
+    time
+        s since the reset, (n,).
+    position_w, velocity_w
+        Mean of the middles of all segments, mm and mm/s, (n, 3), world frame.
+    yaw
+        Direction from the last segment's middle to the first one's: angle from +x,
+        counter-clockwise from above, rad in [-pi, pi], (n,); 0 of a hanging worm.
+    joint_angles, joint_velocities
+        rad, rad/s, (n, J), head to tail.
+    neurons
+        Up to which neuron each muscle is recruited, as last commanded: whole numbers, (n, M).
+    tensions
+        Of the muscles, as they acted in the last physics step, from 0 to 1, (n, M).
+    is_unstable
+        Whether the simulation blew up since its reset, (n,).
+    """
+
+    time: Array
+    position_w: Array
+    velocity_w: Array
+    yaw: Array
+    joint_angles: Array
+    joint_velocities: Array
+    neurons: Array
+    tensions: Array
+    is_unstable: NDArray[np.bool_]
+
+    @property
+    def bend(self) -> Array:
+        """Sum of the joints' angles, rad, (n,)."""
+        total: Array = self.joint_angles.sum(axis=1)
+        return total
+
+
+class WormBatch(NativeBatch):
+    """`num_sims` worms of one scene, each a row of MuJoCo's integration state.
+
+    The result does not depend on the number of threads or of other simulations, to the bit.
+
+    Parameters
+    ----------
+    scene
+        Body and terrain, compiled.
+    num_sims
+        Number of simulations.
+    num_threads
+        Native threads that share them; 0 takes one per CPU.
+    """
+
+    def __init__(self, scene: WormScene, num_sims: int = 1, num_threads: int = 0) -> None:
+        super().__init__(scene.model, num_sims, num_threads)
+        self.scene = scene
+        num_muscles = len(scene.muscles)
+        self._neurons = self._userdata[:, :num_muscles]
+        self._tensions = self._userdata[:, num_muscles:]
+        self._middles = self._batch.bind("geom_xpos")
+        self._axes = self._batch.bind("xaxis")
+        self._anchors = self._batch.bind("xanchor")
+        self._crawls = scene.config.body.mount == "crawling"
+
+    @cached_property
+    def _resting(self) -> Array:
+        return np.array([attached.muscle.tension(0) for attached in self.scene.muscles])
+
+    def reset(
+        self, ids: Ids, positions_w: ArrayLike, yaws: ArrayLike, joint_angles: ArrayLike
+    ) -> None:
+        """Put worms at rest, with no more than the first neuron recruited; leave the others alone.
+
+        Parameters
+        ----------
+        ids
+            Simulations to reset, sorted, (k,).
+        positions_w
+            Where the mean of the segments' middles is, mm, (k, 2); of a hanging worm 0.
+        yaws
+            Direction from the last segment's middle to the first one's, rad, (k,); of a hanging
+            worm 0.
+        joint_angles
+            rad, (k, J).
+
+        Raises
+        ------
+        ValueError
+            If the shapes differ from these, or a hanging worm is to be anywhere else.
+        """
+        if len(ids) == 0:
+            return
+        scene, k = self.scene, len(ids)
+        places = _of_shape("positions_w", positions_w, (k, 2))
+        headings = _of_shape("yaws", yaws, (k,))
+        angles = _of_shape("joint_angles", joint_angles, (k, len(scene.joint_qpos)))
+        if not self._crawls and (places.any() or headings.any()):
+            raise ValueError("positions_w and yaws of a hanging worm must be 0, it cannot move")
+        self._clear(ids)
+        self._tensions[ids] = self._resting
+        self._qpos[np.ix_(ids, scene.joint_qpos)] = angles
+        self._forward(ids)
+        if not self._crawls:
+            return
+        # its head is at x = y = yaw = 0 now: from there, turn it and move it
+        turns = headings - self._yaw()[ids]
+        x, y, _ = self._mean_middle()[ids].T
+        cos, sin = np.cos(turns), np.sin(turns)
+        self._qpos[ids, 0] = places[:, 0] - (cos * x - sin * y)
+        self._qpos[ids, 1] = places[:, 1] - (sin * x + cos * y)
+        self._qpos[ids, 3] = turns
+        self._forward(ids)
+
+    def set_neurons(self, neurons: ArrayLike, ids: Ids | slice = slice(None)) -> None:
+        """Recruit muscles from the next physics step on.
+
+        Parameters
+        ----------
+        neurons
+            Up to which neuron, whole numbers, (k, M) in the order of `scene.muscles`. Beyond the
+            pool they count as its first or last one.
+        ids
+            Simulations, (k,).
+        """
+        self._neurons[ids] = neurons
+
+    def state(self) -> WormState:
+        """Copy what the simulations look like now."""
+        scene = self.scene
+        return WormState(
+            time=self._time.copy(),
+            position_w=self._mean_middle(),
+            velocity_w=self._mean_velocity(),
+            yaw=self._yaw(),
+            joint_angles=self._qpos[:, scene.joint_qpos],
+            joint_velocities=self._qvel[:, scene.joint_dofs],
+            neurons=self._neurons.copy(),
+            tensions=self._tensions.copy(),
+            is_unstable=self._is_unstable.copy(),
+        )
+
+    # Sums over segments are loops: in NumPy's, the order may depend on the number of simulations.
+
+    def _mean_middle(self) -> Array:
+        """Mean of the segments' middles, (n, 3)."""
+        total = np.zeros((self.num_sims, 3))
+        for geom in self.scene.segment_geoms:
+            total += self._middles[:, geom]
+        return total / len(self.scene.segment_geoms)
+
+    def _mean_velocity(self) -> Array:
+        """Velocity of the mean of the segments' middles, (n, 3).
+
+        Every joint turns the middles of all segments behind it about its anchor.
+        """
+        scene = self.scene
+        total = np.zeros((self.num_sims, 3))
+        behind = np.zeros((self.num_sims, 3))
+        hinges = [*scene.joint_dofs]
+        if self._crawls:
+            hinges.insert(0, scene.model.joint(CRAWLING_ROOT[3]).dofadr[0])
+        geoms = scene.segment_geoms[-len(hinges) :]
+        # joints are hinges and slides: the k-th one is that of the k-th degree of freedom
+        for count, (dof, geom) in enumerate(zip(hinges[::-1], geoms[::-1], strict=True), start=1):
+            behind += self._middles[:, geom]
+            lever = behind - count * self._anchors[:, dof]
+            total += self._qvel[:, dof, np.newaxis] * np.cross(self._axes[:, dof], lever)
+        total /= len(scene.segment_geoms)
+        return total + self._qvel[:, :3] if self._crawls else total
+
+    def _yaw(self) -> Array:
+        """Direction from the last segment's middle to the first one's, (n,)."""
+        if not self._crawls:
+            return np.zeros(self.num_sims)
+        first, last = self.scene.segment_geoms[[0, -1]]
+        x = self._middles[:, first, 0] - self._middles[:, last, 0]
+        y = self._middles[:, first, 1] - self._middles[:, last, 1]
+        return np.arctan2(y, x)
+
+
+def _of_shape(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got shape {array.shape}")
+    return array
