@@ -1,13 +1,13 @@
 """Runs of flyrl, started and sampled as the reference's are."""
 
 from dataclasses import replace
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
 from benchmarks.fidelity.statistics import Trajectory, trajectory
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.state import FlyState
+from flyrl.tasks import TaskState
 from flyrl.tasks.terms import leg_contacts
 
 SAMPLING_S: Final = 1e-3
@@ -54,12 +54,12 @@ def config(controller: str, terrain: str, physics: str) -> EnvConfig:
 
 
 def _sample(env: BatchedEnv) -> dict[str, np.ndarray]:
-    fly: FlyState = env.state
+    fly = env.flies.state()
     return {
         "position_w": fly.position_w,
         "yaw": fly.yaw,
         "upright": fly.up_b[:, 2],
         "end_effectors_w": fly.end_effectors_w,
-        "contact": leg_contacts(env.task_state()) > 0,
+        "contact": leg_contacts(cast(TaskState, env.task_state())) > 0,
         "power": np.maximum(fly.actuator_torques * fly.joint_velocities, 0.0).sum(axis=1),
     }

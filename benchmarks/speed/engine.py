@@ -46,7 +46,7 @@ def settled_scene(
     config = EnvConfig(task="hybrid_turning", physics=physics, terrain=terrain)
     env = BatchedEnv(config, min(flies, most))
     states = settle(env)
-    return env.scene, np.resize(states, (flies, states.shape[1]))
+    return env.flies.scene, np.resize(states, (flies, states.shape[1]))
 
 
 def steps_per_second(flies: FlyBatch, start: States, seconds: float) -> float:

@@ -78,7 +78,7 @@ def _ratios(env: BatchedEnv, seconds: float, repeats: int) -> Row:
 
     times: dict[str, list[float]] = {"bare": [], "controller": [], "environment": []}
     for _ in range(repeats):
-        times["bare"].append(replay(bare, env.scene, recording))
+        times["bare"].append(replay(bare, env.flies.scene, recording))
         times["controller"].append(_timed(env, recording, lambda: env.flies.step(num_steps)))
         times["environment"].append(_timed(env, recording, decide))
     base = np.array(times["bare"])

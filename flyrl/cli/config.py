@@ -40,7 +40,9 @@ class _TaskSettings:
     def body(self, given: Mapping[str, Any]) -> BodyConfig:
         """The group `body`: of a worm in a task for worms, else of a fly."""
         one_of("task.name", self.name, TASK_NAMES)
-        return from_mapping(WormConfig if self.name in WORM_TASKS else FlyConfig, given, "body")
+        if self.name in WORM_TASKS:
+            return from_mapping(WormConfig, given, "body")
+        return from_mapping(FlyConfig, given, "body")
 
 
 def training_config(config: Mapping[str, Any]) -> TrainingConfig:

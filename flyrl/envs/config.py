@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal, cast
+from typing import Final, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from flyrl.validation import one_of
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
 """Bodies by name."""
+
+Config = TypeVar("Config")
 
 Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
@@ -65,23 +67,15 @@ class EnvConfig:
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        body = self.body
-        if body is None:
-            body = usual_body(self.task)
-        if isinstance(body, str):
-            body = BODIES[one_of("body", body, BODIES)]
+        body = _named("body", self.body or usual_body(self.task), BODIES)
         task = self.task
         if isinstance(task, str):
             task = task_named(task, body if isinstance(body, WormConfig) else None)
         _check_body(task, body)
-        terrain = self.terrain
-        if isinstance(terrain, str):
-            terrain = TERRAINS[one_of("terrain", terrain, TERRAINS)]
-        physics = self.physics
-        if physics is None:
-            physics = "worm" if isinstance(body, WormConfig) else "balanced"
-        if isinstance(physics, str):
-            physics = PHYSICS_PRESETS[one_of("physics", physics, PHYSICS_PRESETS)]
+        terrain = _named("terrain", self.terrain, TERRAINS)
+        usual_physics = "worm" if isinstance(body, WormConfig) else "balanced"
+        physics = _named("physics", self.physics or usual_physics, PHYSICS_PRESETS)
+        drawn_from = _named("randomisation", self.randomisation, RANDOMISATIONS)
         interval = self.decision_interval
         if interval is None:
             interval = task.decision_interval_s or physics.timestep
@@ -96,26 +90,17 @@ class EnvConfig:
                 f"the time limit of {task.name} must be at least one decision, {interval} s, "
                 f"got {task.time_limit_s}"
             )
-        drawn_from = self.randomisation
-        if isinstance(drawn_from, str):
-            drawn_from = RANDOMISATIONS[one_of("randomisation", drawn_from, RANDOMISATIONS)]
         is_sensed = any(term.spreads().any() for term in task.observation)
         if drawn_from.sensor_noise and not is_sensed:
             raise ValueError(
                 f"randomisation.sensor_noise is {drawn_from.sensor_noise}; it must be 0 in the "
                 f"task {task.name!r}, none of whose observation terms has a spread"
             )
-        scene: SceneConfig | WormSceneConfig
-        if isinstance(body, WormConfig):
-            scene = WormSceneConfig(body, terrain, physics)
-            if self.controller is not None:
-                raise ValueError(f"controller of a worm must be None, got {self.controller!r}")
-            if replace(drawn_from, sensor_noise=0.0) != RandomisationConfig():
-                raise ValueError(
-                    f"randomisation of a worm must be of sensor_noise alone, got {drawn_from}"
-                )
-        else:
-            scene = self._fly_scene(body, terrain, physics, drawn_from, steps)
+        scene = (
+            self._worm_scene(body, terrain, physics, drawn_from)
+            if isinstance(body, WormConfig)
+            else self._fly_scene(body, terrain, physics, drawn_from, steps)
+        )
         object.__setattr__(self, "resolved_task", task)
         object.__setattr__(self, "resolved_randomisation", drawn_from)
         object.__setattr__(self, "scene", scene)
@@ -141,6 +126,21 @@ class EnvConfig:
         if self.log_gait:  # all samples of a decision are kept until its end
             scene = replace(scene, gait_places=1 + steps // scene.steps_per_gait_sample)
         return scene
+
+    def _worm_scene(
+        self,
+        body: WormConfig,
+        terrain: TerrainConfig,
+        physics: PhysicsConfig,
+        drawn_from: RandomisationConfig,
+    ) -> WormSceneConfig:
+        if self.controller is not None:
+            raise ValueError(f"controller of a worm must be None, got {self.controller!r}")
+        if replace(drawn_from, sensor_noise=0.0) != RandomisationConfig():
+            raise ValueError(
+                f"randomisation of a worm must be of sensor_noise alone, got {drawn_from}"
+            )
+        return WormSceneConfig(body, terrain, physics)
 
     @property
     def creature(self) -> Literal["fly", "worm"]:
@@ -169,6 +169,11 @@ class EnvConfig:
         """Draw the episode with a seed: the task's, of a fly from the ranges."""
         episode = self.resolved_task.sample_episode(self.scene.terrain, seed, difficulty)
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
+
+
+def _named(key: str, given: str | Config, table: Mapping[str, Config]) -> Config:
+    """Settings as they are given, or those that a name picks."""
+    return table[one_of(key, given, table)] if isinstance(given, str) else given
 
 
 def usual_body(task: str | Task) -> str:

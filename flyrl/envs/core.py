@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from flyrl.tasks import (
     UNSTABLE,
     Episode,
     EpisodeState,
+    TaskState,
 )
 from flyrl.tasks.failures import failure_info
 from flyrl.terrains import terrain_bounds
@@ -303,7 +304,7 @@ class BatchedEnv:
 
     def failure_info(self) -> dict[str, NDArray[Any]]:
         """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
-        return failure_info(self.task_state()) if self.task.has_goals else {}
+        return failure_info(cast(TaskState, self.task_state())) if self.task.has_goals else {}
 
     def _task_state(self, previous: BodyState) -> EpisodeState:
         goal, command = self._goal, self._command

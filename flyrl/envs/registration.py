@@ -7,7 +7,7 @@ import gymnasium
 from flyrl.tasks import TASK_NAMES, TASKS
 
 ENV_IDS: Final = {
-    f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name 
+    f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name
     for name in TASK_NAMES
 }
 """Gymnasium id -> task."""

@@ -46,7 +46,7 @@ class FlyVecEnv(VecEnv):
         self.core = BatchedEnv(config, num_envs, num_threads)
         self.render_mode = None
         super().__init__(num_envs, observation_space(self.core.task), action_space(self.core.task))
-        self._actions = np.zeros((num_envs, 2), dtype=np.float32)
+        self._actions: NDArray[Any] = np.zeros((num_envs, self.core.task.actions.size))
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
         self._start = time.time()
@@ -66,7 +66,7 @@ class FlyVecEnv(VecEnv):
         self._lengths[:] = 0
         return observation
 
-    def step_async(self, actions: NDArray[np.float32]) -> None:
+    def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions for `step_wait`."""
         self._actions = actions
 

@@ -18,7 +18,10 @@ BodyState = FlyState | WormState
 class Simulation(Protocol):
     """Many bodies, started as episodes say and moved as actions say."""
 
-    batch: FlyBatch | WormBatch
+    @property
+    def batch(self) -> FlyBatch | WormBatch:
+        """The bodies' physics."""
+        ...
 
     def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Start episodes, one per simulation in `ids` (sorted).

@@ -1,7 +1,7 @@
-"""One fly as a Gymnasium environment."""
+"""One body as a Gymnasium environment."""
 
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -10,19 +10,9 @@ from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv, EnvConfig, Observation
 from flyrl.envs.options import episode_with_options
+from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.randomisation import UNVARIED
-from flyrl.simulation.rendering import FlyRenderer
-
-RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
-"""What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
-
-
-def check_render_mode(render_mode: str | None) -> str | None:
-    """Return `render_mode` if pictures can be had that way, else raise ValueError."""
-    if render_mode not in (None, *RENDERING["render_modes"]):
-        raise ValueError(f"render_mode is {render_mode!r}; it must be None or 'rgb_array'")
-    return render_mode
 
 
 class FlyEnv(gymnasium.Env[Any, Any]):
@@ -53,7 +43,7 @@ class FlyEnv(gymnasium.Env[Any, Any]):
         self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
         self.action_space = action_space(self.core.task)
         self.observation_space = observation_space(self.core.task)
-        self._renderer: FlyRenderer | None = None
+        self._renderer: Renderer | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -70,7 +60,7 @@ class FlyEnv(gymnasium.Env[Any, Any]):
         return _first(observation), info
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Hold a drive for one decision interval."""
+        """Hold an action for one decision interval."""
         transition = self.core.step(np.asarray(action)[None])
         return (
             _first(transition.observation),
@@ -93,13 +83,13 @@ class FlyEnv(gymnasium.Env[Any, Any]):
         return facts
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Picture of the fly, (480, 640, 3), or None without a render mode."""
+        """Picture of the body, (480, 640, 3), or None without a render mode."""
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            self._renderer = FlyRenderer(self.core.scene.config)
+            self._renderer = make_renderer(self.config)
         episode = self.core.episodes[0]
-        return self._renderer.render(self.core.flies, 0, goal=episode.goal if episode else ())
+        return self._renderer.render(self.core.batch, 0, goal=episode.goal if episode else ())
 
     def close(self) -> None:
         """Free the renderer."""

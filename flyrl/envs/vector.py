@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv, EnvConfig, Observation, Transition
 from flyrl.envs.options import episode_with_options
-from flyrl.envs.single import RENDERING, check_render_mode
+from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
 from flyrl.envs.spaces import action_space, observation_space
-from flyrl.simulation.rendering import FlyRenderer
 from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
 from flyrl.validation import at_least
 
 
-class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
+class FlyVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
     """`num_envs` flies on native threads; the other arguments are those of `EnvConfig`.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
@@ -68,7 +67,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         self._done = np.zeros(num_envs, dtype=bool)
         self._max_episode_steps = max_episode_steps
         self._elapsed_steps = np.zeros(num_envs, dtype=np.int64)
-        self._renderer: FlyRenderer | None = None
+        self._renderer: Renderer | None = None
 
     def reset(
         self,
@@ -107,9 +106,9 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         )
 
     def step(
-        self, actions: NDArray[np.float32]
+        self, actions: NDArray[Any]
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Hold one drive per fly for a decision interval."""
+        """Hold one action per body for a decision interval."""
         if self.autoreset_mode == AutoresetMode.NEXT_STEP:
             return self._step_next(actions)
         if self.autoreset_mode == AutoresetMode.DISABLED and self._done.any():
@@ -139,7 +138,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         )
 
     def _step_next(
-        self, actions: NDArray[np.float32]
+        self, actions: NDArray[Any]
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Reset the flies that were done, with a reward of 0, and step the others."""
         starting = self._done
@@ -185,13 +184,13 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[np.float32], NDArray[Any]]):
         return replace(transition, truncated=transition.truncated | is_over)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Pictures of the flies, (480, 640, 3) each, or None without a render mode."""
+        """Pictures of the bodies, (480, 640, 3) each, or None without a render mode."""
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            self._renderer = FlyRenderer(self.core.scene.config)
+            self._renderer = make_renderer(self.config)
         return tuple(
-            self._renderer.render(self.core.flies, i, goal=episode.goal if episode else ())
+            self._renderer.render(self.core.batch, i, goal=episode.goal if episode else ())
             for i, episode in enumerate(self.core.episodes)
         )
 

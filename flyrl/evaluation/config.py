@@ -42,8 +42,8 @@ class EvaluationConfig:
         Names of fixed entrants; see `flyrl.evaluation.fixed.FIXED`. None takes the usual ones that
         go with the task.
     task
-        A name in `flyrl.tasks.TASK_NAMES` or a task of your own, with a flat observation or goals, and
-        a time limit.
+        A name in `flyrl.tasks.TASK_NAMES` or a task of your own, with a flat observation or goals,
+        and a time limit.
     terrains
         Names (see `flyrl.terrains.TERRAINS`) or configs; their labels differ from one another.
     episodes

@@ -258,9 +258,9 @@ def _titled(picture: Picture, title: str, text: str, *, is_end: bool = False) ->
     fonts = [ImageFont.load_default(size) for _, size in lines]
     width = max(draw.textlength(text, font) for (text, _), font in zip(lines, fonts, strict=True))
     draw.rectangle((10, 10, 34 + width, 68), fill=(10, 14, 20, 150))
-    for (text, size), font, y in zip(lines, fonts, (15, 43), strict=True):
+    for (line, size), font, y in zip(lines, fonts, (15, 43), strict=True):
         shade = (255, 255, 255, 255) if size > 20 or is_end else (205, 212, 220, 255)
-        draw.text((22, y), text, fill=shade, font=font)
+        draw.text((22, y), line, fill=shade, font=font)
     return np.asarray(image)
 
 

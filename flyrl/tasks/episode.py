@@ -37,9 +37,9 @@ class Episode:
         Where the rest was drawn from; also seeds the rule-based controller's choices.
     spawn_position_w
         Where the fly is placed, mm (x, y, z); the thorax is at `bodies.spawn_offset` from it. Of a
-        worm, where its head begins.
+        worm, where its middle is.
     spawn_yaw
-        Heading from +x, rad.
+        Heading from +x, rad; of a worm the direction from its tail to its head.
     goal
         Where the task leads to: x and y in mm, or nothing.
     init_phases, init_magnitudes

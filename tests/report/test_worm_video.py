@@ -8,8 +8,8 @@ import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig
 from flyrl.report.muscle_figure import muscle_figure
-from flyrl.report.video import HOLD_FRAMES
 from flyrl.report.tension_bars import tension_bars
+from flyrl.report.video import HOLD_FRAMES
 from flyrl.report.worm_video import film_worm, write_worm_video
 from flyrl.resources import assets_folder
 from flyrl.simulation.rendering import RenderingUnavailableError
