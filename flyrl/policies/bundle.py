@@ -24,13 +24,19 @@ from flyrl.policies.library import named_policies
 from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
 from flyrl.policies.normaliser import Normaliser
-from flyrl.tasks import Task
+from flyrl.tasks import Neurons, Task
 
 SCHEMA: Final = "flyrl.policy/1"
 
-Squashing = Literal["clip", "tanh"]
+Squashing = Literal["clip", "tanh", "argmax"]
 SQUASHINGS: Final[tuple[Squashing, ...]] = get_args(Squashing)
-"""How an output becomes an action: clipped to the bounds, or tanh stretched over them."""
+"""How outputs become an action.
+
+One output per component is clipped to the bounds ("clip"), or its tanh is stretched over them
+("tanh"). Or each component is a whole number, and has an output for every one from its lower to its
+upper bound, component after component: the number with the largest output is taken, the first of
+equals ("argmax").
+"""
 
 _LSTM_PARTS: Final = tuple(field.name for field in fields(LSTMLayer))
 _METADATA_KEY: Final = "flyrl"
@@ -39,6 +45,7 @@ _HEADER_LENGTH_BYTES: Final = 8  # safetensors: little-endian length of the JSON
 _LARGEST_FILE_BYTES: Final = (
     256 * 2**20
 )  # a policy here has some 10 kB; refuse to read a disk image
+_LARGEST_WHOLE: Final = 2**31 - 1  # more than any output stands for
 
 
 class PolicyFileError(ValueError):
@@ -76,11 +83,11 @@ class PolicyBundle:
     network
         Observation, or what `lstm` makes of it, to output.
     squashing
-        Output to action.
+        Output to action; see `SQUASHINGS`.
     observation
         Layout of the flat observation, in order; see `observation_layout`.
     action_low, action_high
-        Bounds of the action, shape (a,) each.
+        Bounds of the action, shape (a,) each; whole numbers with "argmax".
     env
         What it was trained in, as plain JSON values: task, body, terrain, controller, physics.
     training
@@ -118,14 +125,40 @@ class PolicyBundle:
             raise ValueError(
                 f"normaliser.mean has {len(self.normaliser.mean)} values, the observation {given}"
             )
-        if not len(self.action_low) == len(self.action_high) == sizes[-1]:
+        self._check_bounds()
+
+    def _check_bounds(self) -> None:
+        """Raise ValueError unless the bounds are such, and as many as the network's outputs."""
+        num_outputs = self.network.sizes[-1]
+        if len(self.action_low) != len(self.action_high) or (
+            self.squashing != "argmax" and len(self.action_low) != num_outputs
+        ):
             raise ValueError(
                 f"action bounds of {len(self.action_low)} and {len(self.action_high)} values, "
-                f"the network gives {sizes[-1]}"
+                f"the network gives {num_outputs}"
             )
         for low, high in zip(self.action_low, self.action_high, strict=True):
             if not -math.inf < low <= high < math.inf:
                 raise ValueError(f"action bounds: {low} and {high}; allowed: finite, low <= high")
+        if self.squashing != "argmax":
+            return
+        for bound in self.action_low + self.action_high:
+            if bound != round(bound) or abs(bound) > _LARGEST_WHOLE:
+                raise ValueError(
+                    f"action bounds: {bound}; allowed with squashing 'argmax': whole numbers, "
+                    f"at most {_LARGEST_WHOLE} from 0"
+                )
+        if sum(self.action_counts) != num_outputs:
+            raise ValueError(
+                f"action bounds that {sum(self.action_counts)} whole numbers lie within, "
+                f"the network gives {num_outputs}"
+            )
+
+    @property
+    def action_counts(self) -> tuple[int, ...]:
+        """How many whole numbers each component chooses from; only with "argmax"."""
+        bounds = zip(self.action_low, self.action_high, strict=True)
+        return tuple(int(high) - int(low) + 1 for low, high in bounds)
 
     @property
     def num_inputs(self) -> int:
@@ -141,6 +174,15 @@ def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
 def observation_layout(task: Task) -> tuple[TermLayout, ...]:
     """Layout of a task's observation as a vector; see `flyrl.policies.vectors`."""
     return tuple(TermLayout(term.name, term.size) for term in task.observation)
+
+
+def action_bounds(task: Task) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Lower and upper bounds of a task's action, as its Gymnasium space has them; (a,) each."""
+    actions = task.actions
+    if isinstance(actions, Neurons) and actions.is_integer:
+        return (0.0,) * actions.size, tuple(float(pool - 1) for pool in actions.pools)
+    low, high = (float(np.float32(bound)) for bound in (actions.low, actions.high))
+    return (low,) * actions.size, (high,) * actions.size
 
 
 def save_bundle(bundle: PolicyBundle, path: Path) -> None:

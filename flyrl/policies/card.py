@@ -58,8 +58,7 @@ The observation is one vector of {sum(term.size for term in bundle.observation)}
 
 {_table(("term", "values"), [(term.name, term.size) for term in bundle.observation])}
 
-The action is {len(bundle.action_low)} values, from {list(bundle.action_low)} to
-{list(bundle.action_high)}.
+{_action(bundle)}
 
 ## Limits
 
@@ -69,6 +68,13 @@ The action is {len(bundle.action_low)} values, from {list(bundle.action_low)} to
 
 Apache-2.0, as flyrl.
 """
+
+
+def _action(bundle: PolicyBundle) -> str:
+    kind, low, high = "values", list(bundle.action_low), list(bundle.action_high)
+    if bundle.squashing == "argmax":
+        kind, low, high = "whole numbers", list(map(int, low)), list(map(int, high))
+    return f"The action is {len(low)} {kind}, from {low} to\n{high}."
 
 
 def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:

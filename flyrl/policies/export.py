@@ -4,7 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium import Space
+from gymnasium.spaces import Box, MultiDiscrete
 from numpy.typing import NDArray
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from sb3_contrib.common.torch_layers import BatchRenorm
@@ -40,10 +41,12 @@ def bundle_from_sb3(
     CrossQ. If the model's environment is wrapped in a VecNormalize, its statistics of the
     observations come along.
 
+    Actions are a Box, or a MultiDiscrete from 0, which PPO, A2C, TRPO and RecurrentPPO take.
+
     Parameters
     ----------
     model
-        Trained on flat observations, or dicts of them, and a Box of actions.
+        Trained on flat observations, or dicts of them.
     observation, env, training
         As in `PolicyBundle`.
 
@@ -54,16 +57,18 @@ def bundle_from_sb3(
     """
     policy = model.policy
     extractor, modules, squashing = actor_modules(policy)
-    if not _is_flattening(extractor) or not isinstance(model.action_space, Box):
+    bounds = _bounds(model.action_space)
+    if not _is_flattening(extractor) or bounds is None:
         raise ValueError(
-            "a bundle holds policies from flat observations, or dicts of them, to a Box of actions"
+            "a bundle holds policies from flat observations, or dicts of them, to a Box of actions "
+            f"or a MultiDiscrete from 0; got {model.action_space}"
         )
     return PolicyBundle(
         network=_network(modules),
         squashing=squashing,
         observation=tuple(observation),
-        action_low=tuple(model.action_space.low.tolist()),
-        action_high=tuple(model.action_space.high.tolist()),
+        action_low=bounds[0],
+        action_high=bounds[1],
         env=env,
         training=training,
         normaliser=normaliser_of(model.get_vec_normalize_env()),
@@ -71,11 +76,22 @@ def bundle_from_sb3(
     )
 
 
+def _bounds(space: Space[Any]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Bounds of the actions that a bundle can hold."""
+    if isinstance(space, Box):
+        return tuple(space.low.tolist()), tuple(space.high.tolist())
+    if isinstance(space, MultiDiscrete) and not space.start.any():
+        low, high = np.zeros(len(space.nvec)), space.nvec - 1.0
+        return tuple(low.tolist()), tuple(high.tolist())
+    return None
+
+
 def actor_modules(policy: BasePolicy) -> tuple[nn.Module, list[nn.Module], Squashing]:
     """Feature extractor, modules from there (or from the LSTM) to the output, and what follows."""
     if isinstance(policy, ActorCriticPolicy) and not policy.squash_output:
         modules = [*policy.mlp_extractor.policy_net.modules(), *policy.action_net.modules()]
-        return policy.pi_features_extractor, modules, "clip"
+        is_integer = isinstance(policy.action_space, MultiDiscrete)
+        return policy.pi_features_extractor, modules, "argmax" if is_integer else "clip"
     if isinstance(policy, SACPolicy | TQCPolicy | CrossQPolicy):
         actor = policy.actor
         return (

@@ -11,6 +11,7 @@ from flyrl.policies.bundle import (
     PolicyBundle,
     PolicyFileError,
     TermLayout,
+    action_bounds,
     load_bundle,
     observation_layout,
 )
@@ -39,6 +40,8 @@ class LearnedPolicy:
         self._is_squashed = bundle.squashing == "tanh"
         self._low = np.array(bundle.action_low)
         self._high = np.array(bundle.action_high)
+        self._is_integer = bundle.squashing == "argmax"
+        self._counts = bundle.action_counts if self._is_integer else ()
         self._lstm_parameters = np.empty(0) if bundle.lstm is None else bundle.lstm.packed()
 
     def predict(
@@ -47,7 +50,7 @@ class LearnedPolicy:
         state: Any = None,
         episode_start: Any = None,
         deterministic: bool = True,
-    ) -> tuple[NDArray[np.float32], Any]:
+    ) -> tuple[NDArray[Any], Any]:
         """Action for one observation or a batch, with the signature of Stable-Baselines3.
 
         Parameters
@@ -66,8 +69,9 @@ class LearnedPolicy:
 
         Returns
         -------
-        Action, shape (a,) or (n, a), float32, inside the bounds; and the state: of a policy with an
-        LSTM, hidden and cell state, shape (layers, n, units) each (n is 1 for one observation).
+        Action, shape (a,) or (n, a), inside the bounds: float32, or int64 of a policy of whole
+        numbers (squashing "argmax"); and the state: of a policy with an LSTM, hidden and cell
+        state, shape (layers, n, units) each (n is 1 for one observation).
 
         Raises
         ------
@@ -90,13 +94,24 @@ class LearnedPolicy:
             advance(rows, hidden, cell, self._lstm_parameters)
             rows, state = hidden[-1], (hidden, cell)
         outputs = evaluate(rows, self._sizes, self._parameters, self._is_tanh, self._is_squashed)
-        if self._is_squashed:
-            outputs = self._low + 0.5 * (outputs + 1) * (self._high - self._low)
-        actions = np.clip(outputs, self._low, self._high).astype(np.float32)
+        actions = self._actions(outputs)
         return (actions if values.ndim == 2 else actions[0]), state
 
+    def _actions(self, outputs: NDArray[np.float64]) -> NDArray[Any]:
+        """Actions (n, a) from the network's outputs."""
+        if self._is_integer:
+            choices = np.empty((len(outputs), len(self._counts)), dtype=np.int64)
+            start = 0
+            for i, count in enumerate(self._counts):
+                choices[:, i] = outputs[:, start : start + count].argmax(axis=1)
+                start += count
+            return choices + self._low.astype(np.int64)
+        if self._is_squashed:
+            outputs = self._low + 0.5 * (outputs + 1) * (self._high - self._low)
+        return np.clip(outputs, self._low, self._high).astype(np.float32)
+
     def check_task(self, task: Task) -> None:
-        """Raise PolicyFileError unless the policy was trained on observations like the task's."""
+        """Raise PolicyFileError unless the policy's observations and actions are the task's."""
         own, here = self.bundle.observation, observation_layout(task)
         for i in range(max(len(own), len(here))):
             trained = own[i] if i < len(own) else None
@@ -106,6 +121,14 @@ class LearnedPolicy:
                     f"the policy was trained on other observations than those of {task.name}: "
                     f"term {i} was {_describe(trained)}, here it is {_describe(given)}"
                 )
+        is_integer, bounds = task.actions.is_integer, action_bounds(task)
+        own_bounds = (self.bundle.action_low, self.bundle.action_high)
+        if (self._is_integer, own_bounds) != (is_integer, bounds):
+            raise PolicyFileError(
+                f"the policy's actions are {_kind(self._is_integer)} within {own_bounds[0]} and "
+                f"{own_bounds[1]}, those of {task.name} {_kind(is_integer)} within {bounds[0]} and "
+                f"{bounds[1]}"
+            )
 
 
 def _memory(
@@ -131,6 +154,10 @@ def _memory(
 
 def _describe(term: TermLayout | None) -> str:
     return "missing" if term is None else f"{term.name} ({term.size} values)"
+
+
+def _kind(is_integer: bool) -> str:
+    return "whole numbers" if is_integer else "numbers"
 
 
 def load_policy(path: str | os.PathLike[str]) -> LearnedPolicy:

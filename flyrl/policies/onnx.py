@@ -23,14 +23,20 @@ _IR_VERSION: Final = 8
 
 _ACTIVATIONS: Final = {"tanh": "Tanh", "relu": "Relu"}
 
+_Part = tuple[list[onnx.NodeProto], dict[str, NDArray[Any]]]
+"""Nodes of a graph, and the constants that they take."""
+
 
 def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     """Write the deterministic policy as an ONNX file, whole or not at all.
 
     The graph takes "observation", float32 (n, k), and gives "action", float32 (n, a), inside the
-    bounds, for any n. If the policy has a memory, it also takes "hidden" and "cell", float32
-    (layers, n, units), zeros at first, and "episode_start", bool (n,): where one starts, the memory
-    is set to zeros first. It then gives "next_hidden" and "next_cell" too, for the next step.
+    bounds, for any n. If the policy's actions are whole numbers, "action" is int64; where two
+    numbers are nearly as good, rounding to float32 can choose the other one than the bundle does.
+
+    If the policy has a memory, it also takes "hidden" and "cell", float32 (layers, n, units), zeros
+    at first, and "episode_start", bool (n,): where one starts, the memory is set to zeros first. It
+    then gives "next_hidden" and "next_cell" too, for the next step.
 
     The file's metadata say as JSON how the observation is laid out ("flyrl.observation"), what
     bounds the action has ("flyrl.action"), what the policy was trained in ("flyrl.env") and what
@@ -43,10 +49,8 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     path
         File to write (.onnx); an existing one is replaced.
     """
-    constants: dict[str, NDArray[Any]] = {
-        "low": np.array(bundle.action_low, np.float32),
-        "high": np.array(bundle.action_high, np.float32),
-    }
+    is_integer = bundle.squashing == "argmax"
+    constants: dict[str, NDArray[Any]] = {}
     nodes = []
     value = "observation"
     if bundle.normaliser is not None:
@@ -66,9 +70,9 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
             helper.make_node("Clip", ["scaled", "least", "most"], ["normalised"]),
         ]
         value = "normalised"
-    sizes = bundle.network.sizes
+    kind_of_action = TensorProto.INT64 if is_integer else TensorProto.FLOAT
     inputs = [_value("observation", "n", bundle.num_inputs)]
-    outputs = [_value("action", "n", sizes[-1])]
+    outputs = [_value("action", "n", len(bundle.action_low), kind=kind_of_action)]
     if bundle.lstm is not None:
         lstm_nodes, lstm_constants = _lstm(bundle.lstm, value)
         nodes += lstm_nodes
@@ -89,20 +93,9 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
             kind = _ACTIVATIONS[bundle.network.activation]
             nodes.append(helper.make_node(kind, [value], [f"{i}.unit"]))
             value = f"{i}.unit"
-    if bundle.squashing == "tanh":
-        # tanh runs from -1 to 1: half of the range on either side of its middle
-        constants["middle"] = np.float32(0.5) * (constants["low"] + constants["high"])
-        constants["half"] = np.float32(0.5) * (constants["high"] - constants["low"])
-        nodes += [
-            helper.make_node("Tanh", [value], ["squashed"]),
-            helper.make_node("Mul", ["squashed", "half"], ["stretched"]),
-            helper.make_node("Add", ["stretched", "middle"], ["shifted"]),
-        ]
-        value = "shifted"
-    nodes += [
-        helper.make_node("Max", [value, "low"], ["not_too_low"]),
-        helper.make_node("Min", ["not_too_low", "high"], ["action"]),
-    ]
+    action_nodes, action_constants = (_choices if is_integer else _range)(bundle, value)
+    nodes += action_nodes
+    constants |= action_constants
     graph = helper.make_graph(
         nodes,
         "flyrl_policy",
@@ -135,7 +128,47 @@ def _value(name: str, *shape: int | str, kind: int = TensorProto.FLOAT) -> onnx.
     return helper.make_tensor_value_info(name, kind, shape)
 
 
-def _lstm(lstm: LSTM, value: str) -> tuple[list[onnx.NodeProto], dict[str, NDArray[Any]]]:
+def _range(bundle: PolicyBundle, value: str) -> _Part:
+    """Nodes and constants from `value` to "action", one output per component."""
+    low, high = (np.array(b, np.float32) for b in (bundle.action_low, bundle.action_high))
+    constants: dict[str, NDArray[Any]] = {"low": low, "high": high}
+    nodes = []
+    if bundle.squashing == "tanh":
+        # tanh runs from -1 to 1: half of the range on either side of its middle
+        constants["middle"] = np.float32(0.5) * (low + high)
+        constants["half"] = np.float32(0.5) * (high - low)
+        nodes += [
+            helper.make_node("Tanh", [value], ["squashed"]),
+            helper.make_node("Mul", ["squashed", "half"], ["stretched"]),
+            helper.make_node("Add", ["stretched", "middle"], ["shifted"]),
+        ]
+        value = "shifted"
+    nodes += [
+        helper.make_node("Max", [value, "low"], ["not_too_low"]),
+        helper.make_node("Min", ["not_too_low", "high"], ["action"]),
+    ]
+    return nodes, constants
+
+
+def _choices(bundle: PolicyBundle, value: str) -> _Part:
+    """Nodes and constants from `value` to "action", an output per whole number."""
+    counts = np.array(bundle.action_counts, np.int64)
+    constants: dict[str, NDArray[Any]] = {
+        "counts": counts,
+        "low": np.array(bundle.action_low, np.int64),
+    }
+    parts = [f"choice.{i}" for i in range(len(counts))]
+    nodes = [
+        helper.make_node("Split", [value, "counts"], parts, axis=1),
+        # of equals, ArgMax takes the first
+        *(helper.make_node("ArgMax", [part], [f"{part}.best"], axis=1) for part in parts),
+        helper.make_node("Concat", [f"{part}.best" for part in parts], ["best"], axis=1),
+        helper.make_node("Add", ["best", "low"], ["action"]),
+    ]
+    return nodes, constants
+
+
+def _lstm(lstm: LSTM, value: str) -> _Part:
     """Nodes and constants from `value` to "remembered", the last layer's output."""
     units = lstm.sizes[-1]
     constants: dict[str, NDArray[Any]] = {

@@ -51,6 +51,20 @@ def bundle() -> PolicyBundle:
 
 
 @pytest.fixture
+def choosing(bundle) -> PolicyBundle:
+    """The same as `bundle`, but for its last layer: it chooses one of 3 and one of 2 numbers."""
+    rows = np.array([[0, 0], [1, 0], [0, 1], [2, 0], [0, 1]], np.float32)
+    last = Layer(rows, np.array([0.5, 0, 0, 0, 0], np.float32))
+    return replace(
+        bundle,
+        network=MLP((bundle.network.layers[0], last), "relu"),
+        squashing="argmax",
+        action_low=(0.0, -1.0),
+        action_high=(2.0, 0.0),
+    )
+
+
+@pytest.fixture
 def recurrent(bundle) -> PolicyBundle:
     """One that normalises its observations and remembers, with random weights."""
     rng = np.random.default_rng(0)
@@ -89,6 +103,14 @@ class Bandit(gymnasium.Env):
 
     def step(self, action):
         return self.observation_space.sample(), 0.0, True, False, {}
+
+
+class ChoiceBandit(Bandit):
+    """The same with a whole number of 16 and one of 8 as the action."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.action_space = gymnasium.spaces.MultiDiscrete([16, 8])
 
 
 class DictBandit(Bandit):

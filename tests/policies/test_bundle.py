@@ -43,6 +43,14 @@ def test_normaliser_and_lstm_come_back(recurrent, tmp_path):
     np.testing.assert_array_equal(loaded.lstm.packed(), recurrent.lstm.packed())
 
 
+def test_whole_numbers_come_back(choosing, tmp_path):
+    save_bundle(choosing, tmp_path / "policy.safetensors")
+    loaded = load_bundle(tmp_path / "policy.safetensors")
+    assert loaded.squashing == "argmax"
+    assert (loaded.action_low, loaded.action_high) == ((0, -1), (2, 0))
+    assert loaded.action_counts == (3, 2)
+
+
 def test_a_plain_bundle_has_neither(file):
     loaded = load_bundle(file)
     assert loaded.normaliser is None
@@ -174,8 +182,30 @@ def test_other_schema(file):
     ],
 )
 def test_a_record_that_does_not_fit(recurrent, tmp_path, changes, message):
-    file = tmp_path / "policy.safetensors"
-    save_bundle(recurrent, file)
+    _check_refused(recurrent, tmp_path / "policy.safetensors", changes, message)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"action": {"low": [0, 0], "high": [2, 2]}},
+            "that 6 whole numbers lie within, .* gives 5",
+        ),
+        ({"action": {"low": [0], "high": [3]}}, "that 4 whole numbers lie within, .* gives 5"),
+        ({"action": {"low": [0], "high": [2, 1]}}, "of 1 and 2 values, the network gives 5"),
+        ({"action": {"low": [0, -0.5], "high": [2, 0.5]}}, "-0.5; allowed with .*: whole numbers"),
+        ({"action": {"low": [0, 2e9], "high": [2, 3e9]}}, "bounds: 3000000000.0; allowed with"),
+        ({"action": {"low": [0, 0], "high": [2, float("inf")]}}, "bounds: 0.0 and inf; allowed"),
+        ({"architecture": {"squashing": "clip"}}, "of 2 and 2 values, the network gives 5"),
+    ],
+)
+def test_a_record_that_does_not_fit_whole_numbers(choosing, tmp_path, changes, message):
+    _check_refused(choosing, tmp_path / "policy.safetensors", changes, message)
+
+
+def _check_refused(bundle, file, changes, message):
+    save_bundle(bundle, file)
     with safe_open(file, "np") as opened:
         record = json.loads(opened.metadata()["flyrl"])
     for key, value in changes.items():
@@ -193,7 +223,8 @@ def test_a_record_that_does_not_fit(recurrent, tmp_path, changes, message):
     [
         ({"observation": (("bearing", 5),)}, "5 values, the network takes 3"),
         ({"action_low": (-1.0,)}, "the network gives 2"),
-        ({"squashing": "fold"}, "squashing: 'fold'; allowed: clip, tanh"),
+        ({"squashing": "fold"}, "squashing: 'fold'; allowed: clip, tanh, argmax"),
+        ({"squashing": "argmax"}, "bounds that 6 whole numbers lie within, the network gives 2"),
     ],
 )
 def test_bundle_checks_itself(bundle, changes, message):

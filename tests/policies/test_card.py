@@ -74,6 +74,11 @@ def test_card_says_what_the_record_says(card, line):
     assert line in card.splitlines()
 
 
+def test_whole_numbers_are_called_so(choosing):
+    text = model_card("mine", choosing)
+    assert "The action is 2 whole numbers, from [0, -1] to\n[2, 0]." in text
+
+
 def test_physics_of_one_s_own_is_written_out(bundle):
     env = env_record(EnvConfig())
     env["physics"]["timestep"] = 0.00025

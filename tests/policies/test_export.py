@@ -1,5 +1,8 @@
+import re
+
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete, MultiBinary, MultiDiscrete
 from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
@@ -7,7 +10,7 @@ from torch import nn
 
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
-from tests.policies.conftest import Bandit, DictBandit, perturbed
+from tests.policies.conftest import Bandit, ChoiceBandit, DictBandit, perturbed
 
 LAYOUT = (TermLayout("all", 40),)
 
@@ -33,6 +36,46 @@ def test_same_actions_as_sb3(algorithm, activation, low, high):
     assert np.ptp(expected) > 1
     # ours are computed in float64; torch rounds to float32 in every layer
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("algorithm", [PPO, A2C, TRPO])
+def test_same_whole_numbers_as_sb3(algorithm):
+    model = _model(algorithm, ChoiceBandit(), net_arch=[64, 64])
+    bundle = bundle_from_sb3(model, LAYOUT, {}, {})
+    assert (bundle.action_low, bundle.action_high) == ((0, 0), (15, 7))
+    observations = _observations(500, 40)
+    expected, _ = model.predict(observations, deterministic=True)
+    actions, _ = LearnedPolicy(bundle).predict(observations)
+    assert [len(np.unique(column)) for column in expected.T] == [16, 8]
+    assert actions.dtype == expected.dtype
+    np.testing.assert_array_equal(actions, expected)
+
+
+def test_same_whole_numbers_as_a_recurrent_model():
+    model = _model(
+        RecurrentPPO, ChoiceBandit(), "MlpLstmPolicy", net_arch=[16], lstm_hidden_size=24
+    )
+    policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
+    rng = np.random.default_rng(1)
+    state = expected_state = None
+    for observations in 3 * _observations(30, 5, 40):
+        starts = rng.random(5) < 0.2
+        expected, expected_state = model.predict(observations, expected_state, starts, True)
+        actions, state = policy.predict(observations, state, starts)
+        np.testing.assert_array_equal(actions, expected)
+        np.testing.assert_allclose(state, expected_state, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize(
+    "space", [Discrete(4), MultiBinary(4), MultiDiscrete([4, 2], start=np.array([0, 1]))]
+)
+def test_other_spaces_of_actions_are_refused(space):
+    env = Bandit()
+    env.action_space = space
+    model = PPO("MlpPolicy", env, device="cpu")
+    message = f"to a Box of actions or a MultiDiscrete from 0; got {re.escape(str(space))}"
+    with pytest.raises(ValueError, match=message):
+        bundle_from_sb3(model, LAYOUT, {}, {})
 
 
 def _parts(n):

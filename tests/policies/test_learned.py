@@ -2,10 +2,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gymnasium.spaces import MultiDiscrete
 
+from flyrl.envs.spaces import action_space
 from flyrl.policies import LearnedPolicy, PolicyFileError
+from flyrl.policies.bundle import action_bounds
 from flyrl.policies.normaliser import Normaliser
-from flyrl.tasks import TASKS, ObservationTerm, Task
+from flyrl.tasks import TASKS, Drives, Neurons, ObservationTerm, Task
 
 
 def test_action_by_hand(bundle):
@@ -29,12 +32,27 @@ def test_squashed_action_by_hand(bundle):
     np.testing.assert_allclose(action, 0.5 + np.tanh([0.75, -0.95]), rtol=1e-6)
 
 
-def test_single_and_batch_give_the_same_bits(bundle):
-    policy = LearnedPolicy(bundle)
+def test_whole_numbers_by_hand(choosing):
+    # hidden = [0.25, 1.2]; outputs = [0.5, 0.25, 1.2] for 0, 1, 2 and [0.5, 1.2] for -1, 0
+    action, _ = LearnedPolicy(choosing).predict([0.25, 0.1, 9.0])
+    np.testing.assert_array_equal(action, [2, 0])
+    assert action.dtype == np.int64
+
+
+def test_of_equal_outputs_the_first_number_is_taken(choosing):
+    # hidden = [0.5, 0]; outputs = [0.5, 0.5, 0] and [1, 0]; then [0.5, 1], [0.5, 0.5, 1], [1, 1]
+    actions, _ = LearnedPolicy(choosing).predict([[0.5, -0.5, 0.0], [0.5, 0.0, 0.0]])
+    np.testing.assert_array_equal(actions, [[0, -1], [2, -1]])
+
+
+@pytest.mark.parametrize("kind", ["bundle", "choosing"])
+def test_single_and_batch_give_the_same_bits(kind, request):
+    policy = LearnedPolicy(request.getfixturevalue(kind))
     observations = np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32)
     batch, _ = policy.predict(observations)
     singles = [policy.predict(observation)[0] for observation in observations]
     assert batch.shape == (50, 2)
+    assert (batch.min(axis=0) < batch.max(axis=0)).all()
     np.testing.assert_array_equal(batch, singles)
 
 
@@ -120,6 +138,40 @@ def _task(*terms: tuple[str, int]) -> Task:
 
 def test_fitting_layout_passes(bundle):
     LearnedPolicy(bundle).check_task(_task(("bearing", 2), ("speed", 1)))
+
+
+@pytest.mark.parametrize(
+    ("kind", "actions", "message"),
+    [
+        ("bundle", Drives(-1.0, 1.5), r"\(1\.0, 1\.0\), those of other numbers within .*1\.5\)$"),
+        ("bundle", Neurons((3, 2)), r"are numbers within .* those of other whole numbers within"),
+        ("choosing", Drives(), r"are whole numbers within .* those of other numbers within"),
+        ("choosing", Neurons((3, 2)), r"\(0\.0, -1\.0\) and \(2\.0, 0\.0\), .*\(2\.0, 1\.0\)$"),
+        ("choosing", Neurons((3,)), r"\(2\.0, 0\.0\), .*\(0\.0,\) and \(2\.0,\)$"),
+    ],
+)
+def test_other_actions_are_refused(kind, actions, message, request):
+    task = replace(_task(("bearing", 2), ("speed", 1)), actions=actions)
+    with pytest.raises(PolicyFileError, match=message):
+        LearnedPolicy(request.getfixturevalue(kind)).check_task(task)
+
+
+@pytest.mark.parametrize(
+    ("actions", "low", "high"),
+    [
+        (Neurons((3, 2)), (0, 0), (2, 1)),
+        (Neurons((3, 2), is_integer=False), (-1, -1), (1, 1)),
+        (Drives(-0.5, 1.5), (-0.5, -0.5), (1.5, 1.5)),
+    ],
+)
+def test_bounds_are_those_of_the_gymnasium_space(actions, low, high):
+    task = _task(("bearing", 2))
+    assert action_bounds(replace(task, actions=actions)) == (low, high)
+    space = action_space(replace(task, actions=actions))
+    if isinstance(space, MultiDiscrete):
+        assert (tuple(space.start), tuple(space.nvec - 1)) == (low, high)
+    else:
+        assert (tuple(space.low), tuple(space.high)) == (low, high)
 
 
 @pytest.mark.parametrize(

@@ -46,6 +46,48 @@ def test_onnxruntime_gives_the_same_actions(policy, n, tmp_path):
         assert np.ptp(expected) > 1
 
 
+def test_onnxruntime_gives_the_same_whole_numbers(bundle, tmp_path):
+    bundle = replace(
+        bundle,
+        network=random_network((40, 64, 15), "tanh"),
+        squashing="argmax",
+        observation=(TermLayout("all", 40),),
+        action_low=(0.0, -2.0, 4.0),
+        action_high=(9.0, 1.0, 4.0),
+    )
+    export_onnx(bundle, tmp_path / "policy.onnx")
+    observations = np.random.default_rng(1).normal(size=(500, 40)).astype(np.float32)
+    actions = _run(tmp_path / "policy.onnx", observations)
+    expected, _ = LearnedPolicy(bundle).predict(observations)
+    assert [len(np.unique(column)) for column in expected.T] == [10, 4, 1]
+    assert actions.dtype == np.int64
+    np.testing.assert_array_equal(actions, expected)
+
+
+def test_onnxruntime_takes_the_first_of_equals(choosing, tmp_path):
+    export_onnx(choosing, tmp_path / "policy.onnx")
+    # outputs [0.5, 0.5, 0] and [1, 0], then [0.5, 0.5, 1] and [1, 1]
+    observations = np.array([[0.5, -0.5, 0.0], [0.5, 0.0, 0.0]], np.float32)
+    actions = _run(tmp_path / "policy.onnx", observations)
+    np.testing.assert_array_equal(actions, [[0, -1], [2, -1]])
+
+
+def test_a_memory_chooses_whole_numbers_as_the_policy_does(recurrent, tmp_path):
+    network = random_network((3, 16, 12), "tanh")
+    bounds = {"action_low": (0.0, 0.0), "action_high": (7.0, 3.0)}
+    recurrent = replace(recurrent, network=network, squashing="argmax", **bounds)
+    export_onnx(recurrent, tmp_path / "policy.onnx")
+    rng = np.random.default_rng(1)
+    steps, starts = rng.normal(size=(20, 5, 3)).astype(np.float32), rng.random((20, 5)) < 0.2
+    policy, state, given = LearnedPolicy(recurrent), None, []
+    zeros = [np.zeros((2, 5, 3), np.float32)] * 2
+    for i, (action, _) in enumerate(_walk(tmp_path / "policy.onnx", steps, starts, zeros)):
+        expected, state = policy.predict(steps[i], state, starts[i])
+        np.testing.assert_array_equal(action, expected)
+        given.append(action)
+    assert np.ptp(given, axis=(0, 1)).all()
+
+
 def test_observations_are_normalised_as_by_the_policy(policy, tmp_path):
     rng = np.random.default_rng(2)
     normaliser = Normaliser(rng.normal(size=40), rng.uniform(0.1, 4, 40), 1e-8, 1.5)

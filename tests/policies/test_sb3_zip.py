@@ -25,7 +25,7 @@ from flyrl.policies import (
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.normaliser import Normaliser
-from flyrl.tasks import TASKS
+from flyrl.tasks import TASKS, Neurons
 from flyrl.training.algorithms import SACConfig
 from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, random_network
@@ -336,10 +336,62 @@ def test_export_with_other_action_bounds_is_refused(bundle):
 
 
 def test_export_of_a_memory_with_squashed_output_is_refused(recurrent):
-    with pytest.raises(ValueError, match="squashing: 'tanh'; allowed with a memory: 'clip'"):
+    with pytest.raises(
+        ValueError, match="squashing: 'tanh'; allowed with a memory: 'clip', 'argmax'"
+    ):
         export_sb3(replace(recurrent, squashing="tanh"))
 
 
 def test_export_for_an_unknown_task_is_refused(bundle):
     with pytest.raises(ValueError, match=r"task must be one of .*got 'fly'"):
         export_sb3(replace(_bundle(bundle), env={"task": {"name": "fly"}}))
+
+
+CHOICES = replace(TASKS["target"], actions=Neurons((16, 8)))
+
+
+@pytest.fixture(params=[PPO, RecurrentPPO])
+def choosing_for_target(request, bundle, remembering):
+    """Algorithm, and a bundle of whole numbers for `CHOICES` that such a model acts as."""
+    is_recurrent = request.param is RecurrentPPO
+    given = remembering if is_recurrent else _bundle(bundle)
+    return request.param, replace(
+        given,
+        network=random_network((6 if is_recurrent else SIZE, 16, 24), "tanh"),
+        squashing="argmax",
+        action_low=(0.0, 0.0),
+        action_high=(15.0, 7.0),
+    )
+
+
+def test_exported_model_chooses_as_the_bundle(choosing_for_target):
+    algorithm, bundle = choosing_for_target
+    bundle = replace(bundle, normaliser=None)
+    model = export_sb3(bundle, CHOICES)
+    expected, _ = LearnedPolicy(bundle).predict(_observations())
+    actions, _ = model.predict(_observations(), deterministic=True)
+    assert type(model) is algorithm
+    assert np.ptp(expected, axis=0).all()
+    np.testing.assert_array_equal(actions, expected)
+
+
+def test_whole_numbers_out_and_in_again(choosing_for_target, tmp_path):
+    algorithm, bundle = choosing_for_target
+    export_sb3(bundle, CHOICES).save(tmp_path / "model.zip")
+    again = import_sb3(tmp_path / "model.zip", algorithm, EnvConfig(CHOICES), trust=True)
+    np.testing.assert_array_equal(again.network.packed(), bundle.network.packed())
+    for name in ("squashing", "observation", "action_low", "action_high"):
+        assert getattr(again, name) == getattr(bundle, name)
+
+
+def test_whole_numbers_are_not_exported_for_a_task_of_drives(choosing_for_target):
+    with pytest.raises(PolicyFileError, match=r"are whole numbers within .* of target numbers"):
+        export_sb3(choosing_for_target[1], "target")
+
+
+def test_import_of_other_numbers_is_refused(choosing_for_target, tmp_path):
+    algorithm, bundle = choosing_for_target
+    export_sb3(bundle, CHOICES).save(tmp_path / "model.zip")
+    other = EnvConfig(replace(CHOICES, actions=Neurons((16, 9))))
+    with pytest.raises(PolicyFileError, match=r"on other actions .*\[16 +8\].* has .*\[16 +9\]"):
+        import_sb3(tmp_path / "model.zip", algorithm, other, trust=True)
