@@ -8,7 +8,7 @@ from typing import Any, Final
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
 from flyrl.tasks import FAILURES
-from flyrl.training.algorithms import AlgorithmConfig, HindsightConfig, PPOConfig
+from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig, HindsightConfig, PPOConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.loggers import LoggerConfig
 from flyrl.validation import at_least, within
@@ -105,6 +105,12 @@ class TrainingConfig:
             raise ValueError(
                 f"algo must be one that takes the Dict of a task with goals, as {task.name!r}, "
                 f"got {self.algo.name!r}"
+            )
+        if task.actions.is_integer and not self.algo.takes_whole_numbers:
+            takers = [name for name, algo in ALGORITHMS.items() if algo.takes_whole_numbers]
+            raise ValueError(
+                f"algo must be one of {', '.join(takers)} where actions are whole numbers, as in "
+                f"{task.name!r}, got {self.algo.name!r}, which needs a task whose actions are a Box"
             )
         terrain = self.env.scene.terrain
         if self.training.curriculum.enabled and not (task.difficulty or terrain.random):

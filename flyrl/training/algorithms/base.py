@@ -33,6 +33,7 @@ class AlgorithmConfig:
 
     name: ClassVar[str]
     takes_dicts: ClassVar[bool] = True
+    takes_whole_numbers: ClassVar[bool] = True
 
     hidden_layers: tuple[int, ...] = (64, 64)
     activation: Activation = "tanh"

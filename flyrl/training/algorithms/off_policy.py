@@ -27,6 +27,8 @@ class OffPolicyConfig(AlgorithmConfig):
         Updates after each decision of all environments.
     """
 
+    takes_whole_numbers: ClassVar[bool] = False
+
     activation: Activation = "relu"
     learning_rate: float = 1e-3
     batch_size: int = 256

@@ -18,7 +18,8 @@ class OnPolicyConfig(AlgorithmConfig):
     gae_lambda
         Trade-off of bias and variance in the advantage.
     log_std_init
-        Logarithm of the exploration noise's standard deviation at the start.
+        Logarithm of the exploration noise's standard deviation at the start. Without effect where
+        actions are whole numbers: those are drawn by the probability of each.
     """
 
     n_steps: int = 64
