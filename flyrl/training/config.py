@@ -110,7 +110,7 @@ class TrainingConfig:
             takers = [name for name, algo in ALGORITHMS.items() if algo.takes_whole_numbers]
             raise ValueError(
                 f"algo must be one of {', '.join(takers)} where actions are whole numbers, as in "
-                f"{task.name!r}, got {self.algo.name!r}, which takes the actions of a range alone"
+                f"{task.name!r}, got {self.algo.name!r}, which needs a task whose actions are a Box"
             )
         terrain = self.env.scene.terrain
         if self.training.curriculum.enabled and not (task.difficulty or terrain.random):
