@@ -24,9 +24,7 @@ def _arguments() -> argparse.Namespace:
         prog="python -m benchmarks.fidelity", description=(__doc__ or "").splitlines()[0]
     )
     common = argparse.ArgumentParser(add_help=False)
-    common.add_argument(
-        "--physics", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS)
-    )
+    common.add_argument("--physics", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS))
     common.add_argument("--threads", type=int, default=0, help="0 takes one per CPU")
     grounds = argparse.ArgumentParser(add_help=False)
     grounds.add_argument(
