@@ -15,7 +15,7 @@ from benchmarks.fidelity.flyrl_runs import config, walk_straight
 from benchmarks.fidelity.statistics import STATISTICS
 from benchmarks.fidelity.verdict import verdict
 from benchmarks.machine import machine
-from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import TIMEOUT, UNSTABLE
 
 
@@ -24,9 +24,7 @@ def _arguments() -> argparse.Namespace:
         prog="python -m benchmarks.fidelity", description=(__doc__ or "").splitlines()[0]
     )
     common = argparse.ArgumentParser(add_help=False)
-    common.add_argument(
-        "--physics", nargs="+", choices=PHYSICS_PRESETS, default=list(PHYSICS_PRESETS)
-    )
+    common.add_argument("--physics", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS))
     common.add_argument("--threads", type=int, default=0, help="0 takes one per CPU")
     grounds = argparse.ArgumentParser(add_help=False)
     grounds.add_argument(

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.machine import machine
-from benchmarks.speed import engine, layers, overhead, peers, results, scale
+from benchmarks.speed import engine, layers, overhead, peers, results, scale, worms
 from benchmarks.speed.results import PARTS, Row
 from benchmarks.speed.table import table
-from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.terrains import TERRAIN_NAMES
 
 PACKAGES = ("mujoco", "numpy", "numba", "torch", "stable-baselines3")
@@ -47,7 +47,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
         help=f"among {', '.join(PARTS)}; default all",
     )  # fmt: skip
     parser.add_argument(
-        "--presets", nargs="+", choices=PHYSICS_PRESETS, default=list(PHYSICS_PRESETS),
+        "--presets", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS),
         help="for engine, overhead, single",
     )  # fmt: skip
     parser.add_argument(
@@ -63,7 +63,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument(
         "--cell-seconds", type=float, default=1.5,
-        help="wall time of a cell, for engine, threads",
+        help="wall time of a cell, for engine, threads, worm",
     )  # fmt: skip
     parser.add_argument(
         "--repeats", type=_positive, default=5, help="for overhead, threads: the median counts"
@@ -109,6 +109,7 @@ def _measure(part: str, chosen: argparse.Namespace) -> list[Row]:
         "scale": scale.measure,
         "single": lambda: layers.measure_single(chosen.presets),
         "ppo": lambda: layers.measure_ppo(chosen.rollouts),
+        "worm": lambda: worms.measure(chosen.cell_seconds),
         "peers": lambda: peers.measure(interpreters, chosen.terrains, chosen.peer_seconds),
     }
     return measures[part]()

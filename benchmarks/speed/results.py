@@ -20,6 +20,7 @@ PARTS: Final[dict[str, str]] = {
     "scale": "many flies",
     "single": "one fly from Python, one physics step per step",
     "ppo": "where PPO's training spends its time",
+    "worm": "physics steps/s of all worms together (simulated s per wall s), one thread",
     "peers": "simulated s per wall s on one core, beside other simulators of the fly",
 }
 """What can be measured, in the order of the table, and what each is."""

@@ -135,6 +135,24 @@ def _ppo_table(rows: Sequence[Row]) -> str:
     )
 
 
+def _worm_table(rows: Sequence[Row]) -> str:
+    text = aligned(
+        ["worm", "worms", "steps/s", "simulated s/s"],
+        [
+            [
+                row["worm"],
+                str(row["worms"]),
+                f"{row['steps_per_s']:,.0f}" + ("!" if row["unstable"] else ""),
+                f"{row['real_time']:.1f}",
+            ]
+            for row in rows
+        ],
+    )
+    if any(row["unstable"] for row in rows):
+        text += "\n  ! a worm blew up on the way"
+    return text
+
+
 def peers_table(rows: Sequence[Row]) -> str:
     """A row per terrain and simulator, then what was not measured."""
     body = [
@@ -166,5 +184,6 @@ _TABLES: Final[dict[str, Callable[[Sequence[Row]], str]]] = {
     "scale": _scale_table,
     "single": _single_table,
     "ppo": _ppo_table,
+    "worm": _worm_table,
     "peers": peers_table,
 }

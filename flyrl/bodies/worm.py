@@ -31,7 +31,7 @@ _FOOT_RISE: Final = 0.09
 FOOT_SOLREF: Final = (0.01, 1.0)
 FOOT_SOLIMP: Final = (0.1, 0.5, 0.1, 0.5, 2.0)
 """Contact of a foot: so soft that MuJoCo's solver has half the work, and the worm, which sinks in
-by 0.04 mm, comes as far as on hard ground."""
+by 0.04 mm, comes about as far as on hard ground."""
 
 TIMESTEP: Final = 1e-3
 """s; four times as much explodes on the ground where muscles pull at random with all strength."""

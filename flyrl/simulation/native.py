@@ -70,12 +70,13 @@ class NativeBatch:
     def integration_state(self) -> NDArray[np.float64]:
         """Everything that determines the future of each simulation, one row each (a copy).
 
-        On random terrain, the ground does so too: see `FlyBatch.ground`.
+        What differs among the simulations' models does so too: see `FlyBatch.ground` and
+        `FlyBatch.vary`.
         """
         return np.array(self._batch.state)
 
     def restore(self, rows: NDArray[np.float64]) -> None:
-        """Put back what `integration_state` returned; as which flies, `FlyBatch.vary` says."""
+        """Put back what `integration_state` returned; the models stay as they are."""
         self._batch.state[:] = rows
         self._is_unstable[:] = False
         self._forward()

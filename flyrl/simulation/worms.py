@@ -1,6 +1,6 @@
 """Many worms of one scene, whose muscles are recruited from outside."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -41,7 +41,7 @@ class WormSceneConfig:
     """
 
     body: WormConfig = CRAWLER
-    terrain: TerrainConfig = TerrainConfig()
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
     physics: PhysicsConfig = PHYSICS_PRESETS["worm"]
 
     controller = None
@@ -290,7 +290,7 @@ class WormBatch(NativeBatch):
         if self._crawls:
             hinges.insert(0, scene.model.joint(CRAWLING_ROOT[3]).dofadr[0])
         geoms = scene.segment_geoms[-len(hinges) :]
-        # joints are hinges and slides: the k-th one is that of the k-th degree of freedom
+        # all joints are hinges and slides, so a joint's number is that of its degree of freedom
         for count, (dof, geom) in enumerate(zip(hinges[::-1], geoms[::-1], strict=True), start=1):
             behind += self._middles[:, geom]
             lever = behind - count * self._anchors[:, dof]
@@ -305,7 +305,8 @@ class WormBatch(NativeBatch):
         first, last = self.scene.segment_geoms[[0, -1]]
         x = self._middles[:, first, 0] - self._middles[:, last, 0]
         y = self._middles[:, first, 1] - self._middles[:, last, 1]
-        return np.arctan2(y, x)
+        yaw: Array = np.arctan2(y, x)
+        return yaw
 
 
 def _of_shape(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:

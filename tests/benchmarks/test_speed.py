@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.speed import engine, overhead, results
+from benchmarks.speed import engine, overhead, results, worms
 from benchmarks.speed.__main__ import main
 from benchmarks.speed.stopwatch import Stopwatch
 from benchmarks.speed.table import aligned, engine_table, peers_table, table
+from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.batch import FlyBatch
 
@@ -139,6 +140,22 @@ def test_a_larger_batch_repeats_the_settled_flies() -> None:
     np.testing.assert_allclose(flies.state().time, engine.SETTLING_S)
     assert engine.steps_per_second(flies, start, 0.01) > 0
     assert flies.state().time[0] <= engine.SETTLING_S + engine.WINDOW_S + 1e-9
+
+
+def test_worms_are_timed_by_name() -> None:
+    rows = worms.measure(0.01, worms=2)
+    assert [row["worm"] for row in rows] == list(WORMS)
+    assert all(row["steps_per_s"] > 0 and not row["unstable"] for row in rows)
+
+
+def test_worm_table_marks_where_a_worm_blew_up() -> None:
+    row = {"worms": 32, "steps_per_s": 51234.0, "real_time": 51.234}
+    rows = [{"worm": "a", "unstable": 0, **row}, {"worm": "b", "unstable": 1, **row}]
+    text = table({"worm": results.Part(machine=MACHINE, settings={}, rows=rows)})
+    one, two, note = text.splitlines()[-3:]
+    assert one.split() == ["a", "32", "51,234", "51.2"]
+    assert two.split() == ["b", "32", "51,234!", "51.2"]
+    assert note.strip().startswith("!")
 
 
 def test_the_bare_replay_must_end_where_the_recording_did() -> None:

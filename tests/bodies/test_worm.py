@@ -1,12 +1,13 @@
 """The worm: its chain, its muscles, and how these bend it."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
 
-from flyrl.bodies.worm import WormConfig, build_worm
+from flyrl.bodies.worm import CRAWLING_ROOT, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
 from flyrl.terrains import TerrainConfig, add_terrain
 
@@ -91,6 +92,24 @@ def _touched(creature):
     return {name for pair in pairs for name in pair if not name.startswith("Segment")}
 
 
+def test_a_crawling_worm_can_neither_pitch_nor_roll():
+    model = load_creature(build_worm(WormConfig(segments=3, mount="crawling"))).model
+    assert names(model, "joint", model.njnt) == [*CRAWLING_ROOT, "joint_1", "joint_2"]
+    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+    assert model.jnt_type[:4].tolist() == [slide, slide, slide, hinge]
+    assert model.jnt_axis[:4].tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]]
+
+
+def test_feet_weigh_nothing_and_only_they_touch():
+    crawling = WormConfig(segments=3, mount="crawling", radius=0.5)
+    model = build_worm(crawling).compile()
+    free = build_worm(replace(crawling, mount="free")).compile()
+    np.testing.assert_array_equal(model.body_mass, free.body_mass)
+    np.testing.assert_array_equal(model.body_inertia, free.body_inertia)
+    touching = [model.geom(i).name for i in np.flatnonzero(model.geom_conaffinity)]
+    assert touching == ["Foot1", "Foot2", "Foot3"]
+
+
 # ------------------------------------------------------------------ muscles
 
 
@@ -167,11 +186,12 @@ def test_the_profile_and_strength_asked_for():
         WormConfig(anchored=False),
         WormConfig(mount="free"),
         WormConfig(mount="free", hinge_axes=("z",)),
+        WormConfig(mount="crawling", hinge_axes=("z",)),
     ],
 )
 def test_muscles_that_pull_at_random_do_not_explode_it(config):
-    is_free = config.mount == "free"
-    creature = on_the_ground(config) if is_free else load_creature(build_worm(config))
+    hangs = config.mount == "hanging"
+    creature = load_creature(build_worm(config)) if hangs else on_the_ground(config)
     move = movement(creature)
     rng = np.random.default_rng(0)
     for _ in range(80):
@@ -200,7 +220,9 @@ def test_muscles_that_pull_at_random_do_not_explode_it(config):
         ({"hinge_axes": ()}, "hinge_axes must name at least one axis"),
         ({"hinge_axes": ("x",)}, "hinge_axes must be one of 'y', 'z', got 'x'"),
         ({"muscles": "two"}, "muscles must be one of 'pairs', 'one'"),
-        ({"mount": "flying"}, "mount must be one of 'hanging', 'free'"),
+        ({"mount": "flying"}, "mount must be one of 'hanging', 'free', 'crawling'"),
+        ({"friction_along": -0.1}, "friction_along must be a finite number of at least 0"),
+        ({"friction_across": math.inf}, "friction_across must be"),
     ],
 )
 def test_bad_settings(settings, message):

@@ -12,13 +12,13 @@ from test_callback import make_batch
 from benchmarks.speed.scale import counted_compilations
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.sb3 import FlyVecEnv
-from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS
 from flyrl.tasks import Episode
 
 TRIPOD = (0.0, np.pi, 0.0, np.pi, 0.0, np.pi)
 
 
-@pytest.mark.parametrize("physics", PHYSICS_PRESETS)
+@pytest.mark.parametrize("physics", FLY_PRESETS)
 def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: str) -> None:
     """20 ms at 12 Hz; magnitudes approach 1 by Euler steps, so they tell the number of steps."""
     env = BatchedEnv(EnvConfig(task="target", physics=physics), 2, num_threads=1)

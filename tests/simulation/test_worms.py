@@ -1,0 +1,269 @@
+"""Worms on the native batch: muscles inside the engine, crawling, bookkeeping and errors."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from flyrl.bodies.worm import CRAWLER, HANGER, WORMS, WormConfig
+from flyrl.simulation.native import NativeBatch
+from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
+from flyrl.terrains import TERRAINS
+
+CRAWLING = build_worm_scene(WormSceneConfig(CRAWLER))
+HANGING = build_worm_scene(WormSceneConfig(HANGER))
+SCENES = pytest.mark.parametrize("scene", [CRAWLING, HANGING], ids=["crawling", "hanging"])
+
+
+def make_batch(scene=CRAWLING, num_sims=1, num_threads=1, bend=0.0):
+    """Worms at rest, the joints of number k bent by `bend` / (k + 1)."""
+    batch = WormBatch(scene, num_sims, num_threads)
+    joints = len(scene.joint_qpos)
+    angles = np.repeat(bend / np.arange(1, num_sims + 1)[:, np.newaxis], joints, axis=1)
+    batch.reset(np.arange(num_sims), np.zeros((num_sims, 2)), np.zeros(num_sims), angles)
+    return batch
+
+
+def wriggle(batch, decisions=6, first=0):
+    """Recruit at random, every 20 ms; each simulation and decision has draws of its own."""
+    for decision in range(first, first + decisions):
+        neurons = [
+            np.random.default_rng((sim, decision)).integers(0, 16, len(batch.scene.muscles))
+            for sim in range(batch.num_sims)
+        ]
+        batch.set_neurons(np.array(neurons))
+        batch.step(20)
+
+
+def everything(batch, sims=slice(None)):
+    """State of the engine, and what is derived from it."""
+    state = batch.state()
+    derived = np.hstack([state.position_w, state.velocity_w, state.yaw[:, np.newaxis]])
+    return np.hstack([batch.integration_state(), derived])[sims]
+
+
+# ------------------------------------------------------------------ muscles
+
+
+@SCENES
+def test_the_engine_gives_the_tensions_and_forces_of_the_class(scene):
+    """Also beyond the pool of 16 neurons, on both sides."""
+    neurons = np.random.default_rng(0).integers(-3, 20, (4, len(scene.muscles)))
+    batch = make_batch(scene, num_sims=4)
+    batch.set_neurons(neurons)
+    batch.step()
+    state = batch.state()
+    ctrl = batch._batch.bind("ctrl")
+    for i, attached in enumerate(scene.muscles):
+        np.testing.assert_array_equal(state.tensions[:, i], attached.muscle.tension(neurons[:, i]))
+        np.testing.assert_array_equal(ctrl[:, i], attached.muscle.force(neurons[:, i]))
+    np.testing.assert_array_equal(state.neurons, neurons)
+
+
+def test_a_model_has_its_own_pools_and_strengths():
+    body = replace(HANGER, profile="linear.png", strength=7.0)
+    batch = make_batch(build_worm_scene(WormSceneConfig(body)))
+    # of the neurons 0 to 300, with a force of 255 n / 300 each
+    batch.set_neurons(np.full((1, 8), 150))
+    batch.step()
+    np.testing.assert_allclose(batch.state().tensions, 150 * 151 / (300 * 301), rtol=2e-3)
+    np.testing.assert_array_equal(batch._batch.bind("ctrl"), 7.0 * batch.state().tensions)
+
+
+def test_neurons_can_be_set_for_some_worms_alone():
+    batch = make_batch(num_sims=3)
+    batch.set_neurons(np.full((1, 10), 5), np.array([1]))
+    assert batch.state().neurons[:, 0].tolist() == [0, 5, 0]
+
+
+@pytest.mark.parametrize("userdata", [2 * 8 - 1, 0])
+def test_a_model_without_room_for_its_muscles_is_left_alone(userdata):
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_body().add_geom(size=(0.1, 0, 0))
+    numbers = HANGING.model.numeric_data
+    spec.add_numeric(name="flyrl_muscles", data=numbers, size=numbers.size)
+    spec.nuserdata = userdata
+    batch = NativeBatch(spec.compile())
+    batch._userdata[:] = 3.0
+    batch.step()
+    assert (batch._userdata == 3.0).all()
+
+
+# ------------------------------------------------------------------ motion
+
+
+def crawled(body, strength=1.0, seconds=1.0):
+    """How far a wave from head to tail, of 2 Hz, leads a worm along x, mm."""
+    scene = build_worm_scene(WormSceneConfig(body))
+    batch = make_batch(scene)
+    joints = np.arange(body.joints)
+    for decision in range(round(seconds / 0.05)):
+        phase = 2 * np.pi * (2 * 0.05 * decision - 0.4 * joints / body.joints)
+        tensions = strength * np.stack([1 + np.sin(phase), 1 - np.sin(phase)], axis=1).ravel() / 2
+        pulls = zip(scene.muscles, tensions, strict=True)
+        batch.set_neurons([attached.muscle.recruit(float(tension)) for attached, tension in pulls])
+        batch.step(50)
+    assert not batch.state().is_unstable.any()
+    return batch.state().position_w[0, 0]
+
+
+def test_a_wave_of_tensions_crawls_and_resting_muscles_do_not():
+    assert crawled(CRAWLER) > 8.0
+    assert abs(crawled(CRAWLER, strength=0.0, seconds=0.3)) < 1e-9
+
+
+def test_without_more_friction_across_than_along_it_does_not_get_far():
+    assert abs(crawled(replace(CRAWLER, friction_along=1.0))) < 1.0
+
+
+def test_a_worm_at_rest_touches_with_one_point_under_each_middle():
+    batch = make_batch()
+    batch.step(100)
+    data = mujoco.MjData(CRAWLING.model)
+    batch.copy_into(0, CRAWLING.model, data)
+    mujoco.mj_forward(CRAWLING.model, data)
+    touched = [contact.pos[:2] for contact in data.contact]
+    np.testing.assert_allclose(touched, data.geom_xpos[CRAWLING.segment_geoms, :2], atol=0.01)
+    # 1 mm is its radius
+    assert 0.93 < batch.state().position_w[0, 2] < 1.0
+    # along the worm (head to +x) and across it
+    assert {tuple(contact.friction[:2]) for contact in data.contact} == {(0.3, 1.0)}
+    assert abs(data.contact[0].frame.reshape(3, 3)[1, 0]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_hanging_worm_hangs_straight_above_the_ground_and_touches_nothing():
+    assert not HANGING.model.geom_conaffinity.any()
+    assert HANGING.model.npair == 0
+    batch = make_batch(HANGING)
+    batch.step(20)
+    tail = batch._middles[0, HANGING.segment_geoms[-1]]
+    # half a segment, the radius, and 2 mm
+    np.testing.assert_allclose(tail, (0.0, 0.0, 1.5 + 1.0 + 2.0), atol=1e-9)
+
+
+# ------------------------------------------------------------------ what a state says
+
+
+@SCENES
+def test_the_velocity_is_that_of_the_centre_of_mass(scene):
+    batch = make_batch(scene, num_sims=2)
+    wriggle(batch)
+    state = batch.state()
+    for sim in range(2):
+        data = mujoco.MjData(scene.model)
+        batch.copy_into(sim, scene.model, data)
+        mujoco.mj_fwdPosition(scene.model, data)
+        mujoco.mj_fwdVelocity(scene.model, data)
+        mujoco.mj_subtreeVel(scene.model, data)
+        head = scene.segment_bodies[0]
+        np.testing.assert_allclose(state.position_w[sim], data.subtree_com[head], atol=1e-9)
+        np.testing.assert_allclose(state.velocity_w[sim], data.subtree_linvel[head], atol=1e-9)
+        assert np.linalg.norm(state.velocity_w[sim]) > 0.1
+
+
+def test_reset_places_turns_and_bends_a_worm_and_leaves_the_others_alone():
+    batch = make_batch(num_sims=3)
+    wriggle(batch)
+    before = batch.integration_state()
+    angles = np.array([[0.3, -0.2, 0.1, 0.5, 0.0]])
+    batch.reset(np.array([1]), [[4.0, -7.0]], [2.5], angles)
+    np.testing.assert_array_equal(batch.integration_state()[[0, 2]], before[[0, 2]])
+    state = batch.state()
+    np.testing.assert_allclose(state.position_w[1], (4.0, -7.0, 1.0), atol=1e-12)
+    assert state.yaw[1] == pytest.approx(2.5)
+    np.testing.assert_array_equal(state.joint_angles[1], angles[0])
+    assert state.bend[1] == pytest.approx(0.7)
+    at_zero = (state.time, state.velocity_w, state.neurons, state.tensions)
+    assert not any(value[1].any() for value in at_zero)
+
+
+# ------------------------------------------------------------------ exact bookkeeping
+
+
+@SCENES
+def test_threads_and_other_worms_change_no_bit(scene):
+    one, two, single = (
+        make_batch(scene, num_sims, num_threads, bend=0.2)
+        for num_sims, num_threads in ((5, 1), (5, 2), (1, 1))
+    )
+    for batch in (one, two, single):
+        wriggle(batch)
+    np.testing.assert_array_equal(everything(one), everything(two))
+    np.testing.assert_array_equal(everything(one, [0]), everything(single))
+
+
+@SCENES
+def test_restoring_a_state_replays_its_future(scene):
+    batch = make_batch(scene, num_sims=2)
+    wriggle(batch)
+    rows = batch.integration_state()
+    wriggle(batch, first=6)
+    expected = everything(batch)
+    other = make_batch(scene, num_sims=2, bend=0.1)
+    for again in (batch, other):
+        again.restore(rows)
+        wriggle(again, first=6)
+        np.testing.assert_array_equal(everything(again), expected)
+
+
+@SCENES
+def test_a_picture_has_the_same_pose_and_a_target_to_mark(scene):
+    batch = make_batch(scene)
+    wriggle(batch)
+    drawn = build_worm_scene(scene.config, visual=True)
+    data = mujoco.MjData(drawn.model)
+    batch.copy_into(0, drawn.model, data)
+    places = data.geom_xpos[drawn.segment_geoms]
+    np.testing.assert_array_equal(places, batch._middles[0, scene.segment_geoms])
+    assert drawn.model.body("target").mocapid[0] == 0
+
+
+def test_a_worm_that_blows_up_is_marked_and_stays_finite():
+    batch, quiet = make_batch(num_sims=3), make_batch(num_sims=3)
+    batch._qvel[1, 5] = 1e12
+    batch.step(5)
+    quiet.step(5)
+    assert batch.state().is_unstable.tolist() == [False, True, False]
+    assert np.isfinite(everything(batch)).all()
+    np.testing.assert_array_equal(everything(batch, [0, 2]), everything(quiet, [0, 2]))
+    batch.reset(np.array([1]), np.zeros((1, 2)), np.zeros(1), np.zeros((1, 5)))
+    assert not batch.state().is_unstable.any()
+
+
+# ------------------------------------------------------------------ errors
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"body": WormConfig(mount="free")}, "mount .* must be one of 'crawling', 'hanging'"),
+        ({"body": WormConfig(muscles="one")}, "muscles .* must be one of 'pairs', got 'one'"),
+        ({"terrain": TERRAINS["blocks"]}, "terrain .* must be one of 'flat', got 'blocks'"),
+    ],
+)
+def test_scenes_that_worms_do_not_have(settings, message):
+    with pytest.raises(ValueError, match=message):
+        WormSceneConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    ("scene", "position", "yaw", "joints", "message"),
+    [
+        (CRAWLING, (0.0, 0.0, 1.0), 0.0, 5, r"positions_w must have shape \(1, 2\)"),
+        (CRAWLING, (0.0, 0.0), (0.0, 1.0), 5, r"yaws must have shape \(1,\)"),
+        (CRAWLING, (0.0, 0.0), 0.0, 4, r"joint_angles must have shape \(1, 5\)"),
+        (HANGING, (0.0, 1.0), 0.0, 4, "hanging worm must be 0"),
+        (HANGING, (0.0, 0.0), 0.1, 4, "hanging worm must be 0"),
+    ],
+)
+def test_resets_that_cannot_be(scene, position, yaw, joints, message):
+    batch = make_batch(scene)
+    before = batch.integration_state()
+    with pytest.raises(ValueError, match=message):
+        batch.reset(np.array([0]), [position], np.ravel(yaw), np.full((1, joints), 0.1))
+    np.testing.assert_array_equal(batch.integration_state(), before)
+
+
+def test_worms_go_by_the_names_that_bodies_have():
+    assert WORMS == {"worm_crawler": CRAWLER, "worm_hanger": HANGER}
