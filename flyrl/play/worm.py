@@ -61,7 +61,7 @@ class PlayedWorm:
 
     def panel(self) -> Panel:
         """Neurons, tension of the first muscle, and bend; a bar per muscle."""
-        details = f"tension {self._tension[0]:.2f}   bend {self._bend_deg():.0f}°"
+        details = f"tension {self._tension[0]:.2f}   bend {round(self._bend_deg())}°"
         return Panel(f"neurons up to {self.n}", details, tuple(self._tension.tolist()))
 
     def figures(self) -> dict[str, float]:
@@ -69,7 +69,7 @@ class PlayedWorm:
         return {
             "n": self.n,
             "tension": round(float(self._tension[0]), 4),
-            # no -0.0, which would make a line of its own
+            # -0.0 becomes 0.0
             "bend_deg": round(self._bend_deg(), 1) + 0.0,
         }
 

@@ -55,6 +55,9 @@ def test_the_panel_says_neurons_tension_and_bend(worm):
     assert panel.details == "tension 0.21   bend 35°"
     assert panel.bars == pytest.approx([POOL.recruitment[200]])
     assert worm.figures()["bend_deg"] == 35.0
+    worm.data.qpos[:] = np.radians([0, 0, -0.04])
+    assert worm.panel().details.endswith("bend 0°")
+    assert str(worm.figures()["bend_deg"]) == "0.0"
 
 
 def test_the_literatures_worm_can_be_played():
