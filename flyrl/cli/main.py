@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from flyrl.cli import figures, reproduce, runs, sweeps, tune
+from flyrl.cli import figures, play, reproduce, runs, sweeps, tune
 
-_SUBCOMMANDS: Final = (runs, sweeps, reproduce, tune, figures)
+_SUBCOMMANDS: Final = (runs, sweeps, reproduce, tune, figures, play)
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand."""
 
 
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         prog="flyrl",
-        description="Look at training runs, compare, repeat and tune them; draw figures.",
+        description="Look at training runs, compare, repeat and tune them; draw figures; play.",
     )
     subparsers = parser.add_subparsers(metavar="command", required=True)
     for module in _SUBCOMMANDS:

@@ -12,16 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from flyrl.simulation.worm_scenery import (
+    BAR_EMPTY,
+    BAR_FRAME,
+    BAR_HEIGHT,
+    BAR_RED,
+    BAR_WIDTH,
+)
 from flyrl.validation import FloatArray
 
-BAR_WIDTH: Final = 300
-BAR_HEIGHT: Final = 20
-"""Size of the literature's bar, px."""
-
 _MARGIN: Final = 16
-_RED: Final = (200, 24, 24)
-_EMPTY: Final = (236, 238, 241)
-_FRAME: Final = (40, 46, 54)
 
 
 def tension_bars(
@@ -41,9 +41,9 @@ def tension_bars(
     for place, tension in enumerate(tensions[::-1]):
         top = image.height - _MARGIN - height - place * (height + 6)
         right, bottom = left + width - 1, top + height - 1
-        draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill=_FRAME)
-        draw.rectangle((left, top, right, bottom), fill=_EMPTY)
+        draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill=BAR_FRAME)
+        draw.rectangle((left, top, right, bottom), fill=BAR_EMPTY)
         filled = round(width * float(tension))
         if filled:
-            draw.rectangle((left, top, left + filled - 1, bottom), fill=_RED)
+            draw.rectangle((left, top, left + filled - 1, bottom), fill=BAR_RED)
     return np.asarray(image)

@@ -24,6 +24,7 @@ from flyrl.report.tension_bars import tension_bars
 from flyrl.report.video import FPS, HOLD_FRAMES, Picture, encode
 from flyrl.simulation.recruitment import STEP, Moment, recruit_stepwise
 from flyrl.simulation.rendering import Offscreen
+from flyrl.simulation.worm_scenery import add_surroundings, side_view
 
 WIDTH: Final = 640
 HEIGHT: Final = 480
@@ -75,12 +76,12 @@ def film_worm(
     if config.muscles != "one":
         raise ValueError(f"the filmed worm must have muscles='one', got {config.muscles!r}")
     spec = build_worm(config)
-    _add_surroundings(spec)
+    add_surroundings(spec)
     creature = load_creature(spec)
     pictures: list[Picture] = []
     rows = []
     with _offscreen(creature.model) as offscreen:
-        camera = _camera(config)
+        camera = side_view(config)
         for moment in recruit_stepwise(creature, step, hold_s, 1 / FPS):
             mujoco.mj_camlight(creature.model, creature.data)
             pictures.append(_annotated(offscreen.draw(creature.data, camera), moment))
@@ -111,38 +112,6 @@ def _annotated(picture: Picture, moment: Moment) -> Picture:
         shade = (255, 255, 255, 255) if size > 20 else (205, 212, 220, 255)
         draw.text((22, y), text, fill=shade, font=font)
     return np.asarray(image)
-
-
-def _add_surroundings(spec: mujoco.MjSpec) -> None:
-    """Add a sky, and what the worm hangs from."""
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.62, 0.69, 0.76),
-        rgb2=(0.88, 0.90, 0.92),
-        width=64,
-        height=64 * 6,
-    )
-    radius = spec.geom("Segment1").size[0]
-    spec.worldbody.add_geom(
-        name="ceiling",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=(6 * radius, 3 * radius, 0.4 * radius),
-        pos=(0, 0, 0.6 * radius),
-        rgba=(0.35, 0.38, 0.42, 1),
-        contype=0,
-        conaffinity=0,
-    )
-
-
-def _camera(config: WormConfig) -> mujoco.MjvCamera:
-    """Look along +y at the whole worm, which hangs along -z and bends to -x."""
-    length = config.segments * config.segment_length
-    camera = mujoco.MjvCamera()
-    camera.azimuth, camera.elevation, camera.distance = 90.0, -4.0, 1.6 * length
-    camera.lookat[:] = (-0.1 * length, 0.0, -0.5 * length)
-    return camera
 
 
 @contextmanager

@@ -50,9 +50,8 @@ def recruit_stepwise(
     frames = max(1, round(positive("hold_s", hold_s) / positive("frame_s", frame_s)))
     model, data = creature.model, creature.data
     per_frame = max(1, round(frame_s / model.opt.timestep))
-    hinges = model.jnt_qposadr[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]
     move = movement(creature)
-    last = max(len(attached.muscle.pool) for attached in creature.muscles) - 1
+    last = last_neuron(creature)
     mujoco.mj_resetData(model, data)
     for n in [*range(0, last, step), last]:
         tension = move(np.full(len(creature.muscles), n))
@@ -61,5 +60,15 @@ def recruit_stepwise(
                 mujoco.mj_step(model, data)
             # a step leaves the places of bodies as they were before it
             mujoco.mj_kinematics(model, data)
-            bend = float(data.qpos[hinges].sum())
-            yield Moment(n, tension, bend, frame == frames - 1)
+            yield Moment(n, tension, bend(creature), frame == frames - 1)
+
+
+def last_neuron(creature: Creature) -> int:
+    """Index of the last neuron of a creature's longest motor pool."""
+    return max(len(attached.muscle.pool) for attached in creature.muscles) - 1
+
+
+def bend(creature: Creature) -> float:
+    """How far a creature is bent at the moment: sum of the angles of all hinge joints, rad."""
+    hinges = creature.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    return float(creature.data.qpos[creature.model.jnt_qposadr[hinges]].sum())

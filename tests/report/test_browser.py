@@ -1,55 +1,28 @@
 """The report in a real browser, driven as a reader would."""
 
 import io
-import os
-import shutil
-import subprocess
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import sync_playwright
 
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
 from flyrl.report.video import FPS, encode
+from tests.chromium import chromium
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
 NAMES = ("target-ppo", "cpg", "hybrid")
 TERRAINS = ("flat", "gapped")
-BROWSER_VARIABLE = "FLYRL_BROWSER"
 WIDE, NARROW = {"width": 1200, "height": 900}, {"width": 400, "height": 800}
-
-
-def find_browser():
-    """Path of the system's Chromium, or of the one that the environment names; None without.
-
-    One on the path may be a mere shell that asks for a package, as on Ubuntu: it has no version.
-    """
-    if named := os.environ.get(BROWSER_VARIABLE):
-        return named
-    found = map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))
-    return next((path for path in found if path and runs(path)), None)
-
-
-def runs(path):
-    return subprocess.run([path, "--version"], check=False, capture_output=True).returncode == 0
 
 
 @pytest.fixture(scope="module")
 def browser():
-    path = find_browser()
-    if path is None:
-        pytest.skip(
-            "no Chromium to open a report in: apt-get install chromium on Debian, "
-            f"or name the program in {BROWSER_VARIABLE}"
-        )
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path)
+    with chromium() as browser:
         yield browser
-        browser.close()
 
 
 def film(name, terrain):

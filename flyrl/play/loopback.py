@@ -1,0 +1,117 @@
+"""MuJoCo's web viewer, kept to this computer.
+
+By itself it listens on every interface, and answers whatever page a browser has open.
+"""
+
+import socket
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Any, Final
+
+from mujoco.studio.web import web_server
+
+ADDRESS: Final = "127.0.0.1"
+
+
+def listen(port: int) -> socket.socket:
+    """Listen on this computer alone.
+
+    Parameters
+    ----------
+    port : 0 for any free one.
+
+    Raises
+    ------
+    OSError
+        The port is in use, or not allowed.
+    """
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        # lest connections that an earlier page left behind keep the port for a minute
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((ADDRESS, port))
+        listening.listen()
+    except OSError as error:
+        listening.close()
+        reason = str(error.strerror).lower()
+        raise OSError(
+            f"cannot listen on port {port} ({reason}); choose another with --port, 0 for any"
+        ) from error
+    return listening
+
+
+def url(listening: socket.socket) -> str:
+    """Address of the page that is served there."""
+    return f"http://{ADDRESS}:{listening.getsockname()[1]}/"
+
+
+@dataclass
+class Service:
+    """How a page is served; told in the threads of the viewer and its server, asked in any.
+
+    Attributes
+    ----------
+    is_confined : whether the viewer took the socket that it was given.
+    is_running : whether the server has started, guarded.
+    connections : how many WebSockets of the page are open; a browser that shows it has two.
+    """
+
+    is_confined: bool = False
+    is_running: bool = False
+    connections: int = 0
+
+
+@contextmanager
+def served_on(listening: socket.socket) -> Iterator[Service]:
+    """Within the block, MuJoCo's web server listens on this socket only and refuses other pages.
+
+    Whatever port is asked for. A request that names another host (as of a site that claims our
+    address for its name), or another page as its origin, is answered 403; so is a WebSocket
+    without an origin.
+    """
+    port = listening.getsockname()[1]
+    hosts = [f"{name}:{port}" for name in (ADDRESS, "localhost")]
+    service = Service()
+
+    def give(host: str, port: int = 0) -> socket.socket:
+        service.is_confined = True
+        return listening
+
+    bind, serve = web_server.bind_public_socket, web_server.serve
+    web_server.bind_public_socket = give
+    web_server.serve = _guarded(serve, hosts, service)
+    try:
+        yield service
+    finally:
+        web_server.bind_public_socket, web_server.serve = bind, serve
+
+
+def _guarded(serve: Callable[..., Any], hosts: list[str], service: Service) -> Callable[..., Any]:
+    """Like `websockets.serve`, for requests to these hosts from their own pages alone."""
+    origins = [f"http://{host}" for host in hosts]
+
+    def guarded(
+        handler: Callable[[Any], Awaitable[None]],
+        *,
+        process_request: Callable[[Any, Any], Any],
+        **settings: Any,
+    ) -> Any:
+        async def handle(connection: Any) -> None:
+            service.connections += 1
+            try:
+                await handler(connection)
+            finally:
+                service.connections -= 1
+
+        def process(connection: Any, request: Any) -> Any:
+            named, from_ = (request.headers.get_all(name) for name in ("Host", "Origin"))
+            if not named or not set(named) <= set(hosts) or not set(from_) <= set(origins):
+                return connection.respond(HTTPStatus.FORBIDDEN, "only this page may ask\n")
+            return process_request(connection, request)
+
+        service.is_running = True
+        return serve(handle, process_request=process, origins=origins, **settings)
+
+    return guarded

@@ -1,0 +1,81 @@
+"""The literature's hanging worm, which keys recruit motor neurons of.
+
+After cortex, Simulated Muscles, R. McIntyre (2012-14).
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
+from flyrl.muscles import load_creature, movement
+from flyrl.play.playable import Panel
+from flyrl.simulation.recruitment import STEP, bend, last_neuron
+from flyrl.simulation.worm_scenery import add_surroundings, side_view
+
+_CHANGES: Final = {"h": STEP, "n": -STEP}
+"""By how much a key changes the number of recruited neurons."""
+
+
+def after_press(n: int, key: str, last: int) -> int:
+    """What muscles are activated with after a key was pressed.
+
+    Parameters
+    ----------
+    n : what they are activated with, 0 to `last`.
+    key : "h" for `STEP` more, "n" for `STEP` fewer.
+    last : index of the last neuron.
+    """
+    return min(max(n + _CHANGES[key], 0), last)
+
+
+class PlayedWorm:
+    """A worm: h recruits `STEP` more motor neurons of all its muscles, n as many fewer.
+
+    Attributes
+    ----------
+    n : what its muscles are activated with, 0 to the last neuron of the longest pool.
+    title, keys, model, data, camera : see `Playable`.
+    """
+
+    def __init__(self, config: WormConfig = DEMONSTRATION) -> None:
+        spec = build_worm(config)
+        add_surroundings(spec)
+        self._creature = load_creature(spec)
+        self._move = movement(self._creature)
+        self._last = last_neuron(self._creature)
+        self.title = "worm"
+        self.keys: Mapping[str, str] = {"h": f"{STEP} more motor neurons", "n": f"{STEP} fewer"}
+        self.model, self.data = self._creature.model, self._creature.data
+        self.camera = side_view(config)
+        self._activate(0)
+
+    def press(self, key: str) -> None:
+        """Recruit more neurons, or fewer."""
+        self._activate(after_press(self.n, key, self._last))
+
+    def relax(self) -> None:
+        """Recruit the first neuron alone."""
+        self._activate(0)
+
+    def panel(self) -> Panel:
+        """Neurons, tension of the first muscle, and bend; a bar per muscle."""
+        details = f"tension {self._tension[0]:.2f}   bend {round(self._bend_deg())}°"
+        return Panel(f"neurons up to {self.n}", details, tuple(self._tension.tolist()))
+
+    def figures(self) -> dict[str, float]:
+        """`n`; `tension` of the first muscle, 0 to 1; `bend_deg`, the sum of all joints' angles."""
+        return {
+            "n": self.n,
+            "tension": round(float(self._tension[0]), 4),
+            # -0.0 becomes 0.0
+            "bend_deg": round(self._bend_deg(), 1) + 0.0,
+        }
+
+    def _activate(self, n: int) -> None:
+        self.n = n
+        self._tension = self._move(np.full(len(self._creature.muscles), n))
+
+    def _bend_deg(self) -> float:
+        return float(np.degrees(bend(self._creature)))

@@ -1,0 +1,55 @@
+import sys
+
+import pytest
+
+from flyrl.cli.main import main
+from flyrl.play.loopback import listen
+
+
+def test_help_has_an_example(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["play", "--help"])
+    assert end.value.code == 0
+    assert "Example: flyrl play worm" in " ".join(capsys.readouterr().out.split())
+
+
+def only_line(capsys):
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    return line
+
+
+def test_no_such_thing(capsys):
+    assert main(["play", "wurm"]) == 2
+    assert "must be one of 'worm', got 'wurm'" in only_line(capsys)
+
+
+@pytest.mark.parametrize("port", ["80", "70000", "-1"])
+def test_no_such_port(port, capsys):
+    assert main(["play", "worm", "--port", port]) == 2
+    assert only_line(capsys) == f"error: --port must lie within 1024 and 65535, got {port}"
+
+
+def test_a_port_in_use(capsys):
+    with listen(0) as taken:
+        port = taken.getsockname()[1]
+        assert main(["play", "worm", "--no-browser", "--port", str(port)]) == 2
+    assert only_line(capsys) == (
+        f"error: cannot listen on port {port} (address already in use); "
+        "choose another with --port, 0 for any"
+    )
+
+
+def test_a_log_that_cannot_be_written(tmp_path, capsys):
+    log = tmp_path / "missing" / "log.jsonl"
+    assert main(["play", "worm", "--no-browser", "--port", "0", "--log", str(log)]) == 2
+    assert str(log) in only_line(capsys)
+
+
+def test_without_the_web_viewer(monkeypatch, capsys):
+    for name in ("loopback", "page"):
+        monkeypatch.delitem(sys.modules, f"flyrl.play.{name}", raising=False)
+    monkeypatch.setitem(sys.modules, "mujoco.studio.web", None)
+    assert main(["play", "worm", "--no-browser", "--port", "0"]) == 2
+    assert only_line(capsys).startswith("error: mujoco.studio, which shows the page, cannot be")

@@ -1,0 +1,56 @@
+"""`flyrl play` as a process, and its log."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+COMMAND = [sys.executable, "-m", "flyrl", "play", "worm", "--no-browser", "--port=0", "--log"]
+
+
+class Playing:
+    """A running `flyrl play`: its process, the address that it printed, its log."""
+
+    def __init__(self, process, url, log):
+        self.process, self.url, self._log = process, url, log
+
+    def entries(self):
+        return [json.loads(line) for line in self._log.read_text().splitlines()]
+
+    def until(self, is_so, limit_s=60.0):
+        """Wait for an entry that is so, as the last; return it."""
+        end = time.monotonic() + limit_s
+        while time.monotonic() < end:
+            assert self.process.poll() is None, "it has ended"
+            entry = self.entries()[-1]
+            if is_so(entry):
+                return entry
+            time.sleep(0.02)
+        raise AssertionError(f"the log never says so; its end: {self.entries()[-3:]}")
+
+    def interrupt(self):
+        """Ctrl-C; return the exit status and what was said."""
+        self.process.send_signal(signal.SIGINT)
+        out, err = self.process.communicate(timeout=20)
+        return self.process.returncode, out, err
+
+
+@contextmanager
+def playing(log):
+    process = subprocess.Popen(
+        [*COMMAND, log],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        line = process.stdout.readline()
+        assert line.startswith("worm: http"), process.communicate(timeout=20)[1]
+        yield Playing(process, re.search(r"http://127\.0\.0\.1:\d+/", line)[0], log)
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()

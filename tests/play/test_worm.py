@@ -1,0 +1,68 @@
+"""The worm that keys recruit neurons of, without a page."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.bodies.worm import DEMONSTRATION
+from flyrl.muscles import MotorPool
+from flyrl.play import PLAYABLES, PlayedWorm
+from flyrl.play.worm import after_press
+from flyrl.resources import assets_folder
+
+POOL = MotorPool.from_image(assets_folder() / "muscles" / "human.png")
+
+
+@pytest.mark.parametrize(
+    ("n", "key", "expected"),
+    [(0, "h", 20), (20, "h", 40), (40, "n", 20), (0, "n", 0), (290, "h", 300), (300, "n", 280)],
+)
+def test_a_key_recruits_twenty_neurons_more_or_fewer_within_the_pool(n, key, expected):
+    assert after_press(n, key, last=300) == expected
+
+
+@pytest.fixture
+def worm():
+    return PlayedWorm(dataclasses.replace(DEMONSTRATION, segments=4))
+
+
+def test_tension_is_that_of_the_pool(worm):
+    for key, n in (("h", 20), ("h", 40), ("n", 20)):
+        worm.press(key)
+        assert worm.figures() == {
+            "n": n,
+            "tension": pytest.approx(POOL.recruitment[n], abs=5e-5),
+            "bend_deg": 0.0,
+        }
+        assert worm.data.ctrl == pytest.approx(DEMONSTRATION.strength * POOL.recruitment[n])
+
+
+def test_the_last_neuron_is_the_last(worm):
+    for _ in range(20):
+        worm.press("h")
+    assert worm.n == len(POOL) - 1
+    worm.relax()
+    assert worm.n == worm.figures()["tension"] == 0
+
+
+def test_the_panel_says_neurons_tension_and_bend(worm):
+    for _ in range(10):
+        worm.press("h")
+    worm.data.qpos[:] = np.radians([10, 20, 5])
+    panel = worm.panel()
+    assert panel.heading == "neurons up to 200"
+    assert panel.details == "tension 0.21   bend 35°"
+    assert panel.bars == pytest.approx([POOL.recruitment[200]])
+    assert worm.figures()["bend_deg"] == 35.0
+    worm.data.qpos[:] = np.radians([0, 0, -0.04])
+    assert worm.panel().details.endswith("bend 0°")
+    assert str(worm.figures()["bend_deg"]) == "0.0"
+
+
+def test_the_literatures_worm_can_be_played():
+    worm = PLAYABLES["worm"]()
+    assert worm.title == "worm"
+    assert set(worm.keys) == {"h", "n"}
+    # ten segments, one muscle
+    assert (worm.model.njnt, worm.model.nu) == (9, 1)
