@@ -15,21 +15,21 @@ import flyrl  # noqa: F401 (registers the environments)
 from benchmarks.speed.results import Row, significant
 from benchmarks.speed.stopwatch import Stopwatch
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import TrainingConfig
 from flyrl.training.models import build_model
 
 
 def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64) -> list[Row]:
-    """Shares of the engine, of resets and of the rest in `FlyVecEnv.step`, per number of threads.
+    """Shares of the engine, of resets and of the rest in `FlyrlVecEnv.step`, per number of threads.
 
     Task `target`, balanced physics, flat ground, random actions; resets are those of the episodes
     that end.
     """
     rows = []
     for num_threads in threads:
-        env = FlyVecEnv(EnvConfig(), flies, num_threads, seed=0)
+        env = FlyrlVecEnv(EnvConfig(), flies, num_threads, seed=0)
         rng = np.random.default_rng(0)
         env.reset()
         watch = Stopwatch()
@@ -64,7 +64,7 @@ def _measure_ppo(rollouts: int, flies: int) -> Row:
     if not isinstance(config.algo, PPOConfig):
         raise TypeError(f"the default algorithm is {config.algo.name}, not PPO")
     torch.set_num_threads(config.training.torch_threads)
-    env = FlyVecEnv(config.env, flies, config.training.num_threads)
+    env = FlyrlVecEnv(config.env, flies, config.training.num_threads)
     env.seed(config.seed)
     model = build_model(config.algo, env, config.seed)
     decisions = config.algo.n_steps * flies

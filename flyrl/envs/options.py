@@ -18,6 +18,7 @@ _FIELDS = {
     "goal": ("goal", None),
     "command": ("command", None),
     "pushes": ("pushes", None),
+    "joint_angles": ("joint_angles", None),
 }
 
 

@@ -18,10 +18,10 @@ def register_envs() -> None:
     for env_id, task in ENV_IDS.items():
         if env_id not in gymnasium.registry:
             has_goals = task in TASKS and TASKS[task].has_goals
-            env_class = "FlyGoalEnv" if has_goals else "FlyEnv"
+            env_class = "FlyrlGoalEnv" if has_goals else "FlyrlEnv"
             gymnasium.register(
                 id=env_id,
                 entry_point=f"flyrl.envs.single:{env_class}",
-                vector_entry_point="flyrl.envs.vector:FlyVectorEnv",
+                vector_entry_point="flyrl.envs.vector:FlyrlVectorEnv",
                 kwargs={"task": task},
             )

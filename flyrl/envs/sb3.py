@@ -1,4 +1,4 @@
-"""Many flies as a Stable-Baselines3 VecEnv, over the native batch."""
+"""Many flies or worms as a Stable-Baselines3 VecEnv, over the native batch."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -15,13 +15,13 @@ from flyrl.envs.options import episode_with_options
 from flyrl.envs.spaces import action_space, observation_space
 
 
-class FlyVecEnv(VecEnv):
-    """`num_envs` flies on native threads, with SB3's conventions.
+class FlyrlVecEnv(VecEnv):
+    """`num_envs` flies or worms on native threads, with SB3's conventions.
 
     An episode that ends is reset at once; `infos` then carries "terminal_observation",
     "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
     would, and "difficulty". "outcome" and "is_success" are there at every step; in a task with
-    goals "is_failure" and "decisions_lost", too (see `FlyEnv`).
+    goals "is_failure" and "decisions_lost", too (see `FlyrlEnv`).
 
     Parameters
     ----------

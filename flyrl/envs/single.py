@@ -15,14 +15,15 @@ from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.randomisation import UNVARIED
 
 
-class FlyEnv(gymnasium.Env[Any, Any]):
-    """One fly; the arguments are those of `EnvConfig`.
+class FlyrlEnv(gymnasium.Env[Any, Any]):
+    """One fly, or one worm; the arguments are those of `EnvConfig`.
 
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
     anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad), "goal" (the target's x and
     y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md),
-    "randomisation" (numbers by name, see `Randomisation`) and, on random terrain, "ground" (a
-    seed), which replace what the seed draws, or "episode", which replaces all of it.
+    "randomisation" (numbers by name, see `Randomisation`), on random terrain "ground" (a seed), and
+    of a worm "joint_angles" (rad, head to tail), which replace what the seed draws, or "episode",
+    which replaces all of it.
     `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
     "is_success" and "time_s"; on random terrain also "ground". A task with a termination of its
     own has one more outcome. After a reset there is "randomisation" too, unless the fly is the
@@ -98,7 +99,7 @@ class FlyEnv(gymnasium.Env[Any, Any]):
             self._renderer = None
 
 
-class FlyGoalEnv(FlyEnv):
+class FlyrlGoalEnv(FlyrlEnv):
     """One fly in a task with goals: a GoalEnv, as Gymnasium-Robotics and SB3 know it."""
 
     def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Many flies as one Gymnasium vector environment, over the native batch."""
+"""Many flies or worms as one Gymnasium vector environment, over the native batch."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,8 +17,8 @@ from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
 from flyrl.validation import at_least
 
 
-class FlyVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
-    """`num_envs` flies on native threads; the other arguments are those of `EnvConfig`.
+class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
+    """`num_envs` flies or worms on native threads; the other arguments are those of `EnvConfig`.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
     with its seed.
@@ -78,7 +78,7 @@ class FlyVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         """Start episodes; an integer seed s gives environment i the seed s + i.
 
         The option "reset_mask", (num_envs,) of bool, resets only some; the other options are
-        those of `FlyEnv.reset`, for every environment that is reset.
+        those of `FlyrlEnv.reset`, for every environment that is reset.
         """
         options = dict(options or {})
         mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))

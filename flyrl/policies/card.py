@@ -15,7 +15,7 @@ _LIMITS: Final = """\
 - It was trained and judged in the setting above and in no other. On other terrain, with another
   body, leg controller or physics, it may fail.
 - It is deterministic.
-- It steers a simulated fly. It says nothing by itself about how a real one steers."""
+- It moves a simulated body. It says nothing by itself about how a real one is moved."""
 
 
 def model_card(name: str, bundle: PolicyBundle) -> str:
@@ -37,7 +37,7 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
     return f"""\
 # {name}
 
-Steers the fly in the task {_name(env, "task")} on {_terrain(env)} terrain. Loads with
+For the task {_name(env, "task")} on {_terrain(env)} terrain. Loads with
 `flyrl.load_policy("{name}")` and enters an evaluation as `policies=[{name}]`.
 
 ## Trained in

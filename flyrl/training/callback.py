@@ -11,7 +11,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.envs.record import env_record
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.files import replacing
 from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
@@ -41,11 +41,11 @@ def held_out_episodes(config: TrainingConfig) -> list[Episode]:
     return [config.env.sample_episode(int(seed)) for seed in seeds]
 
 
-def fly_env(model: BaseAlgorithm) -> FlyVecEnv:
+def fly_env(model: BaseAlgorithm) -> FlyrlVecEnv:
     """The environment that a model learns in, without what normalises it."""
     assert model.env is not None
     env = model.env.unwrapped
-    assert isinstance(env, FlyVecEnv)
+    assert isinstance(env, FlyrlVecEnv)
     return env
 
 

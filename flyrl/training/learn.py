@@ -16,7 +16,7 @@ from stable_baselines3.common.logger import (
 )
 from torch.utils.tensorboard import SummaryWriter
 
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.training.algorithms import OnPolicyConfig
 from flyrl.training.callback import GoesOn, RunCallback, fly_env
 from flyrl.training.checkpoint import restore_learner
@@ -147,7 +147,7 @@ def resume(
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:
     torch.set_num_threads(config.training.torch_threads)
-    env = FlyVecEnv(config.env, config.training.num_envs, config.training.num_threads)
+    env = FlyrlVecEnv(config.env, config.training.num_envs, config.training.num_threads)
     model = build_model(config.algo, env, config.seed)
     env.seed(_episode_seed(config.seed))
     return model

@@ -10,7 +10,7 @@ from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
 
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.tasks import TASKS
@@ -29,7 +29,7 @@ def single():
 
 @pytest.fixture(scope="module")
 def batch():
-    env = FlyVecEnv(EnvConfig(**SETTINGS), 2, num_threads=1)
+    env = FlyrlVecEnv(EnvConfig(**SETTINGS), 2, num_threads=1)
     yield env
     env.close()
 

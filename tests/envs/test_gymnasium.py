@@ -14,9 +14,9 @@ from stable_baselines3.common.env_checker import check_env as check_sb3
 
 import flyrl  # noqa: F401  (registers the ids)
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
-from flyrl.envs.single import FlyEnv, FlyGoalEnv
-from flyrl.envs.vector import FlyVectorEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
+from flyrl.envs.single import FlyrlEnv, FlyrlGoalEnv
+from flyrl.envs.vector import FlyrlVectorEnv
 
 
 def warnings_of(check: object, env: gymnasium.Env) -> list[str]:
@@ -152,7 +152,7 @@ def test_the_vector_environment_equals_gymnasiums_over_single_ones() -> None:
     env_id = "flyrl/Target-v0"
     settings = {"decision_interval": 0.1, "physics": "fast"}
     native = gymnasium.make_vec(env_id, num_envs=3, **settings)
-    assert type(native.unwrapped).__name__ == "FlyVectorEnv"
+    assert type(native.unwrapped).__name__ == "FlyrlVectorEnv"
     plain = gymnasium.make_vec(env_id, num_envs=3, vectorization_mode="sync", **settings)
     first, _ = native.reset(seed=7)
     expected, _ = plain.reset(seed=7)
@@ -181,7 +181,7 @@ def test_same_step_autoreset_hands_over_the_final_observation() -> None:
 
 
 def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
-    env = FlyVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
+    env = FlyrlVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
     env.reset()
     still = np.tile(env.core.task.actions.of(np.zeros(2)), (2, 1)).astype(np.float32)
     total = np.zeros(2)
@@ -199,13 +199,13 @@ def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
 
 
 def test_sb3_vec_env_starts_as_the_single_environment_with_its_seed() -> None:
-    batch = FlyVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
+    batch = FlyrlVecEnv(EnvConfig(), 2, num_threads=1, seed=5)
     single = gymnasium.make("flyrl/Target-v0")
     np.testing.assert_array_equal(np.asarray(batch.reset())[1], single.reset(seed=6)[0])
 
 
 def test_an_sb3_vec_env_computes_rewards_of_goals_for_every_fly() -> None:
-    env = FlyVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
+    env = FlyrlVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
     achieved, desired = np.zeros((3, 2)), np.array([[0.0, 0.05], [1.0, 0.0], [0.2, 0.2]])
     infos = [{"is_failure": lost > 0, "decisions_lost": lost} for lost in (0, 0, 7)]
     (rewards,) = env.env_method("compute_reward", achieved, desired, infos, indices=[0])
@@ -216,13 +216,13 @@ def test_an_sb3_vec_env_computes_rewards_of_goals_for_every_fly() -> None:
         env.env_method("render")
 
 
-def upturn(env: FlyEnv | FlyVectorEnv | FlyVecEnv) -> None:
+def upturn(env: FlyrlEnv | FlyrlVectorEnv | FlyrlVecEnv) -> None:
     env.core.flies._qpos[0, 3:7] = [0, 1, 0, 0]
 
 
 def test_a_goal_env_tells_in_info_what_a_failure_costs() -> None:
     env = gymnasium.make("flyrl/TargetGoal-v0").unwrapped
-    assert isinstance(env, FlyGoalEnv)
+    assert isinstance(env, FlyrlGoalEnv)
     _, info = env.reset(seed=0)
     assert (info["is_failure"], info["decisions_lost"]) == (False, 0)
     upturn(env)
@@ -235,7 +235,7 @@ def test_a_goal_env_tells_in_info_what_a_failure_costs() -> None:
 
 
 def test_an_sb3_vec_env_tells_in_infos_what_a_failure_costs() -> None:
-    env = FlyVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
+    env = FlyrlVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
     env.reset()
     upturn(env)
     observation, rewards, dones, infos = env.step(np.zeros((2, 2)))
@@ -253,7 +253,7 @@ def test_an_sb3_vec_env_tells_in_infos_what_a_failure_costs() -> None:
 
 @pytest.mark.parametrize("mode", AutoresetMode)
 def test_a_vector_env_tells_in_info_what_a_failure_costs(mode: AutoresetMode) -> None:
-    env = FlyVectorEnv(2, task="target_goal", autoreset_mode=mode)
+    env = FlyrlVectorEnv(2, task="target_goal", autoreset_mode=mode)
     _, info = env.reset(seed=5)
     assert info["is_failure"].tolist() == [False, False]
     upturn(env)
@@ -270,7 +270,7 @@ def test_a_vector_env_tells_in_info_what_a_failure_costs(mode: AutoresetMode) ->
 
 
 def test_goals_of_a_task_without_goals_are_refused() -> None:
-    env = FlyVecEnv(EnvConfig("target"), 1, num_threads=1)
+    env = FlyrlVecEnv(EnvConfig("target"), 1, num_threads=1)
     with pytest.raises(ValueError, match="'target' has no goals"):
         env.env_method("compute_terminated", np.zeros((1, 2)), np.zeros((1, 2)), {})
 

@@ -8,7 +8,7 @@ import pytest
 
 import flyrl  # noqa: F401  (registers the ids)
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.randomisation import UNVARIED, Randomisation, RandomisationConfig
 
 CONFIG = EnvConfig(physics="fast", randomisation="default")
@@ -193,7 +193,7 @@ def test_the_vector_environment_of_random_flies_equals_gymnasiums_over_single_on
 
 
 def test_sb3s_environment_draws_another_fly_for_every_episode() -> None:
-    env = FlyVecEnv(CONFIG, 2, num_threads=1, seed=5)
+    env = FlyrlVecEnv(CONFIG, 2, num_threads=1, seed=5)
     first = np.asarray(env.reset())
     single = gymnasium.make("flyrl/Target-v0", physics="fast", randomisation="default")
     np.testing.assert_array_equal(first[1], single.reset(seed=6)[0])

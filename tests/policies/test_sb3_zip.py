@@ -13,7 +13,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.envs.spaces import observation_space
 from flyrl.policies import (
     LearnedPolicy,
@@ -36,7 +36,7 @@ SIZE = sum(term.size for term in observation_layout(TASKS["target"]))
 
 @pytest.fixture(scope="module")
 def fly_env():
-    env = FlyVecEnv(ENV, 2, num_threads=1, seed=0)
+    env = FlyrlVecEnv(ENV, 2, num_threads=1, seed=0)
     yield env
     env.close()
 
@@ -75,7 +75,7 @@ def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
 
 def test_a_model_with_hindsight_can_be_imported(tmp_path):
     config = EnvConfig("target_goal")
-    env = FlyVecEnv(config, 2, num_threads=1, seed=0)
+    env = FlyrlVecEnv(config, 2, num_threads=1, seed=0)
     model = build_model(SACConfig(her=True, learning_starts=1000, hidden_layers=(8,)), env, seed=0)
     model.save(tmp_path / "model.zip")
     bundle = import_sb3(tmp_path / "model.zip", SAC, config, trust=True)

@@ -11,7 +11,7 @@ from test_callback import make_batch
 
 from benchmarks.speed.scale import counted_compilations
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS
 from flyrl.tasks import Episode
 
@@ -43,7 +43,7 @@ def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: 
 def test_models_are_compiled_in_construction_alone() -> None:
     """Six decisions for each of which a third of the episodes begin anew."""
     with counted_compilations() as in_construction:
-        env = FlyVecEnv(EnvConfig(terrain="mixed"), 6, num_threads=1, seed=0)
+        env = FlyrlVecEnv(EnvConfig(terrain="mixed"), 6, num_threads=1, seed=0)
     assert 1 <= len(in_construction) <= 2
     with counted_compilations() as afterwards:
         env.reset()

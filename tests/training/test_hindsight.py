@@ -6,7 +6,7 @@ from gymnasium import spaces
 from stable_baselines3.her import HerReplayBuffer
 
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.training.hindsight import HindsightBuffer
 
 STEPS = 6
@@ -14,7 +14,7 @@ STEPS = 6
 
 @pytest.fixture(scope="module")
 def env():
-    return FlyVecEnv(EnvConfig("target_goal"), 1, num_threads=1, seed=0)
+    return FlyrlVecEnv(EnvConfig("target_goal"), 1, num_threads=1, seed=0)
 
 
 LOST = 30.0

@@ -12,7 +12,7 @@ from stable_baselines3 import PPO, SAC
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
@@ -137,7 +137,7 @@ def test_other_seed_other_policy(run, tmp_path):
 def test_learning_changes_the_policy(run):
     first = load_policy(run.folder / "last.safetensors").bundle.network.layers
     # the same seed, so the same start
-    env = FlyVecEnv(PPO_CONFIG.env, SCHEDULE.num_envs, 1)
+    env = FlyrlVecEnv(PPO_CONFIG.env, SCHEDULE.num_envs, 1)
     untrained = build_model(PPO_CONFIG.algo, env, PPO_CONFIG.seed).policy.action_net.weight
     assert np.abs(first[-1].weight - untrained.detach().numpy()).max() > 1e-5
 
@@ -198,7 +198,7 @@ def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):
         assert one.drive.tobytes() == other.drive.tobytes()
     assert np.abs(together.trajectories[0].drive[1:]).max() > 0.01
 
-    env = FlyVecEnv(EnvConfig(SHORT_GOAL), 4, num_threads=1, seed=0)
+    env = FlyrlVecEnv(EnvConfig(SHORT_GOAL), 4, num_threads=1, seed=0)
     observation = env.reset()
     # Stable-Baselines3 makes a replay buffer when it loads, and that needs the environment
     model = SAC.load(run.folder / "model.zip", env, device="cpu")

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from stable_baselines3.her import GoalSelectionStrategy
 
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.sb3 import FlyVecEnv
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.tasks import TASKS
@@ -88,12 +88,12 @@ def one_thread():
 
 @pytest.fixture(scope="module")
 def env():
-    return FlyVecEnv(EnvConfig(), num_envs=4, num_threads=1)
+    return FlyrlVecEnv(EnvConfig(), num_envs=4, num_threads=1)
 
 
 @pytest.fixture(scope="module")
 def other_env():
-    return FlyVecEnv(EnvConfig(), num_envs=4, num_threads=1)
+    return FlyrlVecEnv(EnvConfig(), num_envs=4, num_threads=1)
 
 
 def _at_the_edge(terrain, seed, difficulty=1.0):
@@ -107,7 +107,7 @@ def _at_the_edge(terrain, seed, difficulty=1.0):
 def goal_envs():
     """Two with goals, and episodes of 10 decisions or less."""
     task = dataclasses.replace(TASKS["target_goal"], time_limit_s=0.2, sample_episode=_at_the_edge)
-    return [FlyVecEnv(EnvConfig(task), num_envs=4, num_threads=1) for _ in range(2)]
+    return [FlyrlVecEnv(EnvConfig(task), num_envs=4, num_threads=1) for _ in range(2)]
 
 
 def test_settings_of_hindsight_reach_the_buffer(goal_envs):

@@ -1,0 +1,67 @@
+"""Search the settings of the worm's CPG by how far it crawls: those of `WormCPG` come from here.
+
+Run from the repository: python tools/tune_worm_cpg.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from typing import Final
+
+import numpy as np
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.policies import WormCPG
+from flyrl.progress import progress_bar
+from flyrl.rollouts import run_episodes
+from flyrl.tasks import Neurons
+
+FREQUENCIES_HZ: Final = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0)
+WAVES: Final = (0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0)
+AMPLITUDES: Final = (0.3, 0.4, 0.5, 0.6, 0.75, 1.0)
+
+FIRST_SEED: Final = 2**31
+"""Of the episodes; no training and no evaluation has them."""
+
+
+def advances_mm(episodes: int) -> dict[tuple[float, float, float], float]:
+    """Mean way along +x, mm, by frequency (Hz), waves along the worm and amplitude."""
+    config = EnvConfig(task="worm_crawl")
+    env = BatchedEnv(config, episodes)
+    actions = config.resolved_task.actions
+    assert isinstance(actions, Neurons)
+    drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
+    found = {}
+    grid = [*itertools.product(FREQUENCIES_HZ, WAVES, AMPLITUDES)]
+    with progress_bar(len(grid), is_shown=True, unit="setting", description="crawling") as bar:
+        for frequency_hz, waves, amplitude in grid:
+            policy = WormCPG(
+                actions,
+                config.decision_interval_s,
+                frequency_hz=frequency_hz,
+                waves=waves,
+                amplitude=amplitude,
+            )
+            records = run_episodes(env, policy, drawn)
+            ways = [record.position_w[-1, 0] - record.position_w[0, 0] for record in records]
+            found[frequency_hz, waves, amplitude] = float(np.mean(ways))
+            bar.update()
+    return found
+
+
+def main() -> None:
+    """Print the best settings, the best first."""
+    parser = argparse.ArgumentParser(description="Search the settings of the worm's CPG.")
+    parser.add_argument("--episodes", type=int, default=16, help="per setting (default: 16)")
+    parser.add_argument("--shown", type=int, default=10, help="how many (default: 10)")
+    options = parser.parse_args()
+    found = advances_mm(options.episodes)
+    print("frequency (Hz)  waves  amplitude  way in 5 s (mm)")
+    for setting in sorted(found, key=lambda setting: -found[setting])[: options.shown]:
+        frequency_hz, waves, amplitude = setting
+        print(f"{frequency_hz:14g}{waves:7g}{amplitude:11g}{found[setting]:17.1f}")
+
+
+if __name__ == "__main__":
+    main()
