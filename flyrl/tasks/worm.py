@@ -159,7 +159,8 @@ def hanging(name: str, worm: WormConfig, actions: Neurons) -> Task:
         is_flat=True,
         reward=(
             RewardTerm("error", -1.0, terms.absolute_bend_error, "rad off what is asked for"),
-            RewardTerm("recruitment", -0.5, recruited, "share of all neurons that are recruited"),
+            RewardTerm("bent", 0.5, terms.bent, "1 while the worm is bent as told"),
+            RewardTerm("recruitment", -0.2, recruited, "share of all neurons that are recruited"),
         ),
         terminations=(),
         time_limit_s=2.0,

@@ -75,6 +75,11 @@ def has_bent(state: WormTaskState) -> Mask:
     return np.asarray(absolute_bend_error(state) < BENT_WITHIN)
 
 
+def bent(state: WormTaskState) -> Array:
+    """1 where the worm is bent as told, else 0, (n,)."""
+    return has_bent(state).astype(np.float64)
+
+
 def recruited_share(actions: Neurons) -> Callable[[WormTaskState], Array]:
     """What computes the share of a worm's motor neurons that are recruited, 0 to 1, (n,).
 

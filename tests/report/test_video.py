@@ -10,7 +10,15 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
-from flyrl.report.video import FPS, FRAME_S, HOLD_FRAMES, _walk, encode, record_video, record_videos
+from flyrl.report.video import (
+    FLY_PACE,
+    FPS,
+    HOLD_FRAMES,
+    _walk,
+    encode,
+    record_video,
+    record_videos,
+)
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS
@@ -116,9 +124,9 @@ def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
     settings = entrant.env(config, terrain)
     filmed = [
         flies.state().position_w[0]
-        for flies, *_ in _walk(BatchedEnv(settings, 1, 1), entrant, episode)
+        for flies, *_ in _walk(BatchedEnv(settings, 1, 1), entrant, episode, FLY_PACE.frame_s)
     ]
-    finer = BatchedEnv(dataclasses.replace(settings, decision_interval=FRAME_S), 1, 1)
+    finer = BatchedEnv(dataclasses.replace(settings, decision_interval=FLY_PACE.frame_s), 1, 1)
     observation = finer.reset(episodes=[episode])
     walked = [finer.state.position_w[0]]
     for _ in range(10):
