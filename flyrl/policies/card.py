@@ -37,7 +37,7 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
     return f"""\
 # {name}
 
-For the task {_name(env, "task")} on {_terrain(env)} terrain. Loads with
+Moves the body in the task {_name(env, "task")} on {_terrain(env)} terrain. Loads with
 `flyrl.load_policy("{name}")` and enters an evaluation as `policies=[{name}]`.
 
 ## Trained in
@@ -87,8 +87,7 @@ def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
         ("task", _name(env, "task")),
         ("decision interval, s", interval),
         ("terrain", _terrain(env)),
-        ("body", _name(env, "body")),
-        ("leg controller", _name(env, "controller")),
+        *_body(env),
         ("physics", presets[0] if presets else "of its own: " + str(_physics(env))),
         ("randomisation", drawn),
     ]
@@ -145,6 +144,14 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 def _cell(value: Any) -> str:
     return " ".join(str(value).split()).replace("|", "\\|")
+
+
+def _body(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """The body, and what controls a fly's legs."""
+    segments = _mapping(env.get("body")).get("segments")
+    if segments is not None:
+        return [("body", f"worm of {segments} segments")]
+    return [("body", _name(env, "body")), ("leg controller", _name(env, "controller"))]
 
 
 def _name(env: Mapping[str, Any], part: str) -> str:

@@ -92,7 +92,7 @@ def test_a_film_shows_the_fly_on_its_own_ground():
     episode = CONFIG.draw_episodes(random)[0]
     fixed = dataclasses.replace(random, random=False, seed=episode.ground_seed)
     walks = [
-        [flies.state().position_w[0].copy() for flies, *_ in _walk(env, entrant, each)]
+        [flies.state().position_w[0].copy() for flies, *_ in _walk(env, entrant, each, 0.01)]
         for env, each in (
             (BatchedEnv(entrant.env(CONFIG, random), 1, 1), episode),
             (BatchedEnv(entrant.env(CONFIG, fixed), 1, 1), episode),
