@@ -152,9 +152,10 @@ def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettin
 
 def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
     """Settings of an evaluation that stand beside its groups, as in `configs/evaluate.yaml`."""
+    own = {key: value for key, value in record.items() if key not in _EVALUATION_GROUPS}
     # entrants bring their own controllers; a task for worms says that there is none
-    groups = (*_EVALUATION_GROUPS, "controller")
-    own = {key: value for key, value in record.items() if key not in groups}
+    if own.get("controller", "") is None:
+        del own["controller"]
     return evaluation_settings(own, "")
 
 

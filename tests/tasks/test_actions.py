@@ -24,7 +24,9 @@ def test_drives_beyond_their_range_are_clipped() -> None:
 def test_whole_numbers_are_the_neurons_themselves() -> None:
     neurons = Neurons(POOLS)
     assert neurons.size == 3
-    np.testing.assert_array_equal(neurons.commands([[0, 4, 0], [15, 2, 0]]), [[0, 4, 0], [15, 2, 0]])
+    np.testing.assert_array_equal(
+        neurons.commands([[0, 4, 0], [15, 2, 0]]), [[0, 4, 0], [15, 2, 0]]
+    )
     np.testing.assert_array_equal(neurons.of([15, 4, 0]), [15, 4, 0])
 
 

@@ -104,5 +104,7 @@ def test_other_names_are_refused() -> None:
 
 
 def test_a_profile_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(FileNotFoundError, match=r"nothing\.png"):
+    with pytest.raises(
+        ValueError, match=r"profile of a worm must be one of .*'small.png'.*hing.png"
+    ):
         task_named("worm_hang", replace(HANGER, profile="nothing.png"))
