@@ -1,11 +1,11 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Final
 
-from flyrl.bodies.fly import FlyConfig
-from flyrl.bodies.worm import WormConfig
+from flyrl.bodies.fly import FLIES, FlyConfig
+from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.cli.conversion import from_mapping, whole_number
 from flyrl.cli.terms import load_terms
 from flyrl.controllers.leg_controller import ControllerConfig
@@ -41,8 +41,21 @@ class _TaskSettings:
         """The group `body`: of a worm in a task for worms, else of a fly."""
         one_of("task.name", self.name, TASK_NAMES)
         if self.name in WORM_TASKS:
+            _check_creature(self.name, given, FlyConfig, "a worm", WORMS)
             return from_mapping(WormConfig, given, "body")
+        _check_creature(self.name, given, WormConfig, "a fly", FLIES)
         return from_mapping(FlyConfig, given, "body")
+
+
+def _check_creature(
+    task: str, given: Mapping[str, Any], other: type[Any], creature: str, names: Iterable[str]
+) -> None:
+    """Raise ValueError if the group `body` is of the other creature."""
+    if given and given.keys() <= {field.name for field in fields(other)}:
+        raise ValueError(
+            f"body must be {creature} in the task {task!r} ({', '.join(names)}), got one with "
+            f"{', '.join(given)}"
+        )
 
 
 def training_config(config: Mapping[str, Any]) -> TrainingConfig:
@@ -139,9 +152,10 @@ def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettin
 
 def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
     """Settings of an evaluation that stand beside its groups, as in `configs/evaluate.yaml`."""
+    own = {key: value for key, value in record.items() if key not in _EVALUATION_GROUPS}
     # entrants bring their own controllers; a task for worms says that there is none
-    groups = (*_EVALUATION_GROUPS, "controller")
-    own = {key: value for key, value in record.items() if key not in groups}
+    if own.get("controller", "") is None:
+        del own["controller"]
     return evaluation_settings(own, "")
 
 

@@ -45,9 +45,14 @@ class Flies:
         Raises
         ------
         ValueError
-            If an episode brings a ground where the terrain is not random, or more latency than the
-            settings have.
+            If an episode brings a ground where the terrain is not random, more latency than the
+            settings have, or the angles of a worm's joints.
         """
+        for episode in episodes:
+            if episode.joint_angles:
+                raise ValueError(
+                    f"joint_angles of an episode of a fly must be (), got {episode.joint_angles}"
+                )
         latencies = self._latencies(episodes)
         self._lay_ground(ids, episodes)
         self.batch.vary(ids, [episode.randomisation for episode in episodes])

@@ -41,6 +41,7 @@ class Worms:
         self.batch = WormBatch(build_worm_scene(scene), num_envs, num_threads)
         self._config = config
         self._joints = scene.body.joints
+        self._hangs = scene.body.mount == "hanging"
 
     def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Start episodes, one per simulation in `ids` (sorted).
@@ -48,7 +49,8 @@ class Worms:
         Raises
         ------
         ValueError
-            If an episode asks for something that only flies have, or not for one angle per joint.
+            If an episode asks for something that only flies have, not for one angle per joint, or
+            for another place of a hanging worm.
         """
         for episode in episodes:
             self._check(episode)
@@ -90,6 +92,12 @@ class Worms:
                 "randomisation of an episode of a worm must be of its senses alone, got "
                 f"{episode.randomisation}"
             )
+        for name, place in (
+            ("spawn_position", episode.spawn_position_w[:2]),
+            ("spawn_yaw", episode.spawn_yaw),
+        ):
+            if self._hangs and np.any(place):
+                raise ValueError(f"{name} of a hanging worm must be 0, got {place}")
         if len(episode.joint_angles) not in (0, self._joints):
             raise ValueError(
                 f"joint_angles of the episode must be {self._joints} angles, or none, got "

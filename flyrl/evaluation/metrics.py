@@ -42,7 +42,7 @@ METRICS: Final[dict[str, str]] = {
     "duration_s": "simulated time until the episode ended, s",
     "time_to_goal_s": "time until success, s; none without success",
     "displacement_mm": "distance from start to end, as the crow flies, mm",
-    "advance_mm": "how far the fly came along the world's x axis, which traverse asks for, mm",
+    "advance_mm": "way along the world's x axis, which traverse and worm_crawl ask for, mm",
     "path_length_mm": "length of the path walked, from point to point every 0.1 s, mm",
     "path_efficiency": "displacement ÷ path length",
     "speed_mm_s": "displacement ÷ time, mm/s; failures over the full horizon",

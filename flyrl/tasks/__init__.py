@@ -1,5 +1,6 @@
 """Decision problems: observation, reward, termination and reset of each task, as tables."""
 
+from functools import cache
 from typing import Final
 
 from flyrl.bodies.worm import WORMS, WormConfig
@@ -58,8 +59,12 @@ def task_named(name: str, worm: WormConfig | None = None) -> Task:
     one_of("task", name, TASK_NAMES)
     if name in TASKS:
         return TASKS[name]
-    made = WORM_TASKS[name]
-    return made.task(name, worm or WORMS[made.body])
+    return _made_to_measure(name, worm or WORMS[WORM_TASKS[name].body])
+
+
+@cache  # so that the tasks of equal worms are equal
+def _made_to_measure(name: str, worm: WormConfig) -> Task:
+    return WORM_TASKS[name].task(name, worm)
 
 
 __all__ = [

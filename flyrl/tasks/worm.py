@@ -20,6 +20,7 @@ from flyrl.tasks.actions import Neurons
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.task import ErrorTerm, ObservationTerm, RewardTerm, Task
 from flyrl.terrains import TerrainConfig
+from flyrl.validation import one_of
 
 START_ANGLE: Final = 0.2
 """rad; the joints of a worm that starts are bent by up to this, and so is its heading turned."""
@@ -51,10 +52,14 @@ class WormTask:
 
         Raises
         ------
-        FileNotFoundError, ValueError
-            If the profile of the worm's muscles is not one.
+        ValueError
+            If there is no such profile of the worm's muscles.
         """
-        pool = MotorPool.from_image(assets_folder() / "muscles" / worm.profile)
+        folder = assets_folder() / "muscles"
+        one_of(
+            "profile of a worm", worm.profile, sorted(path.name for path in folder.glob("*.png"))
+        )
+        pool = MotorPool.from_image(folder / worm.profile)
         actions = Neurons((len(pool),) * (2 * worm.joints), self.is_integer)
         return self.make(name, worm, actions)
 

@@ -6,18 +6,20 @@ from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
 from flyrl.bodies.fly import FLIES
+from flyrl.bodies.worm import WORMS
 from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import (
     evaluation_config,
     own_settings,
     training_config,
 )
+from flyrl.envs.config import BODIES
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation import make_entrants
 from flyrl.resources import configs_folder
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
-from flyrl.tasks import TASKS, task_record
+from flyrl.tasks import TASK_NAMES, TASKS, WORM_TASKS, task_named, task_record
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, training_record
@@ -72,8 +74,40 @@ def test_bodies_controllers_and_terrains(body, controller, terrain):
 @pytest.mark.parametrize("name", sorted(_names("task")))
 def test_tasks(name):
     config = training_config(_composed(f"task={name}"))
-    assert config.env.resolved_task == TASKS[name]
-    assert _composed(f"task={name}")["task"]["weights"] == task_record(TASKS[name])["weights"]
+    assert config.env.resolved_task == task_named(name)
+    assert _composed(f"task={name}")["task"]["weights"] == task_record(task_named(name))["weights"]
+
+
+@pytest.mark.parametrize("command", ["train", "evaluate"])
+@pytest.mark.parametrize("name", WORM_TASKS)
+def test_a_task_for_worms_brings_a_worm_without_a_controller(name, command):
+    composed = _composed(f"task={name}", name=command)
+    assert composed["controller"] is None
+    env = (
+        training_config(composed).env
+        if command == "train"
+        else evaluation_config(composed, own_settings(composed), "").env("flat")
+    )
+    assert env.scene == EnvConfig(name).scene
+    assert env.scene.body == WORMS[WORM_TASKS[name].body]
+    assert env.scene.physics == PHYSICS_PRESETS["worm"]
+    assert env.scene.controller is None
+
+
+def test_another_worm_has_the_task_made_to_measure():
+    config = training_config(_composed("task=worm_crawl", "body.segments=4"))
+    # two muscles for each of three joints
+    assert config.env.resolved_task.actions.size == 6
+    assert config.env.scene.body.segments == 4
+
+
+def test_the_body_of_another_creature_is_refused():
+    allowed = r"body must be a worm in the task 'worm_crawl' \(worm_crawler, worm_hanger\), got"
+    with pytest.raises(ValueError, match=allowed):
+        training_config(_composed("task=worm_crawl", "body=current"))
+    allowed = r"body must be a fly in the task 'target' \(current, classic, fly_muscles\), got"
+    with pytest.raises(ValueError, match=allowed):
+        training_config(_composed("body=worm_crawler"))
 
 
 def test_the_experiment_with_hindsight_is_one():
@@ -138,14 +172,14 @@ def test_every_file_is_tested_above():
     assert _names("terrain") == set(TERRAINS)
     assert _names("controller") == {"cpg", "rule_based", "hybrid"}
     assert _names("launcher") == set(EXTRAS)
-    assert _names("body") == set(FLIES)
-    assert _names("task") == set(TASKS) - {"hybrid_turning"}
+    assert _names("body") == set(BODIES)
+    assert _names("task") == set(TASK_NAMES) - {"hybrid_turning"}
 
 
 @pytest.mark.parametrize("name", sorted(_names("tuned")))
 def test_tuned_settings_hold_for_their_task_and_algorithm_alone(name):
     task, algo = next(
-        (task, algo) for task in TASKS for algo in ALGORITHMS if f"{task}_{algo}" == name
+        (task, algo) for task in TASK_NAMES for algo in ALGORITHMS if f"{task}_{algo}" == name
     )
     choices = [f"task={task}", f"algo={algo}"]
     tuned, plain = _composed(*choices), _composed(*choices, "~tuned")
@@ -194,6 +228,19 @@ def test_config_of_a_run_folder_reads_back():
     again = training_config(yaml.safe_load(yaml.safe_dump(record)))
     assert training_record(again) == record
     assert record["randomisation"]["friction"] == [0.7, 1.3]
+
+
+def test_config_of_a_run_folder_of_a_worm_reads_back():
+    record = training_record(
+        training_config(
+            _composed("task=worm_hang_box", "body.hinge_axes=[y,z]", "task.weights.error=-2")
+        )
+    )
+    again = training_config(yaml.safe_load(yaml.safe_dump(record)))
+    assert training_record(again) == record
+    assert record["controller"] is None
+    assert record["body"]["hinge_axes"] == ["y", "z"]
+    assert record["task"]["weights"] == {"error": -2.0, "recruitment": -0.5}
 
 
 def test_a_config_from_before_randomisation_has_none():

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flyrl.envs.core import EnvConfig
+from flyrl.tasks import task_named
 from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.config import ScheduleConfig, TrainingConfig
@@ -63,6 +65,9 @@ CURRICULUM_CONFIG = replace(
         curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0),
     ),
 )
+WORM_CONFIG = replace(
+    PPO_CONFIG, env=EnvConfig(replace(task_named("worm_crawl"), time_limit_s=0.5))
+)
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 
@@ -87,8 +92,8 @@ def _results(run):
 
 @pytest.mark.parametrize(
     "config",
-    [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG, CURRICULUM_CONFIG],
-    ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies", "curriculum"],
+    [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG, CURRICULUM_CONFIG, WORM_CONFIG],
+    ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies", "curriculum", "worm"],
 )
 def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
     whole = train(config, tmp_path / "whole")

@@ -1,0 +1,109 @@
+"""Worms from the command line: trained, gone on with, evaluated and reported."""
+
+import json
+import signal
+
+import pytest
+
+from flyrl.cli.arguments import UsageError, check_arguments
+from flyrl.policies import load_policy
+from flyrl.training.runs import read_run
+from tests.tiny import TINY_ARGUMENTS
+from tests.training.test_resume import InterruptedAt
+
+TINY = (
+    "physics=worm",
+    *(argument for argument in TINY_ARGUMENTS if argument != "physics=fast"),
+    "video_after=false",
+)
+SHORT = ("task.time_limit=0.2", "episodes=2", "num_threads=1", "progress_bar=false", "folder=out")
+
+
+def contents(folder):
+    return json.loads((folder / "results.json").read_text())
+
+
+def test_a_controller_of_legs_is_an_error():
+    with pytest.raises(UsageError, match="controller=cpg has no effect with task=worm_crawl"):
+        check_arguments("train", ["task=worm_crawl", "controller=cpg"])
+    with pytest.raises(UsageError, match="Could not override 'controller'"):
+        check_arguments("evaluate", ["task=worm_crawl", "controller=cpg"])
+
+
+@pytest.mark.parametrize("program", ["train.py", "evaluate.py"])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            ["task=worm_crawl", "body=current"],
+            "error: body must be a worm in the task 'worm_crawl' (worm_crawler, worm_hanger), got ",
+        ),
+        (["body=worm_hanger"], "error: body must be a fly in the task 'target' (current, classic,"),
+        (["task=worm_hang", "body.segments=1"], "error: segments must be at least 2, got 1"),
+        (
+            ["task=worm_hang", "body.mount=free"],
+            "error: the mount of a worm in a scene must be one",
+        ),
+        (
+            ["task=worm_hang", "body.profile=my.png"],
+            "error: profile of a worm must be one of 'human.",
+        ),
+        (["task=worm_hang", "+controller.name=cpg"], "controller"),
+        (["task=worm_hang", "task.time_limit=3"], "error: task.time_limit must be at most that of"),
+        (["task=worm_crawl", "randomisation=default"], "of a worm must be of sensor_noise alone"),
+    ],
+)
+def test_what_does_not_fit_a_worm_ends_in_one_line(tmp_path, run_here, program, arguments, message):
+    result = run_here(program, *arguments)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkeypatch):
+    with monkeypatch.context() as patch:
+        InterruptedAt(patch, decision=3)
+        interrupted = run_here("train.py", "task=worm_hang", *TINY)
+    assert interrupted.returncode == 128 + signal.SIGTERM
+    run = interrupted.stdout.splitlines()[-1].removeprefix("run: ")
+    before = load_policy(tmp_path / run / "last.safetensors").bundle.training["decisions"]
+    assert before < 64
+    resumed = run_here("train.py", f"resume={run}", "video_after=false")
+    assert resumed.returncode == 0, resumed.stderr
+    bundle = load_policy(tmp_path / run / "last.safetensors").bundle
+    assert bundle.squashing == "argmax"
+    assert bundle.action_high == (15.0,) * 8
+    assert bundle.training["decisions"] == 64
+    assert bundle.env["controller"] is None
+    assert read_run(tmp_path / run).state == "finished"
+
+    asked = (f"policies=[{run}]", "task=worm_hang", "videos=false", "close_ups=false", *SHORT)
+    compared = run_here("evaluate.py", *asked)
+    assert compared.returncode == 0, compared.stderr
+    walked = [row["controller"] for row in contents(tmp_path / "out")["episodes"]]
+    assert walked == ["ppo"] * 2 + ["worm_reflex"] * 2 + ["relaxed"] * 2
+
+
+@pytest.mark.slow
+def test_the_continuous_variant_is_trained_and_compared_afterwards(tmp_path, run_here):
+    tiny = [item for item in TINY if not item.startswith("algo")]
+    own = ("algo=sac", "algo.learning_starts=16", "algo.batch_size=16", *tiny)
+    short = ("evaluation.episodes=2", "evaluation.videos=false", "evaluation.close_ups=false")
+    trained = run_here("train.py", "task=worm_crawl_box", *own, "evaluate_after=true", *short)
+    assert trained.returncode == 0, trained.stderr
+    run = tmp_path / trained.stdout.splitlines()[-1].removeprefix("run: ")
+    walked = {row["controller"] for row in contents(run / "evaluation")["episodes"]}
+    assert walked == {"sac", "worm_cpg", "relaxed"}
+
+
+def test_a_report_of_worms_has_videos_and_curves_and_no_drive_map(tmp_path, run_here):
+    result = run_here("evaluate.py", "task=worm_crawl", "controllers=[worm_cpg]", *SHORT)
+    assert result.returncode == 0, result.stderr
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert 'id="drives"' not in page
+    assert "tension of the first muscle" in page
+    if "Videos are left out" in result.stderr:
+        pytest.skip(result.stderr)
+    assert page.count('src="data:video/mp4;base64,') == 1

@@ -1,0 +1,228 @@
+"""Evaluations of worms: who may take part, what is measured, and that it all comes back."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from pandas.testing import assert_frame_equal
+
+from flyrl.bodies.worm import CRAWLER
+from flyrl.envs.config import EnvConfig
+from flyrl.envs.core import BatchedEnv
+from flyrl.envs.record import env_record
+from flyrl.evaluation import (
+    EvaluationConfig,
+    evaluate,
+    load_results,
+    make_entrants,
+    walk_examples,
+    write_results,
+)
+from flyrl.evaluation.conditions import QUANTITIES
+from flyrl.evaluation.fixed import controller_names
+from flyrl.evaluation.metrics import METRICS
+from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
+from flyrl.policies.bundle import action_bounds, save_bundle
+from flyrl.policies.mlp import MLP, Layer
+from flyrl.rollouts import run_episodes
+from flyrl.tasks import TASKS, WORM_TASKS, task_named
+
+CRAWL = dataclasses.replace(task_named("worm_crawl"), time_limit_s=0.3)
+HANG = dataclasses.replace(task_named("worm_hang"), time_limit_s=0.3)
+FLY = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
+FIXED_OF = {"worm_crawl": ("worm_cpg", "relaxed"), "worm_hang": ("worm_reflex", "relaxed")}
+
+
+def save_worm_policy(path, task):
+    """A policy of random weights, which chooses a whole number per muscle."""
+    rng = np.random.default_rng(0)
+    size = sum(term.size for term in task.observation)
+    low, high = action_bounds(task)
+    outputs = int(sum(high)) + len(high)
+    weights = rng.normal(size=(outputs, size)).astype(np.float32)
+    bundle = PolicyBundle(
+        network=MLP((Layer(weights, rng.normal(size=outputs).astype(np.float32)),), "tanh"),
+        squashing="argmax",
+        observation=observation_layout(task),
+        action_low=low,
+        action_high=high,
+        env=env_record(EnvConfig(task)),
+        training={"algo": "ppo"},
+    )
+    save_bundle(bundle, path)
+    return str(path)
+
+
+@pytest.fixture(scope="module", params=[CRAWL, HANG], ids=["crawl", "hang"])
+def config(request, tmp_path_factory):
+    path = tmp_path_factory.mktemp("policy") / "worm.safetensors"
+    return EvaluationConfig(
+        task=request.param,
+        policies=(save_worm_policy(path, request.param),),
+        episodes=2,
+        num_threads=1,
+    )
+
+
+@pytest.fixture(scope="module")
+def results(config):
+    return evaluate(config)
+
+
+# ------------------------------------------------------------------ who takes part
+
+
+@pytest.mark.parametrize("name", WORM_TASKS)
+def test_by_default_those_for_worms_take_part_that_go_with_the_task(name):
+    config = EvaluationConfig(task=name)
+    assert controller_names(config) == FIXED_OF[name.removesuffix("_box")]
+    entrants = make_entrants(config)
+    assert [entrant.controller for entrant in entrants] == [None, None]
+    assert [entrant.record["leg_controller"] for entrant in entrants] == [None, None]
+
+
+@pytest.mark.parametrize(
+    ("name", "task", "needed"),
+    [
+        ("cpg", CRAWL, "flies that shows anything"),
+        ("hybrid", HANG, "flies that shows anything"),
+        ("open_loop", HANG, "flies that shows command"),
+        ("constant(1, 1)", CRAWL, "flies that shows anything"),
+        ("relaxed", FLY, "a worm that shows anything"),
+        ("worm_cpg", FLY, "a worm that shows heading"),
+        ("worm_cpg", HANG, "a worm that shows heading"),
+        ("worm_reflex", CRAWL, "a worm that shows bend_error"),
+    ],
+)
+def test_controllers_of_another_creature_or_task_are_refused(name, task, needed):
+    config = EvaluationConfig(task=task, controllers=(name,))
+    with pytest.raises(ValueError) as error:
+        make_entrants(config)
+    assert str(error.value) == f"controllers: {name!r} needs a task for {needed}, got {task.name!r}"
+
+
+def test_a_policy_of_another_task_is_refused(tmp_path):
+    path = save_worm_policy(tmp_path / "a.safetensors", HANG)
+    for task in (CRAWL, FLY):
+        config = EvaluationConfig(task=task, policies=(path,), controllers=())
+        with pytest.raises(PolicyFileError, match="term 0 was command"):
+            make_entrants(config)
+    box = EvaluationConfig(task="worm_hang_box", policies=(path,), controllers=())
+    with pytest.raises(PolicyFileError, match=r"are whole numbers within .*_box numbers within"):
+        make_entrants(box)
+
+
+def test_a_policy_of_a_worm_with_more_muscles_is_refused(tmp_path):
+    path = save_worm_policy(tmp_path / "a.safetensors", CRAWL)
+    shorter = dataclasses.replace(CRAWLER, segments=4)
+    config = EvaluationConfig(task="worm_crawl", body=shorter, policies=(path,), controllers=())
+    with pytest.raises(PolicyFileError, match=r"joint_angles \(5 values\).*\(3 values\)"):
+        make_entrants(config)
+
+
+def test_a_policy_brings_its_decision_interval_and_no_legs(tmp_path):
+    path = save_worm_policy(tmp_path / "a.safetensors", CRAWL)
+    (entrant,) = make_entrants(EvaluationConfig(task=CRAWL, policies=(path,), controllers=()))
+    assert entrant.decision_interval == 0.05
+    assert entrant.controller is None
+    assert entrant.record["policy"] == "learned with ppo on flat"
+
+
+@pytest.mark.parametrize("name", [name for name in QUANTITIES if name != "sensor_noise"])
+def test_of_a_worm_nothing_but_the_noise_of_its_senses_is_varied(name):
+    message = f"vary.{name} is for flies; of a worm, sensor_noise can be varied"
+    with pytest.raises(ValueError, match=message):
+        EvaluationConfig(task="worm_crawl", vary={name: (QUANTITIES[name].usual,)})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"body": "current"}, "body must be a worm in the task 'worm_crawl'"),
+        ({"terrains": ("flat", "gapped")}, "terrain of a worm must be one of 'flat', got 'gapped'"),
+        ({"randomisation": "default"}, "randomisation of a worm must be of sensor_noise alone"),
+    ],
+)
+def test_settings_that_do_not_fit_a_worm_are_refused(changes, message):
+    with pytest.raises(ValueError, match=message):
+        EvaluationConfig(task="worm_crawl", **changes)
+
+
+# ------------------------------------------------------------------ what is measured
+
+
+def test_everyone_meets_the_same_episodes(results):
+    rows = results.episodes
+    task = results.protocol["task"]
+    assert list(rows["controller"].unique()) == ["ppo", *FIXED_OF[task]]
+    assert rows.groupby("controller")["seed"].agg(tuple).nunique() == 1
+    starts = np.array([path.position_w[0] for path in results.trajectories.values()])
+    np.testing.assert_array_equal(starts[:2], starts[2:4])
+    assert results.protocol["reference"] == FIXED_OF[task][0]
+
+
+def test_a_relaxed_worm_recruits_nothing_and_a_random_policy_a_lot(results):
+    shares = results.episodes.groupby("controller")["recruited_share"].agg(["min", "max"])
+    assert shares.loc["relaxed"].tolist() == [0.0, 0.0]
+    assert 0.1 < shares.loc["ppo", "min"] <= shares.loc["ppo", "max"] < 0.9
+
+
+def test_a_worm_has_no_gait_and_no_goal(results):
+    gone = ["slip_share", "duty_factor", "tripod_coordination", "goal_distance_mm"]
+    assert results.episodes[gone].isna().all(axis=None)
+
+
+def test_a_path_has_the_tensions_of_all_muscles(results):
+    muscles = {"worm_crawl": 10, "worm_hang": 8}[results.protocol["task"]]
+    for path in results.trajectories.values():
+        assert path.drive.shape == (7, muscles)  # the start, and 6 decisions of 0.05 s
+        assert path.drive.min() >= 0.0
+        assert path.drive.max() <= 1.0
+
+
+def test_a_bend_error_is_the_mean_over_the_decisions():
+    """A worm that is straight and relaxed is off by all that is asked for, 0.5 rad."""
+    env = BatchedEnv(EnvConfig(HANG), 1)
+    drawn = dataclasses.replace(env.config.sample_episode(0), joint_angles=(), command=(0.5,))
+    (relaxed,) = make_entrants(EvaluationConfig(task=HANG, controllers=("relaxed",)))
+    (record,) = run_episodes(env, relaxed.policy, [drawn])
+    assert record.creature == "worm"
+    assert record.errors["bend_error_deg"] == pytest.approx(np.degrees(0.5), abs=1e-3)
+    assert record.return_ == pytest.approx(6 * -0.5, abs=1e-3)
+    assert record.outcome == "timeout"
+
+
+def test_noise_of_the_senses_is_varied():
+    config = EvaluationConfig(
+        task=HANG, controllers=("worm_reflex",), episodes=1, vary={"sensor_noise": (0.0, 1.0)}
+    )
+    clear, noisy = evaluate(config).episodes.set_index("condition")["return"]
+    assert clear != noisy
+
+
+# ------------------------------------------------------------------ that it comes back
+
+
+def test_results_come_back_from_their_files(results, tmp_path):
+    write_results(results, tmp_path)
+    again = load_results(tmp_path)
+    assert again.to_json() == results.to_json()
+    for row, path in results.trajectories.items():
+        np.testing.assert_allclose(again.trajectories[row].drive, path.drive, atol=1e-6)
+
+
+def test_batches_and_threads_do_not_change_the_result(config, results):
+    other = evaluate(dataclasses.replace(config, num_envs=1, num_threads=2))
+    assert_frame_equal(other.episodes, results.episodes)
+
+
+def test_examples_are_walked_again_to_the_bit(config, results):
+    for again, kept in zip(walk_examples(config), results.examples, strict=True):
+        assert again.controller == kept.controller
+        np.testing.assert_array_equal(again.position_w, kept.position_w)
+        np.testing.assert_array_equal(again.drive, kept.drive)
+        assert again.errors == kept.errors
+
+
+def test_every_metric_is_there(results):
+    assert set(METRICS) <= set(results.episodes.columns)

@@ -1,0 +1,68 @@
+"""Actions and what they command, worked out by hand."""
+
+import numpy as np
+import pytest
+
+from flyrl.tasks import Drives, Neurons
+
+POOLS = (16, 5, 1)
+
+
+def test_the_range_of_drives_is_that_of_actions_stretched() -> None:
+    # from [-0.5, 1.5] to [0, 4]: 2 per unit of drive
+    actions = Drives(0.0, 4.0)
+    drives = np.array([[-0.5, 1.5], [0.5, 0.0]])
+    np.testing.assert_allclose(actions.of(drives), [[0.0, 4.0], [2.0, 1.0]])
+    np.testing.assert_allclose(actions.commands(actions.of(drives)), drives)
+
+
+def test_drives_beyond_their_range_are_clipped() -> None:
+    np.testing.assert_allclose(Drives().commands([-3.0, 1.1]), [-0.5, 1.5])
+    assert Drives().size == 2
+
+
+def test_whole_numbers_are_the_neurons_themselves() -> None:
+    neurons = Neurons(POOLS)
+    assert neurons.size == 3
+    np.testing.assert_array_equal(
+        neurons.commands([[0, 4, 0], [15, 2, 0]]), [[0, 4, 0], [15, 2, 0]]
+    )
+    np.testing.assert_array_equal(neurons.of([15, 4, 0]), [15, 4, 0])
+
+
+def test_whole_numbers_beyond_a_pool_are_clipped_to_its_ends() -> None:
+    np.testing.assert_array_equal(Neurons(POOLS).commands([99, -3, 2]), [15, 0, 0])
+
+
+@pytest.mark.parametrize("wrong", [0.5, np.nan, -1e-9])
+def test_numbers_that_are_not_whole_are_refused(wrong: float) -> None:
+    with pytest.raises(ValueError, match=f"action must be whole numbers, got {wrong}"):
+        Neurons(POOLS).commands([1.0, wrong, 0.0])
+
+
+def test_continuous_actions_go_to_the_nearest_neuron() -> None:
+    # of 16: 7.5 (n + 1), so 0.2 gives the neuron 9; of 5: 2 (n + 1), so 0.2 gives 2.4
+    neurons = Neurons(POOLS, is_integer=False)
+    np.testing.assert_array_equal(neurons.commands([0.2, 0.2, 0.2]), [9, 2, 0])
+    np.testing.assert_array_equal(neurons.commands([-1, 1, 1]), [0, 4, 0])
+    np.testing.assert_array_equal(neurons.commands([7, -7, -7]), [15, 0, 0])
+
+
+@pytest.mark.parametrize("is_integer", [True, False])
+def test_every_neuron_has_an_action_that_commands_it(is_integer: bool) -> None:
+    neurons = Neurons((16, 301), is_integer)
+    every = np.stack([np.minimum(np.arange(301), 15), np.arange(301)], axis=1)
+    np.testing.assert_array_equal(neurons.commands(neurons.of(every)), every)
+    # to the bit also after rounding to what a policy gives
+    np.testing.assert_array_equal(neurons.commands(neurons.of(every).astype(np.float32)), every)
+
+
+def test_the_actions_of_the_ends_of_a_pool_are_their_bounds() -> None:
+    neurons = Neurons(POOLS, is_integer=False)
+    np.testing.assert_array_equal(neurons.of([[0, 0, 0], [15, 4, 0]]), [[-1, -1, -1], [1, 1, -1]])
+
+
+@pytest.mark.parametrize("pools", [(), (3, 0)])
+def test_pools_without_neurons_are_refused(pools: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="pools must be numbers of neurons above 0, got"):
+        Neurons(pools)

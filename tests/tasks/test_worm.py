@@ -1,0 +1,110 @@
+"""Tasks for worms: their episodes, and that they are made to measure."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flyrl.bodies.worm import CRAWLER, HANGER, WORMS
+from flyrl.tasks import TASK_NAMES, WORM_TASKS, Neurons, task_named
+from flyrl.terrains import TerrainConfig
+
+FLAT = TerrainConfig()
+NAMES = pytest.mark.parametrize("name", WORM_TASKS)
+
+
+def test_a_task_by_its_name_is_for_its_usual_worm() -> None:
+    # two muscles per joint, of the 16 neurons of small.png
+    assert task_named("worm_crawl").actions == Neurons((16,) * 10)
+    assert task_named("worm_crawl_box").actions == Neurons((16,) * 10, is_integer=False)
+    assert task_named("worm_hang").actions == Neurons((16,) * 8)
+    assert task_named("worm_hang_box").actions == Neurons((16,) * 8, is_integer=False)
+    assert {name: task_named(name).name for name in WORM_TASKS} == {n: n for n in WORM_TASKS}
+
+
+@NAMES
+def test_a_task_is_made_to_measure_for_another_worm(name: str) -> None:
+    worm = replace(WORMS[WORM_TASKS[name].body], segments=4)
+    task = task_named(name, worm)
+    assert task.actions.size == 6
+    sizes = {term.name: term.size for term in task.observation}
+    assert (sizes["joint_angles"], sizes["joint_velocities"], sizes["tensions"]) == (3, 3, 6)
+    assert len(task.sample_episode(FLAT, 0).joint_angles) == 3
+
+
+def test_a_pool_of_another_profile_has_as_many_neurons_as_its_image_has() -> None:
+    actions = task_named("worm_hang", replace(HANGER, profile="linear.png")).actions
+    assert actions == Neurons((301,) * 8)
+
+
+def test_a_longer_worm_has_a_longer_way_to_go() -> None:
+    task = task_named("worm_crawl", replace(CRAWLER, segments=4, segment_length=2.5))
+    # twice 4 * 2.5 mm
+    assert task.succeeds_in_time.keywords == {"way": 20.0}
+
+
+@NAMES
+def test_tasks_of_equal_worms_are_equal(name: str) -> None:
+    worm = WORMS[WORM_TASKS[name].body]
+    assert task_named(name, replace(worm)) == task_named(name)
+    assert task_named(name, replace(worm, segments=3)) != task_named(name)
+
+
+@NAMES
+def test_an_episode_is_a_function_of_its_seed(name: str) -> None:
+    task = task_named(name)
+    assert task.sample_episode(FLAT, 5) == task.sample_episode(FLAT, 5)
+    assert task.sample_episode(FLAT, 5) != task.sample_episode(FLAT, 6)
+
+
+@pytest.mark.parametrize("pair", [("worm_crawl", "worm_crawl_box"), ("worm_hang", "worm_hang_box")])
+def test_the_continuous_variant_differs_in_its_actions_alone(pair: tuple[str, str]) -> None:
+    whole, box = map(task_named, pair)
+    assert whole.sample_episode(FLAT, 3) == box.sample_episode(FLAT, 3)
+    assert [t.name for t in whole.observation] == [t.name for t in box.observation]
+    assert [(t.name, t.weight) for t in whole.reward] == [(t.name, t.weight) for t in box.reward]
+    assert whole.time_limit_s == box.time_limit_s
+    assert not box.actions.is_integer
+
+
+def test_worms_start_a_little_bent_and_turned() -> None:
+    episodes = [task_named("worm_crawl").sample_episode(FLAT, seed) for seed in range(300)]
+    angles = np.array([(episode.spawn_yaw, *episode.joint_angles) for episode in episodes])
+    assert angles.shape == (300, 6)
+    for column in angles.T:
+        assert -0.2 <= column.min() < -0.19
+        assert 0.19 < column.max() <= 0.2
+    assert {episode.spawn_position_w for episode in episodes} == {(0.0, 0.0, 0.0)}
+    assert {episode.command for episode in episodes} == {()}
+
+
+def test_bends_are_asked_for_to_either_side() -> None:
+    episodes = [task_named("worm_hang").sample_episode(FLAT, seed) for seed in range(300)]
+    bends = np.array([episode.command for episode in episodes])
+    assert bends.shape == (300, 1)
+    assert -1.5 <= bends.min() < -1.45
+    assert 1.45 < bends.max() <= 1.5
+    # a hanging worm cannot be turned
+    assert {episode.spawn_yaw for episode in episodes} == {0.0}
+
+
+@NAMES
+def test_difficulty_is_on_record_and_changes_nothing(name: str) -> None:
+    task = task_named(name)
+    easy, usual = (task.sample_episode(FLAT, 5, difficulty) for difficulty in (0.0, 1.0))
+    assert easy.difficulty == 0.0
+    assert replace(easy, difficulty=1.0) == usual
+    assert task.difficulty == ""
+
+
+def test_other_names_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"task must be one of .*did you mean 'worm_crawl'"):
+        task_named("worm_crwl")
+    assert TASK_NAMES[-4:] == tuple(WORM_TASKS)
+
+
+def test_a_profile_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(
+        ValueError, match=r"profile of a worm must be one of .*'small.png'.*hing.png"
+    ):
+        task_named("worm_hang", replace(HANGER, profile="nothing.png"))

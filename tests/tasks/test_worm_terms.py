@@ -1,0 +1,107 @@
+"""What the tasks for worms compute, against numbers worked out by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.simulation.worms import WormState
+from flyrl.tasks import Neurons, WormTaskState
+from flyrl.tasks import worm_terms as terms
+from flyrl.terrains import Bounds
+
+
+def worm_state(n: int = 1, joints: int = 2, **changes: object) -> WormState:
+    state = WormState(
+        time=np.zeros(n),
+        position_w=np.zeros((n, 3)),
+        velocity_w=np.zeros((n, 3)),
+        yaw=np.zeros(n),
+        joint_angles=np.zeros((n, joints)),
+        joint_velocities=np.zeros((n, joints)),
+        neurons=np.zeros((n, 2 * joints)),
+        tensions=np.zeros((n, 2 * joints)),
+        is_unstable=np.zeros(n, dtype=bool),
+    )
+    return dataclasses.replace(
+        state, **{name: np.asarray(value, dtype=float) for name, value in changes.items()}
+    )
+
+
+def task_state(
+    worm: WormState,
+    previous: WormState | None = None,
+    command: object = ((),),
+    **totals: object,
+) -> WormTaskState:
+    return WormTaskState(
+        worm=worm,
+        previous=previous or worm,
+        goal=np.zeros((len(worm.time), 0)),
+        command=np.asarray(command, dtype=float),
+        totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
+        means={},
+        decisions_left=np.full(len(worm.time), 100.0),
+        decision_interval_s=0.05,
+        bounds=Bounds(-10.0, 25.0, -20.0, 20.0),
+    )
+
+
+def test_the_heading_is_a_cosine_and_a_sine() -> None:
+    state = task_state(worm_state(2, yaw=[np.pi / 6, -np.pi / 2]))
+    np.testing.assert_allclose(
+        terms.heading(state), [[np.sqrt(0.75), 0.5], [0.0, -1.0]], atol=1e-12
+    )
+
+
+def test_the_velocity_is_seen_along_the_heading() -> None:
+    """A worm that heads along +y and moves along +x moves to its right."""
+    velocity = [[10.0, 0.0, 3.0], [0.0, 10.0, 3.0], [4.0, -6.0, 0.0]]
+    state = task_state(worm_state(3, yaw=[np.pi / 2, np.pi / 2, 0.0], velocity_w=velocity))
+    np.testing.assert_allclose(
+        terms.velocity_b(state), [[0.0, -0.5], [0.5, 0.0], [0.2, -0.3]], atol=1e-12
+    )
+
+
+def test_progress_is_the_way_along_x_since_the_last_decision() -> None:
+    before, now = ([[1.0, 2.0, 3.0]], [[0.6, 9.0, 9.0]])
+    state = task_state(worm_state(position_w=now), worm_state(position_w=before))
+    np.testing.assert_allclose(terms.progress(state), [-0.4])
+
+
+def test_what_the_worm_feels_is_shown_in_its_units() -> None:
+    worm = worm_state(
+        joint_angles=[[0.3, -0.2]], joint_velocities=[[5.0, -2.5]], tensions=[[0, 0.5, 1, 0.1]]
+    )
+    state = task_state(worm)
+    np.testing.assert_allclose(terms.joint_angles(state), [[0.3, -0.2]])
+    np.testing.assert_allclose(terms.joint_velocities(state), [[1.0, -0.5]])
+    np.testing.assert_allclose(terms.tensions(state), [[0, 0.5, 1, 0.1]])
+
+
+def test_the_bend_error_is_the_sum_of_the_angles_less_the_command() -> None:
+    worm = worm_state(2, joint_angles=[[0.5, 0.25], [-0.5, 0.1]])
+    state = task_state(worm, command=[[1.0], [-1.4]])
+    np.testing.assert_allclose(terms.command(state), [[1.0], [-1.4]])
+    np.testing.assert_allclose(terms.bend_error(state), [[-0.25], [1.0]])
+    np.testing.assert_allclose(terms.absolute_bend_error(state), [0.25, 1.0])
+    np.testing.assert_allclose(terms.bend_error_deg(state), [14.323945, 57.29578])
+
+
+def test_a_worm_has_bent_if_it_is_off_by_less_than_a_tenth() -> None:
+    worm = worm_state(3, joint_angles=[[0.0, 0.099], [-0.099, 0.0], [0.0, 0.101]])
+    state = task_state(worm, command=[[0.0]] * 3)
+    assert terms.has_bent(state).tolist() == [True, True, False]
+
+
+def test_a_worm_has_crawled_once_it_has_come_far_enough() -> None:
+    state = task_state(worm_state(3), progress=[35.9, 36.0, -40.0])
+    assert terms.has_crawled(state, way=36.0).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("is_integer", [True, False])
+def test_the_recruited_share_does_not_count_the_first_neurons(is_integer: bool) -> None:
+    # of (16 - 1) + (16 - 1) + (6 - 1) + (6 - 1) = 40
+    share = terms.recruited_share(Neurons((16, 16, 6, 6), is_integer))
+    worm = worm_state(3, neurons=[[0, 0, 0, 0], [15, 15, 5, 5], [3, 0, 5, 2]])
+    np.testing.assert_allclose(share(task_state(worm)), [0.0, 1.0, 0.25])
