@@ -110,6 +110,9 @@ def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene
     spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
     if visual:
         add_target_marker(spec, size=body.radius)
+        for geom in spec.worldbody.geoms:
+            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                geom.size[:2] = 0.0  # drawn without an end, as it is for what stands on it
     model = spec.compile()
     joints = [model.joint(f"joint_{i}") for i in range(1, body.segments)]
     segments = [f"Segment{i}" for i in range(1, body.segments + 1)]
