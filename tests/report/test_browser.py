@@ -36,6 +36,7 @@ def film(name, terrain):
         episode=0,
         outcome="timeout",
         num_frames=40,
+        frame_s=0.01,
         mp4=encode([picture] * 40),
         poster=poster.getvalue(),
     )

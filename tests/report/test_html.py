@@ -211,8 +211,8 @@ def test_without_videos_the_note_says_why(page):
 def test_videos_are_carried_along():
     results = make_results(("cpg", "hybrid"), episodes=2)
     videos = [
-        Video("cpg", "flat", 1, "left_arena", 31, b"film", b"still"),
-        Video("cpg", "mixed", 1, "fall", 31, b"another", b"one"),
+        Video("cpg", "flat", 1, "left_arena", 31, 0.01, b"film", b"still"),
+        Video("cpg", "mixed", 1, "fall", 31, 0.01, b"another", b"one"),
     ]
     page = Page(format_report(results, videos=videos))
     (attrs,) = (attrs for tag, attrs in page.tags if tag == "video")

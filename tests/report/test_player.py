@@ -13,7 +13,7 @@ from tests.synthetic import make_results
 
 
 def video(frames, controller="cpg", terrain="flat"):
-    return Video(controller, terrain, 0, "timeout", frames, b"film", b"still")
+    return Video(controller, terrain, 0, "timeout", frames, 0.01, b"film", b"still")
 
 
 @pytest.fixture(scope="module")
