@@ -6,7 +6,7 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
-from flyrl.tasks import FAILURES, TASKS, Neurons, RewardTerm, Termination, extended
+from flyrl.tasks import FAILURES, TASKS, RewardTerm, Termination, extended
 from flyrl.training.algorithms import ALGORITHMS, A2CConfig, CrossQConfig, SACConfig, TD3Config
 from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
 from flyrl.training.curriculum import CurriculumConfig
@@ -121,8 +121,7 @@ def test_an_algorithm_without_dicts_is_refused_in_a_task_with_goals():
 
 
 def _choosing(algo):
-    task = replace(TASKS["target"], actions=Neurons((16, 8)))
-    return TrainingConfig(env=EnvConfig(task=task), algo=algo)
+    return TrainingConfig(env=EnvConfig("worm_crawl"), algo=algo)
 
 
 @pytest.mark.parametrize("name", ["ppo", "a2c", "trpo", "recurrent_ppo"])
@@ -132,11 +131,10 @@ def test_an_algorithm_may_choose_whole_numbers(name):
 
 @pytest.mark.parametrize("name", ["sac", "tqc", "crossq", "td3", "ddpg"])
 def test_an_algorithm_without_whole_numbers_is_refused_for_them(name):
-    message = rf"algo must be one of ppo, a2c, trpo, recurrent_ppo .* 'target', got '{name}'"
+    message = rf"algo must be one of ppo, a2c, trpo, recurrent_ppo .* 'worm_crawl', got '{name}'"
     with pytest.raises(ValueError, match=message):
         _choosing(ALGORITHMS[name]())
-    in_a_range = replace(TASKS["target"], actions=Neurons((16, 8), is_integer=False))
-    TrainingConfig(env=EnvConfig(task=in_a_range), algo=ALGORITHMS[name]())
+    TrainingConfig(env=EnvConfig("worm_crawl_box"), algo=ALGORITHMS[name]())
 
 
 def _hindsight(task="target_goal", **changes):
