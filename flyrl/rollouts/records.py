@@ -126,7 +126,7 @@ class EpisodeRecord:
             "time_s": (samples,),
             "position_w": (samples, 3),
             "yaw": (samples,),
-            "drive": (samples, *np.shape(self.drive)[1:2]),
+            "drive": (samples, *((2,) if self.creature == "fly" else np.shape(self.drive)[-1:])),
         }
         for name, shape in shapes.items():
             values = getattr(self, name)

@@ -53,7 +53,7 @@ class WormTask:
         Raises
         ------
         ValueError
-            If there is no such profile of the worm's muscles.
+            If there is no such profile of the worm's muscles, or the worm cannot do the task.
         """
         folder = assets_folder() / "muscles"
         one_of(
@@ -119,7 +119,14 @@ def _hanging_episode(
 
 
 def crawling(name: str, worm: WormConfig, actions: Neurons) -> Task:
-    """Crawl along +x, as far as possible in 5 s; two lengths of the worm are a success."""
+    """Crawl along +x, as far as possible in 5 s; two lengths of the worm are a success.
+
+    Raises
+    ------
+    ValueError
+        If the worm cannot crawl.
+    """
+    one_of(f"mount of a worm in the task {name!r}", worm.mount, ("crawling",))
     way = 2.0 * worm.segments * worm.segment_length
     return Task(
         name=name,

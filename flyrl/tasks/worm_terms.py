@@ -85,7 +85,7 @@ def recruited_share(actions: Neurons) -> Callable[[WormTaskState], Array]:
 
     The first neuron of a pool always is, so it does not count.
     """
-    most = sum(actions.pools) - len(actions.pools)
+    most = max(1, sum(actions.pools) - len(actions.pools))  # 1: of pools of one neuron each
 
     def share(state: WormTaskState) -> Array:
         return np.asarray(state.worm.neurons.sum(axis=1) / most)

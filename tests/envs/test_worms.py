@@ -344,7 +344,11 @@ def test_bad_actions_are_refused_and_move_nothing(task, action, message):
             "body must have 10 muscles in the task 'worm_crawl', got 6",
         ),
         (
-            {"task": "worm_crawl", "body": replace(CRAWLER, mount="free")},
+            {"task": "worm_crawl", "body": "worm_hanger"},
+            "mount of a worm in the task 'worm_crawl' must be one of 'crawling', got 'hanging'",
+        ),
+        (
+            {"task": "worm_hang", "body": replace(HANGER, mount="free")},
             "mount of a worm in a scene must be one of 'crawling', 'hanging', got 'free'",
         ),
         (

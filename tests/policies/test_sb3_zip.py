@@ -349,8 +349,7 @@ def test_export_for_an_unknown_task_is_refused(bundle):
 
 
 CHOICES = replace(TASKS["target"], actions=Neurons((16, 8)))
-WORM = replace(CRAWLER, segments=2)
-"""With as many muscles."""
+TWO_MUSCLES = replace(CRAWLER, segments=2)
 
 
 @pytest.fixture(params=[PPO, RecurrentPPO])
@@ -381,7 +380,9 @@ def test_exported_model_chooses_as_the_bundle(choosing_for_target):
 def test_whole_numbers_out_and_in_again(choosing_for_target, tmp_path):
     algorithm, bundle = choosing_for_target
     export_sb3(bundle, CHOICES).save(tmp_path / "model.zip")
-    again = import_sb3(tmp_path / "model.zip", algorithm, EnvConfig(CHOICES, WORM), trust=True)
+    again = import_sb3(
+        tmp_path / "model.zip", algorithm, EnvConfig(CHOICES, TWO_MUSCLES), trust=True
+    )
     np.testing.assert_array_equal(again.network.packed(), bundle.network.packed())
     for name in ("squashing", "observation", "action_low", "action_high"):
         assert getattr(again, name) == getattr(bundle, name)
@@ -395,6 +396,6 @@ def test_whole_numbers_are_not_exported_for_a_task_of_drives(choosing_for_target
 def test_import_of_other_numbers_is_refused(choosing_for_target, tmp_path):
     algorithm, bundle = choosing_for_target
     export_sb3(bundle, CHOICES).save(tmp_path / "model.zip")
-    other = EnvConfig(replace(CHOICES, actions=Neurons((16, 9))), WORM)
+    other = EnvConfig(replace(CHOICES, actions=Neurons((16, 9))), TWO_MUSCLES)
     with pytest.raises(PolicyFileError, match=r"on other actions .*\[16 +8\].* has .*\[16 +9\]"):
         import_sb3(tmp_path / "model.zip", algorithm, other, trust=True)

@@ -1,6 +1,8 @@
+import dataclasses
 import json
 import re
 
+import numpy as np
 import pytest
 
 from flyrl.report import Video
@@ -83,3 +85,12 @@ def test_the_page_tells_what_the_colours_of_legs_mean(page):
         assert words in texts
     styles = {attrs.get("style", "") for tag, attrs in page.tags if tag == "span"}
     assert sum(bool(re.search(r"#[0-9a-f]{6}$", style)) for style in styles) == 3
+
+
+def test_a_worm_has_no_legs_whose_colours_mean_something_and_films_in_real_time():
+    worm = dataclasses.replace(walked(), creature="worm", drive=np.zeros((51, 8)))
+    film = dataclasses.replace(video(31), frame_s=0.04)
+    (section,) = players([film], [worm], "flat")
+    assert section["legend"] == []
+    assert section["slowdown"] == pytest.approx(1.0)
+    assert section["end_s"] == pytest.approx((30 - HOLD_FRAMES) * 0.04)

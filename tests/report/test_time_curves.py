@@ -1,3 +1,4 @@
+import dataclasses
 import re
 import xml.etree.ElementTree as ET
 
@@ -95,3 +96,11 @@ def test_everyone_is_named_and_the_task_decides_which_way_is_shown(goal, title):
     assert {"cpg", "hybrid", title, "left drive", "right drive"} <= texts(
         time_figure(records, "time").svg
     )
+
+
+def test_of_a_worm_tensions_are_shown():
+    fly = walked()
+    worm = dataclasses.replace(fly, creature="worm", drive=np.full((51, 8), 0.5))
+    shown = texts(time_figure([worm], "time").svg)
+    assert {"tension of the first muscle", "mean tension"} <= shown
+    assert not {"left drive", "right drive"} & shown

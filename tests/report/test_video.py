@@ -11,9 +11,13 @@ import pytest
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
 from flyrl.report.video import (
+    BAR_WIDTH,
     FLY_PACE,
     FPS,
+    HEIGHT,
     HOLD_FRAMES,
+    WIDTH,
+    WORM_PACE,
     _walk,
     encode,
     record_video,
@@ -21,7 +25,7 @@ from flyrl.report.video import (
 )
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
-from flyrl.tasks import TASKS
+from flyrl.tasks import TASKS, task_named
 from flyrl.terrains import TERRAINS
 
 CONFIG = EvaluationConfig(
@@ -92,7 +96,10 @@ def test_a_film_shows_the_fly_on_its_own_ground():
     episode = CONFIG.draw_episodes(random)[0]
     fixed = dataclasses.replace(random, random=False, seed=episode.ground_seed)
     walks = [
-        [flies.state().position_w[0].copy() for flies, *_ in _walk(env, entrant, each, 0.01)]
+        [
+            flies.state().position_w[0].copy()
+            for flies, *_ in _walk(env, entrant, each, FLY_PACE.frame_s)
+        ]
         for env, each in (
             (BatchedEnv(entrant.env(CONFIG, random), 1, 1), episode),
             (BatchedEnv(entrant.env(CONFIG, fixed), 1, 1), episode),
@@ -133,6 +140,54 @@ def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
         finer.step(entrant.policy.predict(observation)[0])
         walked.append(finer.state.position_w[0])
     np.testing.assert_array_equal(filmed, walked)
+
+
+def test_a_worm_is_filmed_between_decisions_as_it_crawls():
+    """25 frames a second in real time, of decisions that are held for 50 ms each."""
+    task = dataclasses.replace(task_named("worm_crawl"), time_limit_s=0.2)
+    config = EvaluationConfig(task=task, controllers=("worm_cpg",), episodes=1, num_threads=1)
+    (entrant,) = make_entrants(config)
+    (terrain,) = config.terrain_configs
+    (episode,) = config.draw_episodes(terrain)
+    settings = entrant.env(config, terrain)
+    env = BatchedEnv(settings, 1, 1)
+    filmed, times, outcomes = zip(
+        *(
+            (worms.state().joint_angles[0], time_s, outcome)
+            for worms, time_s, outcome in _walk(env, entrant, episode, WORM_PACE.frame_s)
+        ),
+        strict=True,
+    )
+    np.testing.assert_allclose(times, [0.0, 0.04, 0.08, 0.12, 0.16, 0.2])
+    assert outcomes == ("running",) * 5 + ("timeout",)
+    observation, state = env.reset(episodes=[episode]), None
+    crawled = [env.state.joint_angles[0]]
+    for _ in range(4):
+        action, state = entrant.policy.predict(observation, state)
+        env.batch.set_neurons(action)
+        for _ in range(5):  # 10 ms each
+            env.batch.step(10)
+            crawled.append(env.batch.state().joint_angles[0])
+    np.testing.assert_array_equal(filmed, crawled[::4])
+
+
+def test_a_video_of_a_worm_shows_its_tensions(tmp_path):
+    task = dataclasses.replace(task_named("worm_hang"), time_limit_s=0.2)
+    config = EvaluationConfig(task=task, controllers=("worm_reflex",), episodes=1, num_threads=1)
+    videos, note = record_videos(config)
+    if note is not None:
+        pytest.skip(note)
+    assert videos[0].num_frames == 6 + HOLD_FRAMES
+    assert videos[0].shown_s == pytest.approx(0.2)
+    _, frames = read(videos[0].mp4, tmp_path)
+    # eight bars in the corner, whose inner parts fill with red
+    bars = [
+        frame[HEIGHT - 16 - 8 * 13 : HEIGHT - 16, WIDTH - 16 - BAR_WIDTH : WIDTH - 16].astype(int)
+        for frame in (frames[0], frames[5])
+    ]
+    red = [((bar[..., 0] > 150) & (bar[..., 1] < 90)).mean() for bar in bars]
+    assert red[0] < 0.01
+    assert red[1] > 0.02
 
 
 def test_everyone_is_filmed_on_the_episodes_that_are_asked_for_but_where_missing():

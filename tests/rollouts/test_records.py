@@ -34,6 +34,17 @@ def test_samples_of_different_number_are_refused():
         make_record([(0, 0), (1, 1)], yaw=[0, 0, 0])
 
 
+def test_a_fly_has_two_drives_and_a_worm_a_tension_per_muscle():
+    fly = make_record([(0, 0), (1, 1), (2, 2)])
+    worm = dataclasses.replace(fly, creature="worm", drive=np.zeros((3, 8)))
+    assert worm.drive.shape == (3, 8)
+    with pytest.raises(ValueError, match=r"drive must have shape \(3, 2\) .*, got \(3, 8\)"):
+        dataclasses.replace(fly, drive=np.zeros((3, 8)))
+    for wrong in ((2, 8), (3,), (3, 4, 2)):
+        with pytest.raises(ValueError, match="drive must have shape"):
+            dataclasses.replace(worm, drive=np.zeros(wrong))
+
+
 def test_positions_that_are_not_finite_are_refused():
     with pytest.raises(ValueError, match="position_w must be finite"):
         make_record([(0, 0), (np.nan, 1)])

@@ -105,3 +105,8 @@ def test_the_recruited_share_does_not_count_the_first_neurons(is_integer: bool) 
     share = terms.recruited_share(Neurons((16, 16, 6, 6), is_integer))
     worm = worm_state(3, neurons=[[0, 0, 0, 0], [15, 15, 5, 5], [3, 0, 5, 2]])
     np.testing.assert_allclose(share(task_state(worm)), [0.0, 1.0, 0.25])
+
+
+def test_of_pools_with_one_neuron_each_no_share_is_recruited() -> None:
+    share = terms.recruited_share(Neurons((1, 1, 1, 1)))
+    assert share(task_state(worm_state(2))).tolist() == [0.0, 0.0]
