@@ -63,7 +63,7 @@ class WormCPG:
     waves
         Of them along the worm, from the first joint to where one more would follow the last.
     amplitude
-        That the magnitudes r approach; 0.5 recruits whole pools.
+        That the magnitudes r approach; 0.5 recruits whole pools, more holds them for longer.
     """
 
     def __init__(
@@ -71,9 +71,9 @@ class WormCPG:
         actions: Neurons,
         interval_s: float,
         *,
-        frequency_hz: float = 2.0,
+        frequency_hz: float = 3.0,
         waves: float = 0.4,
-        amplitude: float = 0.5,
+        amplitude: float = 0.8,
     ) -> None:
         self._actions = actions
         joints = actions.size // 2
