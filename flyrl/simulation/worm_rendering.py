@@ -24,6 +24,10 @@ _HANGING: Final[dict[Camera, tuple[float, float, float]]] = {
     "top": (90.0, -89.0, 2.6),
 }
 
+_ASIDE: Final = 0.14
+"""Lengths of the worm by which the follow camera aims past a crawling worm, to the right and below
+it, where the tensions are drawn."""
+
 _SQUARE: Final = 5.0
 """Side of the ground's squares, mm: those of a fly's ground would shimmer at this distance."""
 
@@ -73,6 +77,10 @@ class WormRenderer:
         self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation = azimuth, elevation
         self._camera.distance = lengths * length
+        angle = np.radians(azimuth)
+        right, near = (np.sin(angle), -np.cos(angle)), (-np.cos(angle), -np.sin(angle))
+        aside = _ASIDE * length if camera == "follow" and self._crawls else 0.0
+        self._aim = aside * np.array([right[0] + near[0], right[1] + near[1], 0.0])
 
     def render(
         self, worms: WormBatch, sim: int = 0, goal: tuple[float, ...] = ()
@@ -87,7 +95,7 @@ class WormRenderer:
         mujoco.mj_camlight(self._model, self._data)
         middles = self._data.geom_xpos[self._scene.segment_geoms]
         if self._crawls:
-            self._camera.lookat[:] = middles.mean(axis=0)
+            self._camera.lookat[:] = middles.mean(axis=0) + self._aim
         else:
             # it stays where the worm hangs
             self._camera.lookat[:] = (0.0, 0.0, self._model.body("Segment1").pos[2] / 2)
