@@ -128,6 +128,7 @@ def crawling(name: str, worm: WormConfig, actions: Neurons) -> Task:
     """
     one_of(f"mount of a worm in the task {name!r}", worm.mount, ("crawling",))
     way = 2.0 * worm.segments * worm.segment_length
+    recruited = partial(terms.recruited_share, pools=actions.pools)
     return Task(
         name=name,
         observation=(
@@ -149,13 +150,13 @@ def crawling(name: str, worm: WormConfig, actions: Neurons) -> Task:
         actions=actions,
         sample_episode=partial(_crawling_episode, worm),
         succeeds_in_time=partial(terms.has_crawled, way=way),
-        errors=(ErrorTerm("recruited_share", 1.0, terms.recruited_share(actions)),),
+        errors=(ErrorTerm("recruited_share", 1.0, recruited),),
     )  # fmt: skip
 
 
 def hanging(name: str, worm: WormConfig, actions: Neurons) -> Task:
     """Bend as told for 2 s, with few neurons; success is to be within 0.1 rad in the end."""
-    recruited = terms.recruited_share(actions)
+    recruited = partial(terms.recruited_share, pools=actions.pools)
     return Task(
         name=name,
         observation=(

@@ -1,11 +1,9 @@
 """What the tables of the tasks for worms compute; the first axis is the simulation."""
 
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
-from flyrl.tasks.actions import Neurons
 from flyrl.tasks.task import Array, Mask, WormTaskState
 
 BENT_WITHIN: Final = 0.1
@@ -80,14 +78,10 @@ def bent(state: WormTaskState) -> Array:
     return has_bent(state).astype(np.float64)
 
 
-def recruited_share(actions: Neurons) -> Callable[[WormTaskState], Array]:
-    """What computes the share of a worm's motor neurons that are recruited, 0 to 1, (n,).
+def recruited_share(state: WormTaskState, pools: tuple[int, ...]) -> Array:
+    """Share of a worm's motor neurons that are recruited, 0 to 1, (n,).
 
     The first neuron of a pool always is, so it does not count.
     """
-    most = max(1, sum(actions.pools) - len(actions.pools))  # 1: of pools of one neuron each
-
-    def share(state: WormTaskState) -> Array:
-        return np.asarray(state.worm.neurons.sum(axis=1) / most)
-
-    return share
+    most = max(1, sum(pools) - len(pools))  # 1: of pools of one neuron each
+    return np.asarray(state.worm.neurons.sum(axis=1) / most)

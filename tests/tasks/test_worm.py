@@ -1,5 +1,6 @@
 """Tasks for worms: their episodes, and that they are made to measure."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -108,3 +109,8 @@ def test_a_profile_that_does_not_exist_is_refused() -> None:
         ValueError, match=r"profile of a worm must be one of .*'small.png'.*hing.png"
     ):
         task_named("worm_hang", replace(HANGER, profile="nothing.png"))
+
+
+@pytest.mark.parametrize("name", WORM_TASKS)
+def test_a_task_can_be_pickled(name: str) -> None:
+    assert pickle.loads(pickle.dumps(task_named(name))).name == name

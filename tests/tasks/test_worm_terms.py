@@ -3,10 +3,9 @@
 import dataclasses
 
 import numpy as np
-import pytest
 
 from flyrl.simulation.worms import WormState
-from flyrl.tasks import Neurons, WormTaskState
+from flyrl.tasks import WormTaskState
 from flyrl.tasks import worm_terms as terms
 from flyrl.terrains import Bounds
 
@@ -99,14 +98,13 @@ def test_a_worm_has_crawled_once_it_has_come_far_enough() -> None:
     assert terms.has_crawled(state, way=36.0).tolist() == [False, True, False]
 
 
-@pytest.mark.parametrize("is_integer", [True, False])
-def test_the_recruited_share_does_not_count_the_first_neurons(is_integer: bool) -> None:
+def test_the_recruited_share_does_not_count_the_first_neurons() -> None:
     # of (16 - 1) + (16 - 1) + (6 - 1) + (6 - 1) = 40
-    share = terms.recruited_share(Neurons((16, 16, 6, 6), is_integer))
     worm = worm_state(3, neurons=[[0, 0, 0, 0], [15, 15, 5, 5], [3, 0, 5, 2]])
-    np.testing.assert_allclose(share(task_state(worm)), [0.0, 1.0, 0.25])
+    share = terms.recruited_share(task_state(worm), pools=(16, 16, 6, 6))
+    np.testing.assert_allclose(share, [0.0, 1.0, 0.25])
 
 
 def test_of_pools_with_one_neuron_each_no_share_is_recruited() -> None:
-    share = terms.recruited_share(Neurons((1, 1, 1, 1)))
-    assert share(task_state(worm_state(2))).tolist() == [0.0, 0.0]
+    share = terms.recruited_share(task_state(worm_state(2)), pools=(1, 1, 1, 1))
+    assert share.tolist() == [0.0, 0.0]
