@@ -58,7 +58,7 @@ METRICS: Final[dict[str, str]] = {
     "duty_factor": "share of a stride that the leg stands, mean of the legs",
     "tripod_coordination": "how far the legs of a tripod swing together: 1 as one, 0 never",
     "reflex_activity": "share of the time that a reflex corrects a leg, mean of the legs",
-    "drive_variation": "by how much drives (or a worm's tensions) change per second, on average, 1/s",
+    "drive_variation": "change of the drives (of a worm, its tensions) per second, on average, 1/s",
 }
 """Name of every metric of an episode, and what it means."""
 
