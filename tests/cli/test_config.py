@@ -240,7 +240,7 @@ def test_config_of_a_run_folder_of_a_worm_reads_back():
     assert training_record(again) == record
     assert record["controller"] is None
     assert record["body"]["hinge_axes"] == ["y", "z"]
-    assert record["task"]["weights"] == {"error": -2.0, "recruitment": -0.5}
+    assert record["task"]["weights"] == {"error": -2.0, "bent": 0.5, "recruitment": -0.2}
 
 
 def test_a_config_from_before_randomisation_has_none():

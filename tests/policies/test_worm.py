@@ -11,6 +11,8 @@ from flyrl.tasks import Neurons
 
 TEN = Neurons((16,) * 10)
 BLIND = np.zeros((1, 3))
+HALF = {"frequency_hz": 2.0, "waves": 0.4, "amplitude": 0.5}
+"""A wave that recruits whole pools, and holds them for no time."""
 
 
 def acted(policy, observations, starts=None):
@@ -44,7 +46,7 @@ def test_the_settled_cpg_by_hand():
 
     A half of 1 + sin 36 deg = 1.588 is 11.9 of the 15 neurons beyond the first, and so on.
     """
-    actions, (_, magnitudes) = acted(WormCPG(TEN, 0.05), [BLIND] * 41)
+    actions, (_, magnitudes) = acted(WormCPG(TEN, 0.05, **HALF), [BLIND] * 41)
     np.testing.assert_allclose(magnitudes, 0.5)
     first, second = actions[-1, 0].reshape(5, 2).T
     assert first.tolist() == [12, 8, 5, 2, 0]
@@ -53,7 +55,7 @@ def test_the_settled_cpg_by_hand():
 
 def test_a_cpg_starts_softly():
     # after 50 steps of 1 ms at 20 / s the magnitude is 0.5 (1 - 0.98 ** 50) = 0.318
-    action, (_, magnitudes) = WormCPG(TEN, 0.05).predict(BLIND)
+    action, (_, magnitudes) = WormCPG(TEN, 0.05, **HALF).predict(BLIND)
     np.testing.assert_allclose(magnitudes, 0.5 * (1 - 0.98**50))
     assert action[0, :2].tolist() == [8, 2]
 
@@ -62,7 +64,7 @@ def test_a_cpg_starts_softly():
 def test_antagonists_are_recruited_in_antiphase(is_integer):
     """What one has more than a half of the pool, the other has less."""
     neurons = Neurons((1001,) * 10, is_integer)
-    actions, _ = acted(WormCPG(neurons, 0.05), [BLIND] * 60)
+    actions, _ = acted(WormCPG(neurons, 0.05, **HALF), [BLIND] * 60)
     first, second = np.moveaxis(neurons.commands(actions)[40:].reshape(20, 5, 2), -1, 0)
     assert np.abs(first + second - 1000).max() <= 1
     assert first.min() < 20
@@ -71,7 +73,7 @@ def test_antagonists_are_recruited_in_antiphase(is_integer):
 
 def test_the_wave_runs_from_head_to_tail():
     """Each of the joints comes 0.4 / 5 of 0.5 s after the one before it, 8 of these decisions."""
-    policy = WormCPG(Neurons((100_001,) * 10), 0.005)
+    policy = WormCPG(Neurons((100_001,) * 10), 0.005, **HALF)
     actions, _ = acted(policy, [BLIND] * 500)
     # a quarter of 0.5 s after its start the first muscle is recruited most
     peaks = 1 + actions[400:, 0, ::2].argmax(axis=0)
@@ -112,7 +114,7 @@ def test_rows_of_a_cpg_are_those_of_single_worms():
 
 def test_the_reflex_by_hand():
     """With 0.05 s and 4 per rad and s, 1 rad too little adds a fifth of the pool of 15."""
-    policy = WormReflex(Neurons((16,) * 4), 0.05, slice(1, 2))
+    policy = WormReflex(Neurons((16,) * 4), 0.05, slice(1, 2), gain=4.0)
     errors = np.array([[9.0, error] for error in (-1.0, -1.0, 0.0, 1.0, 3.0, -50.0)])
     actions, share = acted(policy, errors)
     # shares 0.2, 0.4, 0.4, 0.2, -0.4 and at most 1, of both joints alike
@@ -122,7 +124,7 @@ def test_the_reflex_by_hand():
 
 
 def test_the_reflex_of_a_row_starts_with_its_own_episode():
-    policy = WormReflex(Neurons((16, 16)), 0.05, slice(0, 1))
+    policy = WormReflex(Neurons((16, 16)), 0.05, slice(0, 1), gain=4.0)
     errors = np.full((3, 1), -1.0)
     actions, _ = acted(policy, [errors] * 3, [[True] * 3, [False] * 3, [False, True, False]])
     # 0.6 of 15 neurons, where it went on all the time
