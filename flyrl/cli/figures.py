@@ -5,7 +5,22 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+FIGURES: Final = {
+    "cpg_three": "phases and magnitudes of three coupled oscillators",
+    "cpg_tripod": "the six legs' oscillators in a tripod gait",
+    "steps": "the 42 recorded joint angles over three cycles, swing shaded",
+    "steps_magnitude": "the same, with the magnitude growing from 0 to 1",
+    "adhesion": "when each leg grips, over the phase of its step",
+    "rules_graph": "the legs' influences on each other",
+    "rules": "the legs' phases under the rules, and their scores",
+    "terrains": "the four terrains with a fly on each (needs a GL library)",
+    "turn": "the oscillators in a turn",
+    "muscle": "a motor pool and its recruitment curve",
+    "worm": "a hanging worm recruits its muscle (a video; needs a GL library)",
+}
+"""What can be drawn: name and what it shows."""
 
 
 def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -15,10 +30,10 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="draw the literature's figures",
         description="Draw figures and videos of the literature, each with a CSV file of the "
         "numbers that it shows. Without names, all of them.",
-        epilog="muscle: a motor pool and its recruitment curve. worm: a hanging worm recruits its "
-        "muscle step by step (a video; needs a GL library).",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="figures:\n" + "\n".join(f"  {name:17}{text}" for name, text in FIGURES.items()),
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help="muscle, worm (default: all)")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
     parser.add_argument(
         "--output",
         type=Path,
@@ -44,14 +59,14 @@ def run(options: argparse.Namespace) -> int:
     from flyrl.simulation.rendering import RenderingUnavailableError  # noqa: PLC0415
     from flyrl.validation import one_of  # noqa: PLC0415
 
-    names = [one_of("figure", name, GALLERY) for name in options.names] or list(GALLERY)
+    names = [one_of("figure", name, FIGURES) for name in options.names] or list(FIGURES)
     options.output.mkdir(parents=True, exist_ok=True)
     status = 0
     with progress_bar(len(names), is_shown=True, unit="figure", description="drawing") as bar:
         for name in names:
             bar.set_postfix_str(name)
             try:
-                GALLERY[name](options.output)
+                GALLERY[name](options.output, name)
             except (RenderingUnavailableError, RuntimeError, OSError) as error:
                 print(f"{name} is left out: {' '.join(str(error).split())}", file=sys.stderr)
                 status = 1

@@ -6,33 +6,52 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-import pandas as pd
-
 from flyrl.files import write_text
-from flyrl.muscles import MotorPool
-from flyrl.report.muscle_figure import muscle_figure
-from flyrl.report.standalone import standalone
+from flyrl.report import controller_figures as controllers
+from flyrl.report.curves import save_figure
+from flyrl.report.muscle_figure import muscle_plot
+from flyrl.report.paper import Plot
+from flyrl.report.scene_figures import terrains_plot
 from flyrl.report.worm_video import film_worm, write_worm_video
 from flyrl.resources import assets_folder
 
-
-def _muscle(folder: Path) -> None:
-    profile = assets_folder() / "muscles" / "human.png"
-    pool = MotorPool.from_image(profile)
-    table = pd.DataFrame(
-        {"n": np.arange(len(pool)), "force": pool.forces, "tension": pool.recruitment}
-    )
-    write_text(folder / "muscle.svg", standalone(muscle_figure(profile)))
-    write_text(folder / "muscle.csv", table.to_csv(index=False, float_format="%.6g"))
+Draw = Callable[[Path, str], None]
+"""Writes the files of a figure into a folder; their names begin with the figure's."""
 
 
-def _worm(folder: Path) -> None:
+def _files(plot: Callable[[], Plot]) -> Draw:
+    """What writes a plot as SVG, PNG and CSV."""
+
+    def write(folder: Path, name: str) -> None:
+        figure, table = plot()
+        save_figure(figure, folder, name)
+        write_text(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
+
+    return write
+
+
+def _muscle() -> Plot:
+    return muscle_plot(assets_folder() / "muscles" / "human.png")
+
+
+def _worm(folder: Path, name: str) -> None:
     write_worm_video(film_worm(), folder)
 
 
-GALLERY: Final[Mapping[str, Callable[[Path], None]]] = {"muscle": _muscle, "worm": _worm}
-"""What writes each figure into a folder, by the figure's name, which its files begin with.
+GALLERY: Final[Mapping[str, Draw]] = {
+    "cpg_three": _files(controllers.three_oscillators_plot),
+    "cpg_tripod": _files(controllers.tripod_plot),
+    "steps": _files(controllers.steps_plot),
+    "steps_magnitude": _files(controllers.steps_magnitude_plot),
+    "adhesion": _files(controllers.adhesion_plot),
+    "rules_graph": _files(controllers.rules_graph_plot),
+    "rules": _files(controllers.rules_plot),
+    "terrains": _files(terrains_plot),
+    "turn": _files(controllers.turn_plot),
+    "muscle": _files(_muscle),
+    "worm": _worm,
+}
+"""What writes each figure, by the figure's name.
 
 A figure that cannot be drawn on this machine raises `RenderingUnavailableError`, RuntimeError or
 OSError.

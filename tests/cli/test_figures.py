@@ -5,7 +5,13 @@ import sys
 import numpy as np
 import pandas as pd
 
+from flyrl.cli.figures import FIGURES
 from flyrl.cli.main import main
+from flyrl.report.gallery import GALLERY
+
+
+def test_every_figure_is_told_of():
+    assert list(FIGURES) == list(GALLERY)
 
 
 def test_a_figure_comes_with_the_numbers_that_it_shows(tmp_path, capsys):
@@ -19,6 +25,7 @@ def test_a_figure_comes_with_the_numbers_that_it_shows(tmp_path, capsys):
     np.testing.assert_allclose(
         table["tension"], np.cumsum(table["force"]) / table["force"].sum(), atol=1e-5
     )
+    assert (tmp_path / "new" / "muscle.png").read_bytes().startswith(b"\x89PNG")
     svg = (tmp_path / "new" / "muscle.svg").read_text()
     assert svg.startswith("<?xml")
     assert "human.png" in svg
@@ -32,7 +39,7 @@ def test_no_such_figure(tmp_path, capsys):
 
 def test_without_gl_the_others_are_drawn(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "flyrl", "figures", "--output", tmp_path],
+        [sys.executable, "-m", "flyrl", "figures", "muscle", "worm", "--output", tmp_path],
         capture_output=True,
         text=True,
         check=False,
@@ -41,4 +48,8 @@ def test_without_gl_the_others_are_drawn(tmp_path):
     assert done.returncode == 1
     (line,) = [line for line in done.stderr.splitlines() if "left out" in line]
     assert "worm" in line
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["muscle.csv", "muscle.svg"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "muscle.csv",
+        "muscle.png",
+        "muscle.svg",
+    ]

@@ -7,13 +7,10 @@ import pandas as pd
 import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig
-from flyrl.report.muscle_figure import muscle_figure
 from flyrl.report.tension_bars import tension_bars
 from flyrl.report.video import HOLD_FRAMES
 from flyrl.report.worm_video import film_worm, write_worm_video
-from flyrl.resources import assets_folder
 from flyrl.simulation.rendering import RenderingUnavailableError
-from tests.muscles.images import save_profile
 from tests.report.test_video import read
 
 
@@ -77,20 +74,3 @@ def test_video_and_table_are_written(video, tmp_path):
 def test_a_worm_with_more_muscles_is_not_filmed():
     with pytest.raises(ValueError, match="must have muscles='one', got 'pairs'"):
         film_worm(WormConfig())
-
-
-def test_the_figure_of_a_muscle_has_its_image_and_its_curve():
-    svg = muscle_figure(assets_folder() / "muscles" / "human.png")
-    assert svg.startswith("<svg")
-    assert "human.png: a pixel per motor neuron" in svg
-    assert "recruited up to motor neuron n" in svg
-    assert svg.count("<image") == 1
-
-
-def test_figures_of_other_pools_differ(tmp_path):
-    first, second = tmp_path / "a", tmp_path / "b"
-    for folder, forces in ((first, [0, 1, 2, 3]), (second, [3, 2, 1, 0])):
-        folder.mkdir()
-        save_profile(folder / "pool.png", forces)
-    assert muscle_figure(first / "pool.png") == muscle_figure(first / "pool.png")
-    assert muscle_figure(first / "pool.png") != muscle_figure(second / "pool.png")

@@ -1,0 +1,84 @@
+"""Figures of the controllers: their numbers, worked out by hand."""
+
+import numpy as np
+import pytest
+
+from flyrl.anatomy import LEG_DOFS, LEGS, TRIPODS
+from flyrl.controllers import PreprogrammedSteps
+from flyrl.report import controller_figures as figures
+
+
+def turns(table, name, reference):
+    """By how much of a turn a phase leads another at the end, 0 to 1."""
+    lead = table[f"phase_{name}"].iloc[-1] - table[f"phase_{reference}"].iloc[-1]
+    return lead / (2 * np.pi) % 1
+
+
+def test_three_oscillators_settle_a_third_of_a_turn_apart():
+    table = figures.three_oscillators_plot().table
+    assert len(table) == 10_001
+    gap = turns(table, 2, 1)
+    assert min(gap, 1 - gap) == pytest.approx(1 / 3, abs=0.01)
+    last = [table[f"magnitude_{i}"].iloc[-1] for i in (1, 2, 3)]
+    np.testing.assert_allclose(last, [1.0, 1.1, 1.2], atol=1e-3)
+
+
+def test_legs_of_a_tripod_swing_together():
+    table = figures.tripod_plot().table
+    for leg in LEGS:
+        lead = turns(table, leg, "LF")
+        expected = 0.0 if leg in TRIPODS[0] else 0.5
+        assert abs((lead - expected + 0.5) % 1 - 0.5) < 0.01
+
+
+def test_in_a_turn_the_legs_of_the_two_sides_follow_their_own_drive():
+    table = figures.turn_plot().table
+    assert table["time_s"].is_monotonic_increasing
+    before, after = table.iloc[1000], table.iloc[-1]
+    for leg in LEGS:
+        assert before[f"magnitude_{leg}"] == pytest.approx(1.0, abs=1e-3)
+        drive = 1.2 if leg.startswith("L") else 0.2
+        assert after[f"magnitude_{leg}"] == pytest.approx(drive, abs=1e-3)
+
+
+def test_the_recorded_step_repeats_itself_and_grows_from_the_neutral_pose():
+    steps, table = PreprogrammedSteps(), figures.steps_plot().table
+    names = [f"{leg}{dof}" for leg in LEGS for dof in LEG_DOFS]
+    np.testing.assert_allclose(table[names].iloc[0], table[names].iloc[120], atol=1e-12)
+    ramped = figures.steps_magnitude_plot().table
+    np.testing.assert_allclose(ramped[names].iloc[0], steps.default_pose)
+    np.testing.assert_allclose(ramped[names].iloc[-1], table[names].iloc[-1])
+
+
+def test_a_leg_lets_go_as_long_as_it_swings():
+    steps, table = PreprogrammedSteps(), figures.adhesion_plot().table
+    for leg in LEGS:
+        start, end = steps.swing_period[leg]
+        assert 1 - table[leg].mean() == pytest.approx((end - start) / (2 * np.pi), abs=0.005)
+
+
+def test_the_graph_has_the_rules_of_the_literature():
+    table = figures.rules_graph_plot().table
+    assert table["rule"].value_counts().to_dict() == {
+        "rule1": 4,
+        "rule2_ipsi": 4,
+        "rule2_contra": 6,
+        "rule3_ipsi": 4,
+        "rule3_contra": 6,
+    }
+    inhibits = table[table["rule"] == "rule1"]
+    assert set(zip(inhibits["source"], inhibits["target"], strict=True)) == {
+        ("LM", "LF"),
+        ("LH", "LM"),
+        ("RM", "RF"),
+        ("RH", "RM"),
+    }
+
+
+def test_the_total_score_is_that_of_the_three_rules():
+    table = figures.rules_plot().table
+    assert len(table) == 1000
+    for leg in LEGS:
+        parts = sum(table[f"rule{i}_scores_{leg}"] for i in (1, 2, 3))
+        np.testing.assert_allclose(table[f"combined_scores_{leg}"], parts)
+        assert table[f"leg_phases_{leg}"].max() > 6.0
