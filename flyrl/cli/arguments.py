@@ -134,8 +134,8 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
                 composed = _check_overrides(config_name, overrides, jobs)
             if options.cfg or options.info or options.help or options.hydra_help:
                 return None
-            if plain in composed:
-                ours = composed[plain].hydra
+            if composed and len(plain) == len(overrides):
+                (ours,) = (config.hydra for config in composed.values())
             else:
                 ours = compose(name, [*plain, *search], return_hydra_config=True).hydra
             if not (options.multirun or ours.mode == RunMode.MULTIRUN):
