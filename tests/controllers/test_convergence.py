@@ -17,7 +17,7 @@ FINE = 2e-5
 SAMPLE_INTERVAL = 1e-3
 """s; a multiple of every time step."""
 NUM_SAMPLES = 500
-NUM_COURSES = 4
+NUM_COURSES = 2
 """Courses of events, each 0.5 s, over which errors are averaged."""
 
 FIELDS = ("phases", "magnitudes", "retraction", "stumbling", "net_correction", "targets")

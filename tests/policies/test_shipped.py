@@ -8,7 +8,7 @@ from flyrl.policies import named_policies
 from flyrl.policies.bundle import load_bundle
 from flyrl.tasks import TASK_NAMES, task_named
 
-EPISODES = 4
+EPISODES = 3
 
 
 def test_every_task_that_can_be_learned_has_a_policy():

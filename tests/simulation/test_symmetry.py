@@ -85,8 +85,8 @@ def test_the_published_body_walks_lopsidedly() -> None:
 
 @pytest.mark.slow
 def test_equal_drives_turn_neither_way_on_average() -> None:
-    """Over 50 initial conditions; the standard error of the mean is 0.9 degrees per second."""
-    n = 50
+    """Over 25 initial conditions; the standard error of the mean is 1.3 degrees per second."""
+    n = 25
     batch = flies(n)
     put_down(batch, [initial_state(batch.scene.config.controller, seed) for seed in range(n)])
     batch.set_drive(np.ones((n, 2)))
@@ -95,5 +95,5 @@ def test_equal_drives_turn_neither_way_on_average() -> None:
         batch.step(round(0.05 / TIMESTEP))
         yaws.append(batch.state().yaw)
     turned = np.degrees(np.unwrap(yaws, axis=0))
-    assert abs(np.mean(turned[-1] - turned[0])) < 3.0
+    assert abs(np.mean(turned[-1] - turned[0])) < 4.0
     assert np.std(turned[-1] - turned[0]) > 1.0
