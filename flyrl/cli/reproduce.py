@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
-from flyrl.training.provenance import differences
 from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
@@ -208,6 +207,8 @@ def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
 
 def _origins_differ(original: Mapping[str, Any], repeat: Mapping[str, Any]) -> list[str]:
     """What differs in commit, versions and machine, from run to repeat and within each."""
+    from flyrl.training.provenance import differences  # noqa: PLC0415
+
     lines = differences(original, repeat, "in the repeat")
     for name, origin in (("run", original), ("repeat", repeat)):
         resumed = origin.get("resumed")
