@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.speed import engine, overhead, results, worms
 from benchmarks.speed.__main__ import main
-from benchmarks.speed.stopwatch import Stopwatch
-from benchmarks.speed.table import aligned, engine_table, peers_table, table
+from flyrl.bench import engine, overhead, results, worms
+from flyrl.bench.stopwatch import Stopwatch
+from flyrl.bench.table import aligned, engine_table, peers_table, table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.batch import FlyBatch
