@@ -20,6 +20,7 @@ from flyrl.cli.arguments import (
     own_overrides,
     plain_values,
 )
+from flyrl.cli.program import program
 from flyrl.cli.statuses import INTERRUPTED
 from flyrl.resources import configs_folder
 
@@ -73,7 +74,7 @@ def run_command(
         asked = check_arguments(config_name, sys.argv[1:])
     except UsageError as error:
         fail(error)
-    program, arguments = (*_program(), *subcommand), tuple(sys.argv[1:])
+    command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
     here = Path.cwd()
     titles = sweep.titles(asked.jobs) if asked else {}
 
@@ -81,10 +82,10 @@ def run_command(
         settings = HydraConfig.get()
         overrides = own_overrides(settings.overrides.task)
         if settings.mode is not RunMode.MULTIRUN:
-            run(plain_values(config), Start((*program, *arguments), overrides))
+            run(plain_values(config), Start((*command, *arguments), overrides))
             return
         folder = Path(settings.sweep.dir)
-        start = Start((*program, *overrides), overrides, folder)
+        start = Start((*command, *overrides), overrides, folder)
         title = titles.get(overrides, "")
         sweep.run_job(folder, here, overrides, title, lambda: run(plain_values(config), start))
 
@@ -97,15 +98,7 @@ def run_command(
         if asked is None:
             start_hydra()
         else:
-            sweep.run_sweep(asked, (*program, *arguments), start_hydra, end_of_sweep)
+            sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)
     except KeyboardInterrupt:  # where no run goes on from what there is by then
         print("interrupted", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
-
-
-def _program() -> tuple[str, ...]:
-    """How this process was started, without its arguments."""
-    script = Path(sys.argv[0])
-    if script.name == "__main__.py":  # as python -m: the file by itself would not find its package
-        return (sys.executable, "-m", script.parent.name)
-    return (sys.executable, sys.argv[0])

@@ -93,7 +93,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status: int = options.run(options)
         sys.stdout.flush()  # here, where a closed pipe is no fault
     except BrokenPipeError:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123
+        # what is still to be written at the end goes nowhere, instead of to an error
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
         return PIPE_CLOSED
     except (ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

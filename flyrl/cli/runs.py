@@ -37,7 +37,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="list run folders, or compare some",
         description="List the runs in a folder, with those of its sweeps. Name two or more run "
         "folders to compare them: which settings differ, and what they came to.",
-        epilog="best and last: success on the held-out episodes. A commit with + had changes.",
+        epilog="best and last: success on the held-out episodes. A commit with + had changes. "
+        "Example: flyrl runs --task target --sort best --reverse",
     )
     parser.add_argument(
         "paths",

@@ -108,7 +108,7 @@ def test_show_prints_what_is_stored(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_part_that_does_not_exist_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["engin"])
-    assert "unknown part 'engin'" in capsys.readouterr().err
+    assert "got 'engin'; did you mean 'engine'?" in capsys.readouterr().err
 
 
 def test_stopwatch_counts_inner_time_for_itself_alone() -> None:
