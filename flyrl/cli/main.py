@@ -44,7 +44,7 @@ _EXAMPLES: Final = """examples:
   flyrl play worm
   flyrl figures cpg_tripod
   flyrl runs --sort best --reverse
-  flyrl reproduce runs/2026-01-31_120000_target_flat_ppo_seed0
+  flyrl reproduce runs/2026-01-31_120000_target_flat_ppo_0
   flyrl bench engine --presets balanced --terrains flat
 
 exit status:

@@ -54,7 +54,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         "whether the final policy and the evaluations are the same, to the bit. Or walk the "
         "episodes of a report again.",
         epilog="Exit status: 0 if they are, 1 if not, 2 for an error. Example: flyrl reproduce "
-        "runs/2026-01-31_120000_target_flat_ppo_seed0",
+        "runs/2026-01-31_120000_target_flat_ppo_0",
     )
     parser.add_argument(
         "original", type=Path, metavar="RUN", help="folder of the run to repeat, or a report.html"
