@@ -70,6 +70,7 @@ def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
         ("tune", "overrides"): functools.partial(overrides, "train"),
         ("evaluate", "overrides"): functools.partial(overrides, "evaluate"),
         ("figures", "names"): lambda **_: dict(FIGURES),
+        ("play", "name"): lambda **_: {"fly": "", "worm": ""},
         ("bench", "parts"): lambda **_: dict.fromkeys(MEASURED, ""),
         ("runs", "paths"): folders,
         ("sweep", "folders"): functools.partial(folders, below="sweeps"),
