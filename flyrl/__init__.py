@@ -1,16 +1,32 @@
-"""flyrl: reinforcement learning on top of a fly-locomotion environment."""
+"""flyrl: reinforcement learning on top of a fly-locomotion environment.
 
-from flyrl.controllers import (
-    CPGNetwork,
-    PreprogrammedSteps,
-    RuleBasedSteppingCoordinator,
-    construct_rules_graph,
-    filter_edges,
-)
-from flyrl.envs.registration import register_envs
-from flyrl.policies import load_policy
+Importing it registers the environments with Gymnasium, and loads neither MuJoCo nor Numba, so that
+the command `flyrl` answers at once.
+"""
 
-register_envs()
+import importlib
+import os
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from flyrl.controllers import (
+        CPGNetwork,
+        PreprogrammedSteps,
+        RuleBasedSteppingCoordinator,
+        construct_rules_graph,
+        filter_edges,
+    )
+    from flyrl.policies import load_policy
+
+# imported when it is first asked for
+_ON_DEMAND: Final = {
+    "CPGNetwork": "flyrl.controllers",
+    "PreprogrammedSteps": "flyrl.controllers",
+    "RuleBasedSteppingCoordinator": "flyrl.controllers",
+    "construct_rules_graph": "flyrl.controllers",
+    "filter_edges": "flyrl.controllers",
+    "load_policy": "flyrl.policies",
+}
 
 __all__ = [
     "CPGNetwork",
@@ -20,3 +36,16 @@ __all__ = [
     "filter_edges",
     "load_policy",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ON_DEMAND:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_ON_DEMAND[name]), name)
+
+
+# A shell that waits for completions makes no environment, and Gymnasium takes most of its wait.
+if "_ARGCOMPLETE" not in os.environ:
+    from flyrl.envs.registration import register_envs
+
+    register_envs()

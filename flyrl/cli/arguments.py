@@ -19,6 +19,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from flyrl.cli.groups import config_groups
 from flyrl.resources import configs_folder
 from flyrl.validation import one_of
 
@@ -159,7 +160,7 @@ def _check_overrides(
     -------
     What was composed, with Hydra's own: for each of these combinations the first job with it.
     """
-    groups = _groups()
+    groups = config_groups()
     if any(override.key_or_group == "experiment" for override in overrides):
         groups["experiment"] = _experiments(config_name, groups["experiment"])
     for override in overrides:
@@ -229,12 +230,6 @@ def _check_launcher(overrides: Sequence[Override]) -> None:
                     f"{override.input_line} needs {_PLUGINS[extra].replace('_', '-')}: "
                     f"pip install 'flyrl[{extra}]'"
                 )
-
-
-def _groups() -> dict[str, list[str]]:
-    """Config groups and their choices."""
-    folders = (path for path in configs_folder().iterdir() if path.is_dir())
-    return {path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in folders}
 
 
 def _experiments(config_name: str, names: Sequence[str]) -> list[str]:

@@ -1,7 +1,7 @@
 """How a command starts: the command line is checked, Hydra composes, plain values are handed on."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from flyrl.cli.arguments import (
     own_overrides,
     plain_values,
 )
+from flyrl.cli.program import program
+from flyrl.cli.statuses import INTERRUPTED
 from flyrl.resources import configs_folder
 
 
@@ -46,6 +48,7 @@ def run_command(
     config_name: str,
     run: Callable[[dict[str, Any], Start], Path],
     end_of_sweep: Callable[[Path], None] = lambda folder: None,
+    subcommand: Sequence[str] = (),
 ) -> None:
     """Check the command line against `configs/`, then run on what Hydra composes of both.
 
@@ -58,17 +61,20 @@ def run_command(
         sweep, possibly in another process.
     end_of_sweep
         Takes the sweep's folder, once its jobs have ended.
+    subcommand
+        What stands between the program and its arguments, to repeat the command by.
 
     Raises
     ------
     SystemExit
-        With status 1 after a sweep of which a job failed.
+        With status 1 after a sweep of which a job failed, 2 for a command line that cannot be
+        meant so, 130 after Ctrl-C.
     """
     try:
         asked = check_arguments(config_name, sys.argv[1:])
     except UsageError as error:
         fail(error)
-    program, arguments = (sys.executable, sys.argv[0]), tuple(sys.argv[1:])
+    command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
     here = Path.cwd()
     titles = sweep.titles(asked.jobs) if asked else {}
 
@@ -76,10 +82,10 @@ def run_command(
         settings = HydraConfig.get()
         overrides = own_overrides(settings.overrides.task)
         if settings.mode is not RunMode.MULTIRUN:
-            run(plain_values(config), Start((*program, *arguments), overrides))
+            run(plain_values(config), Start((*command, *arguments), overrides))
             return
         folder = Path(settings.sweep.dir)
-        start = Start((*program, *overrides), overrides, folder)
+        start = Start((*command, *overrides), overrides, folder)
         title = titles.get(overrides, "")
         sweep.run_job(folder, here, overrides, title, lambda: run(plain_values(config), start))
 
@@ -88,7 +94,11 @@ def run_command(
         config_path=str(configs_folder().resolve()),
         config_name=config_name,
     )(job)
-    if asked is None:
-        start_hydra()
-    else:
-        sweep.run_sweep(asked, (*program, *arguments), start_hydra, end_of_sweep)
+    try:
+        if asked is None:
+            start_hydra()
+        else:
+            sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)
+    except KeyboardInterrupt:  # where no run goes on from what there is by then
+        print("interrupted", file=sys.stderr)
+        raise SystemExit(INTERRUPTED) from None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import shlex
-import signal
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,19 +11,23 @@ from typing import TYPE_CHECKING, Any
 
 from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
+from flyrl.cli.statuses import INTERRUPTED, LEFT_OUT
 from flyrl.files import new_folder, usable_folder
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
     from flyrl.evaluation import EvaluationConfig
 
-INTERRUPTED = 128 + signal.SIGINT
-"""Status of a command that was ended by Ctrl-C, as shells have it."""
 
+def main(subcommand: Sequence[str] = ()) -> None:
+    """Check the command line, then run; the last line printed is `report: <path>`.
 
-def main() -> None:
-    """Check the command line, then run; the last line printed is `report: <path>`."""
-    run_command("evaluate", run)
+    Parameters
+    ----------
+    subcommand
+        What stands between the program and its arguments: `evaluate`, of `flyrl evaluate`.
+    """
+    run_command("evaluate", run, subcommand=subcommand)
 
 
 def run(record: dict[str, Any], start: Start) -> Path:
@@ -40,6 +43,11 @@ def run(record: dict[str, Any], start: Start) -> Path:
     Returns
     -------
     The folder of the results.
+
+    Raises
+    ------
+    SystemExit
+        With status 1 if someone is out, unless this is a job of a sweep: that goes on.
     """
     from flyrl.cli.config import own_settings  # noqa: PLC0415
 
@@ -55,13 +63,15 @@ def run(record: dict[str, Any], start: Start) -> Path:
             folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
         else:
             folder = usable_folder(Path(settings.folder))
-        report = compare(config, folder, settings)
+        report, is_complete = compare(config, folder, settings)
     except (OSError, ValueError) as error:
         fail(error)
     except KeyboardInterrupt:
         print(f"interrupted; go on with: folder={folder}", file=sys.stderr)
         raise SystemExit(INTERRUPTED) from None
     print(f"report: {report}")
+    if not is_complete and start.sweep is None:
+        raise SystemExit(LEFT_OUT)
     return folder
 
 
@@ -90,10 +100,16 @@ def comparison(
     return config
 
 
-def compare(config: EvaluationConfig, folder: Path, settings: EvaluationSettings) -> Path:
-    """Evaluate, write results and report to `folder`, and return the report's path.
+def compare(
+    config: EvaluationConfig, folder: Path, settings: EvaluationSettings
+) -> tuple[Path, bool]:
+    """Evaluate, and write results and report to `folder`.
 
     Where the same evaluation was interrupted in that folder, it goes on.
+
+    Returns
+    -------
+    The report's path, and whether everyone is in it: who crashes on a terrain is not.
     """
     from flyrl.evaluation import (  # noqa: PLC0415
         drop_parts,
@@ -117,7 +133,7 @@ def compare(config: EvaluationConfig, folder: Path, settings: EvaluationSettings
     examples = walk_examples(config, results.examples) if settings.close_ups else []
     has_map = settings.close_ups and settings.drive_map and config.legs is not None
     drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
-    return write_report(
+    report = write_report(
         results,
         folder,
         videos=videos,
@@ -126,6 +142,7 @@ def compare(config: EvaluationConfig, folder: Path, settings: EvaluationSettings
         curves=training_evaluations(results.protocol["entrants"]),
         note=note,
     )
+    return report, not missing
 
 
 def training_evaluations(

@@ -1,16 +1,69 @@
-"""flyrl: one command, with a subcommand for what there is to do beside training and comparing."""
+# PYTHON_ARGCOMPLETE_OK
+"""flyrl: one command, with a subcommand for everything there is to do."""
 
 from __future__ import annotations
 
 import argparse
+import difflib
+import importlib.metadata
+import os
 import sys
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
-from flyrl.cli import figures, play, reproduce, runs, sweeps, tune
+from flyrl.cli import (
+    bench,
+    completion,
+    composed,
+    figures,
+    play,
+    reproduce,
+    runs,
+    sweeps,
+    tune,
+)
+from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
 
-_SUBCOMMANDS: Final = (runs, sweeps, reproduce, tune, figures, play)
-"""Modules with `add_to(subparsers)`, which names the function that runs the subcommand."""
+_SUBCOMMANDS: Final = (
+    composed,
+    play,
+    figures,
+    runs,
+    sweeps,
+    reproduce,
+    tune,
+    bench,
+    completion,
+)
+"""Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads
+anything heavy when it is imported."""
+
+_EXAMPLES: Final = """examples:
+  flyrl train task=target terrain=flat algo=ppo seed=0
+  flyrl evaluate policies=[target-flat] controllers=[cpg,hybrid]
+  flyrl play worm
+  flyrl figures cpg_tripod
+  flyrl runs --sort best --reverse
+  flyrl reproduce runs/2026-01-31_120000_target_flat_ppo_0
+  flyrl bench engine --presets balanced --terrains flat
+
+exit status:
+  0 done; 1 done, but something was left out or came to something else; 2 the command line, or a
+  file that it names, cannot be used; 128 + the signal's number after an interruption (Ctrl-C: 130)
+
+flyrl <command> --help says what each takes; docs/cli.md says all."""
+
+
+class _Version(argparse.Action):
+    """Prints the version, which is looked up then: that takes longer than all else here."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        try:
+            version = importlib.metadata.version("flyrl")
+        except importlib.metadata.PackageNotFoundError:
+            version = "(not installed: run from a copy of its code)"
+        print(f"flyrl {version}")
+        parser.exit()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,24 +76,82 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    The exit status.
+    The exit status, one of `flyrl.cli.statuses`, or 128 and the number of a signal.
 
     Raises
     ------
     SystemExit
-        With status 2, for a command line that cannot be meant so.
+        With status 2, for a command line that cannot be meant so; or as `train` and `evaluate` end.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if "_ARGCOMPLETE" in os.environ:
+        completion.answer(command_parser())
+    try:
+        if given and given[0] in composed.COMPOSED:
+            return composed.run(given[0], given[1:])
+        options = _parsed(given)
+        status: int = options.run(options)
+        sys.stdout.flush()  # here, where a closed pipe is no fault
+    except BrokenPipeError:
+        # what is still to be written at the end goes nowhere, instead of to an error
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+        return PIPE_CLOSED
+    except (ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return UNUSABLE
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    return status
+
+
+def command_parser() -> argparse.ArgumentParser:
+    """Make the parser of the whole command.
+
+    That of `train` and `evaluate` only stands for them: their arguments are Hydra's.
     """
     parser = argparse.ArgumentParser(
         prog="flyrl",
-        description="Look at training runs, compare, repeat and tune them; draw figures; play.",
+        description="Train policies that steer a simulated fly, compare and play with them; look "
+        "at runs,\nrepeat and tune them; draw figures; measure speed.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=_EXAMPLES,
     )
-    subparsers = parser.add_subparsers(metavar="command", required=True)
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    subparsers = parser.add_subparsers(
+        title="commands", metavar="command [options]", required=True, dest="command"
+    )
     for module in _SUBCOMMANDS:
         module.add_to(subparsers)
-    options = parser.parse_args(arguments)
-    try:
-        status: int = options.run(options)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return status
+    return parser
+
+
+def _parsed(given: Sequence[str]) -> argparse.Namespace:
+    """Parse; tell the closest match of a command or an option that does not exist."""
+    parser = command_parser()
+    commands = subparsers_of(parser)
+    if given and not given[0].startswith("-") and given[0] not in commands:
+        parser.error(
+            f"there is no command {given[0]!r}{_closest(given[0], commands)} "
+            f"(commands: {', '.join(commands)})"
+        )
+    options, unknown = parser.parse_known_args(given)
+    if unknown:
+        command = commands[options.command]
+        first = unknown[0].partition("=")[0]
+        known = [text for action in command._actions for text in action.option_strings]
+        command.error(f"unrecognized arguments: {' '.join(unknown)}{_closest(first, known)}")
+    return options
+
+
+def subparsers_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Parsers of the subcommands, by name."""
+    (action,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
+    return dict(action.choices)
+
+
+def _closest(given: str, known: Sequence[str] | dict[str, Any]) -> str:
+    close = difflib.get_close_matches(given, list(known), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flyrl.cli.program import program
 from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
-from flyrl.training.provenance import differences
 from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         description="Train again, from the settings of a finished run, in a new folder; then say "
         "whether the final policy and the evaluations are the same, to the bit. Or walk the "
         "episodes of a report again.",
-        epilog="Exit status: 0 if they are, 1 if not, 2 for an error.",
+        epilog="Exit status: 0 if they are, 1 if not, 2 for an error. Example: flyrl reproduce "
+        "runs/2026-01-31_120000_target_flat_ppo_0",
     )
     parser.add_argument(
         "original", type=Path, metavar="RUN", help="folder of the run to repeat, or a report.html"
@@ -115,7 +116,7 @@ def _train(original: RunSummary, options: argparse.Namespace) -> Run | None:
     from flyrl.training.learn import resume, train  # noqa: PLC0415
 
     config = training_config(_without_logger(original.settings))
-    command = [sys.executable, *sys.argv]
+    command = [*program(), *sys.argv[1:]]
     if options.repeat is not None:
         return resume(config, options.repeat, command)
     return train(config, options.runs_folder, command)
@@ -208,6 +209,8 @@ def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
 
 def _origins_differ(original: Mapping[str, Any], repeat: Mapping[str, Any]) -> list[str]:
     """What differs in commit, versions and machine, from run to repeat and within each."""
+    from flyrl.training.provenance import differences  # noqa: PLC0415
+
     lines = differences(original, repeat, "in the repeat")
     for name, origin in (("run", original), ("repeat", repeat)):
         resumed = origin.get("resumed")

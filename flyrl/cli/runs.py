@@ -10,8 +10,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from flyrl.cli.tables import csv_text, print_table
-from flyrl.terrains import terrain_label
 from flyrl.training.runs import RunSummary, find_runs, flat, is_run, read_run
 
 COLUMNS: Final = (
@@ -39,7 +37,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="list run folders, or compare some",
         description="List the runs in a folder, with those of its sweeps. Name two or more run "
         "folders to compare them: which settings differ, and what they came to.",
-        epilog="best and last: success on the held-out episodes. A commit with + had changes.",
+        epilog="best and last: success on the held-out episodes. A commit with + had changes. "
+        "Example: flyrl runs --task target --sort best --reverse",
     )
     parser.add_argument(
         "paths",
@@ -61,6 +60,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """List or compare."""
+    from flyrl.cli.tables import csv_text, print_table  # noqa: PLC0415
+
     missing = [str(path) for path in options.paths if not path.is_dir()]
     if missing:
         raise ValueError(f"there is no folder {missing[0]}")
@@ -115,6 +116,8 @@ def row(run: RunSummary) -> Row:
 
 def names_of(run: RunSummary) -> Row:
     """Names of the task, the terrain and the algorithm, as one gives them on the command line."""
+    from flyrl.terrains import terrain_label  # noqa: PLC0415
+
     return {
         "task": run.setting("task.name"),
         "terrain": terrain_label(run.setting("terrain.name"), run.setting("terrain.random")),

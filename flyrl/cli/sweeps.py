@@ -15,6 +15,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         description="Print the table that a sweep ends with, and write it and the learning curves "
         "to its folder; also of one that is still going on, or was killed. Of several folders, of "
         "sweeps and of single runs, make one table and one figure.",
+        epilog="Example: flyrl sweep runs/sweeps/2026-01-31_120000",
     )
     parser.add_argument(
         "folders",

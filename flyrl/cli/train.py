@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
+from flyrl.cli.statuses import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
 from flyrl.files import usable_folder
 
@@ -22,9 +23,15 @@ if TYPE_CHECKING:
 _BESIDE_RESUME: Final = ("resume", "evaluate_after", "evaluation", "video_after")
 
 
-def main() -> None:
-    """Check the command line, then run; the last line printed is `run: <folder>`."""
-    run_command("train", run, end_of_sweep)
+def main(subcommand: Sequence[str] = ()) -> None:
+    """Check the command line, then run; the last line printed is `run: <folder>`.
+
+    Parameters
+    ----------
+    subcommand
+        What stands between the program and its arguments: `train`, of `flyrl train`.
+    """
+    run_command("train", run, end_of_sweep, subcommand)
 
 
 def run(record: dict[str, Any], start: Start) -> Path:
@@ -41,6 +48,12 @@ def run(record: dict[str, Any], start: Start) -> Path:
     Returns
     -------
     The run folder.
+
+    Raises
+    ------
+    SystemExit
+        Interrupted (128 + the signal's number); or with status 1 if someone is out of the
+        comparison, unless this is a job of a sweep: that goes on.
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, training_config  # noqa: PLC0415
@@ -74,12 +87,13 @@ def run(record: dict[str, Any], start: Start) -> Path:
     show = partial(illustrate, config, with_video=bool(record["video_after"]))
     runs = start.sweep or Path(record["runs_folder"])
     finished = _learn(config, start, interrupted, runs, show)
+    is_complete = True
     if finished.interrupted_by is None and is_compared:
         with_run = replace(settings, policies=(str(finished.folder), *settings.policies))
         folder = settings.folder or finished.folder / "evaluation"
         entrants = comparison(record, with_run, start.command)
         try:
-            report = compare(entrants, Path(folder), settings)
+            report, is_complete = compare(entrants, Path(folder), settings)
         except OSError as error:
             fail(error)
         print(f"report: {report}")
@@ -89,6 +103,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
         print(f"interrupted; go on with: resume={finished.folder}", file=sys.stderr)
     if finished.signal is not None:  # of a run that came to its end, too: a sweep ends here
         raise Interrupted(finished.folder, finished.signal)
+    if not is_complete and start.sweep is None:
+        raise SystemExit(LEFT_OUT)
     return finished.folder
 
 

@@ -19,13 +19,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from flyrl.cli.study import Plan, opened, search
-from flyrl.cli.study_table import tell
-from flyrl.cli.sweep import by_key
 from flyrl.files import new_folder, write_text
-from flyrl.validation import at_least
+
+if TYPE_CHECKING:
+    from flyrl.cli.study import Plan
 
 STUDY_FILE: Final = "study.json"
 
@@ -40,7 +39,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         "a study; more trials make it longer.",
         epilog="What is maximised: the best success rate on the held-out episodes; of equal ones, "
         "that with the higher return. Exit status: 0, 1 if no trial came to its end, 2 for an "
-        "error, 128 + the signal's number after an interruption.",
+        "error, 128 + the signal's number after an interruption. Example: flyrl tune --name target "
+        "--trials 30 task=target algo=ppo training.total_decisions=20000",
     )
     parser.add_argument(
         "overrides", nargs="*", metavar="KEY=VALUE", help="settings of all trials, as of train.py"
@@ -66,6 +66,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Go on with a study, or start it."""
+    from flyrl.validation import at_least  # noqa: PLC0415
+
     if importlib.util.find_spec("optuna") is None:
         raise ValueError("flyrl tune needs Optuna: pip install 'flyrl[optuna]'")
     at_least("--trials", options.trials, 1)
@@ -73,6 +75,8 @@ def run(options: argparse.Namespace) -> int:
     at_least("--prune-after", options.prune_after, 1)
     plan, written = _plan(options)
     # a mistake has been reported by now, without Optuna and torch
+    from flyrl.cli.study import opened, search  # noqa: PLC0415
+    from flyrl.cli.study_table import tell  # noqa: PLC0415
     from flyrl.training.interruption import interruption  # noqa: PLC0415
     from flyrl.training.runs import held  # noqa: PLC0415
 
@@ -101,6 +105,8 @@ def _plan(options: argparse.Namespace) -> tuple[Plan, dict[str, Any]]:
         read_space,
         search_space,
     )
+    from flyrl.cli.study import Plan  # noqa: PLC0415
+    from flyrl.cli.sweep import by_key  # noqa: PLC0415
     from flyrl.training.config import training_record  # noqa: PLC0415
 
     settings = compose_training(options.overrides)

@@ -4,11 +4,24 @@ from typing import Final
 
 import gymnasium
 
-from flyrl.tasks import TASK_NAMES, TASKS
+# Names alone, since this is imported with flyrl: the tasks themselves load MuJoCo and Numba.
+_TASKS: Final = (
+    "target",
+    "velocity",
+    "path",
+    "traverse",
+    "heading",
+    "hybrid_turning",
+    "worm_hang",
+    "worm_hang_box",
+    "worm_crawl",
+    "worm_crawl_box",
+)
+_GOAL_TASKS: Final = ("target_goal",)
 
 ENV_IDS: Final = {
     f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name
-    for name in TASK_NAMES
+    for name in (*_TASKS, *_GOAL_TASKS)
 }
 """Gymnasium id -> task."""
 
@@ -17,8 +30,7 @@ def register_envs() -> None:
     """Register every id; a second call changes nothing."""
     for env_id, task in ENV_IDS.items():
         if env_id not in gymnasium.registry:
-            has_goals = task in TASKS and TASKS[task].has_goals
-            env_class = "FlyrlGoalEnv" if has_goals else "FlyrlEnv"
+            env_class = "FlyrlGoalEnv" if task in _GOAL_TASKS else "FlyrlEnv"
             gymnasium.register(
                 id=env_id,
                 entry_point=f"flyrl.envs.single:{env_class}",

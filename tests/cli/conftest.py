@@ -6,13 +6,14 @@ import sys
 import pytest
 
 from flyrl.cli import evaluate, train
+from flyrl.cli.main import main
 
-COMMANDS = {"train.py": train.main, "evaluate.py": evaluate.main}
+COMMANDS = {"train.py": train.main, "evaluate.py": evaluate.main, "flyrl": main}
 
 
 @pytest.fixture
 def run_here(tmp_path, monkeypatch, capsys):
-    """Run `train.py` or `evaluate.py` with arguments, in `tmp_path`."""
+    """Run `train.py`, `evaluate.py` or `flyrl` with arguments, in `tmp_path`."""
 
     def run_here(program, *arguments):
         monkeypatch.chdir(tmp_path)
@@ -20,9 +21,8 @@ def run_here(tmp_path, monkeypatch, capsys):
         command = [program, *arguments]
         monkeypatch.setattr(sys, "argv", command.copy())
         capsys.readouterr()
-        status = 0
         try:
-            COMMANDS[program]()
+            status = COMMANDS[program]() or 0
         except SystemExit as end:
             status = end.code
         return subprocess.CompletedProcess(command, status, *capsys.readouterr())

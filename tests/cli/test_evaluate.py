@@ -148,7 +148,7 @@ def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_p
     short = [argument for argument in SHORT if not argument.endswith("=false")]
     asked = ("policies=[own_policies:broken]", "controllers=[zero]", "physics=fast", "folder=out")
     result = run_here("evaluate.py", *asked, *short)
-    assert result.returncode == 0, result.stderr
+    assert result.returncode == 1, result.stderr
     assert "warning: broken is out on flat: ArithmeticError: out of ideas" in result.stderr
     contents = json.loads((tmp_path / "out" / "results.json").read_text())
     assert [row["controller"] for row in contents["episodes"]] == ["zero"] * 3

@@ -129,7 +129,7 @@ def test_runs_of_the_same_name_are_told_apart(tmp_path, capsys):
     [
         (["runs", "nowhere"], "error: there is no folder nowhere\n"),
         (["runs", "--sort", "sed"], "invalid choice: 'sed'"),
-        (["rums"], "invalid choice: 'rums'"),
+        (["rums"], "there is no command 'rums'; did you mean 'runs'?"),
         (["sweep", "."], "error: . is not the folder of a sweep: "),
     ],
 )

@@ -12,8 +12,8 @@ import torch
 from tqdm import tqdm
 
 import flyrl  # noqa: F401 (registers the environments)
-from benchmarks.speed.results import Row, significant
-from benchmarks.speed.stopwatch import Stopwatch
+from flyrl.bench.results import Row, significant
+from flyrl.bench.stopwatch import Stopwatch
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.training.algorithms import PPOConfig

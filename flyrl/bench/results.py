@@ -33,10 +33,19 @@ def merged(stored: Results, measured: Results) -> Results:
 
 
 def read(path: Path) -> Results:
-    """Results that `write` wrote; none where there is no file."""
+    """Results that `write` wrote; none where there is no file.
+
+    Raises
+    ------
+    ValueError
+        The file holds something else.
+    """
     if not path.exists():
         return {}
-    results: Results = json.loads(path.read_text())
+    try:
+        results: Results = json.loads(path.read_text())
+    except ValueError as error:
+        raise ValueError(f"{path} holds no results of flyrl bench: {error}") from error
     return results
 
 

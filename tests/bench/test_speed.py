@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.speed import engine, overhead, results, worms
 from benchmarks.speed.__main__ import main
-from benchmarks.speed.stopwatch import Stopwatch
-from benchmarks.speed.table import aligned, engine_table, peers_table, table
+from flyrl.bench import engine, overhead, results, worms
+from flyrl.bench.stopwatch import Stopwatch
+from flyrl.bench.table import aligned, engine_table, peers_table, table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.batch import FlyBatch
@@ -108,7 +108,7 @@ def test_show_prints_what_is_stored(tmp_path: Path, capsys: pytest.CaptureFixtur
 def test_a_part_that_does_not_exist_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         main(["engin"])
-    assert "unknown part 'engin'" in capsys.readouterr().err
+    assert "got 'engin'; did you mean 'engine'?" in capsys.readouterr().err
 
 
 def test_stopwatch_counts_inner_time_for_itself_alone() -> None:

@@ -16,7 +16,7 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
-from benchmarks.speed.results import Row, significant
+from flyrl.bench.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 
 FLIES: Final = 1024
@@ -26,9 +26,8 @@ RESETS: Final = 20
 
 def measure() -> list[Row]:
     """Measure in a fresh process: task `target`, balanced physics, flat ground."""
-    command = [sys.executable, "-m", "benchmarks.speed.scale"]
-    root = Path(__file__).parents[2]
-    found = subprocess.run(command, cwd=root, stdout=subprocess.PIPE, text=True, check=True)
+    command = [sys.executable, "-m", "flyrl.bench.scale"]
+    found = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     rows: list[Row] = json.loads(found.stdout)
     return rows
 

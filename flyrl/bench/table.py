@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from benchmarks.speed.results import PARTS, Results, Row
+from flyrl.bench.results import PARTS, Results, Row
 
 
 def table(results: Results) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from benchmarks.speed.results import Row, significant
+from flyrl.bench.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.scene import Scene

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from tqdm import tqdm
 
-from benchmarks.speed.results import Row, significant
+from flyrl.bench.results import Row, significant
 from flyrl.bodies.worm import WORMS
 from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
 

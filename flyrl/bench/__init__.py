@@ -1,0 +1,1 @@
+"""How fast flyrl is on this machine, part by part."""

@@ -1,0 +1,151 @@
+"""The command as a whole: what it lists, how it refuses, how it ends."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from importlib import metadata
+
+import pytest
+
+from flyrl.cli.composed import COMPOSED
+from flyrl.cli.entry import run_command
+from flyrl.cli.main import command_parser, main, subparsers_of
+from flyrl.cli.program import program
+
+COMMANDS = ("train", "evaluate", "play", "figures", "runs", "sweep", "reproduce", "tune", "bench")
+
+
+def _refusal(capsys, *arguments):
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    return capsys.readouterr().err
+
+
+def test_help_lists_every_command_with_a_line_and_an_example(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code == 0
+    text = capsys.readouterr().out
+    for name in COMMANDS:
+        assert re.search(rf"^    {name} +\w+ \w+", text, re.MULTILINE), name
+    for name in {*COMMANDS} - {"sweep", "tune"}:
+        assert f"  flyrl {name}" in text
+
+
+@pytest.mark.parametrize("name", [*{*COMMANDS} - {*COMPOSED, "figures"}, "completion"])
+def test_help_of_a_command_has_an_example(name):
+    assert f"flyrl {name} " in " ".join(subparsers_of(command_parser())[name].format_help().split())
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"flyrl {metadata.version('flyrl')}\n"
+
+
+def test_a_command_that_does_not_exist_gets_the_closest(capsys):
+    assert "there is no command 'evalute'; did you mean 'evaluate'?" in _refusal(capsys, "evalute")
+
+
+def test_an_option_that_does_not_exist_gets_the_closest(capsys):
+    assert "unrecognized arguments: --sotr; did you mean '--sort'?" in _refusal(
+        capsys, "runs", "--sotr"
+    )
+
+
+def test_an_error_is_one_line_with_status_2(capsys, tmp_path):
+    assert main(["runs", str(tmp_path / "none")]) == 2
+    assert capsys.readouterr().err == f"error: there is no folder {tmp_path / 'none'}\n"
+
+
+def test_ctrl_c_ends_a_command_with_130_and_a_word(capsys, monkeypatch, tmp_path):
+    class Interrupted:
+        def write(self, text):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(sys, "stdout", Interrupted())
+    assert main(["runs", str(tmp_path)]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_closed_pipe_ends_a_command_quietly(capsys, monkeypatch, tmp_path):
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as pipe:
+        monkeypatch.setattr(sys, "stdout", pipe)
+        assert main(["runs", "--csv", str(tmp_path)]) == 128 + signal.SIGPIPE
+    assert capsys.readouterr().err == ""
+
+
+def test_evaluate_does_what_its_script_does(run_here):
+    asked = ("--cfg", "job", "physics=fast")
+    script = run_here("evaluate.py", *asked)
+    command = run_here("flyrl", "evaluate", *asked)
+    assert (command.returncode, command.stdout) == (0, script.stdout)
+    assert "\nphysics:" in script.stdout
+
+
+def test_a_mistake_is_told_as_the_script_tells_it(run_here):
+    script = run_here("train.py", "task=targt")
+    command = run_here("flyrl", "train", "task=targt")
+    assert (command.returncode, command.stderr) == (2, script.stderr)
+    assert "did you mean 'target'?" in command.stderr
+
+
+@pytest.mark.parametrize(
+    ("script", "noted"),
+    [
+        ("/bin/flyrl", ("/bin/flyrl",)),
+        ("/lib/flyrl/__main__.py", ("-m", "flyrl")),
+        ("train.py", ("train.py",)),
+    ],
+)
+def test_the_program_is_noted_as_it_can_be_started_again(monkeypatch, script, noted):
+    monkeypatch.setattr(sys, "argv", [script, "seed=1"])
+    assert program() == (sys.executable, *noted)
+
+
+def test_the_subcommand_is_noted_between_program_and_arguments(monkeypatch):
+    noted = []
+    monkeypatch.setattr(sys, "argv", ["/bin/flyrl", "episodes=3"])
+    run_command("evaluate", lambda _, start: noted.append(start), subcommand=("evaluate",))
+    assert noted[0].command == (sys.executable, "/bin/flyrl", "evaluate", "episodes=3")
+
+
+def test_nothing_heavy_is_loaded_to_answer():
+    """Torch alone would take seconds."""
+    code = (
+        "import sys; from flyrl.cli.main import command_parser; command_parser().format_help(); "
+        "print({'torch', 'mujoco', 'numba', 'hydra', 'matplotlib', 'pandas'} & {*sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"
+
+
+def test_bench_shows_what_is_stored(tmp_path, capsys):
+    assert main(["bench", "--show", "--output", str(tmp_path / "speed.json")]) == 0
+    assert capsys.readouterr().out == "nothing measured yet\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["engin"], "'engin'; did you mean 'engine'?"),
+        (["peers"], "part must be one of"),
+        (["engine", "--presets", "balance"], "'balance'; did you mean 'balanced'?"),
+    ],
+)
+def test_bench_names_what_it_cannot_measure(arguments, told, capsys, tmp_path):
+    assert main(["bench", *arguments, "--output", str(tmp_path / "speed.json")]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_bench_refuses_a_file_of_something_else(tmp_path, capsys):
+    path = tmp_path / "speed.json"
+    path.write_text("{")
+    assert main(["bench", "single", "--output", str(path)]) == 2
+    assert f"{path} holds no results of flyrl bench" in capsys.readouterr().err
