@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     )
     from flyrl.policies import load_policy
 
-# imported when it is first asked for
+# names and where they come from, imported when they are first asked for, as packages are
 _ON_DEMAND: Final = {
     "CPGNetwork": "flyrl.controllers",
     "PreprogrammedSteps": "flyrl.controllers",
@@ -38,10 +38,28 @@ __all__ = [
 ]
 
 
+_PACKAGES: Final = (
+    "bodies",
+    "controllers",
+    "envs",
+    "evaluation",
+    "muscles",
+    "policies",
+    "report",
+    "rollouts",
+    "simulation",
+    "tasks",
+    "terrains",
+    "training",
+)
+
+
 def __getattr__(name: str) -> Any:
-    if name not in _ON_DEMAND:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_ON_DEMAND[name]), name)
+    if name in _PACKAGES:
+        return importlib.import_module(f"{__name__}.{name}")
+    if name in _ON_DEMAND:
+        return getattr(importlib.import_module(_ON_DEMAND[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 # A shell that waits for completions makes no environment, and Gymnasium takes most of its wait.
