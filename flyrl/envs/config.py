@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.controllers.leg_controller import ControllerConfig, ControllerName
-from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
+from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
@@ -67,14 +67,18 @@ class EnvConfig:
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        body = _named("body", self.body or usual_body(self.task), BODIES)
+        body = usual_body(self.task) if self.body is None else self.body
+        body = _named("body", body, BODIES)
         task = self.task
         if isinstance(task, str):
             task = task_named(task, body if isinstance(body, WormConfig) else None)
         _check_body(task, body)
         terrain = _named("terrain", self.terrain, TERRAINS)
-        usual_physics = "worm" if isinstance(body, WormConfig) else "balanced"
-        physics = _named("physics", self.physics or usual_physics, PHYSICS_PRESETS)
+        is_worm = isinstance(body, WormConfig)
+        presets = PHYSICS_PRESETS if is_worm else {key: PHYSICS_PRESETS[key] for key in FLY_PRESETS}
+        usual_physics = "worm" if is_worm else "balanced"
+        physics = usual_physics if self.physics is None else self.physics
+        physics = _named("physics", physics, presets)
         drawn_from = _named("randomisation", self.randomisation, RANDOMISATIONS)
         interval = self.decision_interval
         if interval is None:
@@ -117,7 +121,7 @@ class EnvConfig:
         controller = self.controller
         if controller is None or isinstance(controller, str):
             controller = ControllerConfig(
-                name=cast(ControllerName, controller or "hybrid"),
+                name=cast(ControllerName, "hybrid" if controller is None else controller),
                 steps=STEPS_OF_BODY[body.name],
             )
         # with every drive another, as many are on their way as are decided on meanwhile

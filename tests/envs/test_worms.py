@@ -369,13 +369,16 @@ def test_bad_actions_are_refused_and_move_nothing(task, action, message):
             "randomisation of a worm must be of sensor_noise alone, got .*friction",
         ),
         ({"task": "worm_crawl", "physics": "wrom"}, "physics must be one of .*mean 'worm'"),
+        ({"task": "target", "physics": "worm"}, "physics must be one of .*, got 'worm'"),
+        ({"task": "target", "physics": ""}, "physics must be one of .*, got ''"),
+        ({"task": "target", "body": ""}, "body must be one of .*, got ''"),
         (
             {"task": "worm_crawl", "decision_interval": 0.0305},
             "it must be a positive multiple of the physics time step, 0.001 s",
         ),
     ],
 )
-def test_settings_that_do_not_fit_a_worm_are_refused_by_name(settings, message):
+def test_settings_that_do_not_fit_the_body_are_refused_by_name(settings, message):
     with pytest.raises(ValueError, match=message):
         EnvConfig(**settings)
 
