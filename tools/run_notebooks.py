@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Final
 
 import nbformat
+from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError
 
@@ -29,7 +30,10 @@ from flyrl.files import write_text  # noqa: E402
 
 TUTORIALS: Final = ROOT / "docs" / "tutorials"
 LARGEST_BYTES: Final = 500_000
+"""Of a tutorial; whoever opens its page downloads it."""
+
 TIMEOUT_S: Final = 600
+"""Of a cell, s."""
 
 KERNEL: Final = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
@@ -85,30 +89,40 @@ def store(path: Path) -> int:
     return size
 
 
-def execute(notebook: nbformat.NotebookNode, folder: Path) -> None:
-    """Run all cells of a notebook in place, from top to bottom, in a kernel of its own.
+def execute(
+    notebook: nbformat.NotebookNode, folder: Path, kernel: AsyncKernelManager | None = None
+) -> None:
+    """Run all cells of a notebook in place, from top to bottom.
 
     Parameters
     ----------
     notebook
         Gets the outputs.
     folder
-        Working directory of its kernel.
+        Working directory of a kernel that is started for it.
+    kernel
+        Runs the cells where it is, and goes on running; None starts one and ends it.
 
     Raises
     ------
     CellExecutionError
         A cell raised an error; those below it did not run.
     """
-    NotebookClient(
+    client = NotebookClient(
         notebook,
+        km=kernel,
         kernel_name=KERNEL["name"],
-        # it warns that it can be spoken to; only this machine can
-        extra_arguments=["--log-level=ERROR"],
         timeout=TIMEOUT_S,
         resources={"metadata": {"path": str(folder)}},
         record_timing=False,
-    ).execute()
+        # the kernel warns that it can be spoken to, which only this machine can
+        extra_arguments=["--log-level=ERROR"],
+    )
+    try:
+        client.execute()
+    finally:
+        if kernel is not None and client.kc is not None:
+            client.kc.stop_channels()
 
 
 def cleaned(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
