@@ -12,7 +12,7 @@ import nbformat
 import pytest
 from jupyter_client.manager import AsyncKernelManager
 
-from tools.run_notebooks import KERNEL, LARGEST_BYTES, TUTORIALS, cleaned, execute
+from tools.run_notebooks import KERNEL, LARGEST_BYTES, TUTORIALS, check_private, cleaned, execute
 
 NOTEBOOKS = [pytest.param(path, id=path.stem) for path in sorted(TUTORIALS.glob("*.ipynb"))]
 
@@ -35,6 +35,14 @@ def kinds(cell):
 
 def test_there_are_nine():
     assert [path.values[0].name[:2] for path in NOTEBOOKS] == [f"{i:02}" for i in range(1, 10)]
+
+
+def test_a_path_of_the_machine_is_not_stored():
+    output = nbformat.v4.new_output("stream", text="wrote /home/fly/tutorial/run.csv\n")
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(outputs=[output])])
+    check_private(notebook, ["/home/worm"])
+    with pytest.raises(ValueError, match=r"got 'wrote /home/fly/tutorial/run.csv"):
+        check_private(notebook, ["/home/worm", "/home/fly/tutorial"])
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS)

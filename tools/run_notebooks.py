@@ -10,6 +10,7 @@ gets too large for a page stays as it was.
 from __future__ import annotations
 
 import argparse
+import copy
 import itertools
 import sys
 import tempfile
@@ -76,12 +77,12 @@ def store(path: Path) -> int:
     OSError
         The file cannot be written.
     """
-    notebook = nbformat.read(path, as_version=4)
+    notebook = nbformat.read(path, as_version=4)  # type: ignore[no-untyped-call]
     with tempfile.TemporaryDirectory() as folder:
         execute(notebook, Path(folder))
     notebook = cleaned(notebook)
-    _check_private(notebook, [folder, str(ROOT), sys.prefix])
-    text = nbformat.writes(notebook) + "\n"
+    check_private(notebook, [folder, str(ROOT), sys.prefix])
+    text = nbformat.writes(notebook) + "\n"  # type: ignore[no-untyped-call]
     size = len(text.encode())
     if size > LARGEST_BYTES:
         raise ValueError(f"a notebook must have at most {LARGEST_BYTES} bytes, got {size}")
@@ -130,19 +131,17 @@ def cleaned(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
 
     Text that was printed in several pieces becomes one; of metadata, only tags stay.
     """
-    kept = nbformat.from_dict(notebook)
-    kept.metadata = nbformat.from_dict(
-        {"kernelspec": KERNEL, "language_info": {"name": KERNEL["language"]}}
-    )
+    kept = copy.deepcopy(notebook)
+    kept.metadata = {"kernelspec": dict(KERNEL), "language_info": {"name": KERNEL["language"]}}
     for cell in kept.cells:
         tags = cell.metadata.get("tags", [])
-        cell.metadata = nbformat.from_dict({"tags": tags} if tags else {})
+        cell.metadata = {"tags": tags} if tags else {}
         if cell.cell_type == "code":
             cell.outputs = _joined(cell.outputs)
     return kept
 
 
-def _check_private(notebook: nbformat.NotebookNode, folders: Sequence[str]) -> None:
+def check_private(notebook: nbformat.NotebookNode, folders: Sequence[str]) -> None:
     """Raise ValueError if anything that a notebook shows as text names one of these folders."""
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
