@@ -1,0 +1,73 @@
+"""docs/tutorials: every notebook runs from top to bottom, and shows what it was stored with.
+
+What is stored comes from tools/run_notebooks.py, with a fresh kernel for each. Here one kernel
+runs them all, each in an empty namespace and an empty folder: its start and the imports take as
+long as half a tutorial. Only the kinds of outputs are compared: another processor rounds
+differently, and the ways of two flies part after a few strides.
+"""
+
+import asyncio
+
+import nbformat
+import pytest
+from jupyter_client.manager import AsyncKernelManager
+
+from tools.run_notebooks import KERNEL, LARGEST_BYTES, TUTORIALS, check_private, cleaned, execute
+
+NOTEBOOKS = [pytest.param(path, id=path.stem) for path in sorted(TUTORIALS.glob("*.ipynb"))]
+
+
+@pytest.fixture(scope="module")
+def kernel():
+    manager = AsyncKernelManager(kernel_name=KERNEL["name"])
+    yield manager
+    asyncio.run(manager.shutdown_kernel(now=True))
+
+
+def code(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def kinds(cell):
+    """What a cell shows: names of its streams, and formats of the rest."""
+    return [output.get("name") or sorted(output["data"]) for output in cell.outputs]
+
+
+def test_there_are_nine():
+    assert [path.values[0].name[:2] for path in NOTEBOOKS] == [f"{i:02}" for i in range(1, 10)]
+
+
+def test_a_path_of_the_machine_is_not_stored():
+    output = nbformat.v4.new_output("stream", text="wrote /home/fly/tutorial/run.csv\n")
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(outputs=[output])])
+    check_private(notebook, ["/home/worm"])
+    with pytest.raises(ValueError, match=r"got 'wrote /home/fly/tutorial/run.csv"):
+        check_private(notebook, ["/home/worm", "/home/fly/tutorial"])
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_it_is_stored_as_one_whole_run_left_it(path):
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    assert path.stat().st_size <= LARGEST_BYTES
+    assert notebook == cleaned(notebook)
+    cells = code(notebook)
+    assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
+    assert all(output.output_type != "error" for cell in cells for output in cell.outputs)
+    assert "stderr" not in [kind for cell in cells for kind in kinds(cell)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS)
+def test_it_runs_and_shows_what_is_stored(path, kernel, tmp_path):
+    stored = nbformat.read(path, as_version=4)
+    run = nbformat.from_dict(stored)
+    for cell in code(run):
+        cell.outputs = []
+    start = nbformat.v4.new_code_cell(f"%reset -f\n%cd -q {tmp_path}")
+    run.cells.insert(0, start)
+    execute(run, tmp_path, kernel)
+    run.cells.remove(start)
+    for was, now in zip(code(stored), code(cleaned(run)), strict=True):
+        if "needs-gl" not in was.metadata.get("tags", []):  # without GL, it says so instead
+            assert kinds(now) == kinds(was), now.source
