@@ -9,6 +9,7 @@ from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers.leg_controller import initial_state
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.leg_colours import LEG_COLOURS, LegColours
+from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.state import LegStates
@@ -79,8 +80,8 @@ def test_pictures_have_coloured_legs_where_they_are_asked_for() -> None:
     flies.controllers["adhesion"] = 0.0
     try:
         plain, marked = (
-            FlyRenderer(config, 160, 120, colours_legs=colours_legs)
-            for colours_legs in (False, True)
+            FlyRenderer(config, 160, 120, overlay=Overlay(leg_colours=colours, trace=False))
+            for colours in (False, True)
         )
     except RenderingUnavailableError as error:
         pytest.skip(str(error))
