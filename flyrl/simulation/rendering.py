@@ -202,6 +202,10 @@ class Offscreen:
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, camera, everything, self._scene
         )
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                # decoration casts no shadow: the ground's own is speckles where shadows end
+                geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         add_marks(marks, self._scene)
         mujoco.mjr_render(self._viewport, self._scene, self._context)
         picture = np.empty(self._shape, dtype=np.uint8)
