@@ -109,9 +109,10 @@ class FlyRenderer:
         flies.copy_into(sim, self._model, self._data)
         if self._leg_colours is not None:
             self._leg_colours.apply(flies.leg_states(sim))
-        if goal and self._overlay.target:
-            marker = self._model.body(TARGET_MARKER).mocapid[0]
-            self._data.mocap_pos[marker] = (*goal, self._ground + 0.02)
+        marker = self._model.body(TARGET_MARKER)
+        is_marked = goal and self._overlay.target
+        place = (*goal, self._ground + 0.02) if is_marked else marker.pos  # out of sight
+        self._data.mocap_pos[marker.mocapid[0]] = place
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
