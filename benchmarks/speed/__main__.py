@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.machine import machine
-from benchmarks.speed import engine, layers, overhead, peers, results, scale, worms
+from benchmarks.speed import engine, layers, overhead, peers, rendering, results, scale, worms
 from benchmarks.speed.results import PARTS, Row
 from benchmarks.speed.table import table
 from flyrl.simulation.physics import FLY_PRESETS
@@ -52,7 +52,7 @@ def _arguments(arguments: list[str] | None) -> argparse.Namespace:
     )  # fmt: skip
     parser.add_argument(
         "--terrains", nargs="+", choices=TERRAIN_NAMES, default=list(TERRAIN_NAMES),
-        help="for engine, overhead, peers",
+        help="for engine, overhead, rendering, peers",
     )  # fmt: skip
     parser.add_argument(
         "--threads", nargs="+", type=_positive, default=[1, 2], help="for engine, environment"
@@ -110,6 +110,7 @@ def _measure(part: str, chosen: argparse.Namespace) -> list[Row]:
         "single": lambda: layers.measure_single(chosen.presets),
         "ppo": lambda: layers.measure_ppo(chosen.rollouts),
         "worm": lambda: worms.measure(chosen.cell_seconds),
+        "rendering": lambda: rendering.measure(chosen.terrains),
         "peers": lambda: peers.measure(interpreters, chosen.terrains, chosen.peer_seconds),
     }
     return measures[part]()
