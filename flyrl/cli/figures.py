@@ -69,15 +69,16 @@ def run(options: argparse.Namespace) -> int:
 
     names = [one_of("figure", name, FIGURES) for name in options.names] or list(FIGURES)
     options.output.mkdir(parents=True, exist_ok=True)
-    status = 0
+    left_out: dict[str, list[str]] = {}
     with progress_bar(len(names), is_shown=True, unit="figure", description="drawing") as bar:
         for name in names:
             bar.set_postfix_str(name)
             try:
                 GALLERY[name](options.output, name)
             except (RenderingUnavailableError, RuntimeError, OSError) as error:
-                print(f"{name} is left out: {' '.join(str(error).split())}", file=sys.stderr)
-                status = 1
+                left_out.setdefault(" ".join(str(error).split()), []).append(name)
             bar.update()
+    for reason, without in left_out.items():
+        print(f"left out: {', '.join(without)}: {reason}", file=sys.stderr)
     print(f"figures: {options.output}")
-    return status
+    return 1 if left_out else 0

@@ -33,6 +33,9 @@ STUDY: Final = EvaluationConfig(
 )
 """The setting of `experiment=controller_comparison`, without a learned policy."""
 
+_ROWS: Final = 40
+"""Dots that fit above one another."""
+
 METRIC: Final = "speed_mm_s"
 COLUMNS: Final = (
     "terrain", "controller", "episode", "outcome", "duration_s", "displacement_mm", METRIC,
@@ -61,13 +64,14 @@ def draw_comparison(episodes: pd.DataFrame) -> Plot:
     table = episodes[list(COLUMNS)]
     names = list(table["controller"].unique())
     terrains = list(table["terrain"].unique())
+    highest = float(table[METRIC].max())
     with mpl.rc_context(PAPER_STYLE):
         figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
         panels = figure.subplots(1, len(terrains), sharey=True, squeeze=False).ravel()
         for axes, terrain in zip(panels, terrains, strict=True):
             for place, (name, shade) in enumerate(colours(names).items()):
                 chosen = (table["terrain"] == terrain) & (table["controller"] == name)
-                _dots(axes, table[chosen], place, light(shade))
+                _dots(axes, table[chosen], place, light(shade), highest)
             axes.set_title(terrain, loc="left")
             axes.set_xticks(range(len(names)), [name.replace("_", "-") for name in names])
             axes.set_xlim(-0.6, len(names) - 0.4)
@@ -78,11 +82,12 @@ def draw_comparison(episodes: pd.DataFrame) -> Plot:
     return Plot(figure, table)
 
 
-def _dots(axes: Axes, rows: pd.DataFrame, place: int, shade: str) -> None:
+def _dots(axes: Axes, rows: pd.DataFrame, place: int, shade: str, highest: float) -> None:
     values = rows[METRIC].to_numpy(dtype=np.float64)
     if not values.size:
         return
-    aside = place + swarm(values)
+    # dots that are closer than one is high stand side by side
+    aside = place + swarm(values, max(2, round(_ROWS * np.ptp(values) / highest)))
     for outcome in rows["outcome"].unique():
         chosen = (rows["outcome"] == outcome).to_numpy()
         dot = outcome_dot(outcome, shade)

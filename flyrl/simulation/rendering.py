@@ -255,6 +255,8 @@ def _gl_context(width: int, height: int) -> Any:
     MuJoCo settles on a GL library when it is imported: the one that MUJOCO_GL names, else GLFW,
     which needs a screen. Where there is none, EGL is taken instead.
     """
+    if not hasattr(mujoco, "GLContext"):
+        raise RuntimeError("MUJOCO_GL switches pictures off")
     screen = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in screen):
         from mujoco.egl import GLContext  # noqa: PLC0415 - loads libEGL, which may be missing
