@@ -37,7 +37,7 @@ _SMALL: Final = 12.0
 
 @functools.cache
 def font_of(size: float) -> ImageFont.FreeTypeFont:
-    """The font of figures, which knows µ and ×; Pillow's own does not."""
+    """The font of figures, which knows µ and the sign of times; Pillow's own does not."""
     return ImageFont.truetype(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), size)
 
 
@@ -48,7 +48,7 @@ def clock_text(time_s: float, speed: float) -> str:
 
 def speed_text(speed: float) -> str:
     """How fast a video plays."""
-    return "real time" if abs(speed - 1) < 1e-9 else f"{speed:g} × real time"
+    return "real time" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} real time"
 
 
 def titled(picture: Picture, title: str, text: str = "", *, is_end: bool = False) -> Picture:
@@ -59,9 +59,7 @@ def titled(picture: Picture, title: str, text: str = "", *, is_end: bool = False
     if text:
         lines.append((text, 13.0, _BRIGHT if is_end else _SOFT))
     fonts = [font_of(size) for _, size, _ in lines]
-    width = max(
-        draw.textlength(line, font) for (line, *_), font in zip(lines, fonts, strict=True)
-    )
+    width = max(draw.textlength(line, font) for (line, *_), font in zip(lines, fonts, strict=True))
     bottom = 68 if text else 46
     draw.rectangle((MARGIN, MARGIN, 34 + width, bottom), fill=_SHADE)
     for (line, _, shade), font, y in zip(lines, fonts, (15, 43), strict=False):
@@ -96,9 +94,7 @@ def with_scale_bar(picture: Picture, pixels_per_mm: float, note: str = "") -> Pi
     text = f"{length:g} mm{note}"
     width = max(pixels, round(draw.textlength(text, font)))
     left, bottom = MARGIN + 10, image.height - MARGIN - 9
-    draw.rectangle(
-        (MARGIN, bottom - 32, left + width + 9, image.height - MARGIN - 1), fill=_SHADE
-    )
+    draw.rectangle((MARGIN, bottom - 32, left + width + 9, image.height - MARGIN - 1), fill=_SHADE)
     draw.text((left, bottom - 26), text, fill=_BRIGHT, font=font)
     draw.rectangle((left, bottom - 4, left + pixels - 1, bottom - 1), fill=_BRIGHT)
     return np.asarray(image)

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -57,6 +57,7 @@ FLY_PACE: Final = Pace(0.01, 2.0)
 WORM_PACE: Final = Pace(1 / FPS, 5.0)
 """Real time."""
 
+
 @dataclass(frozen=True)
 class View:
     """How a video looks.
@@ -73,7 +74,7 @@ class View:
     """
 
     camera: Camera = "goal"
-    overlay: Overlay = Overlay()
+    overlay: Overlay = field(default_factory=Overlay)
     width: int = WIDTH
     height: int = HEIGHT
 
@@ -133,7 +134,7 @@ class Video:
 def record_videos(
     config: EvaluationConfig,
     missing: Collection[tuple[str, str]] = (),
-    view: View = View(),  # noqa: B008 - frozen
+    view: View = View(),
 ) -> tuple[list[Video], str | None]:
     """Film every entrant on every terrain, on the episodes that the evaluation names.
 
@@ -177,7 +178,7 @@ def record_video(
     terrain: TerrainConfig,
     episode: Episode,
     index: int = 0,
-    view: View = View(),  # noqa: B008 - frozen
+    view: View = View(),
 ) -> Video:
     """Film one entrant on one episode: its beginning (see `Pace`), and how it ends.
 

@@ -6,7 +6,7 @@ After Wang-Chen et al. 2024 (doi 10.1038/s41592-024-02497-y).
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -62,12 +62,12 @@ class Walk:
     title: str
     controller: str = "hybrid"
     terrain: str = "flat"
-    body: FlyConfig = FlyConfig()
+    body: FlyConfig = field(default_factory=FlyConfig)
     drive: tuple[float, float] = (1.0, 1.0)
     duration_s: float = 1.0
     camera: Camera = "follow"
     distance: float | None = None
-    overlay: Overlay = Overlay()
+    overlay: Overlay = field(default_factory=Overlay)
     coloured: tuple[str, ...] = ("grips",)
 
 
@@ -88,7 +88,12 @@ WALKS: Final = {
         coloured=("grips", "retracts", "stumbles"),
     ),
     "turn_video": Walk(
-        "drive (1.2, 0.2)", drive=(1.2, 0.2), duration_s=1.5, camera="top", distance=13.0
+        "drive (1.2, 0.2)",
+        drive=(1.2, 0.2),
+        duration_s=1.5,
+        camera="top",
+        distance=13.0,
+        coloured=("grips", "retracts", "stumbles"),
     ),
 }
 """Walks of the literature, by the names of their videos."""
@@ -100,9 +105,9 @@ def film_walk(walk: Walk) -> Film:
     Returns
     -------
     The video, whose poster is its last picture, and a table with a row per picture: `time_s`; the
-    thorax's `x_mm`, `y_mm`, `z_mm` and `yaw_deg`, left positive; `drive_left`, `drive_right`; of
-    every leg, as 0 or 1, whether it `grips`, `retracts` and `stumbles`, and the ground's upward
-    `force_uN` on it.
+    thorax's `x_mm`, `y_mm`, `z_mm` and `yaw_deg`, left positive and counted on beyond half a turn;
+    `drive_left`, `drive_right`; of every leg, as 0 or 1, whether it `grips`, `retracts` and
+    `stumbles`, and the ground's upward `force_uN` on it.
 
     Raises
     ------
@@ -136,7 +141,9 @@ def film_walk(walk: Walk) -> Film:
             pictures.append(with_legend(picture, entries) if entries else picture)
             rows.append({"time_s": time_s, **_row(flies, walk.body)})
     mp4 = encode(pictures + pictures[-1:] * HOLD_FRAMES)
-    return Film(mp4, jpeg(pictures[-1]), pd.DataFrame(rows))
+    table = pd.DataFrame(rows)
+    table["yaw_deg"] = np.unwrap(table["yaw_deg"], period=360)
+    return Film(mp4, jpeg(pictures[-1]), table)
 
 
 def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:

@@ -31,9 +31,7 @@ HOLD_S: Final = 1.0
 """For how long every number of neurons is held, s: the worm has settled then."""
 
 
-def film_worm(
-    config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: float = HOLD_S
-) -> Film:
+def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: float = HOLD_S) -> Film:
     """Film a worm while more and more neurons of its muscle are recruited.
 
     Parameters

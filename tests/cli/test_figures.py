@@ -39,7 +39,17 @@ def test_no_such_figure(tmp_path, capsys):
 
 def test_without_gl_the_others_are_drawn(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-m", "flyrl", "figures", "worm", "muscle", "turn_video", "--output", tmp_path],
+        [
+            sys.executable,
+            "-m",
+            "flyrl",
+            "figures",
+            "worm",
+            "muscle",
+            "turn_video",
+            "--output",
+            tmp_path,
+        ],
         capture_output=True,
         text=True,
         check=False,

@@ -15,7 +15,7 @@ def changed(picture):
 
 
 def test_the_clock_tells_time_and_speed():
-    assert clock_text(1.239, 0.25) == "t = 1.24 s   0.25 × real time"
+    assert clock_text(1.239, 0.25) == "t = 1.24 s   0.25 \N{MULTIPLICATION SIGN} real time"
     assert clock_text(0.0, 1.0) == "t = 0.00 s   real time"
 
 
@@ -53,6 +53,6 @@ def test_captions_keep_to_their_corners():
 
 def test_the_font_knows_what_is_written():
     """A sign that it lacks would be drawn as the box that stands for another it lacks."""
-    signs = [titled(GREY, sign) for sign in ("×", "µ", "°", "\ue000")]
+    signs = [titled(GREY, sign) for sign in ("\N{MULTIPLICATION SIGN}", "µ", "°", "\ue000")]
     for sign in signs[:-1]:
         assert (sign != signs[-1]).any()

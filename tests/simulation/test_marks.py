@@ -27,7 +27,7 @@ def test_an_arrow_is_as_long_as_the_force_on_all_of_its_leg():
     foot = feet[LEGS.index("RM")]
     np.testing.assert_allclose(arrow.start, foot)
     # 45 µN upwards, at 30 µN per mm
-    np.testing.assert_allclose(arrow.end, foot + (0.0, 0.0, 1.5))
+    np.testing.assert_allclose(arrow.end, np.add(foot, (0.0, 0.0, 1.5)))
 
 
 @pytest.mark.parametrize(("x", "top"), [(0.0, 0.0), (2.4, 0.2), (1.0, None)])
