@@ -8,6 +8,8 @@ import importlib
 import os
 from typing import TYPE_CHECKING, Any, Final
 
+from flyrl import gl
+
 if TYPE_CHECKING:
     from flyrl.controllers import (
         CPGNetwork,
@@ -61,6 +63,8 @@ def __getattr__(name: str) -> Any:
         return getattr(importlib.import_module(_ON_DEMAND[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
+
+gl.settle()  # before anything imports MuJoCo
 
 # A shell that waits for completions makes no environment, and Gymnasium takes most of its wait.
 if "_ARGCOMPLETE" not in os.environ:

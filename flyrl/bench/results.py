@@ -21,6 +21,7 @@ PARTS: Final[dict[str, str]] = {
     "single": "one fly from Python, one physics step per step",
     "ppo": "where PPO's training spends its time",
     "worm": "physics steps/s of all worms together (simulated s per wall s), one thread",
+    "rendering": "pictures/s of 640 x 480 of a fly, everything on",
     "peers": "simulated s per wall s on one core, beside other simulators of the fly",
 }
 """What can be measured, in the order of the table, and what each is."""

@@ -153,6 +153,24 @@ def _worm_table(rows: Sequence[Row]) -> str:
     return text
 
 
+def rendering_table(rows: Sequence[Row]) -> str:
+    """A row per terrain and camera; or why there is none."""
+    if rows and "note" in rows[0]:
+        return f"  {rows[0]['note']}"
+    body = [
+        [
+            row["terrain"],
+            row["camera"],
+            f"{row['pictures_per_s']:.1f}",
+            f"{row['wall_ms']:.1f}",
+            f"{row['processor_ms']:.1f}",
+        ]
+        for row in rows
+    ]
+    head = ["terrain", "camera", "pictures/s", "ms each", "ms of processor time"]
+    return aligned(head, body, labels=2)
+
+
 def peers_table(rows: Sequence[Row]) -> str:
     """A row per terrain and simulator, then what was not measured."""
     body = [
@@ -185,5 +203,6 @@ _TABLES: Final[dict[str, Callable[[Sequence[Row]], str]]] = {
     "single": _single_table,
     "ppo": _ppo_table,
     "worm": _worm_table,
+    "rendering": rendering_table,
     "peers": peers_table,
 }

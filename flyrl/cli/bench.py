@@ -52,8 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser, parts: Iterable[str]) -> None
         "--presets", nargs="+", metavar="NAME", help="for engine, overhead, single (default: all)"
     )
     parser.add_argument(
-        "--terrains", nargs="+", metavar="NAME", help="for engine, overhead, peers (default: all)"
-    )
+        "--terrains", nargs="+", metavar="NAME",
+        help="for engine, overhead, rendering, peers (default: all)",
+    )  # fmt: skip
     parser.add_argument(
         "--threads", nargs="+", type=_positive, default=[1, 2], help="for engine, environment"
     )
@@ -144,7 +145,7 @@ def measure(options: argparse.Namespace, more: Mapping[str, Callable[[], list[Ro
 
 def _measures(chosen: argparse.Namespace) -> dict[str, Callable[[], list[Row]]]:
     """What measures each part."""
-    from flyrl.bench import engine, layers, overhead, scale, worms  # noqa: PLC0415
+    from flyrl.bench import engine, layers, overhead, rendering, scale, worms  # noqa: PLC0415
 
     return {
         "engine": lambda: engine.measure(
@@ -159,4 +160,5 @@ def _measures(chosen: argparse.Namespace) -> dict[str, Callable[[], list[Row]]]:
         "single": lambda: layers.measure_single(chosen.presets),
         "ppo": lambda: layers.measure_ppo(chosen.rollouts),
         "worm": lambda: worms.measure(chosen.cell_seconds),
+        "rendering": lambda: rendering.measure(chosen.terrains),
     }

@@ -15,10 +15,16 @@ FIGURES: Final = {
     "adhesion": "when each leg grips, over the phase of its step",
     "rules_graph": "the legs' influences on each other",
     "rules": "the legs' phases under the rules, and their scores",
-    "terrains": "the four terrains with a fly on each (needs a GL library)",
+    "terrains": "the four terrains with a fly on each (picture)",
     "turn": "the oscillators in a turn",
+    "comparison": "CPG, rules and hybrid on the terrains, 20 episodes each (1 to 2 minutes)",
     "muscle": "a motor pool and its recruitment curve",
-    "worm": "a hanging worm recruits its muscle (a video; needs a GL library)",
+    "walk_cpg_without_adhesion": "the CPG on legs that do not grip (video)",
+    "walk_cpg": "the CPG on legs that grip, tarsi coloured meanwhile (video)",
+    "walk_rules": "the rule-based controller (video)",
+    "walk_hybrid": "the hybrid controller on mixed ground, reflexes coloured (video)",
+    "turn_video": "a turn seen from above (video)",
+    "worm": "a hanging worm recruits its muscle (video)",
 }
 """What can be drawn: name and what it shows."""
 
@@ -31,7 +37,9 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         description="Draw figures and videos of the literature, each with a CSV file of the "
         "numbers that it shows. Without names, all of them.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="figures:\n" + "\n".join(f"  {name:17}{text}" for name, text in FIGURES.items()),
+        epilog="figures:\n"
+        + "\n".join(f"  {name:27}{text}" for name, text in FIGURES.items())
+        + "\n\nVideos and the picture need a GL library; without one they are left out.",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
     parser.add_argument(
@@ -61,15 +69,16 @@ def run(options: argparse.Namespace) -> int:
 
     names = [one_of("figure", name, FIGURES) for name in options.names] or list(FIGURES)
     options.output.mkdir(parents=True, exist_ok=True)
-    status = 0
+    left_out: dict[str, list[str]] = {}
     with progress_bar(len(names), is_shown=True, unit="figure", description="drawing") as bar:
         for name in names:
             bar.set_postfix_str(name)
             try:
                 GALLERY[name](options.output, name)
             except (RenderingUnavailableError, RuntimeError, OSError) as error:
-                print(f"{name} is left out: {' '.join(str(error).split())}", file=sys.stderr)
-                status = 1
+                left_out.setdefault(" ".join(str(error).split()), []).append(name)
             bar.update()
+    for reason, without in left_out.items():
+        print(f"left out: {', '.join(without)}: {reason}", file=sys.stderr)
     print(f"figures: {options.output}")
-    return status
+    return 1 if left_out else 0

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
 from flyrl.files import write_text
 from flyrl.report import controller_figures as controllers
+from flyrl.report.comparison_figure import comparison_plot
 from flyrl.report.curves import save_figure
+from flyrl.report.film import Film, write_film
 from flyrl.report.muscle_figure import muscle_plot
 from flyrl.report.paper import Plot
 from flyrl.report.scene_figures import terrains_plot
-from flyrl.report.worm_video import film_worm, write_worm_video
+from flyrl.report.walk_videos import WALKS, film_walk
+from flyrl.report.worm_video import film_worm
 from flyrl.resources import assets_folder
 
 Draw = Callable[[Path, str], None]
@@ -34,8 +38,13 @@ def _muscle() -> Plot:
     return muscle_plot(assets_folder() / "muscles" / "human.png")
 
 
-def _worm(folder: Path, name: str) -> None:
-    write_worm_video(film_worm(), folder)
+def _video(film: Callable[[], Film]) -> Draw:
+    """What writes a video as MP4, its poster as JPEG, and CSV."""
+
+    def write(folder: Path, name: str) -> None:
+        write_film(film(), folder, name)
+
+    return write
 
 
 GALLERY: Final[Mapping[str, Draw]] = {
@@ -48,8 +57,10 @@ GALLERY: Final[Mapping[str, Draw]] = {
     "rules": _files(controllers.rules_plot),
     "terrains": _files(terrains_plot),
     "turn": _files(controllers.turn_plot),
+    "comparison": _files(comparison_plot),
     "muscle": _files(_muscle),
-    "worm": _worm,
+    **{name: _video(functools.partial(film_walk, walk)) for name, walk in WALKS.items()},
+    "worm": _video(film_worm),
 }
 """What writes each figure, by the figure's name.
 

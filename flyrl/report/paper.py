@@ -29,6 +29,8 @@ PAPER_STYLE: Final[Any] = {
     "ytick.labelcolor": light("muted"),
     "grid.color": light("line"),
     "axes.grid": True,
+    # the first labels of both axes keep apart
+    "xtick.major.pad": 6,
 }
 
 LEG_COLOURS: Final = ("c0", "c4", "c3", "c1", "c5", "c2")

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import sys
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import imageio_ffmpeg
 import numpy as np
-from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 from tqdm import tqdm
 
 from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv, build_simulation
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
+from flyrl.report.captions import Picture, clock_text, titled, with_scale_bar
+from flyrl.report.film import jpeg
 from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import FlyBatch
-from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
+from flyrl.simulation.marks import FORCE_PER_MM
+from flyrl.simulation.overlay import Overlay
+from flyrl.simulation.rendering import Camera, FlyRenderer, RenderingUnavailableError
 from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worm_rendering import WormRenderer
 from flyrl.simulation.worms import WormBatch
@@ -56,6 +57,28 @@ FLY_PACE: Final = Pace(0.01, 2.0)
 WORM_PACE: Final = Pace(1 / FPS, 5.0)
 """Real time."""
 
+
+@dataclass(frozen=True)
+class View:
+    """How a video looks.
+
+    Attributes
+    ----------
+    camera
+        "goal" looks towards the target, where there is one; see `FlyRenderer`. For a worm, which
+        has no such camera, it is "follow".
+    overlay
+        What is drawn beside the body.
+    width, height
+        Of the picture, px; even numbers.
+    """
+
+    camera: Camera = "goal"
+    overlay: Overlay = field(default_factory=Overlay)
+    width: int = WIDTH
+    height: int = HEIGHT
+
+
 HOLD_FRAMES: Final = 20
 """Frames for which the end stands still, so that it can be read."""
 
@@ -69,8 +92,6 @@ _KEYFRAME_EVERY: Final = 20
 MAX_BYTES: Final = 2 * 10**6
 _CRFS: Final = (25, 31, 37)
 """x264's quality, finest first; a video that is too large is tried again with the next."""
-
-Picture = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
@@ -111,7 +132,9 @@ class Video:
 
 
 def record_videos(
-    config: EvaluationConfig, missing: Collection[tuple[str, str]] = ()
+    config: EvaluationConfig,
+    missing: Collection[tuple[str, str]] = (),
+    view: View = View(),
 ) -> tuple[list[Video], str | None]:
     """Film every entrant on every terrain, on the episodes that the evaluation names.
 
@@ -121,6 +144,8 @@ def record_videos(
         Of the evaluation.
     missing
         Entrants that raised an error, and where: names of controller and terrain.
+    view
+        How the videos look.
 
     Returns
     -------
@@ -139,7 +164,7 @@ def record_videos(
         imageio_ffmpeg.get_ffmpeg_exe()
         for terrain, index, entrant in tqdm(jobs, desc="filming", disable=not config.progress):
             drawn = config.draw_episodes(terrain)[index]
-            videos.append(record_video(config, entrant, terrain, drawn, index))
+            videos.append(record_video(config, entrant, terrain, drawn, index, view))
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
         note = f"Videos are left out: {' '.join(str(error).split())}"
         print(note, file=sys.stderr)
@@ -153,6 +178,7 @@ def record_video(
     terrain: TerrainConfig,
     episode: Episode,
     index: int = 0,
+    view: View = View(),
 ) -> Video:
     """Film one entrant on one episode: its beginning (see `Pace`), and how it ends.
 
@@ -164,19 +190,17 @@ def record_video(
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
     pictures: list[Picture] = []
     ending = (0.0, RUNNING)
-    camera = _Camera(env.config)
+    camera = _Camera(env.config, view)
     with closing(camera):
         for body, time_s, outcome in _walk(env, entrant, episode, camera.pace.frame_s):
             ending = (time_s, outcome)
             if time_s <= camera.pace.longest_s + 1e-9:
                 picture = camera.take(body, episode)
-                shown = f"{time_s:.2f} s   ({camera.pace.frame_s * FPS:g} x real time)"
-                pictures.append(_titled(picture, entrant.name, shown))
+                shown = clock_text(time_s, camera.pace.frame_s * FPS) if view.overlay.clock else ""
+                pictures.append(titled(picture, entrant.name, shown))
     time_s, outcome = ending
     text = f"{outcome.replace('_', ' ')} at {time_s:.2f} s"
-    pictures += [_titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
-    poster = io.BytesIO()
-    Image.fromarray(pictures[-1]).save(poster, "JPEG", quality=80)
+    pictures += [titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
     return Video(
         entrant.name,
         terrain.label,
@@ -185,35 +209,54 @@ def record_video(
         len(pictures),
         camera.pace.frame_s,
         encode(pictures),
-        poster.getvalue(),
+        jpeg(pictures[-1]),
     )
 
 
 class _Camera:
     """What takes the pictures of a body: of a fly its legs' doings too, of a worm its tensions."""
 
-    def __init__(self, config: EnvConfig) -> None:
-        scene = config.scene
+    def __init__(self, config: EnvConfig, view: View) -> None:
+        scene, size = config.scene, (view.width, view.height)
+        self._overlay = view.overlay
         self._renderer: FlyRenderer | WormRenderer
         if isinstance(scene, SceneConfig):
             self.pace = FLY_PACE
-            self._renderer = FlyRenderer(scene, WIDTH, HEIGHT, "goal", colours_legs=True)
+            self._renderer = FlyRenderer(scene, *size, view.camera, view.overlay)
         else:
             self.pace = WORM_PACE
-            self._renderer = WormRenderer(scene, WIDTH, HEIGHT)
+            camera = "follow" if view.camera == "goal" else view.camera
+            self._renderer = WormRenderer(scene, *size, camera)
 
     def take(self, body: FlyBatch | WormBatch, episode: Episode) -> Picture:
         """Take a picture of the first body of a batch."""
         if isinstance(self._renderer, FlyRenderer):
             assert isinstance(body, FlyBatch)
-            return self._renderer.render(body, 0, episode.goal)
+            picture = self._renderer.render(body, 0, episode.goal)
+            return measured(picture, self._renderer.pixels_per_mm, self._overlay)
         assert isinstance(body, WormBatch)
         picture = self._renderer.render(body, 0)
+        if self._overlay.scale_bar:
+            picture = with_scale_bar(picture, self._renderer.pixels_per_mm)
         return tension_bars(picture, body.state().tensions[0], BAR_WIDTH, BAR_HEIGHT)
 
     def close(self) -> None:
         """Free the renderer."""
         self._renderer.close()
+
+
+def measured(picture: Picture, pixels_per_mm: float, overlay: Overlay) -> Picture:
+    """A picture of a fly with its scale bar, which tells what arrows stand for too, if it has one.
+
+    Parameters
+    ----------
+    pixels_per_mm
+        At the fly.
+    """
+    if not overlay.scale_bar:
+        return picture
+    note = f", force {FORCE_PER_MM:g} µN/mm" if overlay.forces else ""
+    return with_scale_bar(picture, pixels_per_mm, note)
 
 
 def _walk(
@@ -248,20 +291,6 @@ def _walk(
         walked += steps
         if walked % per_frame == 0 or outcome != RUNNING:
             yield env.batch, walked * timestep, outcome
-
-
-def _titled(picture: Picture, title: str, text: str, *, is_end: bool = False) -> Picture:
-    """Write the controller's name and a line below it onto a picture, brighter in the end."""
-    image = Image.fromarray(picture)
-    draw = ImageDraw.Draw(image, "RGBA")
-    lines = [(title, 22.0), (text, 15.0)]
-    fonts = [ImageFont.load_default(size) for _, size in lines]
-    width = max(draw.textlength(text, font) for (text, _), font in zip(lines, fonts, strict=True))
-    draw.rectangle((10, 10, 34 + width, 68), fill=(10, 14, 20, 150))
-    for (line, size), font, y in zip(lines, fonts, (15, 43), strict=True):
-        shade = (255, 255, 255, 255) if size > 20 or is_end else (205, 212, 220, 255)
-        draw.text((22, y), line, fill=shade, font=font)
-    return np.asarray(image)
 
 
 def encode(pictures: list[Picture], fps: int = FPS, max_bytes: int = MAX_BYTES) -> bytes:

@@ -1,17 +1,23 @@
 """Pictures of a fly, without a screen."""
 
+import math
 import os
 import sys
-from typing import Any, Final, Literal
+from collections.abc import Sequence
+from typing import Any, Final, Literal, get_args
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.anatomy import END_EFFECTORS
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.leg_colours import LegColours
+from flyrl.simulation.marks import Mark, Trace, add_marks, force_arrows
+from flyrl.simulation.overlay import PLAIN, Overlay
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
-from flyrl.terrains import base_height
+from flyrl.terrains import base_height, terrain_boxes
+from flyrl.validation import one_of
 
 Camera = Literal["follow", "top", "goal"]
 
@@ -47,14 +53,23 @@ class FlyRenderer:
     camera
         "follow" looks from ahead and above, "top" straight down, "goal" from the start towards the
         goal, with both the fly and a goal that is not far in the picture.
-    colours_legs
-        Whether tarsi are coloured while they grip, tibiae on retraction and femora on stumbling
-        (see `LegColours`).
+    overlay
+        What is drawn beside the fly. Scale bar and clock are not: they are not of the scene, see
+        `report.captions`.
+    distance
+        Of the camera from the thorax, mm; None takes the camera's usual one.
+
+    Attributes
+    ----------
+    pixels_per_mm
+        How many pixels 1 mm across the line of sight took in the last picture, where the thorax is.
 
     Raises
     ------
     RenderingUnavailableError
         If no GL context can be made.
+    ValueError
+        If there is no such camera.
     """
 
     def __init__(
@@ -63,12 +78,11 @@ class FlyRenderer:
         width: int = 640,
         height: int = 480,
         camera: Camera = "follow",
-        *,
-        colours_legs: bool = False,
+        overlay: Overlay = PLAIN,
+        distance: float | None = None,
     ) -> None:
-        if camera not in _CAMERAS:
-            raise ValueError(f"camera is {camera!r}; it must be one of {tuple(_CAMERAS)}")
-        self._view = camera
+        self._view = one_of("camera", camera, get_args(Camera))
+        self._overlay = overlay
         self._model = build_scene(config, visual=True).model
         # software GL draws 5-9 times as fast without multisampling and with small shadow maps
         self._model.vis.quality.offsamples = 0
@@ -77,11 +91,16 @@ class FlyRenderer:
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
         self._ground = base_height(config.terrain)
-        self._leg_colours = LegColours(self._model) if colours_legs else None
+        self._boxes = terrain_boxes(config.terrain)
+        self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
+        self._trace = Trace(self._ground)
+        self._feet = [self._model.body(name).id for name in END_EFFECTORS]
         self._offscreen = Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
-        self._camera.azimuth, self._camera.elevation, self._camera.distance = _CAMERAS[camera]
+        self._camera.azimuth, self._camera.elevation, usual = _CAMERAS[camera]
+        self._camera.distance = usual if distance is None else distance
         self._aim: tuple[tuple[float, ...], NDArray[np.float64], float] | None = None
+        self.pixels_per_mm = 0.0
 
     def render(
         self, flies: FlyBatch, sim: int = 0, goal: tuple[float, ...] = ()
@@ -90,9 +109,10 @@ class FlyRenderer:
         flies.copy_into(sim, self._model, self._data)
         if self._leg_colours is not None:
             self._leg_colours.apply(flies.leg_states(sim))
-        if goal:
-            marker = self._model.body(TARGET_MARKER).mocapid[0]
-            self._data.mocap_pos[marker] = (*goal, self._ground + 0.02)
+        marker = self._model.body(TARGET_MARKER)
+        is_marked = goal and self._overlay.target
+        place = (*goal, self._ground + 0.02) if is_marked else marker.pos  # out of sight
+        self._data.mocap_pos[marker.mocapid[0]] = place
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
@@ -101,11 +121,24 @@ class FlyRenderer:
             self._aim_at(thorax, goal)
         else:
             self._camera.lookat[:] = thorax
-        return self._offscreen.draw(self._data, self._camera)
+        picture = self._offscreen.draw(self._data, self._camera, self._marks(flies, sim, thorax))
+        self.pixels_per_mm = self._offscreen.pixels_per_mm(self._camera, thorax)
+        return picture
 
     def close(self) -> None:
         """Free the GL context."""
         self._offscreen.close()
+
+    def _marks(self, flies: FlyBatch, sim: int, thorax: NDArray[np.float64]) -> list[Mark]:
+        """What is drawn into the scene; the trace goes on with every picture."""
+        marks: list[Mark] = []
+        if self._overlay.trace:
+            self._trace.add(self._data.time, thorax, flies.ground(sim) or self._boxes)
+            marks += self._trace.marks()
+        if self._overlay.forces:
+            forces_w = flies.controllers["contact_forces_w"][sim]
+            marks += force_arrows(forces_w, self._data.xpos[self._feet])
+        return marks
 
     def _aim_at(self, thorax: NDArray[np.float64], goal: tuple[float, ...]) -> None:
         """Look past the fly towards the goal; a new goal is a new shot."""
@@ -161,17 +194,30 @@ class Offscreen:
         self._viewport = mujoco.MjrRect(0, 0, width, height)
         self._shape = (height, width, 3)
 
-    def draw(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.uint8]:
-        """Draw what `camera` sees of `data`, (height, width, 3), first row on top."""
+    def draw(
+        self, data: mujoco.MjData, camera: mujoco.MjvCamera, marks: Sequence[Mark] = ()
+    ) -> NDArray[np.uint8]:
+        """Draw what `camera` sees of `data`, and marks, (height, width, 3), first row on top."""
         self._gl.make_current()
         everything = mujoco.mjtCatBit.mjCAT_ALL.value
         mujoco.mjv_updateScene(
             self._model, data, self._option, None, camera, everything, self._scene
         )
+        for geom in self._scene.geoms[: self._scene.ngeom]:
+            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                # decoration casts no shadow: the ground's own is speckles where shadows end
+                geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+        add_marks(marks, self._scene)
         mujoco.mjr_render(self._viewport, self._scene, self._context)
         picture = np.empty(self._shape, dtype=np.uint8)
         mujoco.mjr_readPixels(picture, None, self._viewport, self._context)
         return picture[::-1]
+
+    def pixels_per_mm(self, camera: mujoco.MjvCamera, point_w: NDArray[np.float64]) -> float:
+        """How many pixels 1 mm takes in a picture by `camera`, at a point, mm."""
+        ahead = line_of_sight(camera.azimuth, camera.elevation)
+        depth = camera.distance + float(ahead @ (point_w - camera.lookat))
+        return pixels_per_mm(self._shape[0], self._model.vis.global_.fovy, depth)
 
     def close(self) -> None:
         """Free what GL holds."""
@@ -180,12 +226,37 @@ class Offscreen:
         self._gl.free()
 
 
+def line_of_sight(azimuth: float, elevation: float) -> NDArray[np.float64]:
+    """Unit vector along which a camera looks, whose angles are in degrees, (3,), world frame."""
+    across, up = math.radians(azimuth), math.radians(elevation)
+    return np.array(
+        [math.cos(up) * math.cos(across), math.cos(up) * math.sin(across), math.sin(up)]
+    )
+
+
+def pixels_per_mm(height: int, fovy: float, depth: float) -> float:
+    """How many pixels 1 mm across the line of sight takes.
+
+    Parameters
+    ----------
+    height
+        Of the picture, px.
+    fovy
+        Angle of view from its lower to its upper edge, degrees.
+    depth
+        Distance from the camera along the line of sight, mm.
+    """
+    return height / (2 * math.tan(math.radians(fovy) / 2) * depth)
+
+
 def _gl_context(width: int, height: int) -> Any:
     """Make a GL context that MuJoCo can draw in.
 
     MuJoCo settles on a GL library when it is imported: the one that MUJOCO_GL names, else GLFW,
     which needs a screen. Where there is none, EGL is taken instead.
     """
+    if not hasattr(mujoco, "GLContext"):
+        raise RuntimeError("MUJOCO_GL switches pictures off")
     screen = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in screen):
         from mujoco.egl import GLContext  # noqa: PLC0415 - loads libEGL, which may be missing

@@ -45,6 +45,12 @@ class WormRenderer:
         "follow" looks at a crawling worm from ahead and above, at a hanging one from its side;
         "top" straight down.
 
+    Attributes
+    ----------
+    pixels_per_mm
+        How many pixels 1 mm across the line of sight took in the last picture, at the middle of the
+        worm.
+
     Raises
     ------
     RenderingUnavailableError
@@ -70,6 +76,7 @@ class WormRenderer:
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
         self._offscreen = Offscreen(self._model, width, height)
+        self.pixels_per_mm = 0.0
         body = config.body
         length = body.segments * body.segment_length
         self._crawls = body.mount == "crawling"
@@ -99,6 +106,7 @@ class WormRenderer:
         else:
             # it stays where the worm hangs
             self._camera.lookat[:] = (0.0, 0.0, self._model.body("Segment1").pos[2] / 2)
+        self.pixels_per_mm = self._offscreen.pixels_per_mm(self._camera, middles.mean(axis=0))
         return self._offscreen.draw(self._data, self._camera)
 
     def close(self) -> None:

@@ -429,9 +429,9 @@ def _add_grid_material(spec: mujoco.MjSpec) -> None:
     )
     material = spec.add_material(name="ground_grid", specular=0.05, shininess=0.1)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground_grid"
-    # One picture holds 2 x 2 squares.
+    # One picture holds 2 x 2 squares; of what it is told, MuJoCo lays half as many per mm.
     material.texuniform = True
-    material.texrepeat = (0.5, 0.5)
+    material.texrepeat = (1.0, 1.0)
 
 
 def _add_sky(spec: mujoco.MjSpec) -> None:

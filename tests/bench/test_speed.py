@@ -9,7 +9,7 @@ import pytest
 from benchmarks.speed.__main__ import main
 from flyrl.bench import engine, overhead, results, worms
 from flyrl.bench.stopwatch import Stopwatch
-from flyrl.bench.table import aligned, engine_table, peers_table, table
+from flyrl.bench.table import aligned, engine_table, peers_table, rendering_table, table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.batch import FlyBatch
@@ -85,6 +85,13 @@ def test_peers_table_says_what_was_not_measured() -> None:
     _, measured, note = text.splitlines()
     assert measured.split() == ["flat", "flygym", "2", "replay", "1,000", "0.100", "52.0"]
     assert note.strip() == "flygym-gymnasium: not measured: pass --flygym PYTHON"
+
+
+def test_rendering_table_says_how_long_a_picture_takes_or_why_there_is_none() -> None:
+    row = {"terrain": "flat", "camera": "top", "pictures_per_s": 21.32, "wall_ms": 46.91}
+    text = rendering_table([{**row, "processor_ms": 45.04}])
+    assert text.splitlines()[1].split() == ["flat", "top", "21.3", "46.9", "45.0"]
+    assert rendering_table([{"note": "not measured: no GL"}]) == "  not measured: no GL"
 
 
 def test_machine_is_named_where_it_changes() -> None:

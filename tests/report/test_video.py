@@ -20,9 +20,11 @@ from flyrl.report.video import (
     WORM_PACE,
     _walk,
     encode,
+    measured,
     record_video,
     record_videos,
 )
+from flyrl.simulation.overlay import PLAIN, Overlay
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS, task_named
@@ -213,3 +215,9 @@ def test_without_gl_one_line_says_so_and_work_goes_on():
     )
     assert re.match(r"\(\[\], .Videos are left out: no GL library", done.stdout)
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_plain_view_has_no_scale_bar():
+    picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
+    assert measured(picture, 40.0, PLAIN) is picture
+    assert (measured(picture, 40.0, Overlay()) != picture).any()

@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig
+from flyrl.report.film import write_film
 from flyrl.report.tension_bars import tension_bars
 from flyrl.report.video import HOLD_FRAMES
-from flyrl.report.worm_video import film_worm, write_worm_video
+from flyrl.report.worm_video import film_worm
 from flyrl.simulation.rendering import RenderingUnavailableError
 from tests.report.test_video import read
 
@@ -65,8 +67,10 @@ def test_the_table_holds_what_every_step_came_to(video):
 
 
 def test_video_and_table_are_written(video, tmp_path):
-    write_worm_video(video, tmp_path / "new")
+    write_film(video, tmp_path / "new", "worm")
     assert (tmp_path / "new" / "worm.mp4").read_bytes() == video.mp4
+    with Image.open(tmp_path / "new" / "worm.jpg") as poster:
+        assert poster.size == (640, 480)
     table = pd.read_csv(tmp_path / "new" / "worm.csv")
     pd.testing.assert_frame_equal(table, video.table, rtol=1e-5, check_dtype=False)
 

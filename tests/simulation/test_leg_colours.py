@@ -1,18 +1,12 @@
-from contextlib import closing
-
 import mujoco
 import numpy as np
 import pytest
 
 from flyrl.anatomy import LEG_SEGMENTS, LEGS
 from flyrl.bodies.fly import FlyConfig
-from flyrl.controllers.leg_controller import initial_state
-from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.leg_colours import LEG_COLOURS, LegColours
-from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.state import LegStates
-from flyrl.terrains import TerrainConfig
 
 TARSI = LEG_SEGMENTS[3:]
 
@@ -69,27 +63,3 @@ def test_a_missing_leg_has_nothing_to_colour() -> None:
     np.testing.assert_array_equal(model.geom_rgba, usual)
     legs.apply(states(grips="LF"))
     assert set(coloured(model, usual)) == {f"LF{segment}" for segment in TARSI}
-
-
-def test_pictures_have_coloured_legs_where_they_are_asked_for() -> None:
-    config = SceneConfig(terrain=TerrainConfig(name="flat"))
-    flies = FlyBatch(build_scene(config), num_threads=1)
-    start = initial_state(config.controller)
-    flies.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
-    flies.controllers["adhesion"] = 0.0
-    try:
-        plain, marked = (
-            FlyRenderer(config, 160, 120, colours_legs=colours_legs)
-            for colours_legs in (False, True)
-        )
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
-    with closing(plain), closing(marked):
-        usual = plain.render(flies)
-        np.testing.assert_array_equal(marked.render(flies), usual)
-        flies.controllers["adhesion"] = 1.0
-        np.testing.assert_array_equal(plain.render(flies), usual)
-        changed = marked.render(flies) != usual
-        assert changed.any(axis=2).sum() > 20
-        flies.controllers["adhesion"] = 0.0
-        np.testing.assert_array_equal(marked.render(flies), usual)

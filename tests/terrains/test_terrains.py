@@ -54,9 +54,9 @@ def test_flat_is_one_plane_at_zero():
 def test_flat_is_chequered_in_squares_of_a_millimetre():
     model = compiled(TerrainConfig("flat"))
     material = model.geom_matid[0]
-    # A picture of 2 x 2 squares, half a picture per mm.
+    # A picture of 2 x 2 squares; MuJoCo lays half as many pictures per mm as it is told.
     assert model.mat_texuniform[material] == 1
-    np.testing.assert_array_equal(model.mat_texrepeat[material], [0.5, 0.5])
+    np.testing.assert_array_equal(model.mat_texrepeat[material], [1.0, 1.0])
 
 
 # ------------------------------------------------------------------ gapped

@@ -1,0 +1,122 @@
+"""What is written onto pictures: names, the clock, a scale bar, what colours mean.
+
+Titles stand in the upper left corner, the scale bar in the lower left. The lower right one is left
+to the tension bars of worms, and in pictures of flies to the meaning of the legs' colours.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import matplotlib as mpl
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from flyrl.simulation.leg_colours import LEG_COLOURS
+
+Picture = NDArray[np.uint8]
+
+LENGTHS_MM: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
+"""That a scale bar can have."""
+
+LONGEST: Final = 0.22
+"""Share of a picture's width that a scale bar has at most."""
+
+MARGIN: Final = 10
+"""px from the edges."""
+
+_SHADE: Final = (10, 14, 20, 150)
+_BRIGHT: Final = (255, 255, 255, 255)
+_SOFT: Final = (205, 212, 220, 255)
+_SMALL: Final = 12.0
+
+
+@functools.cache
+def font_of(size: float) -> ImageFont.FreeTypeFont:
+    """The font of figures, which knows µ and the sign of times; Pillow's own does not."""
+    return ImageFont.truetype(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"), size)
+
+
+def clock_text(time_s: float, speed: float) -> str:
+    """Simulated time, and how fast it plays; `speed` is simulated s per s of the video."""
+    return f"t = {time_s:.2f} s   {speed_text(speed)}"
+
+
+def speed_text(speed: float) -> str:
+    """How fast a video plays."""
+    return "real time" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} real time"
+
+
+def titled(picture: Picture, title: str, text: str = "", *, is_end: bool = False) -> Picture:
+    """Write a title, and a line below it, which is brighter in the end."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    lines = [(title, 20.0, _BRIGHT)]
+    if text:
+        lines.append((text, 13.0, _BRIGHT if is_end else _SOFT))
+    fonts = [font_of(size) for _, size, _ in lines]
+    width = max(draw.textlength(line, font) for (line, *_), font in zip(lines, fonts, strict=True))
+    bottom = 68 if text else 46
+    draw.rectangle((MARGIN, MARGIN, 34 + width, bottom), fill=_SHADE)
+    for (line, _, shade), font, y in zip(lines, fonts, (15, 43), strict=False):
+        draw.text((22, y), line, fill=shade, font=font)
+    return np.asarray(image)
+
+
+def scale_length(pixels_per_mm: float, width: int) -> tuple[float, int]:
+    """Length of the scale bar of a picture `width` px wide, in mm and in px.
+
+    It is the longest of `LENGTHS_MM` that fits; the shortest of them where none does.
+    """
+    fitting = [length for length in LENGTHS_MM if length * pixels_per_mm <= LONGEST * width]
+    length = max(fitting, default=LENGTHS_MM[0])
+    return length, round(length * pixels_per_mm)
+
+
+def with_scale_bar(picture: Picture, pixels_per_mm: float, note: str = "") -> Picture:
+    """Draw a scale bar into the lower left corner, with its length above it.
+
+    Parameters
+    ----------
+    pixels_per_mm
+        Of what the bar is to measure.
+    note
+        Stands beside the length.
+    """
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    font = font_of(_SMALL)
+    length, pixels = scale_length(pixels_per_mm, image.width)
+    text = f"{length:g} mm{note}"
+    width = max(pixels, round(draw.textlength(text, font)))
+    left, bottom = MARGIN + 10, image.height - MARGIN - 9
+    draw.rectangle((MARGIN, bottom - 32, left + width + 9, image.height - MARGIN - 1), fill=_SHADE)
+    draw.text((left, bottom - 26), text, fill=_BRIGHT, font=font)
+    draw.rectangle((left, bottom - 4, left + pixels - 1, bottom - 1), fill=_BRIGHT)
+    return np.asarray(image)
+
+
+def with_legend(picture: Picture, entries: Sequence[tuple[str, str]]) -> Picture:
+    """Say in the lower right corner what colours of legs mean, one below the other.
+
+    Parameters
+    ----------
+    entries
+        Names in `LEG_COLOURS`, and what they mean.
+    """
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    font = font_of(_SMALL)
+    width = max(round(draw.textlength(text, font)) for _, text in entries)
+    left, top = image.width - MARGIN - width - 38, image.height - MARGIN - 12 - 20 * len(entries)
+    draw.rectangle((left, top, image.width - MARGIN - 1, image.height - MARGIN - 1), fill=_SHADE)
+    for row, (name, text) in enumerate(entries):
+        y = top + 7 + 20 * row
+        colour = tuple(round(255 * part) for part in LEG_COLOURS[name])
+        draw.rectangle((left + 10, y + 3, left + 21, y + 14), fill=colour)
+        draw.text((left + 28, y), text, fill=_BRIGHT, font=font)
+    return np.asarray(image)

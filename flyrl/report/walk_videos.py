@@ -1,0 +1,163 @@
+"""The literature's videos of walking flies: slow, with what the legs do in colours.
+
+After Wang-Chen et al. 2024 (doi 10.1038/s41592-024-02497-y).
+"""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from flyrl.anatomy import LEGS
+from flyrl.bodies.fly import FlyConfig
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.report.captions import clock_text, titled, with_legend
+from flyrl.report.film import Film, jpeg
+from flyrl.report.video import FLY_PACE, FPS, HOLD_FRAMES, encode, measured
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.overlay import Overlay
+from flyrl.simulation.rendering import Camera, FlyRenderer
+
+WIDTH: Final = 640
+HEIGHT: Final = 480
+
+SETTLING_S: Final = 0.1
+"""Simulated time before the film begins, s: the fly drops onto the ground and gets going."""
+
+_MEANINGS: Final = {
+    "grips": "grips (tarsus)",
+    "retracts": "retraction (tibia)",
+    "stumbles": "stumbling (femur)",
+}
+
+
+@dataclass(frozen=True)
+class Walk:
+    """What is filmed.
+
+    Attributes
+    ----------
+    title
+        Stands in the picture.
+    controller
+        Name of the leg controller.
+    terrain
+        Name of the terrain.
+    body
+        The fly.
+    drive
+        To the left and to the right legs.
+    duration_s
+        Simulated time that is filmed, s.
+    camera, distance, overlay
+        See `FlyRenderer`.
+    coloured
+        Of a leg's doings (the fields of `LegStates`) those that the picture explains.
+    """
+
+    title: str
+    controller: str = "hybrid"
+    terrain: str = "flat"
+    body: FlyConfig = field(default_factory=FlyConfig)
+    drive: tuple[float, float] = (1.0, 1.0)
+    duration_s: float = 1.0
+    camera: Camera = "follow"
+    distance: float | None = None
+    overlay: Overlay = field(default_factory=Overlay)
+    coloured: tuple[str, ...] = ("grips",)
+
+
+WALKS: Final = {
+    "walk_cpg_without_adhesion": Walk(
+        "CPG, without adhesion",
+        controller="cpg",
+        body=FlyConfig(adhesion_gain=0.0),
+        overlay=Overlay(leg_colours=False, forces=True),
+        coloured=(),
+    ),
+    "walk_cpg": Walk("CPG, with adhesion", controller="cpg", overlay=Overlay(forces=True)),
+    "walk_rules": Walk("rule-based", controller="rule_based"),
+    "walk_hybrid": Walk(
+        "hybrid: CPG and reflexes",
+        terrain="mixed",
+        duration_s=1.5,
+        coloured=("grips", "retracts", "stumbles"),
+    ),
+    "turn_video": Walk(
+        "drive (1.2, 0.2)",
+        drive=(1.2, 0.2),
+        duration_s=1.5,
+        camera="top",
+        distance=13.0,
+        coloured=("grips", "retracts", "stumbles"),
+    ),
+}
+"""Walks of the literature, by the names of their videos."""
+
+
+def film_walk(walk: Walk) -> Film:
+    """Film a walk, a quarter as fast as life.
+
+    Returns
+    -------
+    The video, whose poster is its last picture, and a table with a row per picture: `time_s`; the
+    thorax's `x_mm`, `y_mm`, `z_mm` and `yaw_deg`, left positive and counted on beyond half a turn;
+    `drive_left`, `drive_right`; of every leg, as 0 or 1, whether it `grips`, `retracts` and
+    `stumbles`, and the ground's upward `force_uN` on it.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If no GL context can be made.
+    OSError, RuntimeError
+        If ffmpeg fails.
+    """
+    env = BatchedEnv(
+        EnvConfig(
+            "hybrid_turning", body=walk.body, terrain=walk.terrain, controller=walk.controller
+        ),
+        1,
+        1,
+    )
+    scene = env.config.fly_scene
+    renderer = FlyRenderer(scene, WIDTH, HEIGHT, walk.camera, walk.overlay, walk.distance)
+    with closing(renderer):
+        env.reset(seeds=[0])
+        flies, timestep = env.flies, scene.physics.timestep
+        flies.set_drive(np.array([walk.drive]))
+        flies.step(round(SETTLING_S / timestep))
+        pictures, rows = [], []
+        for frame in range(round(walk.duration_s / FLY_PACE.frame_s) + 1):
+            if frame:
+                flies.step(round(FLY_PACE.frame_s / timestep))
+            picture = measured(renderer.render(flies), renderer.pixels_per_mm, walk.overlay)
+            time_s = frame * FLY_PACE.frame_s
+            picture = titled(picture, walk.title, clock_text(time_s, FLY_PACE.frame_s * FPS))
+            entries = [(name, _MEANINGS[name]) for name in walk.coloured]
+            pictures.append(with_legend(picture, entries) if entries else picture)
+            rows.append({"time_s": time_s, **_row(flies, walk.body)})
+    mp4 = encode(pictures + pictures[-1:] * HOLD_FRAMES)
+    table = pd.DataFrame(rows)
+    table["yaw_deg"] = np.unwrap(table["yaw_deg"], period=360)
+    return Film(mp4, jpeg(pictures[-1]), table)
+
+
+def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:
+    state, legs = flies.state(), flies.leg_states(0)
+    x, y, z = state.position_w[0]
+    forces = state.contact_forces_w[0].reshape(len(LEGS), -1, 3).sum(axis=1)
+    row: dict[str, Any] = {"x_mm": x, "y_mm": y, "z_mm": z, "yaw_deg": np.degrees(state.yaw[0])}
+    row["drive_left"], row["drive_right"] = state.drive[0]
+    grips = legs.grips if body.adhesion_gain else np.zeros_like(legs.grips)
+    for name, of_legs in (
+        ("grips", grips.astype(int)),
+        ("retracts", legs.retracts.astype(int)),
+        ("stumbles", legs.stumbles.astype(int)),
+        ("force_uN", forces[:, 2]),
+    ):
+        row |= {f"{name}_{leg}": value for leg, value in zip(LEGS, of_legs, strict=True)}
+    return row

@@ -1,0 +1,137 @@
+"""What is drawn into MuJoCo's picture of a scene that is not in its model: ribbons and arrows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from flyrl.anatomy import LEGS
+from flyrl.terrains import Boxes
+from flyrl.validation import FloatArray
+
+FORCE_PER_MM: Final = 30.0
+"""µN that an arrow of 1 mm stands for; a gripping leg is held with 40."""
+
+LEAST_FORCE: Final = 1.0
+"""µN; a tenth of the fly's weight. Weaker forces have no arrow."""
+
+MAX_TRACE: Final = 400
+"""Points of a path that are kept: 4 s at 100 pictures per s."""
+
+_TRACE: Final = (0.96, 0.72, 0.12, 1.0)
+_ARROW: Final = (0.95, 0.33, 0.05, 1.0)
+_RIBBON_WIDTH: Final = 0.1
+_ARROW_WIDTH: Final = 0.045
+"""mm."""
+
+_ABOVE: Final = 0.015
+"""mm by which a ribbon lies above the ground."""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A ribbon or an arrow from one point to another, mm, world frame."""
+
+    kind: mujoco.mjtGeom
+    start: FloatArray
+    end: FloatArray
+    width: float
+    rgba: tuple[float, float, float, float]
+
+
+def add_marks(marks: Sequence[Mark], scene: mujoco.MjvScene) -> None:
+    """Add marks to a scene that MuJoCo is about to draw, as many as it has room for."""
+    for mark in marks[: scene.maxgeom - scene.ngeom]:
+        geom = scene.geoms[scene.ngeom]
+        colour = np.array(mark.rgba, dtype=np.float32)
+        mujoco.mjv_initGeom(geom, mark.kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
+        if mark.kind == mujoco.mjtGeom.mjGEOM_BOX:
+            _flatten(geom, mark)
+        else:
+            mujoco.mjv_connector(geom, mark.kind, mark.width, mark.start, mark.end)
+        # as bright on the side away from the light
+        geom.emission = 0.5
+        geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+        scene.ngeom += 1
+
+
+def _flatten(geom: mujoco.MjvGeom, mark: Mark) -> None:
+    """Make a box a ribbon that lies flat, from the start of a mark to its end."""
+    along = mark.end - mark.start
+    length = float(np.linalg.norm(along))
+    forward = along / length
+    aside = np.cross((0.0, 0.0, 1.0), forward)
+    aside /= np.linalg.norm(aside)
+    geom.pos[:] = (mark.start + mark.end) / 2
+    geom.mat[:] = np.column_stack([forward, aside, np.cross(forward, aside)])
+    geom.size[:] = (length / 2, mark.width / 2, _ABOVE / 2)
+
+
+def force_arrows(forces_w: FloatArray, feet_w: FloatArray) -> list[Mark]:
+    """Arrows of the ground's forces at the feet.
+
+    Parameters
+    ----------
+    forces_w
+        On each sensed segment, µN, (36, 3), ordered as anatomy.CONTACT_SEGMENTS.
+    feet_w
+        Where the legs end, mm, (6, 3), ordered as anatomy.LEGS.
+    """
+    of_legs = forces_w.reshape(len(LEGS), -1, 3).sum(axis=1)
+    return [
+        Mark(
+            mujoco.mjtGeom.mjGEOM_ARROW,
+            foot,
+            foot + force / FORCE_PER_MM,
+            _ARROW_WIDTH,
+            _ARROW,
+        )
+        for force, foot in zip(of_legs, feet_w, strict=True)
+        if np.linalg.norm(force) >= LEAST_FORCE
+    ]
+
+
+def top_below(boxes: Boxes, x: float, y: float) -> float | None:
+    """Height of the highest box at a place, mm; None where there is none."""
+    inside = (np.abs(boxes.centres[:, :2] - (x, y)) <= boxes.half_sizes[:, :2]).all(axis=1)
+    return float(boxes.tops[inside].max()) if inside.any() else None
+
+
+class Trace:
+    """Path of one fly on the ground.
+
+    Parameters
+    ----------
+    height
+        Of ground that is no box, mm.
+    """
+
+    def __init__(self, height: float) -> None:
+        self._height = height
+        self._time = 0.0
+        self._points: list[FloatArray] = []
+
+    def add(self, time: float, thorax_w: FloatArray, boxes: Boxes) -> None:
+        """Go on to where the thorax is, s and mm; with a time before the last, start anew.
+
+        Across a gap the path goes on at the height before it.
+        """
+        if time < self._time:
+            self._points.clear()
+        self._time = time
+        x, y = thorax_w[:2]
+        top = top_below(boxes, x, y)
+        if top is None:
+            top = self._points[-1][2] - _ABOVE if self._points and len(boxes.tops) else self._height
+        self._points.append(np.array([x, y, top + _ABOVE]))
+        del self._points[:-MAX_TRACE]
+
+    def marks(self) -> list[Mark]:
+        """Ribbons from each point to the next."""
+        return [
+            Mark(mujoco.mjtGeom.mjGEOM_BOX, start, end, _RIBBON_WIDTH, _TRACE)
+            for start, end in zip(self._points, self._points[1:], strict=False)
+            if np.linalg.norm((end - start)[:2]) > 1e-6
+        ]

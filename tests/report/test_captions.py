@@ -1,0 +1,58 @@
+"""What is written onto pictures."""
+
+import numpy as np
+import pytest
+
+from flyrl.report.captions import clock_text, scale_length, titled, with_legend, with_scale_bar
+
+GREY = np.full((360, 480, 3), 128, np.uint8)
+
+
+def changed(picture):
+    """Rows and columns of the pixels that were drawn over: first and last of each."""
+    rows, columns = np.nonzero((picture != GREY).any(axis=2))
+    return (int(rows.min()), int(rows.max())), (int(columns.min()), int(columns.max()))
+
+
+def test_the_clock_tells_time_and_speed():
+    assert clock_text(1.239, 0.25) == "t = 1.24 s   0.25 \N{MULTIPLICATION SIGN} real time"
+    assert clock_text(0.0, 1.0) == "t = 0.00 s   real time"
+
+
+@pytest.mark.parametrize(
+    ("pixels_per_mm", "expected"),
+    [
+        (50.0, (2, 100)),  # 5 mm would take 250 px of 480
+        (52.9, (1, 53)),  # 2 mm would take 105.8, of which 105.6 are the most
+        (2.1, (50, 105)),
+        (5000.0, (0.1, 500)),
+    ],
+)
+def test_a_scale_bar_has_the_longest_round_length_that_fits(pixels_per_mm, expected):
+    assert scale_length(pixels_per_mm, 480) == expected
+
+
+def test_a_scale_bar_is_as_long_as_it_says():
+    white = (with_scale_bar(GREY, 50.0) == 255).all(axis=2)
+    assert white.sum(axis=1).max() == 100
+
+
+def test_captions_keep_to_their_corners():
+    (_, bottom), (_, right) = changed(titled(GREY, "walk_cpg", clock_text(1.0, 0.25)))
+    assert bottom < 90
+    assert right < 240
+    (top, _), (left, right) = changed(with_scale_bar(GREY, 50.0, ", force 30 µN/mm"))
+    assert top > 300
+    assert right < 240
+    entries = [(name, "what it means") for name in ("grips", "retracts", "stumbles")]
+    (top, bottom), (left, right) = changed(with_legend(GREY, entries))
+    assert top > 240
+    assert left > 240
+    assert (bottom, right) < (360, 480)
+
+
+def test_the_font_knows_what_is_written():
+    """A sign that it lacks would be drawn as the box that stands for another it lacks."""
+    signs = [titled(GREY, sign) for sign in ("\N{MULTIPLICATION SIGN}", "µ", "°", "\ue000")]
+    for sign in signs[:-1]:
+        assert (sign != signs[-1]).any()

@@ -1,0 +1,85 @@
+"""Where things are in pictures of a fly: by hand, and in one picture."""
+
+import numpy as np
+import pytest
+
+from flyrl.controllers.leg_controller import initial_state
+from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.overlay import PLAIN, Overlay
+from flyrl.simulation.rendering import (
+    FlyRenderer,
+    RenderingUnavailableError,
+    line_of_sight,
+    pixels_per_mm,
+)
+from flyrl.simulation.scene import SceneConfig, build_scene
+
+
+def test_a_millimetre_in_pixels():
+    """An angle of 90 degrees shows 2 mm at a depth of 1 mm, and 20 mm at 10 mm."""
+    assert pixels_per_mm(480, 90.0, 1.0) == pytest.approx(240)
+    assert pixels_per_mm(480, 90.0, 10.0) == pytest.approx(24)
+    # tan(22.5 degrees) = 0.414214
+    assert pixels_per_mm(480, 45.0, 9.0) == pytest.approx(64.379, abs=1e-3)
+
+
+def test_a_camera_looks_along_its_angles():
+    np.testing.assert_allclose(line_of_sight(0, 0), (1, 0, 0), atol=1e-12)
+    np.testing.assert_allclose(line_of_sight(90, 0), (0, 1, 0), atol=1e-12)
+    np.testing.assert_allclose(line_of_sight(0, -90), (0, 0, -1), atol=1e-12)
+    np.testing.assert_allclose(line_of_sight(180, -60), (-0.5, 0, -np.sqrt(0.75)), atol=1e-12)
+
+
+def test_a_camera_that_does_not_exist_is_refused():
+    with pytest.raises(ValueError, match="camera must be one of 'follow', 'top', 'goal'"):
+        FlyRenderer(SceneConfig(), camera="side")
+
+
+@pytest.fixture(scope="module")
+def flies():
+    config = SceneConfig()
+    batch = FlyBatch(build_scene(config), num_threads=1)
+    start = initial_state(config.controller)
+    batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
+    return batch
+
+
+@pytest.fixture(scope="module")
+def from_above(flies):
+    """Plain pictures from 10 mm above the thorax, and such with coloured legs."""
+    config = flies.scene.config
+    coloured = Overlay(trace=False)
+    try:
+        renderers = [FlyRenderer(config, 320, 240, "top", each, 10.0) for each in (PLAIN, coloured)]
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    yield renderers
+    for renderer in renderers:
+        renderer.close()
+
+
+def test_the_target_seen_from_above_is_as_wide_as_the_scale_says(flies, from_above):
+    """Its disc of 2 mm lies some 1.3 mm below the thorax, so that it is drawn a little smaller."""
+    renderer = from_above[0]
+    picture = renderer.render(flies, 0, (2.5, 0.0)).astype(int)
+    assert renderer.pixels_per_mm == pytest.approx(240 / (2 * 0.414214 * 10.0), rel=1e-4)
+    is_red = picture[..., 0] - picture[..., 1] > 80
+    rows, _ = np.nonzero(is_red[:, 190:])
+    below = flies.state().position_w[0, 2]
+    expected = 2.0 * renderer.pixels_per_mm * 10.0 / (10.0 + below)
+    assert np.ptp(rows) + 1 == pytest.approx(expected, abs=3)
+    # the scale of another depth would be off by more than that
+    assert abs(2.0 * renderer.pixels_per_mm - expected) > 4
+
+
+def test_pictures_have_coloured_legs_where_they_are_asked_for(flies, from_above):
+    plain, marked = from_above
+    flies.controllers["adhesion"] = 0.0
+    usual = plain.render(flies)
+    np.testing.assert_array_equal(marked.render(flies), usual)
+    flies.controllers["adhesion"] = 1.0
+    np.testing.assert_array_equal(plain.render(flies), usual)
+    changed = marked.render(flies) != usual
+    assert changed.any(axis=2).sum() > 20
+    flies.controllers["adhesion"] = 0.0
+    np.testing.assert_array_equal(marked.render(flies), usual)
