@@ -2,8 +2,8 @@
 
 Pages link to files as they lie in the repository, so that links work where the repository is read,
 too. Here links to files outside docs/ are led to the pages that the site shows them on, the
-notebooks are put into the navigation, and a page that would fetch something from another machine
-is an error.
+notebooks are put into the navigation, drawings in the page's colours are put into the page, and a
+page that would fetch something from another machine is an error.
 """
 
 import posixpath
@@ -46,6 +46,7 @@ LED: Final = {
 """Files and folders outside docs/, and folders in it, that links to are led to a page."""
 
 _LINK: Final = re.compile(r"(?<=\]\()(?P<path>[^)\s#:]+)(?=[#)])")
+_IMAGE: Final = re.compile(r"^!\[[^\]]*\]\((?P<path>[^)\s]+\.svg)\)$", re.MULTILINE)
 _FETCHED: Final = re.compile(
     r"<(?:script|img|iframe|source|video|audio|object|embed)\b[^>]*?\s(?:src|data)=[\"']?"
     r"((?:https?:)?//[^\"'\s>]+)"
@@ -93,7 +94,16 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             return link["path"]
         return posixpath.relpath(target, posixpath.dirname(uri) or ".")
 
-    return _LINK.sub(led, markdown)
+    markdown = _LINK.sub(led, markdown)
+    return _IMAGE.sub(lambda image: _drawn(image, ROOT / here), markdown)
+
+
+def _drawn(image: re.Match[str], folder: Path) -> str:
+    """The drawing itself in place of an image, if its colours are to be those of the page."""
+    text = (folder / image["path"]).read_text() if (folder / image["path"]).exists() else ""
+    if "var(--md-" not in text:
+        return image[0]
+    return '<div class="drawing">' + re.sub(r"\n\s*", "\n", text) + "</div>"
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
