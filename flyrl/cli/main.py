@@ -30,6 +30,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     SystemExit
         With status 2, for a command line that cannot be meant so.
     """
+    options = command_parser().parse_args(arguments)
+    try:
+        status: int = options.run(options)
+    except (ValueError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return status
+
+
+def command_parser() -> argparse.ArgumentParser:
+    """Make the parser of the whole command."""
     parser = argparse.ArgumentParser(
         prog="flyrl",
         description="Look at training runs, compare, repeat and tune them; draw figures; play.",
@@ -37,10 +48,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(metavar="command", required=True)
     for module in _SUBCOMMANDS:
         module.add_to(subparsers)
-    options = parser.parse_args(arguments)
-    try:
-        status: int = options.run(options)
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return status
+    return parser
