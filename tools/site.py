@@ -52,9 +52,15 @@ _FETCHED: Final = re.compile(
     r"((?:https?:)?//[^\"'\s>]+)"
     r"|<link\b(?![^>]*\brel=[\"']?(?:canonical|prev|next|alternate))[^>]*?\shref=[\"']?"
     r"((?:https?:)?//[^\"'\s>]+)"
-    r"|@import[^;]*?((?:https?:)?//[^\"'\s;)]+)",
+    r"|@import[^;]*?((?:https?:)?//[^\"'\s;)]+)"
+    r"|\bimport\(\s*[\"']((?:https?:)?//[^\"']+)",
     re.IGNORECASE,
 )
+_NOTEBOOK_SCRIPTS: Final = re.compile(
+    r"<script(?:(?!</script>).)*?(?:mathjax|mermaid)(?:(?!</script>).)*</script>",
+    re.IGNORECASE | re.DOTALL,
+)
+"""MathJax and mermaid, which nbconvert brings for formulas and diagrams that ours do not have."""
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -107,7 +113,7 @@ def _drawn(image: re.Match[str], folder: Path) -> str:
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
-    """Take out MathJax, which notebooks fetch and none of ours needs; refuse all else that is so.
+    """Take out what notebooks would fetch, and refuse all else that would be fetched.
 
     Raises
     ------
@@ -115,12 +121,8 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
         The page would fetch something from another machine.
     """
     del config
-    output = _without_mathjax(output)
+    output = _NOTEBOOK_SCRIPTS.sub("", output)
     fetched: list[Any] = [next(filter(None, groups)) for groups in _FETCHED.findall(output)]
     if fetched:
         raise PluginError(f"{page.file.src_uri} fetches from elsewhere: {', '.join(fetched)}")
     return output
-
-
-def _without_mathjax(output: str) -> str:
-    return re.sub(r"<script[^>]*mathjax[^>]*>\s*</script>", "", output, flags=re.IGNORECASE)

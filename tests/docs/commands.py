@@ -41,7 +41,9 @@ NEEDS_ANOTHER_ENVIRONMENT = "launcher=ray"
 COMPOSED = ("train", "evaluate")
 """Programs whose arguments are Hydra's."""
 
-_INLINE = re.compile(r"`((?:[A-Z_]+=\S+ )?(?:python )?(?:train|evaluate)\.py [^`\n]+|flyrl \w[^`\n]*)`")
+_INLINE = re.compile(
+    r"`((?:[A-Z_]+=\S+ )?(?:python )?(?:train|evaluate)\.py [^`\n]+|flyrl \w[^`\n]*)`"
+)
 
 
 def commands(page: str) -> Iterator[tuple[str, bool]]:

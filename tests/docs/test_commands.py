@@ -6,6 +6,7 @@ are handed to the checks that their programs make before they begin to work. Wha
 `NOT_CHECKED` gives the reason for.
 """
 
+import itertools
 import re
 import shlex
 import sys
@@ -33,7 +34,7 @@ def _failing():
     """Commands that are followed by the error that they end with."""
     for page in PAGES:
         examples = blocks(page, "bash", "text")
-        for block, after in zip(examples, examples[1:], strict=False):
+        for block, after in itertools.pairwise(examples):
             is_pair = (language_of(block), language_of(after)) == ("bash", "text")
             if is_pair and after.parsed.startswith("error: "):
                 (command,) = lines(block.parsed)
