@@ -67,8 +67,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the notebooks into the navigation."""
     tutorials = Path(config.docs_dir) / "tutorials"
     found = [f"tutorials/{path.name}" for path in sorted(tutorials.glob("*.ipynb"))]
-    if (tutorials / "index.md").exists():
-        found.insert(0, "tutorials/index.md")
+    if (tutorials / "README.md").exists():
+        found.insert(0, "tutorials/README.md")
     for item in config.nav or []:
         if "Tutorials" in item:
             item["Tutorials"] = found

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 from mkdocs.exceptions import PluginError
 
+from tests.docs.pages import PAGES
 from tools import site
 
 
@@ -30,6 +31,13 @@ def led(uri, markdown):
 def test_links_lead_to_where_the_site_shows_the_file(uri, link, target):
     assert led(uri, f"see [it]({link}).") == f"see [it]({target})."
     assert led(uri, f"see [it]({link}#a).") == f"see [it]({target}#a)."
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_to_a_file_where_the_repository_is_read(page):
+    text = re.sub(r"^```.*?^```", "", PAGES[page].read_text(), flags=re.DOTALL | re.MULTILINE)
+    for path in re.findall(r"\]\(([^)\s#:]+)(?:#[^)\s]*)?\)", text):
+        assert (PAGES[page].parent / path).exists(), path
 
 
 def test_a_drawing_in_the_page_s_colours_is_put_into_the_page():
