@@ -16,7 +16,7 @@ from flyrl.cli.evaluate import comparison
 from flyrl.cli.main import command_parser
 from flyrl.policies import named_policies
 from flyrl.resources import configs_folder
-from tests.docs.pages import PAGES, ROOT, blocks
+from tests.docs.pages import PAGES, ROOT, SHELLS, blocks
 
 PLACEHOLDERS = {
     "<task>": "target",
@@ -48,7 +48,7 @@ _INLINE = re.compile(
 
 def commands(page: str) -> Iterator[tuple[str, bool]]:
     """Commands of a page: those in its blocks, and those in its text, which may be cut short."""
-    for block in blocks(page, "bash"):
+    for block in blocks(page, *SHELLS):
         for line in lines(block.parsed):
             yield line, True
     for inline in _INLINE.findall(PAGES[page].read_text()):
@@ -60,7 +60,7 @@ def lines(block: str) -> Iterator[str]:
     """The commands of a block, without comments; what is piped or chained, one by one."""
     for line in block.replace("\\\n", " ").splitlines():
         told = re.sub(r"(^|\s)#.*", "", line).strip()
-        told = re.sub(r"\s> \S+$", "", told)  # where the output goes
+        told = re.sub(r"\s>>? \S+$", "", told)  # where the output goes
         yield from (part for part in re.split(r"\s(?:&&|\|)\s", told) if part)
 
 
@@ -171,7 +171,14 @@ def _pip(arguments: list[str], is_whole: bool) -> None:
         assert set(extras.split(",")) <= set(project["optional-dependencies"]), extras
 
 
+def _echo(arguments: list[str], is_whole: bool) -> None:
+    """What is written into a shell's own file calls flyrl as can be."""
+    (inner,) = re.findall(r"\$\(flyrl ([^)]*)\)", " ".join(arguments))
+    _flyrl(shlex.split(inner), is_whole)
+
+
 _CHECKS: dict[str, Callable[[list[str], bool], None]] = {
+    "echo": _echo,
     "flyrl": _flyrl,
     "make": _make,
     "pip": _pip,

@@ -15,10 +15,14 @@ FILES = (
 )
 PAGES = {str(path.relative_to(ROOT)): path for path in FILES}
 
+SHELLS = ("bash", "zsh", "fish")
 LANGUAGES = {
     "python": "runs, all of a page in one namespace, in a folder of its own (test_python)",
-    "bash": "every command is taken by the program's own checks; what runs quickly, runs "
-    "(test_commands)",
+    **dict.fromkeys(
+        SHELLS,
+        "every command is taken by the program's own checks; what runs quickly, runs "
+        "(test_commands)",
+    ),
     "yaml": "is read; a search space is taken by flyrl tune's own checks (test_shown)",
     "xml": "is read (test_shown)",
     "text": "is what a program prints, or a folder; messages are those of the sources (test_shown)",
