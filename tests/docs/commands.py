@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values
@@ -52,7 +53,7 @@ def commands(page: str) -> Iterator[tuple[str, bool]]:
         for line in lines(block.parsed):
             yield line, True
     for inline in _INLINE.findall(PAGES[page].read_text()):
-        if "…" not in inline:
+        if "…" not in inline and not inline.endswith((".", "=")):  # these are yet to be completed
             yield inline, False
 
 
@@ -95,7 +96,7 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
         for command, _ in commands(page):
             name, *arguments = words(command)
             if name == program:
-                overrides = [each for each in arguments if each not in ("-m", "--multirun")]
+                overrides = get_args_parser().parse_args(arguments).overrides  # without flags
                 OverridesParser.create().parse_overrides(overrides)
                 lasting = tuple(each for each in overrides if not each.startswith("seed="))
                 found.setdefault(lasting, (page, command))
@@ -103,19 +104,22 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
 
 
 def check_training(overrides: tuple[str, ...]) -> None:
-    """As train.py checks them: keys, choices, and values where more is given than choices."""
+    """As train.py checks them: keys and choices, and values where such are given.
+
+    To compose the settings takes the time here, so it is done once.
+    """
     if NEEDS_ANOTHER_ENVIRONMENT in overrides:
         return
-    many = any(re.fullmatch(r"[\w.]+=[\w-]+(,[\w-]+)+", each) for each in overrides)
-    sweep = check_arguments("train", [*(["-m"] if many else []), *overrides])
-    has_values = any("." in each.partition("=")[0] for each in overrides)
-    if has_values and sweep is None and not any(each.startswith("resume=") for each in overrides):
+    is_sweep = any(re.fullmatch(r"[\w.]+=[\w-]+(,[\w-]+)+", each) for each in overrides)
+    keys = [each.partition("=")[0] for each in overrides]
+    if is_sweep or "launcher" in keys or "resume" in keys or not any("." in key for key in keys):
+        check_arguments("train", [*(["-m"] if is_sweep else []), *overrides])
+    else:
         training_config(_values("train", overrides))
 
 
 def check_evaluation(overrides: tuple[str, ...]) -> None:
     """As evaluate.py checks them, down to the policy files where these come with flyrl."""
-    check_arguments("evaluate", overrides)
     record = _values("evaluate", overrides)
     settings = own_settings(record)
     if settings.policies and set(settings.policies) <= set(named_policies()):
