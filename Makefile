@@ -2,6 +2,7 @@
 # make test    set up .venv; run the tests
 # make test-ray  run the tests of launcher=ray in an environment of its own, with a cloudpickle of its own
 # make check   lint, format, types, import contracts (what CI and pre-commit run before the tests)
+# make docs    build the documentation's site into site/; a link that leads nowhere is an error
 # make bench   speed of every part on this machine, and how the fly walks beside the literature
 # make format  let ruff rewrite what make check complains about
 # make clean   remove .venv, .venv-ray and caches; runs/ and reports/ stay
@@ -17,7 +18,7 @@ INSTALLED_DEV := $(VENV)/.installed-dev
 # without compiling every module: Python does that itself to the few that are imported
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 
-.PHONY: train test test-ray check bench format clean
+.PHONY: train test test-ray check docs bench format clean
 
 train: $(INSTALLED)
 	$(BIN)/python train.py experiment=main $(ARGS)
@@ -38,6 +39,9 @@ check: $(INSTALLED_DEV)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+docs: $(INSTALLED_DEV)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict $(ARGS)
+
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.speed $(ARGS)
 	$(BIN)/python benchmarks/walking.py
@@ -47,7 +51,7 @@ format: $(INSTALLED_DEV)
 	$(BIN)/ruff format
 
 clean:
-	rm -rf $(VENV) $(VENV_RAY) build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(VENV_RAY) build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("flyrl needs Python 3.11 or newer, but $(PYTHON) is " + sys.version.split()[0] + "; name another: make PYTHON=python3.12")'

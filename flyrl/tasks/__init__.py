@@ -46,6 +46,7 @@ TASKS: Final = {
 """Tasks for flies by name."""
 
 TASK_NAMES: Final = (*TASKS, *WORM_TASKS)
+"""Of all tasks, those for worms included."""
 
 
 def task_named(name: str, worm: WormConfig | None = None) -> Task:

@@ -134,7 +134,7 @@ def test_weights_that_cannot_be_given():
 def _commands(run):
     """The command lines in the section on own terms, as Python's arguments."""
     section = DOCS.split("## Terms of your own")[1].replace("<run folder>", run)
-    lines = re.findall(r"^    python (.*?[^\\])$", section, re.M | re.S)
+    lines = re.findall(r"^python (.*?[^\\])$", section, re.M | re.S)
     return [shlex.split(line.replace("\\\n", " ")) for line in lines]
 
 

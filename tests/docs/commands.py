@@ -1,0 +1,189 @@
+"""Command lines in the documentation, and how each is checked without the work that it asks for."""
+
+import importlib.util
+import re
+import shlex
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from hydra import compose, initialize_config_dir
+from hydra._internal.utils import get_args_parser
+from hydra.core.override_parser.overrides_parser import OverridesParser
+
+from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values
+from flyrl.cli.config import evaluation_config, own_settings, training_config
+from flyrl.cli.evaluate import comparison
+from flyrl.cli.main import command_parser
+from flyrl.policies import named_policies
+from flyrl.resources import configs_folder
+from tests.docs.pages import PAGES, ROOT, SHELLS, blocks
+
+PLACEHOLDERS = {
+    "<task>": "target",
+    "<algorithm>": "ppo",
+    "<name>": "target-flat",
+    "<server>": "localhost",
+}
+"""What stands for a word; any other <words> stand for the path of a file or a folder."""
+
+NOT_CHECKED = {
+    "ray": "another project's program, which starts a cluster",
+    "rl_zoo3.train": "another project's program; tests/clients/test_rl_zoo.py runs it",
+    "rl_zoo3.enjoy": "the same",
+    "venv": "Python's own; makes an environment in which pip would download",
+    "sed": "gets what pip says, which is not run",
+}
+"""Program or module -> why its commands are neither run nor checked."""
+
+NEEDS_ANOTHER_ENVIRONMENT = "launcher=ray"
+"""Its packages cannot be installed beside the others; `make test-ray` runs it."""
+
+COMPOSED = ("train", "evaluate")
+"""Programs whose arguments are Hydra's."""
+
+_INLINE = re.compile(
+    r"`((?:[A-Z_]+=\S+ )?(?:python )?(?:train|evaluate)\.py [^`\n]+|flyrl \w[^`\n]*)`"
+)
+
+
+def commands(page: str) -> Iterator[tuple[str, bool]]:
+    """Commands of a page: those in its blocks, and those in its text, which may be cut short."""
+    for block in blocks(page, *SHELLS):
+        for line in lines(block.parsed):
+            yield line, True
+    for inline in _INLINE.findall(PAGES[page].read_text()):
+        if "…" not in inline and not inline.endswith((".", "=")):  # these are yet to be completed
+            yield inline, False
+
+
+def lines(block: str) -> Iterator[str]:
+    """The commands of a block, without comments; what is piped or chained, one by one."""
+    for line in block.replace("\\\n", " ").splitlines():
+        told = re.sub(r"(^|\s)#.*", "", line).strip()
+        told = re.sub(r"\s>>? \S+$", "", told)  # where the output goes
+        yield from (part for part in re.split(r"\s(?:&&|\|)\s", told) if part)
+
+
+def words(command: str) -> list[str]:
+    """Program and arguments, with something in place of the placeholders.
+
+    `train.py`, `flyrl train` and `python train.py` are all `train`.
+    """
+    for placeholder, word in PLACEHOLDERS.items():
+        command = command.replace(placeholder, word)
+    found = shlex.split(re.sub(r"<[^<>]+>", "somewhere", command))
+    while re.fullmatch(r"[A-Z_]+=.*", found[0]):  # set for this command alone
+        del found[0]
+    found[0] = found[0].rpartition("bin/")[2]
+    if found[0] in ("python", "python3"):
+        del found[0]
+    if found[0] == "-m":
+        del found[0]
+    if found[0] == "flyrl" and len(found) > 1 and found[1] in COMPOSED:
+        del found[0]
+    found[0] = found[0].removesuffix(".py") if found[0][:-3] in COMPOSED else found[0]
+    return found
+
+
+def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
+    """Different overrides of a program on all pages: page and command that has them first.
+
+    Seeds make no difference, but are parsed.
+    """
+    found: dict[tuple[str, ...], tuple[str, str]] = {}
+    for page in PAGES:
+        for command, _ in commands(page):
+            name, *arguments = words(command)
+            if name == program:
+                overrides = get_args_parser().parse_args(arguments).overrides  # without flags
+                OverridesParser.create().parse_overrides(overrides)
+                lasting = tuple(each for each in overrides if not each.startswith("seed="))
+                found.setdefault(lasting, (page, command))
+    return found
+
+
+def check_training(overrides: tuple[str, ...]) -> None:
+    """As train.py checks them: keys and choices, and values where such are given.
+
+    To compose the settings takes the time here, so it is done once.
+    """
+    if NEEDS_ANOTHER_ENVIRONMENT in overrides:
+        return
+    is_sweep = any(re.fullmatch(r"[\w.]+=[\w-]+(,[\w-]+)+", each) for each in overrides)
+    keys = [each.partition("=")[0] for each in overrides]
+    if is_sweep or "launcher" in keys or "resume" in keys or not any("." in key for key in keys):
+        check_arguments("train", [*(["-m"] if is_sweep else []), *overrides])
+    else:
+        training_config(_values("train", overrides))
+
+
+def check_evaluation(overrides: tuple[str, ...]) -> None:
+    """As evaluate.py checks them, down to the policy files where these come with flyrl."""
+    record = _values("evaluate", overrides)
+    settings = own_settings(record)
+    if settings.policies and set(settings.policies) <= set(named_policies()):
+        comparison(record, settings, ())
+    else:
+        evaluation_config(record, settings, "")
+
+
+def _values(program: str, overrides: tuple[str, ...]) -> dict[str, object]:
+    folder = str(configs_folder().resolve())
+    with initialize_config_dir(folder, version_base=HYDRA_VERSION):
+        return plain_values(compose(program, list(overrides)))
+
+
+def check(command: str, *, is_whole: bool = True) -> None:
+    """Check a command of another program; raise what is wrong with it."""
+    program, *arguments = words(command)
+    if program in NOT_CHECKED or program in COMPOSED:
+        return
+    if program.startswith("benchmarks"):
+        found = importlib.util.find_spec(program)
+        assert found is not None, program
+        is_package = found.submodule_search_locations
+        assert not is_package or importlib.util.find_spec(f"{program}.__main__"), program
+    elif Path(program).parts[0] in ("tools", ".ci"):
+        assert (ROOT / program).exists(), program
+    else:
+        assert program in _CHECKS, f"no check for {command!r}: add one, or a reason to NOT_CHECKED"
+        _CHECKS[program](arguments, is_whole)
+
+
+def _flyrl(arguments: list[str], is_whole: bool) -> None:
+    """As flyrl parses them; of a command that is cut short, its name."""
+    try:
+        command_parser().parse_args(arguments if is_whole else [arguments[0], "--help"])
+    except SystemExit as end:
+        assert end.code == 0, arguments
+
+
+def _make(arguments: list[str], is_whole: bool) -> None:
+    """The targets are in the Makefile."""
+    del is_whole
+    makefile = (ROOT / "Makefile").read_text()
+    for target in (each for each in arguments if "=" not in each):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+
+
+def _pip(arguments: list[str], is_whole: bool) -> None:
+    """The extras are in pyproject.toml. Nothing is installed."""
+    del is_whole
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    for extras in re.findall(r"(?:flyrl|\.)\[([\w,]+)\]", " ".join(arguments)):
+        assert set(extras.split(",")) <= set(project["optional-dependencies"]), extras
+
+
+def _echo(arguments: list[str], is_whole: bool) -> None:
+    """What is written into a shell's own file calls flyrl as can be."""
+    (inner,) = re.findall(r"\$\(flyrl ([^)]*)\)", " ".join(arguments))
+    _flyrl(shlex.split(inner), is_whole)
+
+
+_CHECKS: dict[str, Callable[[list[str], bool], None]] = {
+    "echo": _echo,
+    "flyrl": _flyrl,
+    "make": _make,
+    "pip": _pip,
+}

@@ -1,0 +1,95 @@
+"""Every command in the documentation is one that its program takes.
+
+`flyrl runs` runs, and so does what is said to fail. Trainings, evaluations, figures and pages have
+tests of their own, tests/cli/test_terms.py with the commands of docs/tasks.md; here these commands
+are handed to the checks that their programs make before they begin to work. What is not even that,
+`NOT_CHECKED` gives the reason for.
+"""
+
+import itertools
+import re
+import shlex
+import sys
+
+import pytest
+
+from flyrl.cli import evaluate, train
+from flyrl.cli.main import main
+from tests.docs.commands import (
+    NOT_CHECKED,
+    check,
+    check_evaluation,
+    check_training,
+    commands,
+    composed,
+    lines,
+    words,
+)
+from tests.docs.pages import PAGES, blocks, language_of
+
+PROGRAMS = {"train": train.main, "evaluate": evaluate.main}
+
+
+def _failing():
+    """Commands that are followed by the error that they end with."""
+    for page in PAGES:
+        examples = blocks(page, "bash", "text")
+        for block, after in itertools.pairwise(examples):
+            is_pair = (language_of(block), language_of(after)) == ("bash", "text")
+            if is_pair and after.parsed.startswith("error: "):
+                (command,) = lines(block.parsed)
+                yield command, after.parsed.strip()
+
+
+FAILING = dict(_failing())
+
+
+@pytest.mark.parametrize(
+    ("program", "accepted"), [("train", check_training), ("evaluate", check_evaluation)]
+)
+def test_trainings_and_evaluations_are_accepted(program, accepted, folder_of, subtests):
+    folder_of("docs/tasks.md")
+    for overrides, (page, command) in composed(program).items():
+        if command not in FAILING:
+            with subtests.test(f"{page}: {command}"):
+                accepted(overrides)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_other_commands_are_accepted(page):
+    for command, is_whole in commands(page):
+        check(command, is_whole=is_whole)
+
+
+@pytest.mark.parametrize("command", FAILING)
+def test_a_command_that_is_said_to_fail_says_so(command, folder_of, monkeypatch, capsys):
+    (folder_of("docs/troubleshooting.md") / "model.zip").touch()
+    program, *arguments = words(command)
+    monkeypatch.setattr(sys, "argv", [f"{program}.py", *arguments])
+    with pytest.raises(SystemExit) as end:
+        PROGRAMS[program]()
+    assert end.value.code == 2
+    expected = ".*".join(re.escape(part) for part in FAILING[command].split("…"))
+    assert re.search(expected, capsys.readouterr().err, re.DOTALL)
+
+
+def test_flyrl_runs_as_it_is_shown(folder_of):
+    (folder_of("docs/sweeps.md") / "runs").mkdir()
+    shown = [each for each, _ in commands("docs/sweeps.md") if each.startswith("flyrl runs")]
+    own = [command for command in shown if "<" not in command]
+    assert len(own) > 1
+    for command in own:
+        assert main(shlex.split(command)[1:]) == 0
+
+
+def test_what_is_not_checked_is_there():
+    programs = {words(command)[0] for page in PAGES for command, _ in commands(page)}
+    assert set(NOT_CHECKED) <= programs
+
+
+@pytest.mark.parametrize(
+    "command", ["flyrl run", "make tset", "pip install 'flyrl[slum]'", "cat runs"]
+)
+def test_a_wrong_command_is_found(command):
+    with pytest.raises(AssertionError):
+        check(command)
