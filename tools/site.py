@@ -46,6 +46,9 @@ LED: Final = {
 """Files and folders outside docs/, and folders in it, that links to are led to a page."""
 
 _LINK: Final = re.compile(r"(?<=\]\()(?P<path>[^)\s#:]+)(?=[#)])")
+_NOTEBOOK_LINK: Final = re.compile(
+    r'(?<=href=")(?P<path>[^":#]+\.(?:md|ipynb))(?P<anchor>#[^"]*)?(?=")'
+)
 _IMAGE: Final = re.compile(r"^!\[[^\]]*\]\((?P<path>[^)\s]+\.svg)\)$", re.MULTILINE)
 _FETCHED: Final = re.compile(
     r"<(?:script|img|iframe|source|video|audio|object|embed)\b[^>]*?\s(?:src|data)=[\"']?"
@@ -102,6 +105,29 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
     markdown = _LINK.sub(led, markdown)
     return _IMAGE.sub(lambda image: _drawn(image, ROOT / here), markdown)
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Lead links in a notebook to pages, which no plugin does.
+
+    Raises
+    ------
+    PluginError
+        There is no such page.
+    """
+    del config
+    uri = page.file.src_uri
+    if not uri.endswith(".ipynb"):
+        return html
+
+    def led(link: re.Match[str]) -> str:
+        there = posixpath.normpath(posixpath.join(posixpath.dirname(uri), link["path"]))
+        target = files.get_file_from_path(there)
+        if target is None:
+            raise PluginError(f"{uri} links to {link['path']}, which is no page")
+        return target.url_relative_to(page.file) + (link["anchor"] or "")
+
+    return _NOTEBOOK_LINK.sub(led, html)
 
 
 def _drawn(image: re.Match[str], folder: Path) -> str:

@@ -4,7 +4,9 @@ import re
 from types import SimpleNamespace
 
 import pytest
+from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
+from mkdocs.structure.files import File, Files
 
 from tests.docs.pages import PAGES
 from tools import site
@@ -38,6 +40,19 @@ def test_links_lead_to_a_file_where_the_repository_is_read(page):
     text = re.sub(r"^```.*?^```", "", PAGES[page].read_text(), flags=re.DOTALL | re.MULTILINE)
     for path in re.findall(r"\]\(([^)\s#:]+)(?:#[^)\s]*)?\)", text):
         assert (PAGES[page].parent / path).exists(), path
+
+
+def test_links_in_a_notebook_lead_to_pages():
+    config = MkDocsConfig(site_url="", use_directory_urls=True)
+    uris = ("tutorials/01.ipynb", "tasks.md")
+    files = Files([File.generated(config, uri, content="") for uri in uris])
+    page = SimpleNamespace(file=files.get_file_from_path("tutorials/01.ipynb"))
+    page.file.url = "tutorials/01/"  # as the plugin for notebooks has it
+    html = '<a href="../tasks.md#heading">tasks</a> <a href="https://a.org/b.md">b</a>'
+    expected = '<a href="../../tasks/#heading">tasks</a> <a href="https://a.org/b.md">b</a>'
+    assert site.on_page_content(html, page, config, files) == expected
+    with pytest.raises(PluginError, match=r"links to 03\.ipynb, which is no page"):
+        site.on_page_content('<a href="03.ipynb">3</a>', page, config, files)
 
 
 def test_a_drawing_in_the_page_s_colours_is_put_into_the_page():
