@@ -43,7 +43,9 @@ def test_links_lead_to_a_file_where_the_repository_is_read(page):
 
 
 def test_links_in_a_notebook_lead_to_pages():
-    config = MkDocsConfig(site_url="", use_directory_urls=True)
+    config = MkDocsConfig()
+    config.load_dict({"site_name": "flyrl"})
+    config.validate()
     uris = ("tutorials/01.ipynb", "tasks.md")
     files = Files([File.generated(config, uri, content="") for uri in uris])
     page = SimpleNamespace(file=files.get_file_from_path("tutorials/01.ipynb"))
