@@ -4,7 +4,6 @@ import re
 from types import SimpleNamespace
 
 import pytest
-from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 
@@ -43,18 +42,15 @@ def test_links_lead_to_a_file_where_the_repository_is_read(page):
 
 
 def test_links_in_a_notebook_lead_to_pages():
-    config = MkDocsConfig()
-    config.load_dict({"site_name": "flyrl"})
-    config.validate()
     uris = ("tutorials/01.ipynb", "tasks.md")
-    files = Files([File.generated(config, uri, content="") for uri in uris])
+    files = Files([File(uri, "docs", "site", use_directory_urls=True) for uri in uris])
     page = SimpleNamespace(file=files.get_file_from_path("tutorials/01.ipynb"))
     page.file.url = "tutorials/01/"  # as the plugin for notebooks has it
     html = '<a href="../tasks.md#heading">tasks</a> <a href="https://a.org/b.md">b</a>'
     expected = '<a href="../../tasks/#heading">tasks</a> <a href="https://a.org/b.md">b</a>'
-    assert site.on_page_content(html, page, config, files) == expected
+    assert site.on_page_content(html, page, None, files) == expected
     with pytest.raises(PluginError, match=r"links to 03\.ipynb, which is no page"):
-        site.on_page_content('<a href="03.ipynb">3</a>', page, config, files)
+        site.on_page_content('<a href="03.ipynb">3</a>', page, None, files)
 
 
 def test_a_drawing_in_the_page_s_colours_is_put_into_the_page():
