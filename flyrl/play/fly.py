@@ -15,7 +15,7 @@ from flyrl.play.fly_steering import BY_HAND, pilot_name, pilots
 from flyrl.play.fly_walk import FlyWalk
 from flyrl.play.panel import Section, Setting
 from flyrl.rollouts import Policy
-from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING
+from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
 from flyrl.tasks.target import BOUNDS_MARGIN
 from flyrl.terrains import terrain_bounds
 from flyrl.validation import one_of, random_seed, within
@@ -246,7 +246,10 @@ class PlayedFly:
         self._show()
 
     def _show(self) -> None:
-        self._scenery.show(self.env.flies, self._walk.goal)
+        self._scenery.mark(self._walk.goal)
+        # what blew up is seen as it was before
+        if self.outcome != UNSTABLE:
+            self._scenery.pose(self.env.flies)
 
 
 def _rounded(drive: Any) -> Drive:

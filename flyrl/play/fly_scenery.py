@@ -8,7 +8,7 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
 from flyrl.terrains import base_height
 
-AZIMUTH_DEG, ELEVATION_DEG, DISTANCE_MM = 25.0, -28.0, 11.0
+AZIMUTH_DEG, ELEVATION_DEG, DISTANCE_MM = 25.0, -28.0, 9.0
 """From behind a fly that walks along +x, from its right and from above."""
 
 
@@ -41,8 +41,11 @@ class Scenery:
         self._marker = self.model.body(TARGET_MARKER).mocapid[0]
         self._height = base_height(config.terrain) + 0.02
 
-    def show(self, flies: FlyBatch, goal: Sequence[float]) -> None:
-        """Pose the only fly of a batch, and the marker at x and y, mm."""
+    def mark(self, goal: Sequence[float]) -> None:
+        """Put the target's marker at x and y, mm."""
         self.data.mocap_pos[self._marker] = (*goal, self._height)
+
+    def pose(self, flies: FlyBatch) -> None:
+        """Pose the fly as the only one of a batch is."""
         flies.copy_into(0, self.model, self.data)
         self.camera.lookat[:] = self.data.qpos[:3]

@@ -178,12 +178,15 @@ def test_what_fell_stays_with_its_reason_until_it_is_reset(fly):
         (lambda flies: flies._qpos.__setitem__((0, 0), 101.0), "left_arena"),
     ):
         started(fly, (1.0, 1.0))
+        before = fly.data.qpos.copy()
         spoil(fly.env.flies)
         fly.step(3)
         assert fly.figures()["outcome"] == outcome
         assert any(f"({outcome})" in line.text for line in widgets(fly, Line, "Fly"))
         assert fly.time_s == pytest.approx(0.02)
         assert all(np.isfinite(list(values(fly).values())))
+        # what blew up is seen as it was before
+        assert np.array_equal(fly.data.qpos, before) == (outcome == "unstable")
     fly.reset(3)
     fly.step(1)
     assert fly.outcome == "running"
