@@ -10,7 +10,7 @@ import numpy as np
 from flyrl.envs.core import BatchedEnv
 from flyrl.play.fly_panel import LEFT, RIGHT, STEERING, STOP, FlyView, fly_sections
 from flyrl.play.fly_scenery import Scenery
-from flyrl.play.fly_setting import CHOICES, INTERVAL_S, SWITCHES, FlyPlayConfig
+from flyrl.play.fly_setting import CHOICES, INTERVAL_S, SWITCHES, PlayedFlyConfig
 from flyrl.play.fly_steering import BY_HAND, pilot_name, pilots
 from flyrl.play.fly_walk import FlyWalk
 from flyrl.play.panel import Section, Setting
@@ -61,8 +61,8 @@ class PlayedFly:
         If the policy cannot be had, or cannot steer here.
     """
 
-    def __init__(self, config: FlyPlayConfig | None = None) -> None:
-        config = config or FlyPlayConfig()
+    def __init__(self, config: PlayedFlyConfig | None = None) -> None:
+        config = config or PlayedFlyConfig()
         self.title = "fly"
         self.keys: Mapping[str, str] = {
             "up": "faster",
@@ -225,7 +225,7 @@ class PlayedFly:
         self._memory = None
         self.steering = name
 
-    def _remake(self, config: FlyPlayConfig) -> None:
+    def _remake(self, config: PlayedFlyConfig) -> None:
         """Build the scene anew, and only then take it."""
         if config == self.config:
             return

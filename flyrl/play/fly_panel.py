@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
 from flyrl.controllers.gait_log import SAMPLING_S, unpack
-from flyrl.play.fly_setting import CHOICES, FlyPlayConfig
+from flyrl.play.fly_setting import CHOICES, PlayedFlyConfig
 from flyrl.play.fly_walk import GAIT_SPAN_S
 from flyrl.play.panel import (
     Bars,
@@ -29,7 +29,7 @@ from flyrl.tasks.terms import CORRECTION_CAP
 from flyrl.validation import FloatArray
 
 LEFT, RIGHT, STEERING, STOP = "left", "right", "steering", "stop"
-"""Names of the widgets that steer; those that make another scene are keys of `FlyPlayConfig`."""
+"""Names of the widgets that steer; those that make another scene are keys of `PlayedFlyConfig`."""
 
 GAIT_PLACES: Final = 100
 """Parts that the gait's span is shown in."""
@@ -67,7 +67,7 @@ class FlyView:
         Of the legs' muscles as in `FlyState`, (84,); (0,) without muscles.
     """
 
-    config: FlyPlayConfig
+    config: PlayedFlyConfig
     steering: str
     pilots: tuple[str, ...]
     drive: tuple[float, float]

@@ -18,14 +18,14 @@ CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
 }
-"""What there is to choose from, by key of `FlyPlayConfig`."""
+"""What there is to choose from, by key of `PlayedFlyConfig`."""
 
 SWITCHES: Final = ("retraction", "stumbling", "adhesion")
-"""Keys of `FlyPlayConfig` that are on or off."""
+"""Keys of `PlayedFlyConfig` that are on or off."""
 
 
 @dataclass(frozen=True)
-class FlyPlayConfig:
+class PlayedFlyConfig:
     """Settings of a played fly.
 
     Attributes

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.controllers.leg_controller import initial_state
 from flyrl.envs.core import BatchedEnv, Observation
-from flyrl.play.fly_setting import INTERVAL_S, FlyPlayConfig
+from flyrl.play.fly_setting import INTERVAL_S, PlayedFlyConfig
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, RewardTerm
 from flyrl.tasks.terms import goal_distance
@@ -47,7 +47,7 @@ class FlyWalk:
         What each term of the reward gave for the last decision, weighted, by name.
     """
 
-    def __init__(self, config: FlyPlayConfig) -> None:
+    def __init__(self, config: PlayedFlyConfig) -> None:
         self.config = config
         self.env = BatchedEnv(config.env(), num_envs=1, num_threads=1)
         self._samples: deque[int] = deque(maxlen=round(GAIT_SPAN_S / SAMPLING_S))
@@ -125,7 +125,7 @@ class FlyWalk:
         """Move the target, mm."""
         self.env.lead_to(np.array([[x_w, y_w]]))
 
-    def changed(self, config: FlyPlayConfig, seed: int) -> "FlyWalk":
+    def changed(self, config: PlayedFlyConfig, seed: int) -> "FlyWalk":
         """Make a walk of the same fly with other settings; the present one stays as it is.
 
         With another leg controller, physics, reflexes or adhesion it goes on from where it is. With

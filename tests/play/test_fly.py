@@ -10,13 +10,13 @@ from flyrl.controllers.gait_log import BITS
 from flyrl.envs.core import BatchedEnv
 from flyrl.play.fly import PlayedFly
 from flyrl.play.fly_panel import GAIT_PLACES, gait_rows
-from flyrl.play.fly_setting import FlyPlayConfig
+from flyrl.play.fly_setting import PlayedFlyConfig
 from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
 
-FAST = FlyPlayConfig(physics="fast", seed=3)
-MUSCLES = FlyPlayConfig(physics="fast", body="fly_muscles", policy="pursuit")
+FAST = PlayedFlyConfig(physics="fast", seed=3)
+MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
 
 
 @pytest.fixture(scope="module")
@@ -268,7 +268,7 @@ def test_a_policy_that_cannot_steer_here_is_named():
         ("no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
     ):
         with pytest.raises(ValueError, match=message):
-            PlayedFly(FlyPlayConfig(policy=policy))
+            PlayedFly(PlayedFlyConfig(policy=policy))
 
 
 def test_a_policy_that_decides_at_other_times_is_refused(tmp_path):
@@ -276,7 +276,7 @@ def test_a_policy_that_decides_at_other_times_is_refused(tmp_path):
     env = {**bundle.env, "task": {**bundle.env["task"], "decision_interval": 0.05}}
     save_bundle(dataclasses.replace(bundle, env=env), tmp_path / "slow.safetensors")
     with pytest.raises(ValueError, match=r"decides every 0\.05 s; it must be 0\.02 s"):
-        PlayedFly(FlyPlayConfig(policy=str(tmp_path / "slow.safetensors")))
+        PlayedFly(PlayedFlyConfig(policy=str(tmp_path / "slow.safetensors")))
 
 
 def test_settings_that_are_not_allowed_are_named():
@@ -288,7 +288,7 @@ def test_settings_that_are_not_allowed_are_named():
         ({"seed": -1}, "seed must be an integer"),
     ):
         with pytest.raises(ValueError, match=message):
-            FlyPlayConfig(**settings)
+            PlayedFlyConfig(**settings)
 
 
 def test_the_panel_tells_of_legs_and_rewards(fly):
