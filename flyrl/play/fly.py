@@ -189,7 +189,7 @@ class PlayedFly:
         )
 
     def figures(self) -> dict[str, float | str | bool]:
-        """Place in 0.1 mm, heading in deg to the left of +x, drives, target, and all settings."""
+        """Place in 0.1 mm, heading in whole deg to the left of +x, drives, target, and all settings."""
         state, config = self._walk.state, self.config
         x, y, _ = state.position_w[0]
         target_x, target_y = self._walk.goal
@@ -197,7 +197,7 @@ class PlayedFly:
         return {
             "x_mm": _tenths(x),
             "y_mm": _tenths(y),
-            "heading_deg": _tenths(np.degrees(state.yaw[0])),
+            "heading_deg": round(float(np.degrees(state.yaw[0]))),
             "drive_left": left,
             "drive_right": right,
             "steering": self.steering,
