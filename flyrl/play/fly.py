@@ -189,7 +189,7 @@ class PlayedFly:
         )
 
     def figures(self) -> dict[str, float | str | bool]:
-        """Place in 0.1 mm, heading in whole deg to the left of +x, drives, target, and all settings."""
+        """Place to 0.1 mm, heading in deg to the left of +x, drives, target, and all settings."""
         state, config = self._walk.state, self.config
         x, y, _ = state.position_w[0]
         target_x, target_y = self._walk.goal
