@@ -31,6 +31,7 @@ from flyrl.tasks import (
 )
 from flyrl.tasks.failures import failure_info
 from flyrl.terrains import terrain_bounds
+from flyrl.validation import float_array
 
 __all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]
 
@@ -182,6 +183,30 @@ class BatchedEnv:
         self.state = self._previous = self.simulation.state()
         if is_first:
             self._check_terms(self.task_state())
+        return self.observe()
+
+    def lead_to(
+        self, goals: NDArray[np.floating], ids: Sequence[int] | NDArray[np.intp] | None = None
+    ) -> Observation:
+        """Put goals elsewhere in the midst of episodes; return the observation of all simulations.
+
+        Parameters
+        ----------
+        goals
+            mm, (k, 2): one per simulation.
+        ids
+            Which simulations; None means all.
+
+        Raises
+        ------
+        ValueError
+            If the goals have the wrong shape, or are not finite.
+        """
+        if self._goal is None:
+            raise RuntimeError("lead_to() was called before reset()")
+        chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
+        shape = (len(chosen), self._goal.shape[1])
+        self._goal[chosen] = float_array("goals", goals, shape)
         return self.observe()
 
     def draw_episode(self, i: int, seed: int | None = None) -> Episode:

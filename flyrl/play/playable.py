@@ -1,56 +1,73 @@
 """What can be played."""
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import mujoco
 
-
-class Panel(NamedTuple):
-    """What stands on the panel beside the picture.
-
-    Attributes
-    ----------
-    heading, details : a line each.
-    bars : a bar per muscle, one below the other; how full it is, 0 to 1.
-    """
-
-    heading: str
-    details: str
-    bars: tuple[float, ...]
+from flyrl.play.panel import Section, Setting
 
 
 class Playable(Protocol):
-    """A simulation that keys act on.
+    """A simulation that a person acts on while it runs.
 
     Attributes
     ----------
     title
         Its name.
     keys
-        Letter -> what a press does, in a few words.
+        Name of a key -> what a press does, in a few words. Letters, and "up", "down", "left",
+        "right".
+    interval_s
+        Simulated time that a step takes, s.
+    time_s
+        Simulated time since the last reset, s.
+    seed
+        Of the last reset.
     model, data
-        Of MuJoCo; whoever plays it steps them.
+        Of MuJoCo, to be drawn. The model is another object after the scene was changed; of the data
+        `qpos`, `mocap_pos` and `mocap_quat` are drawn.
     camera
         From where it is seen at first.
     """
 
     title: str
     keys: Mapping[str, str]
+    interval_s: float
+    time_s: float
+    seed: int
     model: mujoco.MjModel
     data: mujoco.MjData
     camera: mujoco.MjvCamera
 
+    def step(self, number: int) -> None:
+        """Simulate a number of steps."""
+
+    def reset(self, seed: int) -> None:
+        """Start again; the same seed starts the same."""
+
     def press(self, key: str) -> None:
         """Do what a key stands for, one of `keys`."""
 
-    def relax(self) -> None:
-        """Let go of all that keys have done."""
+    def change(self, name: str, value: Setting) -> None:
+        """Set a widget of `sections`.
 
-    def panel(self) -> Panel:
-        """What the panel says at the moment."""
+        Raises
+        ------
+        ValueError
+            If it cannot be set so; everything is as before then.
+        """
+
+    def point(self, x_w: float, y_w: float) -> None:
+        """Do what a click on the ground stands for, mm in the world's frame."""
+
+    def relax(self) -> None:
+        """Let go of all that a person holds, since nobody is there any more."""
+
+    def sections(self) -> tuple[Section, ...]:
+        """What the panel shows at the moment."""
         ...
 
-    def figures(self) -> Mapping[str, float]:
+    def figures(self) -> Mapping[str, float | str | bool]:
         """What the log says at the moment, rounded to what is worth a line."""
         ...

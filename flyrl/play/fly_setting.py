@@ -1,0 +1,107 @@
+"""What a played fly is made of, and the task that it walks in."""
+
+from dataclasses import dataclass, replace
+from typing import Final, cast, get_args
+
+from flyrl.bodies.fly import FLIES
+from flyrl.controllers.leg_controller import ControllerConfig, ControllerName
+from flyrl.envs.config import EnvConfig
+from flyrl.simulation.physics import FLY_PRESETS
+from flyrl.simulation.scene import STEPS_OF_BODY
+from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
+from flyrl.terrains import TERRAIN_NAMES
+from flyrl.validation import FloatArray, one_of, random_seed
+
+CHOICES: Final[dict[str, tuple[str, ...]]] = {
+    "controller": get_args(ControllerName),
+    "terrain": TERRAIN_NAMES,
+    "physics": FLY_PRESETS,
+    "body": tuple(FLIES),
+}
+"""What there is to choose from, by key of `PlayedFlyConfig`."""
+
+SWITCHES: Final = ("retraction", "stumbling", "adhesion")
+"""Keys of `PlayedFlyConfig` that are on or off."""
+
+
+@dataclass(frozen=True)
+class PlayedFlyConfig:
+    """Settings of a played fly.
+
+    Attributes
+    ----------
+    terrain, controller, physics, body
+        Names; see `CHOICES`.
+    retraction, stumbling
+        Whether the legs have that reflex; only the hybrid controller uses them.
+    adhesion
+        Whether the legs' tips stick to the ground while they stand.
+    policy
+        What steers at the start: "pursuit", the name of a policy that comes with flyrl, a policy
+        file, or a run folder. None: a person.
+    seed
+        Of the first reset.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown, a switch is neither True nor False, or the seed is no seed.
+    """
+
+    terrain: str = "flat"
+    controller: str = "hybrid"
+    physics: str = "balanced"
+    body: str = "current"
+    retraction: bool = True
+    stumbling: bool = True
+    adhesion: bool = True
+    policy: str | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for key, allowed in CHOICES.items():
+            one_of(key, getattr(self, key), allowed)
+        for key in SWITCHES:
+            one_of(key, getattr(self, key), (False, True))
+        random_seed(self.seed)
+
+    def env(self) -> EnvConfig:
+        """The environment that the fly walks in."""
+        body = FLIES[self.body]
+        return EnvConfig(
+            task=PLAY_TASK,
+            body=body if self.adhesion else replace(body, adhesion_gain=0.0),
+            terrain=self.terrain,
+            controller=ControllerConfig(
+                cast(ControllerName, self.controller),
+                STEPS_OF_BODY[body.name],
+                retraction=float(self.retraction),
+                stumbling=float(self.stumbling),
+            ),
+            physics=self.physics,
+            log_gait=True,
+        )
+
+
+def _arrived(state: TaskState) -> FloatArray:
+    """1 where the target was not reached before the decision and is now, (n,)."""
+    before = terms.goal_distance(state.previous.position_w, state.goal)
+    return terms.reached(state) * (before >= terms.REACH)
+
+
+def _play_task(task: Task) -> Task:
+    """The task without a time limit, which goes on when the target is reached."""
+    ways = {term.name: term for term in task.reward if term.name != "lost_time"}
+    # the fly may stay: what a target is worth is paid once
+    ways["success"] = RewardTerm(
+        "success", ways["success"].weight, _arrived, "the target has just been reached"
+    )
+    return replace(task, reward=tuple(ways.values()), terminations=FAILURES, time_limit_s=None)
+
+
+PLAY_TASK: Final = _play_task(TASKS["target"])
+"""The task `target`, without an end but failure: what is observed, and what a decision does, is the
+same, so that its policies fit."""
+
+INTERVAL_S: Final = cast(float, PLAY_TASK.decision_interval_s)
+"""How long a decision is held, s."""

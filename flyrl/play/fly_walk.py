@@ -1,0 +1,170 @@
+"""One fly that walks from decision to decision, and what there is to tell of it."""
+
+from collections import deque
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flyrl.controllers.gait_log import SAMPLING_S
+from flyrl.controllers.leg_controller import initial_state
+from flyrl.envs.core import BatchedEnv, Observation
+from flyrl.play.fly_setting import INTERVAL_S, PlayedFlyConfig
+from flyrl.simulation.state import FlyState
+from flyrl.tasks import RUNNING, RewardTerm
+from flyrl.tasks.terms import goal_distance
+
+GAIT_SPAN_S: Final = 1.0
+"""For how long the gait is remembered, s."""
+
+SPEED_SPAN_S: Final = 0.2
+"""Over how long the speed is averaged: it sways with every step that the fly takes."""
+
+_OSCILLATORS: Final = ("phases", "magnitudes")
+_RULES: Final = ("has_started", "is_stepping", "rule1_scores", "rule2_scores", "rule3_scores")
+_REFLEXES: Final = ("retraction", "stumbling", "persistence", "net_correction")
+
+
+class FlyWalk:
+    """A fly in the task to be played.
+
+    Parameters
+    ----------
+    config
+        Of the fly and its ground.
+
+    Attributes
+    ----------
+    config
+        The same.
+    env
+        What simulates the fly, the only one in it.
+    outcome
+        "running", or how the episode has ended: "fall", "left_arena" or "unstable". Then the fly
+        stays as it is until it is reset.
+    rewards
+        What each term of the reward gave for the last decision, weighted, by name.
+    """
+
+    def __init__(self, config: PlayedFlyConfig) -> None:
+        self.config = config
+        self.env = BatchedEnv(config.env(), num_envs=1, num_threads=1)
+        self._samples: deque[int] = deque(maxlen=round(GAIT_SPAN_S / SAMPLING_S))
+        self._num_samples = 0
+        self._trail: deque[tuple[float, float]] = deque(maxlen=1 + round(SPEED_SPAN_S / INTERVAL_S))
+        self.reset(config.seed)
+
+    @property
+    def state(self) -> FlyState:
+        """The fly as it is now; n is 1."""
+        state = self.env.state
+        assert isinstance(state, FlyState)  # the task is one for flies
+        return state
+
+    @property
+    def goal(self) -> tuple[float, float]:
+        """Where the target is, mm."""
+        x, y = self.env.task_state().goal[0]
+        return float(x), float(y)
+
+    @property
+    def distance_mm(self) -> float:
+        """Horizontal distance from the thorax to the target, mm."""
+        return float(goal_distance(self.state.position_w, np.array([self.goal]))[0])
+
+    @property
+    def speed_mm_s(self) -> float:
+        """Horizontal way over `SPEED_SPAN_S`, or since the reset, over the time it took, mm/s."""
+        ways = np.linalg.norm(np.diff(self._trail, axis=0), axis=1) if len(self._trail) > 1 else []
+        return float(np.sum(ways)) / (max(len(ways), 1) * INTERVAL_S)
+
+    @property
+    def returns(self) -> dict[str, float]:
+        """What each term of the reward has added up to since the reset, weighted, by name."""
+        totals = self.env.task_state().totals
+        return {term.name: term.weight * float(totals[term.name][0]) for term in self._terms}
+
+    @property
+    def gait(self) -> NDArray[np.uint32]:
+        """Samples of `flyrl.controllers.gait_log` over the latest `GAIT_SPAN_S`, oldest first."""
+        return np.array(self._samples, dtype=np.uint32)
+
+    @property
+    def _terms(self) -> tuple[RewardTerm, ...]:
+        return self.env.task.reward
+
+    def reset(self, seed: int) -> None:
+        """Start the episode of a seed."""
+        self.env.reset(seeds=[seed])
+        self.outcome = RUNNING
+        self.rewards = {term.name: 0.0 for term in self._terms}
+        self._samples.clear()
+        self._num_samples = 0
+        self._trail.clear()
+        self._note()
+
+    def decide(self, drive: ArrayLike) -> None:
+        """Walk for a decision's time with a drive (left, right); after the end, do nothing."""
+        if self.outcome != RUNNING:
+            return
+        action = self.env.task.actions.of(np.reshape(drive, (1, 2)))
+        transition = self.env.step(action)
+        self.outcome = str(transition.outcome[0])
+        state = self.env.task_state()
+        self.rewards = {
+            term.name: term.weight * float(term.compute(state)[0]) for term in self._terms
+        }
+        self._note()
+
+    def observe(self) -> Observation:
+        """What a policy sees, (1, size)."""
+        return self.env.observe()
+
+    def lead_to(self, x_w: float, y_w: float) -> None:
+        """Move the target, mm."""
+        self.env.lead_to(np.array([[x_w, y_w]]))
+
+    def changed(self, config: PlayedFlyConfig, seed: int) -> "FlyWalk":
+        """Make a walk of the same fly with other settings; the present one stays as it is.
+
+        With another leg controller, physics, reflexes or adhesion it goes on from where it is. With
+        another body or terrain, or once it has ended, it starts the episode of the seed.
+        """
+        other = FlyWalk(replace(config, seed=seed))
+        before, after = self.config, config
+        is_same_place = (before.body, before.terrain) == (after.body, after.terrain)
+        if is_same_place and self.outcome == RUNNING:
+            other._go_on_from(self, seed)
+        return other
+
+    def _go_on_from(self, walk: "FlyWalk", seed: int) -> None:
+        """Take over everything from a walk of the same body on the same ground."""
+        self.env.restore(walk.env.snapshot())
+        self.rewards = walk.rewards
+        self._samples.extend(walk._samples)
+        self._num_samples = walk._num_samples
+        self._trail.clear()
+        self._trail.extend(walk._trail)
+        before, after = walk.env.config.fly_scene.controller, self.env.config.fly_scene.controller
+        if before == after:
+            return
+        legs = self.env.flies.controllers
+        # a reflex that is off would keep for ever what it has corrected
+        for name in _REFLEXES:
+            legs[name] = 0.0
+        if (before.name == "rule_based") != (after.name == "rule_based"):
+            fresh = initial_state(after, seed)
+            for name in (*_OSCILLATORS, *_RULES, "random"):
+                legs[name] = fresh[name]
+        shown = ("phases", "magnitudes", "retraction", "stumbling")
+        self.env.state = replace(self.state, **{name: legs[name].copy() for name in shown})
+
+    def _note(self) -> None:
+        """Remember how the legs moved, and where the fly is."""
+        flies = self.env.flies
+        fresh = flies.gait_samples(0, self._num_samples)
+        self._num_samples += len(fresh)
+        self._samples.extend(fresh.tolist())
+        x, y, _ = self.state.position_w[0]
+        self._trail.append((float(x), float(y)))

@@ -1,0 +1,340 @@
+"""A fly that is driven by hand or by a policy, and changed while it walks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flyrl.anatomy import LEGS
+from flyrl.controllers.gait_log import BITS
+from flyrl.envs.core import BatchedEnv
+from flyrl.play.fly import PlayedFly
+from flyrl.play.fly_panel import GAIT_PLACES, gait_rows
+from flyrl.play.fly_setting import PlayedFlyConfig
+from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
+from flyrl.policies import load_bundle, save_bundle
+from flyrl.tasks import Drives
+
+FAST = PlayedFlyConfig(physics="fast", seed=3)
+MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
+
+
+@pytest.fixture(scope="module")
+def fly():
+    """One fly for all tests that reset it."""
+    return PlayedFly(FAST)
+
+
+@pytest.fixture(scope="module")
+def changed():
+    """One fly for the tests that change what it is made of."""
+    return PlayedFly(FAST)
+
+
+@pytest.fixture(scope="module")
+def strong():
+    """One fly with muscles, pursuing its target."""
+    return PlayedFly(MUSCLES)
+
+
+def started(fly, drive=(0.0, 0.0), seed=3):
+    fly.relax()
+    fly.reset(seed)
+    fly.change("left", drive[0])
+    fly.change("right", drive[1])
+    return fly
+
+
+def places(fly, decisions):
+    rows = []
+    for _ in range(decisions):
+        fly.step(1)
+        rows.append(fly.data.qpos.copy())
+    return np.array(rows)
+
+
+def widgets(fly, kind, title=None):
+    return [
+        widget
+        for section in fly.sections()
+        if title in (None, section.title)
+        for widget in section.widgets
+        if isinstance(widget, kind)
+    ]
+
+
+def values(fly):
+    return {
+        label: value
+        for widget in widgets(fly, Values)
+        for label, value in zip(widget.labels, widget.values, strict=True)
+    }
+
+
+def test_it_walks_where_it_is_driven_and_not_without_drive(fly):
+    ways = []
+    for drive in ((1.0, 1.0), (0.0, 0.0)):
+        start = started(fly, drive).data.qpos[:2].copy()
+        fly.step(25)
+        ways.append(np.linalg.norm(fly.data.qpos[:2] - start))
+    walked, stood = ways
+    assert walked > 4.0 + stood
+
+
+def test_it_moves_as_the_environment_does_under_the_same_drives(fly):
+    drives = [(1.0, 1.0), (1.2, 0.4), (-0.5, 1.5)]
+    env = BatchedEnv(FAST.env(), 1, 1)
+    env.reset(seeds=[3])
+    started(fly)
+    for drive in drives:
+        fly.change("left", drive[0])
+        fly.change("right", drive[1])
+        fly.step(2)
+        for _ in range(2):
+            env.step(Drives().of([drive]))
+        np.testing.assert_array_equal(fly.env.flies._qpos, env.flies._qpos)
+        np.testing.assert_array_equal(fly.data.qpos, env.flies._qpos[0])
+    assert fly.time_s == pytest.approx(0.12)
+
+
+def test_the_same_actions_give_the_same_bits(fly, strong):
+    for played in (fly, strong):
+        runs = []
+        for _ in range(2):
+            played.reset(5)
+            played.change("steering", "target-flat")
+            rows = [places(played, 2)]
+            played.point(-5.0, 3.0)
+            rows.append(places(played, 3))
+            played.press("left")
+            rows.append(places(played, 2))
+            runs.append(np.concatenate(rows))
+        np.testing.assert_array_equal(*runs)
+
+
+def test_arrow_keys_change_both_drives_by_a_tenth_within_the_bounds(fly):
+    started(fly)
+    for key, drives in (("up", (0.1, 0.1)), ("left", (0.0, 0.2)), ("right", (0.1, 0.1))):
+        fly.press(key)
+        assert (fly.figures()["drive_left"], fly.figures()["drive_right"]) == drives
+    for _ in range(20):
+        fly.press("left")
+    assert [slider.value for slider in widgets(fly, Slider)] == [-0.5, 1.5]
+    fly.press("s")
+    assert [slider.value for slider in widgets(fly, Slider)] == [0.0, 0.0]
+
+
+def test_a_policy_goes_to_where_the_target_was_put(fly):
+    for side in (4.0, -4.0):
+        started(fly)
+        fly.change("steering", "target-flat")
+        fly.point(fly.data.qpos[0] + 5.0, fly.data.qpos[1] + side)
+        # from 6.4 mm away
+        fly.step(20)
+        assert values(fly)["to the target, mm"] < 2.0
+
+
+def test_a_key_takes_the_steering_from_a_policy_at_its_drive(fly):
+    started(fly)
+    fly.change("steering", "pursuit")
+    fly.point(fly.data.qpos[0] + 9.0, fly.data.qpos[1])
+    fly.step(1)
+    left, right = fly.figures()["drive_left"], fly.figures()["drive_right"]
+    assert left > 1.0
+    fly.press("down")
+    figures = fly.figures()
+    assert figures["steering"] == "by hand"
+    assert figures["drive_left"] == pytest.approx(left - 0.1)
+    assert figures["drive_right"] == pytest.approx(right - 0.1)
+
+
+def test_letting_go_stops_a_policy(fly):
+    started(fly)
+    fly.change("steering", "pursuit")
+    fly.step(1)
+    fly.relax()
+    figures = fly.figures()
+    assert (figures["steering"], figures["drive_left"], figures["drive_right"]) == ("by hand", 0, 0)
+
+
+def test_reaching_the_target_pays_once_and_ends_nothing(fly):
+    started(fly)
+    fly.point(fly.data.qpos[0] + 1.005, fly.data.qpos[1])
+    paid = []
+    for _ in range(8):
+        fly.press("up")
+        fly.step(2)
+        paid.append(values(fly)["success"])
+    # the last "success" is that of the return
+    assert paid[-1] == 2.0
+    assert sorted(set(paid)) == [0.0, 2.0]
+    assert fly.outcome == "running"
+
+
+def test_what_fell_stays_with_its_reason_until_it_is_reset(fly):
+    for spoil, outcome in (
+        (lambda flies: flies._qpos[0, 3:7].__setitem__(slice(None), [0, 1, 0, 0]), "fall"),
+        (lambda flies: flies._qvel.__setitem__((0, 20), 1e13), "unstable"),
+        (lambda flies: flies._qpos.__setitem__((0, 0), 101.0), "left_arena"),
+    ):
+        started(fly, (1.0, 1.0))
+        before = fly.data.qpos.copy()
+        spoil(fly.env.flies)
+        fly.step(3)
+        assert fly.figures()["outcome"] == outcome
+        assert any(f"({outcome})" in line.text for line in widgets(fly, Line, "Fly"))
+        assert fly.time_s == pytest.approx(0.02)
+        assert all(np.isfinite(list(values(fly).values())))
+        # what blew up is seen as it was before
+        assert np.array_equal(fly.data.qpos, before) == (outcome == "unstable")
+    fly.reset(3)
+    fly.step(1)
+    assert fly.outcome == "running"
+
+
+def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed):
+    fly = started(changed, (1.0, 0.8))
+    fly.step(10)
+    model = fly.model
+    for name, value in (
+        ("controller", "rule_based"),
+        ("controller", "cpg"),
+        ("controller", "hybrid"),
+        ("retraction", False),
+        ("stumbling", False),
+        ("adhesion", False),
+        ("physics", "balanced"),
+    ):
+        before, time_s, drive = fly.data.qpos.copy(), fly.time_s, fly.figures()["drive_right"]
+        fly.change(name, value)
+        np.testing.assert_array_equal(fly.data.qpos, before)
+        assert (fly.time_s, fly.figures()["drive_right"]) == (time_s, drive)
+        assert fly.figures()[name] == value
+        fly.step(1)
+        assert fly.time_s == pytest.approx(time_s + 0.02)
+        assert not np.array_equal(fly.data.qpos, before)
+    scene = fly.env.config.fly_scene
+    assert (scene.controller.retraction, scene.controller.stumbling) == (0.0, 0.0)
+    assert (scene.body.adhesion_gain, scene.physics.timestep) == (0.0, 5e-4)
+    assert fly.model is model
+
+
+def test_another_terrain_starts_the_episode_anew(changed):
+    fly = started(changed, (1.0, 0.8), seed=4)
+    fly.step(2)
+    model = fly.model
+    fly.change("terrain", "blocks")
+    env = BatchedEnv(fly.config.env(), 1, 1)
+    env.reset(seeds=[4])
+    np.testing.assert_array_equal(fly.data.qpos, env.flies._qpos[0])
+    # on blocks the ground is 0.1 mm high
+    np.testing.assert_array_equal(fly.data.mocap_pos[0], [*env.episodes[0].goal, 0.1 + 0.02])
+    assert fly.model is not model
+    assert (fly.time_s, fly.seed, fly.figures()["drive_left"]) == (0.0, 4, 1.0)
+
+
+def test_a_target_moves_within_the_arena_alone(changed):
+    changed.change("terrain", "blocks")
+    changed.point(20.0, -15.0)
+    for outside in ((24.0, 0.0), (0.0, 19.0), (float("nan"), 0.0), (float("inf"), 0.0)):
+        changed.point(*outside)
+    figures = changed.figures()
+    assert (figures["target_x_mm"], figures["target_y_mm"]) == (20.0, -15.0)
+    np.testing.assert_array_equal(changed.data.mocap_pos[0, :2], [20.0, -15.0])
+
+
+def test_what_is_not_allowed_is_told_and_changes_nothing(fly):
+    started(fly, (0.5, 0.5))
+    before = fly.figures()
+    for name, value, message in (
+        ("controller", "hybird", "controller must be one of .*hybrid.* got 'hybird'"),
+        ("terrain", "sand", "terrain must be one of 'flat'.* got 'sand'"),
+        ("steering", "velocity-flat", "steering must be one of 'by hand'.*'velocity-flat'"),
+        ("left", 1.6, "drive, left must lie within -0.5 and 1.5, got 1.6"),
+        ("left", "fast", "drive, left must lie within"),
+        ("adhesion", "no", "adhesion must be one of False, True, got 'no'"),
+        ("colour", "red", "widget must be one of 'left'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            fly.change(name, value)
+    with pytest.raises(ValueError, match="seed must be an integer from 0"):
+        fly.reset(-1)
+    assert fly.figures() == before
+
+
+def test_a_policy_that_cannot_steer_here_is_named():
+    for policy, message in (
+        ("velocity-flat", "'velocity-flat' cannot steer here .*target-flat.*other observations"),
+        ("no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            PlayedFly(PlayedFlyConfig(policy=policy))
+
+
+def test_a_policy_that_decides_at_other_times_is_refused(tmp_path):
+    bundle = load_bundle("target-flat")
+    env = {**bundle.env, "task": {**bundle.env["task"], "decision_interval": 0.05}}
+    save_bundle(dataclasses.replace(bundle, env=env), tmp_path / "slow.safetensors")
+    with pytest.raises(ValueError, match=r"decides every 0\.05 s; it must be 0\.02 s"):
+        PlayedFly(PlayedFlyConfig(policy=str(tmp_path / "slow.safetensors")))
+
+
+def test_settings_that_are_not_allowed_are_named():
+    for settings, message in (
+        ({"terrain": "sand"}, "terrain must be one of"),
+        ({"physics": "worm"}, "physics must be one of 'reference', 'balanced', 'fast'"),
+        ({"body": "worm"}, "body must be one of"),
+        ({"adhesion": "yes"}, "adhesion must be one of False, True"),
+        ({"seed": -1}, "seed must be an integer"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            PlayedFlyConfig(**settings)
+
+
+def test_the_panel_tells_of_legs_and_rewards(fly):
+    started(fly, (1.0, 1.0))
+    fly.step(10)
+    (dials,) = widgets(fly, Dials)
+    assert dials.labels == LEGS
+    assert all(0 <= phase < 2 * np.pi for phase in dials.phases)
+    (raster,) = widgets(fly, Raster)
+    # a fifth of the second is known
+    assert all(row[:80] == " " * 80 and set(row[80:]) <= {"0", "1"} for row in raster.rows)
+    assert [len(bars.shares) for bars in widgets(fly, Bars)] == [6, 6]
+    for shown, time_s in zip(widgets(fly, Values, "Reward"), (0.02, 0.2), strict=True):
+        assert shown.labels == ("progress", "success", "time", "sum")
+        progress, success, time, whole = shown.values
+        assert (success, time) == pytest.approx((0.0, -0.5 * time_s))
+        assert whole == pytest.approx(progress + success + time, abs=2e-3)
+    options = {choice.name: choice.options for choice in widgets(fly, Choice)}
+    assert options["steering"] == ("by hand", "pursuit", "target-flat")
+    assert options["terrain"] == ("flat", "gapped", "blocks", "mixed")
+
+
+def test_all_muscles_are_on_the_panel(strong):
+    strong.reset(0)
+    strong.step(2)
+    titles = [section.title for section in strong.sections()]
+    assert titles[-7:] == ["Muscles", *(f"Muscles of {leg}" for leg in LEGS)]
+    (bars,) = widgets(strong, Bars, "Muscles of RH")
+    assert bars.labels[:2] == ("Coxa +", "Coxa -")
+    expected = strong.env.state.muscle_tensions[0, 70:]
+    np.testing.assert_allclose(bars.shares, expected, atol=1e-3)
+
+
+def test_a_part_of_the_gait_counts_as_stance_if_the_leg_stands_for_half_of_it():
+    stance = BITS.index("stance")
+    assert stance == 0
+    # LF stands for 5 of the latest 10 ms, RH for 4; before, all six legs do
+    samples = [0b111111] * 10 + [0b000001] + [0b100001] * 4 + [0] * 5
+    rows = gait_rows(np.array(samples, dtype=np.uint32))
+    assert {len(row) for row in rows} == {GAIT_PLACES}
+    assert [row[-3:] for row in rows] == [" 11", *[" 10"] * 5]
+
+
+def test_what_is_drawn_has_no_controller_and_a_camera_on_the_thorax(fly):
+    assert fly.model.numeric_data[0] == 0.0
+    assert fly.model.body(fly.camera.trackbodyid).name == "Thorax"
+    started(fly, (1.0, 1.0))
+    fly.step(3)
+    np.testing.assert_array_equal(fly.camera.lookat, fly.data.qpos[:3])
