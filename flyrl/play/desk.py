@@ -6,6 +6,7 @@ shows.
 
 import copy
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ _MARGIN: Final = 12
 _WIDTH: Final = 330
 """px; of the panel."""
 
-_NARROW: Final = 1000
+_NARROW: Final = 900
 """px; pages below this width begin with the panel folded."""
 
 _KEY_NAMES: Final = {
@@ -126,7 +127,9 @@ class Desk(plugin.ViewerPlugin):
         self._latest_change = 0
         self._awaited: dict[str, tuple[int, Setting]] = {}
         self._camera_told: tuple[Any, ...] = ()
-        self._width = 0.0
+        self._page_width = 0.0
+        self._height = math.inf
+        self._is_closed = False
 
     @messages.handler
     def on_panel(self, snapshot: PanelSnapshot) -> None:
@@ -166,22 +169,26 @@ class Desk(plugin.ViewerPlugin):
         self._draw()
 
     def _draw(self) -> None:
-        size = imgui.GetIO().DisplaySize
-        if size.x != self._width:
-            imgui.SetNextWindowCollapsed(size.x < _NARROW, int(imgui.Cond.Always))
-            self._width = size.x
-        corner = imgui.Vec2(size.x - _MARGIN, _MARGIN)
-        imgui.SetNextWindowPos(corner, int(imgui.Cond.Always), imgui.Vec2(1, 0))
-        width, height = min(_WIDTH, size.x - 2 * _MARGIN), size.y - 2 * _MARGIN
-        imgui.SetNextWindowSizeConstraints(imgui.Vec2(width, 0), imgui.Vec2(width, height))
+        page = imgui.GetIO().DisplaySize
+        always = int(imgui.Cond.Always)
+        if page.x != self._page_width or self._is_closed:
+            imgui.SetNextWindowCollapsed(self._is_closed or page.x < _NARROW, always)
+            self._page_width = page.x
+        width, height = min(_WIDTH, page.x - 2 * _MARGIN), page.y - 2 * _MARGIN
+        imgui.SetNextWindowPos(imgui.Vec2(page.x - _MARGIN - width, _MARGIN), always)
+        imgui.SetNextWindowSize(imgui.Vec2(width, min(height, self._height)), always)
         flags = imgui.WindowFlags
-        fixed = (flags.AlwaysAutoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
-        is_unfolded, _ = imgui.Begin(self._title, flags=sum(map(int, fixed)))
+        fixed = (flags.NoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
+        is_unfolded, is_open = imgui.Begin(self._title, flags=sum(map(int, fixed)))
         if is_unfolded:
             for section in (*self._sections, self._help):
                 widgets = tuple(self._as_set(widget) for widget in section.widgets)
                 for name, value in draw_section(section._replace(widgets=widgets)):
                     self._change(name, value)
+            # as high as what it holds, from the next picture on
+            self._height = imgui.GetCursorPosY() + _MARGIN
+        # closed it would not come back: then it is folded
+        self._is_closed = not is_open
         imgui.End()
 
     def _change(self, name: str, value: Setting) -> None:

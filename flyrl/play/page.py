@@ -144,13 +144,15 @@ class _Inbox(plugin.SimPlugin):
 
 
 class _Viewer(web_viewer.WebViewer):
-    """The viewer, which rests while no browser shows it."""
+    """The viewer, which rests while no browser shows it: by itself it would ask all the time."""
+
+    service: Service
 
     def prepare_next_frame(self) -> bool:
-        is_drawn = bool(super().prepare_next_frame())
-        if not is_drawn:
+        if not self.service.connections:
             time.sleep(_IDLE_FRAME_S / 2)
-        return is_drawn
+            return False
+        return bool(super().prepare_next_frame())
 
 
 def _launch(
@@ -173,6 +175,7 @@ def _launch(
         if not service.is_confined:
             viewer.close()
             raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
+        viewer.service = service
         viewer_protocol.run_viewer_loop(viewer)
 
     return launch_thread.launch_thread(target, sim_plugins=[inbox])

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-
 from flyrl.play.panel import Button, Choice, Integer, Line, Section, Setting, Switch, Widget
 from flyrl.play.playable import Playable
 from flyrl.play.recorder import FRAMES_PER_S, Recorder

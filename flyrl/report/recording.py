@@ -21,7 +21,7 @@ WIDTH: Final = 480
 HEIGHT: Final = 360
 """px."""
 
-MAX_S: Final = 60
+MAX_S: Final = 30
 """How long a video may be, s; it ends by itself then."""
 
 _BYTES_S: Final = 10
@@ -90,7 +90,7 @@ class VideoRecorder:
             data.mocap_quat.copy(),
             copy.copy(camera),
         )
-        room = MAX_S * FPS - len(self._frames)
+        room = round(MAX_S * FPS) - len(self._frames)
         self._frames += [frame] * min(number, room)
         if number >= room:
             self.stop()
