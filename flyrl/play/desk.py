@@ -24,7 +24,7 @@ _MARGIN: Final = 12
 _WIDTH: Final = 330
 """px; of the panel."""
 
-_NARROW: Final = 900
+_NARROW: Final = 850
 """px; pages below this width begin with the panel folded."""
 
 _KEY_NAMES: Final = {
@@ -127,7 +127,7 @@ class Desk(plugin.ViewerPlugin):
         self._latest_change = 0
         self._awaited: dict[str, tuple[int, Setting]] = {}
         self._camera_told: tuple[Any, ...] = ()
-        self._page_width = 0.0
+        self._is_narrow = False
         self._height = math.inf
         self._is_closed = False
 
@@ -171,15 +171,16 @@ class Desk(plugin.ViewerPlugin):
     def _draw(self) -> None:
         page = imgui.GetIO().DisplaySize
         always = int(imgui.Cond.Always)
-        if page.x != self._page_width or self._is_closed:
-            imgui.SetNextWindowCollapsed(self._is_closed or page.x < _NARROW, always)
-            self._page_width = page.x
+        is_narrow = page.x < _NARROW
+        if is_narrow != self._is_narrow or self._is_closed:
+            imgui.SetNextWindowCollapsed(is_narrow or self._is_closed, always)
+            self._is_narrow = is_narrow
         width, height = min(_WIDTH, page.x - 2 * _MARGIN), page.y - 2 * _MARGIN
         imgui.SetNextWindowPos(imgui.Vec2(page.x - _MARGIN - width, _MARGIN), always)
         imgui.SetNextWindowSize(imgui.Vec2(width, min(height, self._height)), always)
         flags = imgui.WindowFlags
         fixed = (flags.NoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
-        is_unfolded, is_open = imgui.Begin(self._title, flags=sum(map(int, fixed)))
+        is_unfolded, is_open = imgui.Begin(self._title, True, sum(map(int, fixed)))
         if is_unfolded:
             for section in (*self._sections, self._help):
                 widgets = tuple(self._as_set(widget) for widget in section.widgets)

@@ -21,7 +21,7 @@ class Playing:
     def entries(self):
         return [json.loads(line) for line in self._log.read_text().splitlines()]
 
-    def until(self, is_so, limit_s=60.0):
+    def until(self, is_so, limit_s=90.0):
         """Wait for an entry that is so, as the last; return it."""
         end = time.monotonic() + limit_s
         while time.monotonic() < end:

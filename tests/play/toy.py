@@ -57,7 +57,7 @@ class Toy:
     def __init__(self):
         self.keys = {"up": "faster", "down": "slower", "h": "hop", CLICK: "move the target"}
         self.seed = 0
-        self.speed, self.hops, self.is_bright = 0.0, 0, False
+        self.hops, self.is_bright = 0, False
         self.target = (3.0, 2.0)
         self.camera = mujoco.MjvCamera()
         self.camera.azimuth, self.camera.elevation, self.camera.distance = 90.0, -35.0, 18.0
@@ -74,7 +74,7 @@ class Toy:
         self.data.qpos[0] += number * self.interval_s * self.speed
 
     def reset(self, seed):
-        self.seed, self.time_s = seed, 0.0
+        self.seed, self.time_s, self.speed = seed, 0.0, 0.0
         self.data = mujoco.MjData(self.model)
         self._place()
 
@@ -134,7 +134,7 @@ class Toy:
     def figures(self):
         x, y = self.target
         return {
-            "x": round(float(self.data.qpos[0]), 2),
+            "x": round(float(self.data.qpos[0]), 4),
             "speed_x": round(self.speed, 2),
             "shape": self.shape,
             "is_bright": self.is_bright,
