@@ -209,6 +209,9 @@ class TestToy:
         left = played.until(lambda entry: not entry["is_watched"])
         assert left["speed_x"] == 0
         again = open_page(browser, played)
+        # what is pressed while a page is still loading counts as held from before
+        await_picture(again, lambda seen: strong(seen, 2).any())
+        frames(again, 5)
         assert played.entries()[-1]["speed_x"] == 0
         entry = press(again, "ArrowUp", lambda entry: entry["speed_x"] != 0, played)
         assert entry["speed_x"] == 0.5
