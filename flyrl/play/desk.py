@@ -128,6 +128,7 @@ class Desk(plugin.ViewerPlugin):
         self._awaited: dict[str, tuple[int, Setting]] = {}
         self._camera_told: tuple[Any, ...] = ()
         self._is_narrow = False
+        self._forgets = False
         self._height = math.inf
         self._is_closed = False
 
@@ -151,7 +152,7 @@ class Desk(plugin.ViewerPlugin):
     @messages.handler
     def on_leave(self, event: LeaveEvent) -> None:
         """Forget keys that are down: the page that closed never tells when they are let go."""
-        imgui.GetIO().ConfigFlags |= int(imgui.ConfigFlags.NoKeyboard)
+        self._forgets = True
 
     @messages.handler
     def on_gui(self, event: messages.BuildGuiEvent) -> None:
@@ -160,8 +161,14 @@ class Desk(plugin.ViewerPlugin):
         io = imgui.GetIO()
         # keys are the simulation's, not for going from widget to widget
         io.ConfigFlags &= ~int(imgui.ConfigFlags.NavEnableKeyboard)
-        if io.ConfigFlags & int(imgui.ConfigFlags.NoKeyboard):
-            io.ConfigFlags &= ~int(imgui.ConfigFlags.NoKeyboard)
+        deaf = int(imgui.ConfigFlags.NoKeyboard)
+        if self._forgets:
+            # for the next picture, at whose begin Dear ImGui then clears its keys; not before the
+            # new page is there, since a connection sets flags itself
+            io.ConfigFlags |= deaf
+            self._forgets = False
+        elif io.ConfigFlags & deaf:
+            io.ConfigFlags &= ~deaf
         elif not io.WantCaptureKeyboard:
             self._read_keys()
         if not io.WantCaptureMouse and io.KeyShift and imgui.IsMouseClicked(imgui.MouseButton.Left):
