@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from flyrl.play import Playable
 
 _PORT: Final = 8080
+
+_NAMES: Final = ("fly", "worm")
+
+_OF_THE_FLY: Final = ("terrain", "controller", "physics", "body", "policy", "seed")
+"""Options that a fly alone has."""
 
 
 def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -20,24 +30,47 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="open a live page in the browser",
         description="Play with a simulation, live in the browser. The page is served to this "
         "computer alone. Ctrl-C ends it.",
-        epilog="worm: the literature's hanging worm; key h recruits 20 more motor neurons, n 20 "
-        "fewer. Example: flyrl play worm --port 9000",
+        epilog="fly: steered by sliders and arrow keys, or by a policy. worm: the literature's "
+        "hanging worm; key h recruits 20 more motor neurons, n 20 fewer. "
+        "Examples: flyrl play; flyrl play fly --terrain blocks --controller hybrid; "
+        "flyrl play worm --port 9000",
     )
-    parser.add_argument("name", metavar="NAME", help="what to play: worm")
     parser.add_argument(
+        "name",
+        metavar="NAME",
+        nargs="?",
+        default=_NAMES[0],
+        help=f"what to play: {' or '.join(_NAMES)} (default: {_NAMES[0]})",
+    )
+    fly = parser.add_argument_group("the fly, as it begins; all but the body can be changed live")
+    fly.add_argument("--terrain", metavar="NAME", help="what it walks on")
+    fly.add_argument("--controller", metavar="NAME", help="what moves its legs")
+    fly.add_argument("--physics", metavar="NAME", help="preset of the physics")
+    fly.add_argument("--body", metavar="NAME", help="which fly")
+    fly.add_argument("--policy", metavar="POLICY", help="what steers it, instead of a person")
+    fly.add_argument("--seed", type=int, metavar="N", help="of its first reset")
+    page = parser.add_argument_group("the page")
+    page.add_argument(
         "--port",
         type=int,
         default=_PORT,
         help=f"where the page is served; 0 for any free port (default: {_PORT})",
     )
-    parser.add_argument(
+    page.add_argument(
         "--no-browser", action="store_true", help="open no browser, only print the address"
     )
-    parser.add_argument(
+    page.add_argument(
         "--log",
         type=Path,
         metavar="FILE",
         help="write there what happens, a line of JSON per change; replaces what it held",
+    )
+    page.add_argument(
+        "--record-folder",
+        type=Path,
+        metavar="FOLDER",
+        default=Path("videos"),
+        help="where videos that the page records come (default: videos)",
     )
     parser.set_defaults(run=run)
 
@@ -48,37 +81,98 @@ def run(options: argparse.Namespace) -> int:
     Raises
     ------
     ValueError
-        There is no such thing to play, or no such port.
+        There is no such thing to play, or no such port, or an option does not go with it.
+    OSError
+        The port is in use, or the log cannot be written.
+    """
+    from flyrl.validation import one_of, within  # noqa: PLC0415
+
+    one_of("what to play", options.name, _NAMES)
+    if options.port != 0:
+        within("--port", options.port, 1024, 65535)
+    given = {name: getattr(options, name) for name in _OF_THE_FLY}
+    given = {name: value for name, value in given.items() if value is not None}
+    if options.name != "fly" and given:
+        raise ValueError(f"--{next(iter(given))} goes with the fly only, got {options.name!r}")
+    return serve(lambda: _make(options.name, given), options)
+
+
+def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
+    """Serve a page until Ctrl-C; return the exit status.
+
+    Parameters
+    ----------
+    make
+        Makes what is played, once the port is known to be free.
+    options
+        Of the page, as the parser has them.
+
+    Raises
+    ------
     OSError
         The port is in use, or the log cannot be written.
     """
     try:
-        return _play(options)
+        return _serve(make, options)
     except KeyboardInterrupt:
         print()
         return 0
 
 
-def _play(options: argparse.Namespace) -> int:
-    from flyrl.play import PLAYABLES, Session  # noqa: PLC0415
-    from flyrl.validation import one_of, within  # noqa: PLC0415
+def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
+    from flyrl.play import Session  # noqa: PLC0415
 
-    make = PLAYABLES[one_of("what to play", options.name, PLAYABLES)]
-    if options.port != 0:
-        within("--port", options.port, 1024, 65535)
     try:
         from flyrl.play.loopback import listen, url  # noqa: PLC0415
         from flyrl.play.page import PageUnavailableError, show  # noqa: PLC0415
     except ImportError as error:
-        return _fail(f"mujoco.studio, which shows the page, cannot be used: {error}")
-    with listen(options.port) as listening, _log(options.log) as log:
-        session = Session(make(), log)
-        print(f"{options.name}: {url(listening)} (Ctrl-C ends it)", flush=True)
+        return _fail(
+            f"mujoco.studio, which shows the page, cannot be used ({error}); "
+            "install mujoco in the version that flyrl asks for: pip install -U flyrl"
+        )
+    from flyrl.report.recording import VideoRecorder  # noqa: PLC0415
+
+    with (
+        listen(options.port) as listening,
+        _log(options.log) as log,
+        closing(VideoRecorder(options.record_folder, options.name)) as recorder,
+    ):
+        session = Session(make(), log, recorder)
+        address = url(listening)
+        print(f"{options.name}: {address} (Ctrl-C ends it)", flush=True)
+        opens_browser = not options.no_browser
+        if opens_browser and not _has_browser():
+            opens_browser = False
+            print(f"no browser can be opened here; open {address} in one", flush=True)
         try:
-            show(session, listening, opens_browser=not options.no_browser)
+            show(session, listening, opens_browser=opens_browser)
         except PageUnavailableError as error:
             return _fail(str(error))
     return 0
+
+
+def _make(name: str, given: Mapping[str, Any]) -> Playable:
+    if name == "worm":
+        from flyrl.play import PlayedWorm  # noqa: PLC0415
+
+        return PlayedWorm()
+    fly = importlib.import_module("flyrl.play.fly")
+    played: Playable = fly.PlayedFly(fly.PlayedFlyConfig(**given))
+    return played
+
+
+def _has_browser() -> bool:
+    import webbrowser  # noqa: PLC0415
+
+    if sys.platform == "linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return False
+    try:
+        webbrowser.get()
+    except webbrowser.Error:
+        return False
+    return True
 
 
 def _fail(reason: str) -> int:

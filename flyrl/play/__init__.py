@@ -7,11 +7,11 @@ What is played (`playable`, `worm`), and its course in time (`session`), know no
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from flyrl.play.playable import Panel, Playable
+from flyrl.play.playable import Playable
 from flyrl.play.session import Session
 from flyrl.play.worm import PlayedWorm
 
 PLAYABLES: Final[Mapping[str, Callable[[], Playable]]] = {"worm": PlayedWorm}
 """What can be played, by name."""
 
-__all__ = ["PLAYABLES", "Panel", "Playable", "PlayedWorm", "Session"]
+__all__ = ["PLAYABLES", "Playable", "PlayedWorm", "Session"]

@@ -1,11 +1,10 @@
 """The page: what is played, in MuJoCo's web viewer, with a panel.
 
-The viewer runs in a thread of its own and knows a copy of the model. Messages go to and fro: keys
-that are pressed, what the panel says, and the state that is drawn.
+The viewer runs in a thread of its own and knows a copy of the model. Messages go to and fro: what a
+person does, what the panel says, and the state that is drawn.
 """
 
 import copy
-import dataclasses
 import logging
 import socket
 import time
@@ -21,24 +20,35 @@ from mujoco.studio import (
     viewer_protocol,
     web_viewer,
 )
-from mujoco.studio.dear_imgui import dear_imgui as imgui
 
+from flyrl.play.desk import (
+    AimEvent,
+    CameraSnapshot,
+    ChangeEvent,
+    Desk,
+    LeaveEvent,
+    PanelSnapshot,
+    PointEvent,
+    PressEvent,
+)
+from flyrl.play.display import copy_state, display_model
 from flyrl.play.loopback import Service, served_on
-from flyrl.play.playable import Panel, Playable
 from flyrl.play.session import Session
-from flyrl.simulation.worm_scenery import BAR_EMPTY, BAR_FRAME, BAR_HEIGHT, BAR_RED, BAR_WIDTH
 
 FRAME_S: Final = 1 / 60
 """Time from one state that is sent to the next."""
 
-_IDLE_FRAME_S: Final = 0.1
+_PAUSED_FRAME_S: Final = 1 / 25
+"""The same while time stands still."""
+
+_IDLE_FRAME_S: Final = 0.2
 """The same while nobody watches."""
+
+_PANEL_S: Final = 1 / 25
+"""Time from one panel to the next."""
 
 _START_S: Final = 10.0
 """How long the server may take to start."""
-
-_MARGIN: Final = 16
-"""px; from the panel to the corner."""
 
 
 class PageUnavailableError(RuntimeError):
@@ -66,138 +76,109 @@ def show(session: Session, listening: socket.socket, *, opens_browser: bool = Fa
     """
     _hush()
     playable = session.playable
-    model = display_model(playable.model)
+    inbox = _Inbox(session)
+    drawn, model = playable.model, display_model(playable.model)
     data = mujoco.MjData(model)
-    shown = None
+    shown, next_panel_s = None, 0.0
     with (
         listening,
         served_on(listening) as service,
-        _launch(session, model, service, opens_browser) as handle,
+        _launch(session, inbox, model, service, opens_browser) as handle,
     ):
         # as if sent already: the viewer has it from the start
         handle.model, handle.data = model, data
         _await(handle, service)
         while handle.is_running():
+            began_s = time.monotonic()
             is_watched = service.connections > 0
             if is_watched != session.is_watched:
                 session.watch(is_watched)
-            session.advance(time.monotonic())
-            data.qpos[:] = playable.data.qpos
+                if not is_watched:
+                    handle.send_to_viewer(LeaveEvent())
+            session.advance(began_s)
+            if playable.model is not drawn:
+                drawn, model = playable.model, display_model(playable.model)
+                data = mujoco.MjData(model)
+                handle.send_to_viewer(AimEvent(copy.copy(playable.camera)))
+            copy_state(playable.data, data)
             handle.sync(model, data)
-            panel = playable.panel()
-            if panel != shown:
-                handle.send_to_viewer(_PanelSnapshot(panel))
-                shown = panel
-            time.sleep(FRAME_S if session.is_watched else _IDLE_FRAME_S)
+            if began_s >= next_panel_s:
+                next_panel_s = began_s + _PANEL_S
+                panel = PanelSnapshot(session.sections(), inbox.latest_change)
+                if panel != shown:
+                    handle.send_to_viewer(panel)
+                    shown = panel
+            time.sleep(max(0.001, _frame_s(session) - (time.monotonic() - began_s)))
 
 
-def display_model(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Copy a model for being drawn: viewer and browser find the places of its bodies, no forces."""
-    display = copy.deepcopy(model)
-    bits = mujoco.mjtDisableBit
-    display.opt.disableflags |= (
-        bits.mjDSBL_CONSTRAINT | bits.mjDSBL_CONTACT | bits.mjDSBL_ACTUATION | bits.mjDSBL_SENSOR
-    )
-    return display
-
-
-@dataclasses.dataclass(frozen=True)
-class _PressEvent(messages.Event):
-    key: str
-
-
-@dataclasses.dataclass(frozen=True)
-class _PanelSnapshot(messages.Snapshot):
-    panel: Panel
+def _frame_s(session: Session) -> float:
+    """Time from one state to the next."""
+    if not session.is_watched:
+        return _IDLE_FRAME_S
+    return _PAUSED_FRAME_S if session.is_paused else FRAME_S
 
 
 class _Inbox(plugin.SimPlugin):
-    """Hands on to the session what keys the viewer reads."""
+    """Hands on to the session what a person does."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self.latest_change = 0
 
     @messages.handler
-    def on_press(self, event: _PressEvent) -> None:
+    def on_press(self, event: PressEvent) -> None:
         self._session.press(event.key)
 
-
-class _Desk(plugin.ViewerPlugin):
-    """Draws the panel into the lower right corner, and reads the keys."""
-
-    def __init__(self, playable: Playable) -> None:
-        self._title = playable.title
-        self._keys = [
-            (letter, getattr(imgui.Key, letter.upper()), effect)
-            for letter, effect in playable.keys.items()
-        ]
-        self._panel = playable.panel()
+    @messages.handler
+    def on_change(self, event: ChangeEvent) -> None:
+        self._session.change(event.name, event.value)
+        self.latest_change = event.number
 
     @messages.handler
-    def on_panel(self, snapshot: _PanelSnapshot) -> None:
-        self._panel = snapshot.panel
+    def on_point(self, event: PointEvent) -> None:
+        self._session.point(event.x_w, event.y_w)
 
     @messages.handler
-    def on_gui(self, event: messages.BuildGuiEvent) -> None:
-        self._read_keys()
-        size = imgui.GetIO().DisplaySize
-        corner = imgui.Vec2(size.x - _MARGIN, size.y - _MARGIN)
-        imgui.SetNextWindowPos(corner, int(imgui.Cond.Always), imgui.Vec2(1, 1))
-        flags = imgui.WindowFlags
-        fixed = (flags.AlwaysAutoResize, flags.NoMove, flags.NoSavedSettings, flags.NoTitleBar)
-        imgui.Begin(self._title, flags=sum(map(int, fixed)))
-        imgui.TextUnformatted(self._panel.heading)
-        imgui.TextUnformatted(self._panel.details)
-        for share in self._panel.bars:
-            _draw_bar(share)
-        for letter, _, effect in self._keys:
-            imgui.TextUnformatted(f"{letter}: {effect}")
-        imgui.End()
-
-    def _read_keys(self) -> None:
-        for letter, key, _ in self._keys:
-            # Not IsKeyDown: that stays true when a page closes with the key held.
-            if imgui.IsKeyPressed(key, False):
-                self.viewer.send_to_sim(_PressEvent(letter))
+    def on_camera(self, snapshot: CameraSnapshot) -> None:
+        self._session.camera = snapshot.camera
 
 
-def _draw_bar(share: float) -> None:
-    """Draw a bar, filled from the left with red, in a thin frame."""
-    place, draw = imgui.GetCursorScreenPos(), imgui.GetWindowDrawList()
-    left, top = place.x + 2, place.y + 2
-    bottom = top + BAR_HEIGHT
-    parts = (
-        (left - 2, top - 2, left + BAR_WIDTH + 2, bottom + 2, BAR_FRAME),
-        (left, top, left + BAR_WIDTH, bottom, BAR_EMPTY),
-        (left, top, left + round(BAR_WIDTH * share), bottom, BAR_RED),
-    )
-    for x0, y0, x1, y1, (red, green, blue) in parts:
-        if x1 > x0:
-            colour = imgui.GetColorU32(imgui.Vec4(red / 255, green / 255, blue / 255, 1.0))
-            draw.AddRectFilled(imgui.Vec2(x0, y0), imgui.Vec2(x1, y1), colour)
-    imgui.Dummy(imgui.Vec2(BAR_WIDTH + 4, BAR_HEIGHT + 4))
+class _Viewer(web_viewer.WebViewer):
+    """The viewer, which rests while no browser shows it: by itself it would ask all the time."""
+
+    service: Service
+
+    def prepare_next_frame(self) -> bool:
+        if not self.service.connections:
+            time.sleep(_IDLE_FRAME_S / 2)
+            return False
+        return bool(super().prepare_next_frame())
 
 
 def _launch(
-    session: Session, model: mujoco.MjModel, service: Service, opens_browser: bool
+    session: Session,
+    inbox: _Inbox,
+    model: mujoco.MjModel,
+    service: Service,
+    opens_browser: bool,
 ) -> viewer_handle.ViewerHandle:
     """Start the viewer in its thread."""
     config = viewer_protocol.ViewerConfig(title="flyrl play", gfx="web", open_browser=opens_browser)
-    desk, camera = _Desk(session.playable), session.playable.camera
+    desk = Desk(session.playable.title, session.keys)
+    camera = copy.copy(session.camera)
 
     def target(endpoint: endpoints.ViewerEndpoint) -> None:
         try:
-            viewer = web_viewer.WebViewer(
-                config, endpoint, model=model, camera=camera, plugins=[desk]
-            )
+            viewer = _Viewer(config, endpoint, model=model, camera=camera, plugins=[desk])
         except Exception as error:
             raise PageUnavailableError(f"MuJoCo's web viewer does not start: {error}") from error
         if not service.is_confined:
             viewer.close()
             raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
+        viewer.service = service
         viewer_protocol.run_viewer_loop(viewer)
 
-    return launch_thread.launch_thread(target, sim_plugins=[_Inbox(session)])
+    return launch_thread.launch_thread(target, sim_plugins=[inbox])
 
 
 def _await(handle: viewer_handle.ViewerHandle, service: Service) -> None:
@@ -210,6 +191,7 @@ def _await(handle: viewer_handle.ViewerHandle, service: Service) -> None:
 
 
 def _hush() -> None:
-    """Keep the viewer from telling stdout who comes and goes, and that anyone may."""
+    """Keep the viewer from telling stdout who comes and goes, that anyone may, and new models."""
     logging.getLogger("WebServer").setLevel(logging.WARNING)
+    vars(web_viewer)["print"] = lambda *words, **settings: None
     web_viewer._print_url_banner = lambda host, port: None

@@ -1,43 +1,78 @@
-"""The course of what is played: in real time while somebody watches, and told to a log."""
+"""The course of what is played: in real time or slower while somebody watches, told to a log."""
 
+import copy
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-import mujoco
-
+from flyrl.play.panel import Button, Choice, Integer, Line, Section, Setting, Switch, Widget
 from flyrl.play.playable import Playable
+from flyrl.play.recorder import FRAMES_PER_S, Recorder
+from flyrl.validation import one_of
 
 MAX_LAG_S: Final = 0.1
-"""How much time is made up for at most, where the computer does not keep up."""
+"""How much simulated time is made up for at most, where the computer does not keep up."""
+
+BUDGET_S: Final = 0.05
+"""How long the simulation may take at a time, so that the page stays alive; the rest is dropped."""
+
+SPEEDS: Final[Mapping[str, float]] = {
+    **{f"1/{part}": 1 / part for part in (16, 8, 4, 2)},
+    "1": 1.0,
+    "2": 2.0,
+}
+"""Simulated time per time, by name."""
+
+PAUSE, STEP, RESET, SPEED, SEED, RECORD = (
+    f"session.{name}" for name in ("pause", "step", "reset", "speed", "seed", "record")
+)
+"""Names of the session's own widgets."""
+
+_KEYS: Final = {
+    "space": (PAUSE, "pause, go on"),
+    "enter": (STEP, "pause, a single step"),
+    "backspace": (RESET, "reset"),
+}
+"""Name of a key -> what it stands for, and in a few words."""
+
+_BITE_S: Final = 0.01
+"""Simulated time between two looks at the clock."""
+
+_RATE_S: Final = 0.5
+"""Time over which the speed that is reached is measured."""
 
 
 @dataclass
 class Pace:
-    """Says how many steps of the physics are due, so that they pass in real time.
+    """Says how many steps of the physics are due, so that they pass in real time, or as is said.
 
     Attributes
     ----------
-    timestep_s : of the physics.
+    interval_s : simulated time that a step takes.
+    max_lag_s : how much simulated time is made up for at most.
     """
 
-    timestep_s: float
+    interval_s: float
+    max_lag_s: float = MAX_LAG_S
     _last_s: float | None = None
     _owed_s: float = 0.0
 
-    def steps(self, now_s: float) -> int:
+    def steps(self, now_s: float, speed: float = 1.0) -> int:
         """Steps due since the last call; none at the first one, and the first after a `pause`.
 
         Parameters
         ----------
         now_s : of any clock that only goes forward.
+        speed : simulated time per time.
         """
         passed = 0.0 if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
-        self._owed_s = min(self._owed_s + passed, MAX_LAG_S)
+        longest = max(self.max_lag_s, self.interval_s)
+        self._owed_s = min(self._owed_s + passed * speed, longest)
         # a hair more, lest 0.1 / 0.001 come to 99
-        steps = int(self._owed_s / self.timestep_s + 1e-6)
-        self._owed_s -= steps * self.timestep_s
+        steps = int(self._owed_s / self.interval_s + 1e-6)
+        self._owed_s -= steps * self.interval_s
         return steps
 
     def pause(self) -> None:
@@ -47,7 +82,7 @@ class Pace:
 
 
 class Session:
-    """Plays something: steps it, presses keys, and logs what changes.
+    """Plays something: steps it, hands on what a person does, and logs what changes.
 
     Parameters
     ----------
@@ -55,43 +90,205 @@ class Session:
         What is played.
     log
         Called with an entry at the start, and whenever it differs in anything but time from the one
-        before: `time_s`, which has passed in the simulation; `is_watched`; and
-        `playable.figures()`.
+        before: `time_s`, which has passed in the simulation; `is_watched`, `is_paused`, `speed`,
+        `seed`, `is_recording`; `recording`, what the recorder says; `message`, why the latest
+        change was refused; and `playable.figures()`.
+    recorder
+        Makes videos; without one there are none.
+    clock
+        Tells time in s, to see how long the simulation takes.
+
+    Attributes
+    ----------
+    is_watched, is_paused
+        Whether somebody is there; whether time stands still all the same.
+    speed
+        Simulated time per time.
+    keys
+        Name of a key -> what a press does: the playable's, and "space", "enter", "backspace".
+    camera
+        From where it is seen.
     """
 
     def __init__(
-        self, playable: Playable, log: Callable[[Mapping[str, Any]], None] = lambda entry: None
+        self,
+        playable: Playable,
+        log: Callable[[Mapping[str, Any]], None] = lambda entry: None,
+        recorder: Recorder | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.playable: Final = playable
-        self._log = log
-        self._pace = Pace(playable.model.opt.timestep)
-        self._told: dict[str, Any] | None = None
+        self.keys: Final = {**playable.keys, **{key: tells for key, (_, tells) in _KEYS.items()}}
+        self.camera = copy.copy(playable.camera)
         self.is_watched = False
+        self.is_paused = False
+        self.speed = 1.0
+        self._log = log
+        self._recorder = recorder
+        self._clock = clock
+        self._pace = Pace(playable.interval_s)
+        self._film = Pace(1 / FRAMES_PER_S, max_lag_s=1.0)
+        self._rate = _Rate()
+        self._next_seed = playable.seed
+        self._message = ""
+        self._told: dict[str, Any] | None = None
         self._tell()
 
     def watch(self, is_watched: bool) -> None:
-        """Go on, since somebody watches; or else relax and pause."""
+        """Go on, since somebody watches; or else relax and wait."""
         self.is_watched = is_watched
         if not is_watched:
             self.playable.relax()
-            self._pace.pause()
+            self._stop_clocks()
+            self._record(is_on=False)
         self._tell()
 
     def press(self, key: str) -> None:
         """Press a key; one that means nothing here, or while nobody watches, does nothing."""
-        if self.is_watched and key in self.playable.keys:
+        if key in _KEYS:
+            self.change(_KEYS[key][0], True)
+        elif self.is_watched and key in self.playable.keys:
             self.playable.press(key)
             self._tell()
 
-    def advance(self, now_s: float) -> None:
-        """Step the physics up to a time in s, of any clock that only goes forward."""
-        steps = self._pace.steps(now_s) if self.is_watched else 0
-        if steps:
-            mujoco.mj_step(self.playable.model, self.playable.data, steps)
+    def point(self, x_w: float, y_w: float) -> None:
+        """Click on the ground, mm in the world's frame."""
+        if self.is_watched:
+            self.playable.point(x_w, y_w)
             self._tell()
 
+    def change(self, name: str, value: Setting) -> None:
+        """Set a widget of `sections`; a value that is refused is told on the panel and to the log.
+
+        While nobody watches this does nothing.
+        """
+        if not self.is_watched:
+            return
+        try:
+            if name in (PAUSE, STEP, RESET, SPEED, SEED, RECORD):
+                self._change(name, value)
+            else:
+                self.playable.change(name, value)
+            self._message = ""
+        except ValueError as error:
+            self._message = " ".join(str(error).split())
+        self._tell()
+
+    def advance(self, now_s: float) -> None:
+        """Step the physics up to a time in s, of any clock that only goes forward."""
+        if self.is_watched and not self.is_paused:
+            self._step(self._pace.steps(now_s, self.speed))
+            self._rate.note(now_s, self.playable.time_s)
+            self._take(self._film.steps(now_s))
+        self._tell()
+
+    def sections(self) -> tuple[Section, ...]:
+        """What the panel shows: the session's own controls, then those of what is played."""
+        speed = next(name for name, speed in SPEEDS.items() if speed == self.speed)
+        rate = "paused" if self.is_paused else self._rate.text
+        widgets: list[Widget] = [
+            Line(f"{self.playable.time_s:.2f} s   {rate}"),
+            Button(PAUSE, "Go on" if self.is_paused else "Pause"),
+            Button(STEP, "Step"),
+            Button(RESET, "Reset"),
+            Choice(SPEED, "speed", tuple(SPEEDS), speed),
+            Integer(SEED, "seed of a reset", self._next_seed),
+        ]
+        if self._recorder is not None:
+            widgets.append(Switch(RECORD, "record a video", self._recorder.is_on))
+            if self._recorder.note:
+                widgets.append(Line(self._recorder.note))
+        if self._message:
+            widgets.append(Line(self._message))
+        return (Section("Time", tuple(widgets)), *self.playable.sections())
+
+    def _change(self, name: str, value: Setting) -> None:
+        if name == PAUSE:
+            self._pause(not self.is_paused)
+        elif name == STEP:
+            self._pause(True)
+            self.playable.step(1)
+            self._take(1)
+        elif name == RESET:
+            self.playable.reset(self._next_seed)
+            self._stop_clocks()
+        elif name == SPEED:
+            self.speed = SPEEDS[one_of("speed", str(value), SPEEDS)]
+        elif name == SEED:
+            if int(value) < 0:
+                raise ValueError(f"seed must be 0 or more, got {value}")
+            self._next_seed = int(value)
+        else:
+            self._record(is_on=bool(value))
+
+    def _pause(self, is_paused: bool) -> None:
+        self.is_paused = is_paused
+        if is_paused:
+            self._stop_clocks()
+
+    def _stop_clocks(self) -> None:
+        self._pace.pause()
+        self._film.pause()
+        self._rate = _Rate()
+
+    def _record(self, is_on: bool) -> None:
+        if self._recorder is None or self._recorder.is_on == is_on:
+            return
+        if not is_on:
+            self._recorder.stop()
+            return
+        self._recorder.start()
+        self._film.pause()
+        self._take(1)
+
+    def _step(self, due: int) -> None:
+        """Take so many steps, as far as there is time."""
+        bite = max(1, round(_BITE_S / self.playable.interval_s))
+        end_s = self._clock() + BUDGET_S
+        while due > 0 and self._clock() <= end_s:
+            number = min(due, bite)
+            self.playable.step(number)
+            due -= number
+
+    def _take(self, number: int) -> None:
+        if number and self._recorder is not None and self._recorder.is_on:
+            playable = self.playable
+            self._recorder.take(playable.model, playable.data, self.camera, number)
+
     def _tell(self) -> None:
-        entry = {"is_watched": self.is_watched, **self.playable.figures()}
+        recorder = self._recorder
+        entry = {
+            "is_watched": self.is_watched,
+            "is_paused": self.is_paused,
+            "speed": self.speed,
+            "seed": self.playable.seed,
+            "is_recording": recorder is not None and recorder.is_on,
+            "recording": recorder.note if recorder is not None else "",
+            "message": self._message,
+            **self.playable.figures(),
+        }
         if entry != self._told:
             self._told = entry
-            self._log({"time_s": round(self.playable.data.time, 4), **entry})
+            self._log({"time_s": round(self.playable.time_s, 4), **entry})
+
+
+class _Rate:
+    """Measures how fast simulated time passes.
+
+    Attributes
+    ----------
+    text : for the panel; empty while it is not known.
+    """
+
+    def __init__(self) -> None:
+        self.text = ""
+        self._since: tuple[float, float] | None = None
+
+    def note(self, now_s: float, time_s: float) -> None:
+        """Note that so much time has passed in the simulation."""
+        if self._since is None:
+            self._since = (now_s, time_s)
+        now_before, time_before = self._since
+        if now_s - now_before >= _RATE_S:
+            self.text = f"{(time_s - time_before) / (now_s - now_before):.2f} x real time"
+            self._since = (now_s, time_s)

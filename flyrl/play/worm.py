@@ -6,11 +6,12 @@ After cortex, Simulated Muscles, R. McIntyre (2012-14).
 from collections.abc import Mapping
 from typing import Final
 
+import mujoco
 import numpy as np
 
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
-from flyrl.play.playable import Panel
+from flyrl.play.panel import Bars, Section, Setting, Values
 from flyrl.simulation.recruitment import STEP, bend, last_neuron
 from flyrl.simulation.worm_scenery import add_surroundings, side_view
 
@@ -36,7 +37,7 @@ class PlayedWorm:
     Attributes
     ----------
     n : what its muscles are activated with, 0 to the last neuron of the longest pool.
-    title, keys, model, data, camera : see `Playable`.
+    title, keys, interval_s, time_s, seed, model, data, camera : see `Playable`.
     """
 
     def __init__(self, config: WormConfig = DEMONSTRATION) -> None:
@@ -49,6 +50,19 @@ class PlayedWorm:
         self.keys: Mapping[str, str] = {"h": f"{STEP} more motor neurons", "n": f"{STEP} fewer"}
         self.model, self.data = self._creature.model, self._creature.data
         self.camera = side_view(config)
+        self.interval_s = float(self.model.opt.timestep)
+        self.time_s, self.seed = 0.0, 0
+        self._activate(0)
+
+    def step(self, number: int) -> None:
+        """Simulate a number of steps of the physics."""
+        mujoco.mj_step(self.model, self.data, number)
+        self.time_s = float(self.data.time)
+
+    def reset(self, seed: int) -> None:
+        """Hang down again; nothing of a worm is random, so every seed does the same."""
+        self.time_s, self.seed = 0.0, seed
+        mujoco.mj_resetData(self.model, self.data)
         self._activate(0)
 
     def press(self, key: str) -> None:
@@ -59,10 +73,24 @@ class PlayedWorm:
         """Recruit the first neuron alone."""
         self._activate(0)
 
-    def panel(self) -> Panel:
+    def change(self, name: str, value: Setting) -> None:
+        """A worm has no widgets to set.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(f"a worm has no {name!r} to set")
+
+    def point(self, x_w: float, y_w: float) -> None:
+        """There is no ground to click on."""
+
+    def sections(self) -> tuple[Section, ...]:
         """Neurons, tension of the first muscle, and bend; a bar per muscle."""
-        details = f"tension {self._tension[0]:.2f}   bend {round(self._bend_deg())}°"
-        return Panel(f"neurons up to {self.n}", details, tuple(self._tension.tolist()))
+        values = (self.n, float(self._tension[0]), self._bend_deg())
+        shown = Values(("neurons up to", "tension", "bend (°)"), values)
+        return (Section("Worm", (shown, Bars((), tuple(self._tension.tolist())))),)
 
     def figures(self) -> dict[str, float]:
         """`n`; `tension` of the first muscle, 0 to 1; `bend_deg`, the sum of all joints' angles."""

@@ -10,7 +10,7 @@ def test_help_has_an_example(capsys):
     with pytest.raises(SystemExit) as end:
         main(["play", "--help"])
     assert end.value.code == 0
-    assert "Example: flyrl play worm" in " ".join(capsys.readouterr().out.split())
+    assert "Examples: flyrl play; flyrl play fly" in " ".join(capsys.readouterr().out.split())
 
 
 def only_line(capsys):
@@ -22,7 +22,13 @@ def only_line(capsys):
 
 def test_no_such_thing(capsys):
     assert main(["play", "wurm"]) == 2
-    assert "must be one of 'worm', got 'wurm'" in only_line(capsys)
+    assert "must be one of 'fly', 'worm', got 'wurm'" in only_line(capsys)
+
+
+@pytest.mark.parametrize("option", ["terrain", "controller", "physics", "body", "policy", "seed"])
+def test_a_worm_has_none_of_a_flys_options(option, capsys):
+    assert main(["play", "worm", f"--{option}", "1"]) == 2
+    assert only_line(capsys) == f"error: --{option} goes with the fly only, got 'worm'"
 
 
 @pytest.mark.parametrize("port", ["80", "70000", "-1"])
@@ -52,4 +58,6 @@ def test_without_the_web_viewer(monkeypatch, capsys):
         monkeypatch.delitem(sys.modules, f"flyrl.play.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "mujoco.studio.web", None)
     assert main(["play", "worm", "--no-browser", "--port", "0"]) == 2
-    assert only_line(capsys).startswith("error: mujoco.studio, which shows the page, cannot be")
+    line = only_line(capsys)
+    assert line.startswith("error: mujoco.studio, which shows the page, cannot be")
+    assert line.endswith("pip install -U flyrl")

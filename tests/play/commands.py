@@ -8,7 +8,8 @@ import sys
 import time
 from contextlib import contextmanager
 
-COMMAND = [sys.executable, "-m", "flyrl", "play", "worm", "--no-browser", "--port=0", "--log"]
+WORM = ("-m", "flyrl", "play", "worm")
+TOY = ("-m", "tests.play.toy")
 
 
 class Playing:
@@ -20,7 +21,7 @@ class Playing:
     def entries(self):
         return [json.loads(line) for line in self._log.read_text().splitlines()]
 
-    def until(self, is_so, limit_s=60.0):
+    def until(self, is_so, limit_s=90.0):
         """Wait for an entry that is so, as the last; return it."""
         end = time.monotonic() + limit_s
         while time.monotonic() < end:
@@ -39,16 +40,18 @@ class Playing:
 
 
 @contextmanager
-def playing(log):
+def playing(log, what=WORM):
+    """Play a worm, or a toy; videos come beside the log."""
+    options = ["--no-browser", "--port=0", f"--log={log}", f"--record-folder={log.parent}"]
     process = subprocess.Popen(
-        [*COMMAND, log],
+        [sys.executable, *what, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
     try:
         line = process.stdout.readline()
-        assert line.startswith("worm: http"), process.communicate(timeout=20)[1]
+        assert line.startswith(f"{what[-1].split('.')[-1]}: http"), process.communicate(timeout=20)
         yield Playing(process, re.search(r"http://127\.0\.0\.1:\d+/", line)[0], log)
     finally:
         if process.poll() is None:

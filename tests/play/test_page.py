@@ -1,28 +1,40 @@
-"""The page, in a browser with real keys."""
+"""The page, in a browser with real keys and a real mouse, checked on the loop's own log."""
 
 import io
 import time
+from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from PIL import Image
 
 from flyrl.muscles import MotorPool
-from flyrl.play import PlayedWorm
-from flyrl.play.page import display_model
 from flyrl.resources import assets_folder
-from flyrl.simulation.worm_scenery import BAR_HEIGHT, BAR_WIDTH
+from flyrl.simulation.worm_scenery import BAR_HEIGHT
 from tests.chromium import chromium
-from tests.play.commands import playing
+from tests.play.commands import TOY, playing
+from tests.play.toy import Toy
 
-SIZE = {"width": 800, "height": 400}
-PANEL_WIDTH = BAR_WIDTH + 30
+WIDTH, HEIGHT = 900, 440
+"""px; of a page, in which the panel is unfolded and shows its first two sections."""
 
+SCALE = 0.5
+"""Of the pixels that are drawn, since software takes its time for each."""
 
-def tension(n):
-    pool = MotorPool.from_image(assets_folder() / "muscles" / "human.png")
-    return pytest.approx(pool.recruitment[n], abs=5e-5)
+SCENE_HEIGHT = HEIGHT - 32
+"""px; below is the viewer's own bar."""
+
+LEFT = WIDTH - 342
+"""px; where the panel begins."""
+
+# Places on the page, as the panel is laid out.
+PAUSE, STEP, RESET = ((LEFT + x, 100) for x in (28, 73, 117))
+SEED_PLUS = (LEFT + 296, 152)
+RECORD = (LEFT + 18, 178)
+SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 222, 234), (LEFT + 285, 234)
+SHAPE = (LEFT + 200, 260)
+SHAPES = {"box": (LEFT + 200, 285), "ball": (LEFT + 200, 305), "cube": (LEFT + 200, 325)}
+GROUND = (140, 300)
 
 
 def frames(page, number):
@@ -36,6 +48,21 @@ def frames(page, number):
     )
 
 
+def hover(page, place):
+    """Move the mouse somewhere, until the page knows whether that is the panel or the scene."""
+    page.mouse.move(*place)
+    frames(page, 5)
+
+
+def click(page, place):
+    """Click: the page reads the mouse once per picture."""
+    hover(page, place)
+    page.mouse.down()
+    frames(page, 2)
+    page.mouse.up()
+    frames(page, 2)
+
+
 def press(page, key, is_so, played):
     """Press a key until the log says what it did."""
     page.keyboard.down(key)
@@ -45,65 +72,173 @@ def press(page, key, is_so, played):
     return entry
 
 
-def red_rows(page):
-    """In how many rows the panel's part of the picture, at the right, shows the bar's red."""
-    picture = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
-    red, green, blue = np.moveaxis(picture[:, -PANEL_WIDTH:], -1, 0)
-    return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum()
+def picture(page):
+    """What the page shows above the viewer's bar."""
+    shot = page.screenshot(timeout=120_000, scale="device")
+    seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+    return seen[: int(SCENE_HEIGHT * SCALE)]
 
 
-def await_bar(page):
-    end = time.monotonic() + 30
-    while (rows := red_rows(page)) != BAR_HEIGHT:
-        assert time.monotonic() < end, f"{rows} rows of the picture are red"
+def strong(colours, channel):
+    """Where a channel stands out."""
+    others = [other for other in range(3) if other != channel]
+    return (colours[..., channel] > 90) & np.all(
+        colours[..., channel, None] > colours[..., others] + 50, axis=-1
+    )
 
 
-@pytest.mark.slow
-def test_keys_recruit_neurons_and_the_worm_bends(tmp_path):
-    with chromium() as browser, playing(tmp_path / "log.jsonl") as played:
-        assert played.entries() == [
-            {"time_s": 0.0, "is_watched": False, "n": 0, "tension": 0.0, "bend_deg": 0.0}
-        ]
-        page = browser.new_page(viewport=SIZE)
-        page.goto(played.url)
-        played.until(lambda entry: entry["is_watched"])
-        assert press(page, "h", lambda e: e["n"] == 20, played)["tension"] == tension(20)
-        played.until(lambda entry: entry["bend_deg"] >= 0.4)
-        assert press(page, "h", lambda e: e["n"] == 40, played)["tension"] == tension(40)
-        played.until(lambda entry: entry["bend_deg"] >= 1.0)
-        await_bar(page)
-        assert press(page, "n", lambda e: e["n"] == 20, played)["tension"] == tension(20)
-        played.until(lambda entry: entry["bend_deg"] <= 0.5)
+def await_picture(page, shows):
+    """Wait for a picture that shows something; a scene that has changed is not drawn at once."""
+    end = time.monotonic() + 90
+    while not shows(picture(page)):
+        assert time.monotonic() < end, "it is never seen"
 
-        # a page that closes with a key held leaves nothing pressed
-        page.keyboard.down("h")
-        played.until(lambda entry: entry["n"] == 40)
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory, browser):
+    """A toy in play, and its page."""
+    with playing(tmp_path_factory.mktemp("toy") / "log.jsonl", TOY) as played:
+        page = open_page(browser, played)
+        yield played, page
         page.close()
-        left = played.until(lambda entry: not entry["is_watched"])
-        assert (left["n"], left["tension"]) == (0, 0)
-        again = browser.new_page(viewport=SIZE)
-        again.goto(played.url)
-        played.until(lambda entry: entry["time_s"] > left["time_s"])
-        entries = played.entries()
-        assert entries[entries.index(left) + 1] == {**left, "is_watched": True}
-        frames(again, 4)
-        assert played.entries()[-1]["n"] == 0
-        browser.close()
         played.until(lambda entry: not entry["is_watched"])
-        steps = [entry["n"] for entry in played.entries()]
-        changes = [n for n, before in zip(steps, [None, *steps[:-1]], strict=True) if n != before]
-        assert changes == [0, 20, 40, 20, 40, 0]
         assert played.interrupt() == (0, "\n", "")
 
 
-def test_what_is_drawn_knows_no_forces():
-    worm = PlayedWorm()
-    forces, constraints = [], []
-    for model in (worm.model, display_model(worm.model)):
-        data = mujoco.MjData(model)
-        data.ctrl[:], data.qpos[:] = 100.0, 2.0  # beyond the joints' limits
-        mujoco.mj_forward(model, data)
-        forces.append(np.abs(data.qfrc_actuator).max())
-        constraints.append(data.nefc)
-    assert forces == [pytest.approx(100), 0]
-    assert constraints == [worm.model.njnt, 0]
+def open_page(browser, played):
+    size = {"width": WIDTH, "height": HEIGHT}
+    page = browser.new_page(viewport=size, device_scale_factor=SCALE)
+    page.goto(played.url)
+    played.until(lambda entry: entry["is_watched"])
+    return page
+
+
+@pytest.mark.slow
+class TestToy:
+    """One page, in which one thing is done after the other."""
+
+    def test_keys(self, toy):
+        played, page = toy
+        entry = press(page, "ArrowUp", lambda e: e["speed_x"] != 0, played)
+        assert entry["speed_x"] == 0.5
+        played.until(lambda entry: entry["x"] > 0.2)
+        assert press(page, "h", lambda e: e["hops"] != 0, played)["hops"] == 1
+        assert press(page, "ArrowDown", lambda e: e["speed_x"] != 0.5, played)["speed_x"] == 0
+
+    def test_a_slider_is_dragged(self, toy):
+        played, page = toy
+        hover(page, SLIDER_MIDDLE)
+        page.mouse.down()
+        frames(page, 2)
+        page.mouse.move(*SLIDER_RIGHT, steps=3)
+        played.until(lambda entry: entry["speed_x"] > 0.9)
+        frames(page, 2)
+        page.mouse.up()
+        frames(page, 3)
+        # from -2 to 2 over 172 px, but for the grip's width
+        expected = (SLIDER_RIGHT[0] - SLIDER_MIDDLE[0]) / 156 * 4
+        assert played.entries()[-1]["speed_x"] == pytest.approx(expected, abs=0.2)
+
+    def test_pause_step_reset(self, toy):
+        played, page = toy
+        click(page, PAUSE)
+        paused = played.until(lambda entry: entry["is_paused"])
+        click(page, STEP)
+        step = played.until(lambda entry: entry["x"] != paused["x"])
+        assert step["time_s"] == pytest.approx(paused["time_s"] + Toy.interval_s)
+        click(page, SEED_PLUS)
+        click(page, RESET)
+        reset = played.until(lambda entry: entry["seed"] == 1)
+        assert (reset["time_s"], reset["x"]) == (0, 0)
+        press(page, "Space", lambda entry: not entry["is_paused"], played)
+
+    def test_a_choice_changes_the_scene(self, toy):
+        played, page = toy
+        click(page, SHAPE)
+        click(page, SHAPES["ball"])
+        played.until(lambda entry: entry["shape"] == "ball")
+
+    def test_what_is_refused_is_told(self, toy):
+        played, page = toy
+        click(page, SHAPE)
+        click(page, SHAPES["cube"])
+        entry = played.until(lambda entry: entry["message"])
+        assert entry["message"] == "shape must be one of 'box', 'ball', got 'cube'"
+        assert entry["shape"] == "ball"
+
+    def test_a_click_on_the_ground_moves_the_target_there(self, toy):
+        played, page = toy
+        page.keyboard.down("Shift")
+        click(page, GROUND)
+        page.keyboard.up("Shift")
+        played.until(lambda entry: entry["target_x"] != 3)
+
+        def shows(seen):
+            green, blue = (strong(seen[:, : int(LEFT * SCALE)], channel) for channel in (1, 2))
+            if not green.any() or not blue.any():
+                return False  # the ball, which was a box, is not there yet
+            place = np.mean(np.nonzero(blue), axis=1)[::-1]
+            return np.abs(place / SCALE - GROUND).max() < 12
+
+        await_picture(page, shows)
+
+    def test_a_video_is_recorded(self, toy):
+        played, page = toy
+        click(page, RECORD)
+        on = played.until(lambda entry: entry["recording"])
+        if not on["is_recording"]:
+            pytest.skip(on["recording"])
+        # the recorder's line has moved what is below, not the box
+        click(page, RECORD)
+        written = played.until(lambda entry: entry["recording"].startswith("Video: "))
+        path = Path(written["recording"].removeprefix("Video: "))
+        assert path.name == "toy_1.mp4"
+        assert 1_000 < path.stat().st_size < 2_000_000
+
+    def test_a_page_that_closes_with_a_key_held_leaves_nothing_pressed(self, toy, browser):
+        played, page = toy
+        page.keyboard.down("ArrowUp")
+        played.until(lambda entry: entry["speed_x"] == 0.5)
+        page.close()
+        left = played.until(lambda entry: not entry["is_watched"])
+        assert left["speed_x"] == 0
+        again = open_page(browser, played)
+        # what is pressed while a page is still loading counts as held from before
+        await_picture(again, lambda seen: strong(seen, 2).any())
+        frames(again, 5)
+        assert played.entries()[-1]["speed_x"] == 0
+        entry = press(again, "ArrowUp", lambda entry: entry["speed_x"] != 0, played)
+        assert entry["speed_x"] == 0.5
+        again.close()
+
+
+def tension(n):
+    pool = MotorPool.from_image(assets_folder() / "muscles" / "human.png")
+    return pytest.approx(pool.recruitment[n], abs=5e-5)
+
+
+def red_rows(seen):
+    """In how many rows of the page the panel shows the bar's red."""
+    red, green, blue = np.moveaxis(seen[:, int(LEFT * SCALE) :], -1, 0)
+    return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum() / SCALE
+
+
+@pytest.mark.slow
+def test_keys_recruit_neurons_and_the_worm_bends(tmp_path, browser):
+    with playing(tmp_path / "log.jsonl") as played:
+        page = open_page(browser, played)
+        assert press(page, "h", lambda e: e["n"] == 20, played)["tension"] == tension(20)
+        played.until(lambda entry: entry["bend_deg"] >= 0.4)
+        assert press(page, "h", lambda e: e["n"] == 40, played)["tension"] == tension(40)
+        await_picture(page, lambda seen: red_rows(seen) == pytest.approx(BAR_HEIGHT, abs=2))
+        assert press(page, "n", lambda e: e["n"] == 20, played)["tension"] == tension(20)
+        page.close()
+        left = played.until(lambda entry: not entry["is_watched"])
+        assert (left["n"], left["tension"]) == (0, 0)
+        assert played.interrupt() == (0, "\n", "")

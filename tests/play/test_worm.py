@@ -50,14 +50,25 @@ def test_the_panel_says_neurons_tension_and_bend(worm):
     for _ in range(10):
         worm.press("h")
     worm.data.qpos[:] = np.radians([10, 20, 5])
-    panel = worm.panel()
-    assert panel.heading == "neurons up to 200"
-    assert panel.details == "tension 0.21   bend 35°"
-    assert panel.bars == pytest.approx([POOL.recruitment[200]])
+    (section,) = worm.sections()
+    values, bars = section.widgets
+    assert values.labels == ("neurons up to", "tension", "bend (°)")
+    assert values.values == pytest.approx((200, POOL.recruitment[200], 35))
+    assert bars.shares == pytest.approx([POOL.recruitment[200]])
     assert worm.figures()["bend_deg"] == 35.0
     worm.data.qpos[:] = np.radians([0, 0, -0.04])
-    assert worm.panel().details.endswith("bend 0°")
     assert str(worm.figures()["bend_deg"]) == "0.0"
+
+
+def test_a_reset_hangs_the_worm_down(worm):
+    for _ in range(15):
+        worm.press("h")
+    worm.step(50)
+    assert worm.time_s == pytest.approx(50 * worm.interval_s)
+    assert worm.figures()["bend_deg"] > 1
+    worm.reset(3)
+    assert (worm.n, worm.time_s, worm.seed) == (0, 0.0, 3)
+    assert worm.figures() == {"n": 0, "tension": 0.0, "bend_deg": 0.0}
 
 
 def test_the_literatures_worm_can_be_played():
