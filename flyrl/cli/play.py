@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import json
 import os
 import sys
@@ -42,7 +41,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         default=_NAMES[0],
         help=f"what to play: {' or '.join(_NAMES)} (default: {_NAMES[0]})",
     )
-    fly = parser.add_argument_group("the fly, as it begins; all but the body can be changed live")
+    fly = parser.add_argument_group("the fly, as it begins; all this can be changed in the page")
     fly.add_argument("--terrain", metavar="NAME", help="what it walks on")
     fly.add_argument("--controller", metavar="NAME", help="what moves its legs")
     fly.add_argument("--physics", metavar="NAME", help="preset of the physics")
@@ -156,9 +155,9 @@ def _make(name: str, given: Mapping[str, Any]) -> Playable:
         from flyrl.play import PlayedWorm  # noqa: PLC0415
 
         return PlayedWorm()
-    fly = importlib.import_module("flyrl.play.fly")
-    played: Playable = fly.PlayedFly(fly.PlayedFlyConfig(**given))
-    return played
+    from flyrl.play import PlayedFly, PlayedFlyConfig  # noqa: PLC0415
+
+    return PlayedFly(PlayedFlyConfig(**given))
 
 
 def _has_browser() -> bool:

@@ -70,6 +70,7 @@ class PlayedFly:
             "left": "turn left",
             "right": "turn right",
             "s": "stop",
+            "click": "move the target",
         }
         self.interval_s = INTERVAL_S
         self.config = config
@@ -122,7 +123,7 @@ class PlayedFly:
 
     def press(self, key: str) -> None:
         """Change the drive, by hand from now on: arrows by `KEY_STEP`, "s" to a halt."""
-        if one_of("key", key, self.keys) == "s":
+        if one_of("key", key, (*_ARROWS, "s")) == "s":
             self.relax()
             return
         left, right = _ARROWS[key]

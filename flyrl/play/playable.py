@@ -17,11 +17,9 @@ class Playable(Protocol):
         Its name.
     keys
         Name of a key -> what a press does, in a few words. Letters, and "up", "down", "left",
-        "right".
+        "right"; "click" tells what `point` does.
     interval_s
         Simulated time that a step takes, s.
-    time_s
-        Simulated time since the last reset, s.
     seed
         Of the last reset.
     model, data
@@ -34,11 +32,15 @@ class Playable(Protocol):
     title: str
     keys: Mapping[str, str]
     interval_s: float
-    time_s: float
     seed: int
     model: mujoco.MjModel
     data: mujoco.MjData
     camera: mujoco.MjvCamera
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset, s."""
+        ...
 
     def step(self, number: int) -> None:
         """Simulate a number of steps."""

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.files import usable_folder, write_bytes
-from flyrl.report.video import FPS, MAX_BYTES, Picture, encode
+from flyrl.report.captions import Picture
+from flyrl.report.video import FPS, MAX_BYTES, encode
 from flyrl.simulation.rendering import Offscreen, RenderingUnavailableError
 
 WIDTH: Final = 480

@@ -8,6 +8,7 @@ import sys
 import time
 from contextlib import contextmanager
 
+FLY = ("-m", "flyrl", "play", "--physics=fast", "fly")
 WORM = ("-m", "flyrl", "play", "worm")
 TOY = ("-m", "tests.play.toy")
 
@@ -21,12 +22,15 @@ class Playing:
     def entries(self):
         return [json.loads(line) for line in self._log.read_text().splitlines()]
 
+    def latest(self):
+        return json.loads(self._log.read_text().splitlines()[-1])
+
     def until(self, is_so, limit_s=90.0):
         """Wait for an entry that is so, as the last; return it."""
         end = time.monotonic() + limit_s
         while time.monotonic() < end:
             assert self.process.poll() is None, "it has ended"
-            entry = self.entries()[-1]
+            entry = self.latest()
             if is_so(entry):
                 return entry
             time.sleep(0.02)
@@ -41,7 +45,7 @@ class Playing:
 
 @contextmanager
 def playing(log, what=WORM):
-    """Play a worm, or a toy; videos come beside the log."""
+    """Play a fly, a worm or a toy; videos come beside the log."""
     options = ["--no-browser", "--port=0", f"--log={log}", f"--record-folder={log.parent}"]
     process = subprocess.Popen(
         [sys.executable, *what, *options],

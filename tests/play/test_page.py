@@ -12,7 +12,7 @@ from flyrl.muscles import MotorPool
 from flyrl.resources import assets_folder
 from flyrl.simulation.worm_scenery import BAR_HEIGHT
 from tests.chromium import chromium
-from tests.play.commands import TOY, playing
+from tests.play.commands import FLY, TOY, playing
 from tests.play.toy import Toy
 
 WIDTH, HEIGHT = 900, 440
@@ -216,6 +216,57 @@ class TestToy:
         entry = press(again, "ArrowUp", lambda entry: entry["speed_x"] != 0, played)
         assert entry["speed_x"] == 0.5
         again.close()
+
+
+# Of the fly's panel.
+WHO_STEERS = (LEFT + 200, 303)
+TARGET_FLAT = (LEFT + 200, 368)
+DRIVE_LEFT, DRIVE_RIGHT = (LEFT + 180, 329), (LEFT + 180, 355)
+
+
+def drag(page, start, end):
+    hover(page, start)
+    page.mouse.down()
+    frames(page, 2)
+    page.mouse.move(*end, steps=3)
+    frames(page, 3)
+    page.mouse.up()
+    frames(page, 3)
+
+
+def distance_to_target(entry):
+    return np.hypot(entry["x_mm"] - entry["target_x_mm"], entry["y_mm"] - entry["target_y_mm"])
+
+
+@pytest.mark.slow
+def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks(tmp_path, browser):
+    with playing(tmp_path / "log.jsonl", FLY) as played:
+        page = open_page(browser, played)
+        stood = played.latest()
+        assert (stood["drive_left"], stood["drive_right"]) == (0, 0)
+        entry = press(page, "ArrowUp", lambda e: e["drive_left"] > 0, played)
+        assert (entry["drive_left"], entry["drive_right"]) == (0.1, 0.1)
+        drag(page, DRIVE_LEFT, (DRIVE_LEFT[0] + 60, DRIVE_LEFT[1]))
+        entry = played.until(lambda entry: entry["drive_left"] > 0.4)
+        assert entry["drive_right"] == 0.1
+        # a stronger left side turns it right
+        heading = entry["heading_deg"]
+        played.until(lambda entry: (entry["heading_deg"] - heading) % 360 > 180)
+        click(page, WHO_STEERS)
+        click(page, TARGET_FLAT)
+        played.until(lambda entry: entry["steering"] == "target-flat")
+        target = played.latest()["target_x_mm"], played.latest()["target_y_mm"]
+        page.keyboard.down("Shift")
+        click(page, GROUND)
+        page.keyboard.up("Shift")
+        moved = played.until(lambda e: (e["target_x_mm"], e["target_y_mm"]) != target)
+        assert distance_to_target(moved) > 1
+        arrived = played.until(lambda entry: distance_to_target(entry) < 1)
+        assert (arrived["outcome"], arrived["steering"]) == ("running", "target-flat")
+        page.close()
+        left = played.until(lambda entry: not entry["is_watched"])
+        assert (left["drive_left"], left["drive_right"], left["steering"]) == (0, 0, "by hand")
+        assert played.interrupt() == (0, "\n", "")
 
 
 def tension(n):

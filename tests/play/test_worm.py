@@ -7,7 +7,7 @@ import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION
 from flyrl.muscles import MotorPool
-from flyrl.play import PLAYABLES, PlayedWorm
+from flyrl.play import PlayedWorm
 from flyrl.play.worm import after_press
 from flyrl.resources import assets_folder
 
@@ -72,7 +72,7 @@ def test_a_reset_hangs_the_worm_down(worm):
 
 
 def test_the_literatures_worm_can_be_played():
-    worm = PLAYABLES["worm"]()
+    worm = PlayedWorm()
     assert worm.title == "worm"
     assert set(worm.keys) == {"h", "n"}
     # ten segments, one muscle
