@@ -39,7 +39,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="figures:\n"
         + "\n".join(f"  {name:27}{text}" for name, text in FIGURES.items())
-        + "\n\nVideos and the picture need a GL library; without one they are left out.",
+        + "\n\nVideos and the picture need a GL library; without one they are left out."
+        + "\n\nexample:\n  flyrl figures cpg_tripod turn",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
     parser.add_argument(
