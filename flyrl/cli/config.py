@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
@@ -13,6 +13,7 @@ from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.simulation.rendering import Camera
 from flyrl.simulation.scene import STEPS_OF_BODY
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Task, extended, task_named
 from flyrl.terrains import TerrainConfig
@@ -113,6 +114,8 @@ class EvaluationSettings:
     ----------
     videos
         Whether to show videos, where a GL library can be used.
+    camera
+        From where they are filmed, see `flyrl.simulation.rendering.FlyRenderer`.
     close_ups
         Whether to show gait diagrams and curves over time, and what drives do.
     drive_map
@@ -136,9 +139,13 @@ class EvaluationSettings:
     num_threads: int = EvaluationConfig.num_threads
     progress_bar: bool = True
     videos: bool = True
+    camera: Camera = "goal"
     close_ups: bool = True
     drive_map: bool = True
     folder: str | None = None
+
+    def __post_init__(self) -> None:
+        one_of("camera", self.camera, get_args(Camera))
 
 
 _EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")

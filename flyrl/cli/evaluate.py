@@ -118,7 +118,7 @@ def compare(
         walk_examples,
         write_results,
     )
-    from flyrl.report import record_videos, write_report  # noqa: PLC0415
+    from flyrl.report import View, record_videos, write_report  # noqa: PLC0415
 
     results = evaluate(config, folder)
     for crash in results.protocol["crashes"]:
@@ -129,7 +129,8 @@ def compare(
     write_results(results, folder)
     drop_parts(folder)
     missing = {(crash["controller"], crash["terrain"]) for crash in results.protocol["crashes"]}
-    videos, note = record_videos(config, missing=missing) if settings.videos else ([], None)
+    view = View(camera=settings.camera)
+    videos, note = record_videos(config, missing, view) if settings.videos else ([], None)
     examples = walk_examples(config, results.examples) if settings.close_ups else []
     has_map = settings.close_ups and settings.drive_map and config.legs is not None
     drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None

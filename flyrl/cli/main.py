@@ -41,7 +41,7 @@ anything heavy when it is imported."""
 _EXAMPLES: Final = """examples:
   flyrl train task=target terrain=flat algo=ppo seed=0
   flyrl evaluate policies=[target-flat] controllers=[cpg,hybrid]
-  flyrl play worm
+  flyrl play
   flyrl figures cpg_tripod
   flyrl runs --sort best --reverse
   flyrl reproduce runs/2026-01-31_120000_target_flat_ppo_0

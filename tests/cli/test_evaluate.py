@@ -179,6 +179,7 @@ def test_quantities_are_varied_from_the_command_line(run_here, tmp_path):
         ("vary={friction: 2}", "vary.friction must be a list of values, got 2"),
         ("vary={fricton: [2]}", "did you mean 'friction'"),
         ("study=comparison", "study must be one of"),
+        ("camera=side", "camera must be one of 'follow', 'top', 'goal', got 'side'"),
     ],
 )
 def test_what_cannot_be_varied_or_studied(run_here, argument, message):
