@@ -115,8 +115,7 @@ def gait_rows(samples: NDArray[np.uint32]) -> tuple[str, ...]:
 
 
 def _fares(view: FlyView) -> tuple[Widget, ...]:
-    speed, distance = round(view.speed_mm_s, 1), round(view.distance_mm, 1)
-    values = Values(("speed, mm/s", "to the target, mm"), (speed, distance))
+    values = Values(("speed, mm/s", "to the target, mm"), (view.speed_mm_s, view.distance_mm))
     if view.outcome == RUNNING:
         return (values,)
     end = _ENDS.get(view.outcome, view.outcome)

@@ -21,6 +21,9 @@ WIDTH, HEIGHT = 900, 440
 SCALE = 0.5
 """Of the pixels that are drawn, since software takes its time for each."""
 
+COARSE = 0.2
+"""The same where no test looks at the picture."""
+
 SCENE_HEIGHT = HEIGHT - 32
 """px; below is the viewer's own bar."""
 
@@ -111,9 +114,9 @@ def toy(tmp_path_factory, browser):
         assert played.interrupt() == (0, "\n", "")
 
 
-def open_page(browser, played):
+def open_page(browser, played, scale=SCALE):
     size = {"width": WIDTH, "height": HEIGHT}
-    page = browser.new_page(viewport=size, device_scale_factor=SCALE)
+    page = browser.new_page(viewport=size, device_scale_factor=scale)
     page.goto(played.url)
     played.until(lambda entry: entry["is_watched"])
     return page
@@ -241,7 +244,7 @@ def distance_to_target(entry):
 @pytest.mark.slow
 def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks(tmp_path, browser):
     with playing(tmp_path / "log.jsonl", FLY) as played:
-        page = open_page(browser, played)
+        page = open_page(browser, played, COARSE)
         stood = played.latest()
         assert (stood["drive_left"], stood["drive_right"]) == (0, 0)
         entry = press(page, "ArrowUp", lambda e: e["drive_left"] > 0, played)
