@@ -197,7 +197,6 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
 @pytest.mark.parametrize(
     ("how", "number"),
     [
-        ("-m", signal.SIGTERM),
         ("launcher=joblib", signal.SIGTERM),
         ("launcher=ray", signal.SIGINT),  # Ray catches SIGTERM itself
     ],
@@ -242,6 +241,7 @@ def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train
     result = train_here(*asked)
     thread.join()
     assert result.returncode == 128 + signal.SIGTERM
+    assert "the same command with hydra.sweep.dir=here" in result.stderr
     notes = [note for _, note in read_jobs(sweep)]
     assert notes[0].error == "interrupted"
     assert notes[1] is None

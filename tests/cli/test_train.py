@@ -28,10 +28,8 @@ def _python(folder, *arguments):
 
 
 @pytest.mark.slow
-def test_train_from_an_empty_folder(tmp_path):
-    result = _python(
-        tmp_path, str(ROOT / "train.py"), "task=target", "terrain=flat", *TINY_ARGUMENTS
-    )
+def test_train_from_an_empty_folder(tmp_path, run_here):
+    result = run_here("train.py", "task=target", "terrain=flat", *TINY_ARGUMENTS)
     assert result.returncode == 0, result.stderr
     last = result.stdout.splitlines()[-1]
     assert last.startswith("run: runs/")

@@ -1,22 +1,26 @@
-"""Command lines in the documentation, and how each is checked without the work that it asks for."""
+"""Command lines in the documentation, and how each is run or checked."""
 
 import importlib.util
 import re
 import shlex
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values
-from flyrl.cli.config import evaluation_config, own_settings, training_config
+from flyrl.cli.config import own_settings, training_config
 from flyrl.cli.evaluate import comparison
 from flyrl.cli.main import command_parser
+from flyrl.evaluation import Results, evaluate
 from flyrl.policies import named_policies
 from flyrl.resources import configs_folder
+from flyrl.training.learn import Run, train
 from tests.docs.pages import PAGES, ROOT, SHELLS, blocks
 
 PLACEHOLDERS = {
@@ -41,6 +45,32 @@ NEEDS_ANOTHER_ENVIRONMENT = "launcher=ray"
 
 COMPOSED = ("train", "evaluate")
 """Programs whose arguments are Hydra's."""
+
+NEEDS_MORE = {"resume", "launcher", "hydra.sweep.dir", "logger"}
+"""Keys of commands that go on with what is there, run elsewhere, or speak to a service; tests/cli
+and tests/training/loggers run such."""
+
+SHORT = ("task.time_limit=0.2",)
+SHORT_TRAINING = (
+    "training.total_decisions=32",
+    "training.num_envs=2",
+    "training.num_threads=1",
+    "training.evaluation_interval=32",
+    "training.evaluation_episodes=1",
+    "training.checkpoint_interval=32",
+    "training.progress_bar=false",
+)
+SHORT_LEARNING = (
+    "algo.n_steps=16",
+    "algo.n_epochs=1",
+    "algo.batch_size=16",
+    "algo.learning_starts=20",
+    "algo.gradient_steps=1",
+    "algo.buffer_size=1000",
+)
+"""Those that the algorithm has."""
+
+SHORT_EVALUATION = ("episodes=1", "num_threads=1", "progress_bar=false", "film=[0]", "seed=0")
 
 _INLINE = re.compile(
     r"`((?:[A-Z_]+=\S+ )?(?:python )?(?:train|evaluate)\.py [^`\n]+|flyrl \w[^`\n]*)`"
@@ -103,32 +133,42 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
     return found
 
 
-def check_training(overrides: tuple[str, ...]) -> None:
-    """As train.py checks them: keys and choices, and values where such are given.
+def trained(overrides: tuple[str, ...], folder: Path) -> Run | None:
+    """Train as the command does, but for `SHORT`; of a sweep, its first run.
 
-    To compose the settings takes the time here, so it is done once.
+    None if it is not, since it needs more than is there; then its arguments are checked.
     """
-    if NEEDS_ANOTHER_ENVIRONMENT in overrides:
-        return
-    is_sweep = any(re.fullmatch(r"[\w.]+=[\w-]+(,[\w-]+)+", each) for each in overrides)
-    keys = [each.partition("=")[0] for each in overrides]
-    if is_sweep or "launcher" in keys or "resume" in keys or not any("." in key for key in keys):
-        check_arguments("train", [*(["-m"] if is_sweep else []), *overrides])
-    else:
-        training_config(_values("train", overrides))
+    keys = {each.partition("=")[0] for each in overrides}
+    if keys & NEEDS_MORE:
+        if NEEDS_ANOTHER_ENVIRONMENT not in overrides:
+            check_arguments("train", overrides)
+        return None
+    single = [re.sub(r"^([\w.]+=[\w-]+)(,[\w-]+)+$", r"\1", each) for each in overrides]
+    algorithm = _values("train", [each for each in single if not each.startswith("hydra.")])["algo"]
+    short = [key for key in SHORT_LEARNING if key.partition("=")[0][5:] in algorithm]
+    values = _values("train", [*single, *SHORT, *SHORT_TRAINING, *short])
+    return train(training_config(values), folder)
 
 
-def check_evaluation(overrides: tuple[str, ...]) -> None:
-    """As evaluate.py checks them, down to the policy files where these come with flyrl."""
-    record = _values("evaluate", overrides)
+def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
+    """Evaluate as the command does, but for `SHORT`; of quantities that vary, one value each.
+
+    Parameters
+    ----------
+    overrides
+        Of the command.
+    learned
+        Stands for policies that do not come with flyrl.
+    """
+    record = _values("evaluate", [*overrides, *SHORT, *SHORT_EVALUATION])
     settings = own_settings(record)
-    if settings.policies and set(settings.policies) <= set(named_policies()):
-        comparison(record, settings, ())
-    else:
-        evaluation_config(record, settings, "")
+    known = named_policies()
+    policies = tuple(name if name in known else str(learned) for name in settings.policies)
+    one_each = settings.vary and {name: values[-1:] for name, values in settings.vary.items()}
+    return evaluate(comparison(record, replace(settings, policies=policies, vary=one_each), ()))
 
 
-def _values(program: str, overrides: tuple[str, ...]) -> dict[str, object]:
+def _values(program: str, overrides: Sequence[str]) -> dict[str, Any]:
     folder = str(configs_folder().resolve())
     with initialize_config_dir(folder, version_base=HYDRA_VERSION):
         return plain_values(compose(program, list(overrides)))

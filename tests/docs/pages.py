@@ -20,8 +20,8 @@ LANGUAGES = {
     "python": "runs, all of a page in one namespace, in a folder of its own (test_python)",
     **dict.fromkeys(
         SHELLS,
-        "every command is taken by the program's own checks; what runs quickly, runs "
-        "(test_commands)",
+        "trainings and evaluations run, shortened; other commands are taken by the program's own "
+        "checks (test_commands)",
     ),
     "yaml": "is read; a search space is taken by flyrl tune's own checks (test_shown)",
     "xml": "is read (test_shown)",
