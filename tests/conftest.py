@@ -1,4 +1,12 @@
-"""The order of the tests."""
+"""The order of the tests, and Ctrl-C in them."""
+
+import signal
+
+
+def pytest_configure():
+    """Mind Ctrl-C: a shell makes its background jobs, and all that they start, ignore it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(items):

@@ -156,7 +156,7 @@ def _only_sweep(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["-m", "launcher=joblib", "launcher=submitit"])
+@pytest.mark.parametrize("how", ["-m", "launcher=submitit"])
 def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
     asked = (how, "algo.gamma=2,0.9")
     result = train_here(*asked) if how == "-m" else _train(tmp_path, *asked)
