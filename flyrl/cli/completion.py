@@ -52,25 +52,31 @@ def answer(parser: argparse.ArgumentParser) -> None:
 
 def add_completers(parser: argparse.ArgumentParser) -> None:
     """Tell argcomplete what the arguments of all subcommands can be, by their names."""
-    (commands,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
-    for command, its_parser in commands.choices.items():
+    for command, its_parser in subparsers_of(parser).items():
         for action in its_parser._actions:
             offer = _offer(command, action.dest)
             if offer is not None and not action.choices:
                 vars(action)["completer"] = offer
 
 
+def subparsers_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
+    """Parsers of the subcommands, by name."""
+    (action,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
+    return dict(action.choices)
+
+
 def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
     """What offers the values of an argument of a subcommand, if anything does."""
     from flyrl.cli.bench import MEASURED  # noqa: PLC0415
     from flyrl.cli.figures import FIGURES  # noqa: PLC0415
+    from flyrl.cli.play import NAMES  # noqa: PLC0415
 
     by_both: dict[tuple[str, str], Callable[..., Offer]] = {
         ("train", "overrides"): functools.partial(overrides, "train"),
         ("tune", "overrides"): functools.partial(overrides, "train"),
         ("evaluate", "overrides"): functools.partial(overrides, "evaluate"),
         ("figures", "names"): lambda **_: dict(FIGURES),
-        ("play", "name"): lambda **_: {"fly": "", "worm": ""},
+        ("play", "name"): lambda **_: dict.fromkeys(NAMES, ""),
         ("bench", "parts"): lambda **_: dict.fromkeys(MEASURED, ""),
         ("runs", "paths"): folders,
         ("sweep", "folders"): functools.partial(folders, below="sweeps"),

@@ -22,6 +22,7 @@ from flyrl.cli import (
     sweeps,
     tune,
 )
+from flyrl.cli.completion import subparsers_of
 from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
 
 _SUBCOMMANDS: Final = (
@@ -144,12 +145,6 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         known = [text for action in command._actions for text in action.option_strings]
         command.error(f"unrecognized arguments: {' '.join(unknown)}{_closest(first, known)}")
     return options
-
-
-def subparsers_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Parsers of the subcommands, by name."""
-    (action,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
-    return dict(action.choices)
 
 
 def _closest(given: str, known: Sequence[str] | dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _PORT: Final = 8080
 
-_NAMES: Final = ("fly", "worm")
+NAMES: Final = ("fly", "worm")
 
 _OF_THE_FLY: Final = ("terrain", "controller", "physics", "body", "policy", "seed")
 """Options that a fly alone has."""
@@ -38,8 +38,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         "name",
         metavar="NAME",
         nargs="?",
-        default=_NAMES[0],
-        help=f"what to play: {' or '.join(_NAMES)} (default: {_NAMES[0]})",
+        default=NAMES[0],
+        help=f"what to play: {' or '.join(NAMES)} (default: {NAMES[0]})",
     )
     fly = parser.add_argument_group("the fly, as it begins; all this can be changed in the page")
     fly.add_argument("--terrain", metavar="NAME", help="what it walks on")
@@ -86,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     """
     from flyrl.validation import one_of, within  # noqa: PLC0415
 
-    one_of("what to play", options.name, _NAMES)
+    one_of("what to play", options.name, NAMES)
     if options.port != 0:
         within("--port", options.port, 1024, 65535)
     given = {name: getattr(options, name) for name in _OF_THE_FLY}
