@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from flyrl.validation import did_you_mean
+
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -18,3 +20,32 @@ def assets_folder() -> Path:
 def configs_folder() -> Path:
     """Folder of Hydra config groups (`configs/`)."""
     return _folder("configs")
+
+
+def muscle_profile(key: str, profile: str) -> Path:
+    """Image of a muscle's motor pool: one of `assets/muscles` by its name, or a file by its path.
+
+    Parameters
+    ----------
+    key
+        Where it stands in a config, for messages.
+    profile
+        Name with or without ".png", or a path.
+
+    Raises
+    ------
+    ValueError
+        If there is no such image.
+    """
+    folder = assets_folder() / "muscles"
+    built_in = folder / f"{profile.removesuffix('.png')}.png"
+    if built_in.parent == folder and built_in.is_file():
+        return built_in
+    path = Path(profile).expanduser()
+    if not path.is_file():
+        names = sorted(image.stem for image in folder.glob("*.png"))
+        raise ValueError(
+            f"{key} must be one of {', '.join(map(repr, names))}, or the path of an image, got "
+            f"{profile!r}{did_you_mean(profile, names)}"
+        )
+    return path.resolve()

@@ -1,10 +1,15 @@
 """Checks on arguments: a ValueError says what was given and what is allowed."""
 
+import dataclasses
 import difflib
+import functools
 import math
-from collections.abc import Iterable
+import sys
+import types
+import typing
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,14 +76,44 @@ def within(name: str, value: float, low: float, high: float) -> float:
     return value
 
 
+def whole_number(name: str, value: int, low: int, high: int) -> int:
+    """Return `value` as an int if it is one from `low` to `high`, else raise ValueError."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not low <= value <= high:
+        raise ValueError(f"{name} must be a whole number from {low} to {high}, got {value!r}")
+    return int(value)
+
+
 def one_of(name: str, value: T, allowed: Iterable[Any]) -> T:
     """Return `value` if it is among `allowed`, else raise ValueError with the closest match."""
     choices = tuple(allowed)
     if value in choices:
         return value
-    close = difflib.get_close_matches(str(value), [str(choice) for choice in choices], n=1)
-    hint = f"; did you mean {close[0]!r}?" if close else ""
+    hint = did_you_mean(value, choices)
     raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}{hint}")
+
+
+def distinct(name: str, values: Iterable[Any]) -> None:
+    """Raise ValueError if one of the `values` is there twice."""
+    given = tuple(values)
+    for value in given:
+        if given.count(value) > 1:
+            raise ValueError(f"{name} must not hold {value!r} twice, got {given!r}")
+
+
+def did_you_mean(given: object, known: Iterable[object]) -> str:
+    """End of a message that names the known word closest to a given one; empty if none is close."""
+    close = difflib.get_close_matches(str(given), map(str, known), n=1, cutoff=0.6)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def known_keys(name: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Raise ValueError if one of the `given` keys of `name` is not known; say which is closest."""
+    allowed = tuple(known)
+    for key in given:
+        if key not in allowed:
+            raise ValueError(
+                f"{name} has no {key!r}{did_you_mean(key, allowed)} (allowed: {', '.join(allowed)})"
+            )
 
 
 def random_seed(seed: int) -> int:
@@ -86,6 +121,95 @@ def random_seed(seed: int) -> int:
     if isinstance(seed, bool) or not isinstance(seed, Integral) or not 0 <= seed < 2**32:
         raise ValueError(f"seed must be an integer from 0 to 2**32 - 1, got {seed!r}")
     return int(seed)
+
+
+class Within(NamedTuple):
+    """Range of a field's numbers, as `Annotated[float, Within(0, 1)]`; see `check_fields`."""
+
+    low: float
+    high: float
+
+
+def check_fields(config: Any, group: str = "") -> None:
+    """Check the fields of a dataclass, in its `__post_init__`, against their annotations.
+
+    Numbers must be finite, and within the field's `Within`; literals among their values; tuples of
+    their length. Numbers become Python's own, lists tuples, so that configs can be hashed and
+    stored. Text, and classes without a rule of their own here, are compared by type.
+
+    Parameters
+    ----------
+    config
+        A dataclass; fields that take no argument are left alone.
+    group
+        Key at which it stands in a config, for messages.
+
+    Raises
+    ------
+    ValueError
+        With the field's key, its value, and what is allowed.
+    """
+    prefix = f"{group}." if group else ""
+    for name, hint in _checked_fields(type(config)):
+        value = _checked(f"{prefix}{name}", getattr(config, name), hint, None)
+        object.__setattr__(config, name, value)
+
+
+@functools.cache
+def _checked_fields(cls: Any) -> list[tuple[str, Any]]:
+    hints = typing.get_type_hints(cls, include_extras=True)
+    return [(field.name, hints[field.name]) for field in dataclasses.fields(cls) if field.init]
+
+
+_NUMBERS: typing.Final[Mapping[type, type]] = {int: Integral, float: Real}
+_WORDS: typing.Final[Mapping[Any, str]] = {
+    int: "a whole number",
+    float: "a finite number",
+    bool: "True or False",
+    str: "text",
+}
+
+
+def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  # noqa: PLR0911
+    origin, options = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _checked(name, value, options[0], options[1])
+    if origin in (typing.Union, types.UnionType):
+        # a None or a class of values: flyrl has no other unions of checked fields
+        if value is None and types.NoneType in options:
+            return None
+        (hint,) = (option for option in options if option is not types.NoneType)
+        return _checked(name, value, hint, within)
+    if origin is Literal:
+        return one_of(name, value, options)
+    if origin is tuple:
+        return _checked_tuple(name, value, options, within)
+    if hint in _NUMBERS:
+        low, high = within or (-sys.float_info.max, sys.float_info.max)
+        is_number = isinstance(value, _NUMBERS[hint]) and not isinstance(value, bool)
+        if not is_number or not low <= value <= high:
+            allowed = f" from {low:g} to {high:g}" if within else ""
+            raise ValueError(f"{name} must be {_WORDS[hint]}{allowed}, got {value!r}")
+        return hint(value)
+    if not isinstance(value, hint):
+        words = _WORDS.get(hint, f"a {hint.__name__}")
+        raise ValueError(f"{name} must be {words}, got {value!r}")
+    return value
+
+
+def _checked_tuple(
+    name: str, value: Any, hints: tuple[Any, ...], within: Within | None
+) -> tuple[Any, ...]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{name} must be a tuple, got {value!r}")
+    if hints[-1] is Ellipsis:
+        hints = hints[:1] * len(value)
+    if len(value) != len(hints):
+        raise ValueError(f"{name} must be a tuple of {len(hints)}, got {value!r}")
+    return tuple(
+        _checked(f"{name}[{i}]", item, hint, within)
+        for i, (item, hint) in enumerate(zip(value, hints, strict=True))
+    )
 
 
 def _is_number(value: Any) -> bool:

@@ -1,10 +1,10 @@
 """How legs touch the ground: MuJoCo's contact parameters, for planes and for boxes."""
 
-import math
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 from flyrl.anatomy import LEG_SEGMENTS
+from flyrl.validation import Within, check_fields, one_of
 
 PlaneShape = Literal["capsule", "hull"]
 
@@ -25,28 +25,21 @@ class SurfaceContact:
     margin : distance at which contacts become active, mm.
     """
 
-    friction: tuple[float, float, float] = (1.0, 0.005, 0.0001)
-    solref: tuple[float, float] = (2e-4, 1e3)
-    solimp: tuple[float, float, float, float, float] = (0.999, 0.9999, 0.001, 0.5, 2.0)
-    condim: int = 3
-    margin: float = 0.0
+    friction: Annotated[tuple[float, float, float], Within(0, 1e3)] = (1.0, 0.005, 0.0001)
+    solref: Annotated[tuple[float, float], Within(-1e9, 1e9)] = (2e-4, 1e3)
+    solimp: Annotated[tuple[float, float, float, float, float], Within(0, 1e3)] = (
+        0.999, 0.9999, 0.001, 0.5, 2.0,
+    )  # fmt: skip
+    condim: Literal[1, 3, 4, 6] = 3
+    margin: Annotated[float, Within(0, 10)] = 0.0
 
     def __post_init__(self) -> None:
-        for key, length in {"friction": 3, "solref": 2, "solimp": 5}.items():
-            value = getattr(self, key)
-            if len(value) != length or not all(math.isfinite(item) for item in value):
-                raise ValueError(f"{key}: got {value!r}, allowed are {length} finite numbers")
-        if min(self.friction) < 0:
-            raise ValueError(f"friction: got {self.friction!r}, allowed are numbers >= 0")
+        check_fields(self, "contact")
         if (self.solref[0] > 0) != (self.solref[1] > 0) or 0 in self.solref:
             raise ValueError(
                 f"solref: got {self.solref!r}, allowed are two positive numbers (time constant, "
                 "damping ratio) or two negative ones (-stiffness, -damping)"
             )
-        if self.condim not in (1, 3, 4, 6):
-            raise ValueError(f"condim: got {self.condim!r}, allowed are 1, 3, 4, 6")
-        if not (math.isfinite(self.margin) and self.margin >= 0):
-            raise ValueError(f"margin: got {self.margin!r}, allowed is a finite number >= 0")
 
 
 @dataclass(frozen=True)
@@ -72,22 +65,13 @@ class ContactConfig:
     box: SurfaceContact = field(default_factory=SurfaceContact)
     plane_shape: PlaneShape = "capsule"
     plane_segments: tuple[str, ...] = LEG_SEGMENTS
-    plane_friction_across: float | None = None
+    plane_friction_across: Annotated[float | None, Within(0, 1e3)] = None
 
     def __post_init__(self) -> None:
-        if self.plane_shape not in get_args(PlaneShape):
-            raise ValueError(
-                f"plane_shape: got {self.plane_shape!r}, allowed are "
-                f"{', '.join(get_args(PlaneShape))}"
-            )
-        unknown = [name for name in self.plane_segments if name not in LEG_SEGMENTS]
-        if unknown:
-            raise ValueError(
-                f"plane_segments: got {unknown[0]!r}, allowed are {', '.join(LEG_SEGMENTS)}"
-            )
+        check_fields(self, "contact")
+        for name in self.plane_segments:
+            one_of("contact.plane_segments", name, LEG_SEGMENTS)
         across = self.plane_friction_across
-        if across is not None and not (math.isfinite(across) and across >= 0):
-            raise ValueError(f"plane_friction_across: got {across!r}, allowed is a number >= 0")
         if across is not None and self.plane_shape != "capsule":
             raise ValueError(
                 f"plane_friction_across: got {across!r}; a {self.plane_shape} has no axis, allowed "

@@ -8,7 +8,8 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
 import mujoco
 import numpy as np
@@ -18,7 +19,6 @@ from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.symmetry import REFLECTION, symmetric_table
 from flyrl.bodies.table import (
-    BODY_NAMES,
     BodyName,
     BodyRow,
     BodyTable,
@@ -27,8 +27,8 @@ from flyrl.bodies.table import (
     leg_collision,
     pose_degrees,
 )
-from flyrl.resources import assets_folder
-from flyrl.validation import not_negative, one_of, within
+from flyrl.resources import assets_folder, muscle_profile
+from flyrl.validation import Within, check_fields, distinct, one_of, within
 
 ROOT_BODY: Final = "Thorax"
 ROOT_JOINT: Final = "root"
@@ -105,7 +105,8 @@ class LegMuscles:
 
     Attributes
     ----------
-    profile : motor pool of every muscle, the name of an image in assets/muscles.
+    profile : motor pool of every muscle: the name of an image in assets/muscles, or the path of
+        one of your own, see `flyrl.muscles.MotorPool.from_image`.
     order : whether its neurons are recruited as in the image or, "reversed", the last one first.
     strength : torque of a muscle with all neurons active, µN·mm.
     left, right : factors on the strength of the muscles of a side.
@@ -113,16 +114,18 @@ class LegMuscles:
 
     profile: str = "human"
     order: Literal["profile", "reversed"] = "profile"
-    strength: float = 15.0
-    left: float = 1.0
-    right: float = 1.0
+    strength: Annotated[float, Within(0, 1e4)] = 15.0
+    left: Annotated[float, Within(0, 100)] = 1.0
+    right: Annotated[float, Within(0, 100)] = 1.0
 
     def __post_init__(self) -> None:
-        known = sorted(path.stem for path in (assets_folder() / "muscles").glob("*.png"))
-        one_of("muscles.profile", self.profile, known)
-        one_of("muscles.order", self.order, ("profile", "reversed"))
-        for name in ("strength", "left", "right"):
-            not_negative(f"muscles.{name}", getattr(self, name))
+        check_fields(self, "muscles")
+        self.profile_path  # noqa: B018 - looked up, so that a wrong one is an error here
+
+    @property
+    def profile_path(self) -> Path:
+        """Image of every muscle's motor pool."""
+        return muscle_profile("muscles.profile", self.profile)
 
 
 @dataclass(frozen=True)
@@ -147,7 +150,7 @@ class FlyConfig:
     """
 
     name: BodyName = "current"
-    adhesion_gain: float = 40.0
+    adhesion_gain: Annotated[float, Within(0, 1e4)] = 40.0
     rigid_head: bool = True
     symmetric: bool = True
     missing_legs: tuple[Leg, ...] = ()
@@ -156,17 +159,12 @@ class FlyConfig:
     muscles: LegMuscles | None = None
 
     def __post_init__(self) -> None:
-        if self.name not in BODY_NAMES:
-            raise ValueError(f"body name: got {self.name!r}, allowed are {', '.join(BODY_NAMES)}")
-        if not (math.isfinite(self.adhesion_gain) and self.adhesion_gain >= 0):
-            raise ValueError(
-                f"adhesion_gain: got {self.adhesion_gain!r}, allowed is a finite number >= 0"
-            )
-        for leg in self.missing_legs:
-            one_of("missing_legs", leg, LEGS)
+        check_fields(self, "body")
+        distinct("body.missing_legs", self.missing_legs)
+        distinct("body.fixed_joints", [joint for joint, _ in self.fixed_joints])
         for joint, angle in self.fixed_joints:
-            one_of("fixed_joints", joint, JOINTS)
-            within(f"fixed_joints: angle of {joint}", angle, -math.pi, math.pi)
+            one_of("body.fixed_joints", joint, JOINTS)
+            within(f"body.fixed_joints: angle of {joint}", angle, -math.pi, math.pi)
 
 
 FLIES: Final[Mapping[str, FlyConfig]] = {

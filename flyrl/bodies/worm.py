@@ -6,16 +6,18 @@ to +z, like the fly. Units mm, g, s, rad; forces in µN, torques in µN mm.
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, NamedTuple, get_args
+from pathlib import Path
+from typing import Annotated, Final, Literal, NamedTuple
 
 import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import BOXES, COLLISION_GROUP, GRAVITY, PLANES
-from flyrl.validation import at_least, not_negative, one_of, positive, within
+from flyrl.resources import muscle_profile
+from flyrl.validation import Within, check_fields
 
 Axis = Literal["y", "z"]
-Mount = Literal["hanging", "free", "crawling"]
+Mount = Literal["hanging", "free", "crawling", "suspended"]
 Muscles = Literal["pairs", "one"]
 
 ROOT_JOINT: Final = "root"
@@ -96,7 +98,8 @@ class WormConfig:
     hinge_axes : axes of the joints from head to tail, in turn: about "y" the worm bends up and
         down, about "z" to its left and right.
     strength : of every muscle, µN mm.
-    profile : of every muscle's motor pool: a file in assets/muscles.
+    profile : of every muscle's motor pool: the name of an image in assets/muscles, or the path of
+        one of your own, see `flyrl.muscles.MotorPool.from_image`.
     muscles : "pairs", two antagonists per joint; or "one", for demonstrations: the first muscle of
         the last joint.
     anchored : whether every muscle pulls against the segment before its own, as in animals, and so
@@ -111,48 +114,37 @@ class WormConfig:
         their segment.
     """
 
-    segments: int = 10
-    radius: float = 1.0
-    segment_length: float = 3.0
-    density: float = 1e-3
-    joint_stiffness: float = 4000.0
-    joint_damping: float = 250.0
-    joint_range: float = 1.0
+    segments: Annotated[int, Within(2, 1000)] = 10
+    radius: Annotated[float, Within(1e-3, 1e3)] = 1.0
+    segment_length: Annotated[float, Within(1e-3, 1e3)] = 3.0
+    density: Annotated[float, Within(1e-6, 1e3)] = 1e-3
+    joint_stiffness: Annotated[float, Within(0, 1e9)] = 4000.0
+    joint_damping: Annotated[float, Within(0, 1e9)] = 250.0
+    joint_range: Annotated[float, Within(0.01, math.pi)] = 1.0
     hinge_axes: tuple[Axis, ...] = ("y",)
-    strength: float = 3500.0
+    strength: Annotated[float, Within(0, 1e9)] = 3500.0
     profile: str = "human.png"
     muscles: Muscles = "pairs"
     anchored: bool = True
     mount: Mount = "hanging"
-    friction_along: float = 0.3
-    friction_across: float = 1.0
+    friction_along: Annotated[float, Within(0, 1e3)] = 0.3
+    friction_across: Annotated[float, Within(0, 1e3)] = 1.0
 
     def __post_init__(self) -> None:
-        if isinstance(self.segments, bool) or not isinstance(self.segments, int):
-            raise ValueError(f"segments must be a whole number, got {self.segments!r}")
-        at_least("segments", self.segments, 2)
-        for name in ("radius", "segment_length", "density"):
-            positive(name, getattr(self, name))
-        for name in (
-            "joint_stiffness",
-            "joint_damping",
-            "strength",
-            "friction_along",
-            "friction_across",
-        ):
-            not_negative(name, getattr(self, name))
-        within("joint_range", self.joint_range, 0.01, math.pi)
+        check_fields(self, "body")
         if not self.hinge_axes:
-            raise ValueError("hinge_axes must name at least one axis, got none")
-        for axis in self.hinge_axes:
-            one_of("hinge_axes", axis, _SIDES)
-        one_of("muscles", self.muscles, ("pairs", "one"))
-        one_of("mount", self.mount, get_args(Mount))
+            raise ValueError("body.hinge_axes must name at least one axis, got none")
+        self.profile_path  # noqa: B018 - looked up, so that a wrong one is an error here
 
     @property
     def joints(self) -> int:
         """Number of joints."""
         return self.segments - 1
+
+    @property
+    def profile_path(self) -> Path:
+        """Image of every muscle's motor pool."""
+        return muscle_profile("body.profile", self.profile)
 
     def axis(self, joint: int) -> Axis:
         """Axis of a joint, of 1 (between the first two segments) to `joints`."""
@@ -298,7 +290,7 @@ def _add_muscles(
             size=(0.4 * config.radius, 0.0, 0.0),
             rgba=_MUSCLE_COLOUR,
         )
-        spec.add_text(name=f"{name}/profile", data=config.profile)
+        spec.add_text(name=f"{name}/profile", data=config.profile_path.name)
         spec.add_numeric(name=f"{name}/strength", data=[config.strength], size=1)
         if config.anchored:
             spec.add_text(name=f"{name}/anchor", data=f"Segment{joint}")

@@ -6,7 +6,7 @@ inside the physics engine, and as the class `LegController`, which is meant to b
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ from flyrl.controllers.reflexes import (
     net_correction,
     reflex_step,
 )
-from flyrl.controllers.steps import STEPS, PreprogrammedSteps, StepsName, adhesion_on, step_angles
+from flyrl.controllers.steps import PreprogrammedSteps, StepsName, adhesion_on, step_angles
 from flyrl.controllers.turning import modulate, modulated
 from flyrl.controllers.walknet import (
     MARGIN,
@@ -44,7 +44,7 @@ from flyrl.controllers.walknet import (
     rule_matrices,
     walknet_step,
 )
-from flyrl.validation import FloatArray, not_negative, one_of, positive, random_seed
+from flyrl.validation import FloatArray, Within, check_fields, positive, random_seed
 
 ControllerName = Literal["cpg", "hybrid", "rule_based"]
 
@@ -167,24 +167,15 @@ class ControllerConfig:
     name: ControllerName = "hybrid"
     steps: StepsName = "untethered"
     reflexes: ReflexesName | None = None
-    frequency_hz: float = TRIPOD_FREQUENCY_HZ
-    coupling_weight: float = TRIPOD_COUPLING_WEIGHT
-    convergence_rate: float = TRIPOD_CONVERGENCE_RATE
-    step_duration_s: float | None = None
-    retraction: float = 1.0
-    stumbling: float = 1.0
+    frequency_hz: Annotated[float, Within(1e-3, 1e3)] = TRIPOD_FREQUENCY_HZ
+    coupling_weight: Annotated[float, Within(0, 1e3)] = TRIPOD_COUPLING_WEIGHT
+    convergence_rate: Annotated[float, Within(0, 1e3)] = TRIPOD_CONVERGENCE_RATE
+    step_duration_s: Annotated[float | None, Within(1e-3, 1e3)] = None
+    retraction: Annotated[float, Within(0, 100)] = 1.0
+    stumbling: Annotated[float, Within(0, 100)] = 1.0
 
     def __post_init__(self) -> None:
-        one_of("name", self.name, CONTROLLERS)
-        one_of("steps", self.steps, STEPS)
-        one_of("reflexes", self.reflexes, (None, *REFLEXES))
-        positive("frequency_hz", self.frequency_hz)
-        not_negative("coupling_weight", self.coupling_weight)
-        not_negative("convergence_rate", self.convergence_rate)
-        not_negative("retraction", self.retraction)
-        not_negative("stumbling", self.stumbling)
-        if self.step_duration_s is not None:
-            positive("step_duration_s", self.step_duration_s)
+        check_fields(self, "controller")
 
     @property
     def reflex_parameters(self) -> ReflexParameters:

@@ -1,23 +1,24 @@
 """What an environment is made of, and what a decision in it leads to."""
 
+import inspect
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal, TypeVar, cast
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
-from flyrl.controllers.leg_controller import ControllerConfig, ControllerName
+from flyrl.controllers.leg_controller import CONTROLLERS, ControllerConfig, ControllerName
 from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
-from flyrl.tasks import WORM_TASKS, Episode, Neurons, Task, task_named
+from flyrl.tasks import TASK_NAMES, WORM_TASKS, Episode, Neurons, Task, task_named
 from flyrl.terrains import TERRAINS, TerrainConfig
-from flyrl.validation import one_of
+from flyrl.validation import known_keys, one_of, positive
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -67,9 +68,14 @@ class EnvConfig:
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        body = usual_body(self.task) if self.body is None else self.body
-        body = _named("body", body, BODIES)
+        one_of("log_gait", self.log_gait, (False, True))
+        if self.decision_interval is not None:
+            positive("decision_interval", self.decision_interval)
         task = self.task
+        if not isinstance(task, str | Task):
+            raise ValueError(f"task must be a Task or one of {_list(TASK_NAMES)}, got {task!r}")
+        body = usual_body(task) if self.body is None else self.body
+        body = _named("body", body, BODIES)
         if isinstance(task, str):
             task = task_named(task, body if isinstance(body, WormConfig) else None)
         _check_body(task, body)
@@ -119,6 +125,11 @@ class EnvConfig:
         steps: int,
     ) -> SceneConfig:
         controller = self.controller
+        if not isinstance(controller, str | ControllerConfig | None):
+            raise ValueError(
+                f"controller must be a ControllerConfig or one of {_list(CONTROLLERS)}, got "
+                f"{controller!r}"
+            )
         if controller is None or isinstance(controller, str):
             controller = ControllerConfig(
                 name=cast(ControllerName, "hybrid" if controller is None else controller),
@@ -175,9 +186,34 @@ class EnvConfig:
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
+def config_for(adapter: type, given: Mapping[str, Any]) -> EnvConfig:
+    """Make the settings that the keywords of an environment's class give, beside its own.
+
+    Raises
+    ------
+    ValueError
+        A keyword that does not exist, or a value that is not allowed.
+    """
+    own = [name for name in inspect.signature(adapter).parameters if name != "config"]
+    known_keys(
+        "the environment", given, [field.name for field in fields(EnvConfig) if field.init] + own
+    )
+    return EnvConfig(**given)
+
+
 def _named(key: str, given: str | Config, table: Mapping[str, Config]) -> Config:
     """Settings as they are given, or those that a name picks."""
-    return table[one_of(key, given, table)] if isinstance(given, str) else given
+    if isinstance(given, str):
+        return table[one_of(key, given, table)]
+    kinds = {type(config) for config in table.values()}
+    if type(given) not in kinds:
+        names = " or ".join(sorted(kind.__name__ for kind in kinds))
+        raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
+    return given
+
+
+def _list(names: Iterable[str]) -> str:
+    return ", ".join(map(repr, names))
 
 
 def usual_body(task: str | Task) -> str:

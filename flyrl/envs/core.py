@@ -14,6 +14,7 @@ from flyrl.envs.noise import SensorNoise, generator
 from flyrl.envs.simulation import BodyState, Simulation
 from flyrl.envs.worms import Worms
 from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.native import MOST_SIMS
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene, SceneConfig
 from flyrl.simulation.state import FlyState
@@ -30,8 +31,8 @@ from flyrl.tasks import (
     TaskState,
 )
 from flyrl.tasks.failures import failure_info
-from flyrl.terrains import terrain_bounds
-from flyrl.validation import float_array
+from flyrl.terrains import base_height, terrain_bounds
+from flyrl.validation import float_array, random_seed, whole_number
 
 __all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]
 
@@ -64,8 +65,7 @@ class BatchedEnv:
     """
 
     def __init__(self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}; it must be >= 1")
+        num_envs = whole_number("num_envs", num_envs, 1, MOST_SIMS)
         self.config = config
         self.task = config.resolved_task
         self.num_envs = num_envs
@@ -164,6 +164,8 @@ class BatchedEnv:
             episodes = [
                 self.draw_episode(int(i), seed) for i, seed in zip(chosen, drawn, strict=True)
             ]
+        for episode in episodes:
+            self._check_spawn(episode)
         self.simulation.start(chosen, episodes)
         goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
         commands = np.array([episode.command for episode in episodes], dtype=np.float64)
@@ -212,7 +214,7 @@ class BatchedEnv:
     def draw_episode(self, i: int, seed: int | None = None) -> Episode:
         """Draw simulation i's episode: number `seed` if given, else its generator's next."""
         if seed is not None:
-            self._rngs[i] = np.random.default_rng(seed)
+            self._rngs[i] = np.random.default_rng(random_seed(seed))
         else:
             rng = self._rngs[i]
             if rng is None:
@@ -353,6 +355,18 @@ class BatchedEnv:
             decision_interval_s=self.config.decision_interval_s,
             bounds=self._bounds,
         )
+
+    def _check_spawn(self, episode: Episode) -> None:
+        """Raise ValueError if an episode would start beside the ground or below it."""
+        bounds, low = self._bounds, base_height(self.config.scene.terrain)
+        x, y, z = episode.spawn_position_w
+        is_on_ground = bounds.x_min <= x <= bounds.x_max and bounds.y_min <= y <= bounds.y_max
+        if not is_on_ground or (self.config.creature == "fly" and z < low):
+            raise ValueError(
+                f"spawn_position must lie on the ground, with x from {bounds.x_min:g} to "
+                f"{bounds.x_max:g}, y from {bounds.y_min:g} to {bounds.y_max:g} and z of at least "
+                f"{low:g} mm, got {episode.spawn_position_w}"
+            )
 
     def _check_terms(self, state: EpisodeState) -> None:
         """Raise ValueError if a term does not give a row of its shape per simulation."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.tasks import Episode
-from flyrl.validation import one_of
+from flyrl.validation import known_keys, one_of
 
 # option -> attribute of an episode, and how many numbers; None: as many as the task has
 _FIELDS = {
@@ -33,9 +33,7 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
     if not options:
         return episode
     allowed = (*_FIELDS, "spawn_yaw", "ground", "randomisation", "episode")
-    unknown = [name for name in options if name not in allowed]
-    if unknown:
-        raise ValueError(f"reset options {unknown} are unknown; allowed are {list(allowed)}")
+    known_keys("reset(options)", options, allowed)
     given = options.get("episode")
     if given is not None:
         if not isinstance(given, Episode):
@@ -51,11 +49,9 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
             raise ValueError(
                 f"reset option {name!r} must be {expected} finite numbers; got {options[name]!r}"
             )
-        if name == "init_magnitudes" and (values < 0).any():
-            raise ValueError(f"reset option {name!r} must be >= 0; got {options[name]!r}")
         changes[attribute] = tuple(float(value) for value in values)
     if options.get("spawn_yaw") is not None:
-        changes["spawn_yaw"] = float(options["spawn_yaw"])
+        changes["spawn_yaw"] = options["spawn_yaw"]
     if options.get("ground") is not None:
         changes["ground"] = _ground_seed(options["ground"])
     changes["randomisation"] = _changed(episode.randomisation, options.get("randomisation"))

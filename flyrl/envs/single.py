@@ -8,7 +8,8 @@ import numpy as np
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from flyrl.envs.core import BatchedEnv, EnvConfig, Observation
+from flyrl.envs.config import config_for
+from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
 from flyrl.envs.spaces import action_space, observation_space
@@ -40,7 +41,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
 
     def __init__(self, render_mode: str | None = None, **config: Any) -> None:
         self.render_mode = check_render_mode(render_mode)
-        self.config = EnvConfig(**config)
+        self.config = config_for(type(self), config)
         self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
         self.action_space = action_space(self.core.task)
         self.observation_space = observation_space(self.core.task)
@@ -50,10 +51,10 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode: number `seed` if given, else the next of this environment's own."""
+        episode = episode_with_options(self.core.draw_episode(0, seed), options)
         # the core draws from its own generator; this one is for users and wrappers
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
-        episode = episode_with_options(self.core.draw_episode(0, seed), options)
         observation = self.core.reset(episodes=[episode])
         info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._facts()}
         if episode.randomisation != UNVARIED:

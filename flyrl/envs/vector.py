@@ -9,12 +9,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flyrl.envs.core import BatchedEnv, EnvConfig, Observation, Transition
+from flyrl.envs.config import config_for
+from flyrl.envs.core import BatchedEnv, Observation, Transition
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
-from flyrl.validation import at_least
+from flyrl.validation import random_seed, whole_number
 
 
 class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
@@ -53,11 +54,11 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         **config: Any,
     ) -> None:
         if max_episode_steps is not None:
-            at_least("max_episode_steps", max_episode_steps, 1)
+            whole_number("max_episode_steps", max_episode_steps, 1, 2**31)
         self.render_mode = check_render_mode(render_mode)
-        self.config = EnvConfig(**config)
+        self.config = config_for(type(self), config)
         self.core = BatchedEnv(self.config, num_envs, num_threads)
-        self.num_envs = num_envs
+        num_envs = self.num_envs = self.core.num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**RENDERING, "autoreset_mode": self.autoreset_mode}
         self.single_action_space = action_space(self.core.task)
@@ -88,10 +89,12 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
                 f"shape {mask.shape}"
             )
         seeds: list[int | None]
-        if seed is None or isinstance(seed, int | np.integer):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
+        if seed is None:
+            seeds = [None] * self.num_envs
+        elif isinstance(seed, str) or np.ndim(seed) == 0:
+            seeds = [random_seed(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
         else:
-            seeds = list(seed)
+            seeds = list(seed)  # type: ignore[arg-type]
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed has {len(seeds)} entries; there are {self.num_envs} envs")
         ids = np.flatnonzero(mask)

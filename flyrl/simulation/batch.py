@@ -136,6 +136,7 @@ class FlyBatch(NativeBatch):
         randomisations
             One each.
         """
+        self._check_process()
         self._variation.apply(ids, randomisations)
 
     def set_ground(self, ids: Ids, grounds: Sequence[Boxes]) -> None:

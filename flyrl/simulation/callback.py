@@ -20,7 +20,7 @@ import ctypes
 import functools
 import threading
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import mujoco
 import numba
@@ -442,36 +442,50 @@ _SENSOR_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c
 _ONE_AT_A_TIME = threading.Lock()
 """Two threads would each compile a callback, of which the second one's is not the installed one."""
 
+_PLACES: Final = {
+    name: (getattr(mujoco, f"get_{name}"), getattr(mujoco, f"set_{name}"))
+    for name in ("mjcb_control", "mjcb_sensor", "mjcb_passive", "mjcb_contactfilter")
+}
+"""Callbacks of MuJoCo that change how a model of flyrl's moves: how to read and to set each. Those
+of actuators and of time do not."""
+
 
 @functools.cache
-def _c_functions() -> tuple[Any, Any]:
+def _c_functions() -> dict[str, Any]:
+    """Compile our callbacks, by place; that MuJoCo writes no log file is settled here too."""
+    _keep_out_of_the_users_folder()
     found = layout()
     control, sensor = _control_callback(found), _sensor_callback(found)
-    return _CONTROL_TYPE(control.address), _SENSOR_TYPE(sensor.address)
+    return {
+        "mjcb_control": _CONTROL_TYPE(control.address),
+        "mjcb_sensor": _SENSOR_TYPE(sensor.address),
+    }
 
 
 def install() -> None:
-    """Install the callbacks into this process; a second call changes nothing.
+    """Install the callbacks into this process where they are missing; takes 0.5 µs if none is.
 
     Raises
     ------
     RuntimeError
-        If somebody else's control or sensor callback is installed.
+        If somebody else's callback is installed that changes how flyrl's models move.
     """
     with _ONE_AT_A_TIME:
-        control, sensor = _c_functions()
-        for name, ours, get, put in (
-            ("mjcb_control", control, mujoco.get_mjcb_control, mujoco.set_mjcb_control),
-            ("mjcb_sensor", sensor, mujoco.get_mjcb_sensor, mujoco.set_mjcb_sensor),
-        ):
+        # looked for before anything is compiled: MuJoCo would call it meanwhile
+        ours = _c_functions() if _c_functions.cache_info().currsize else {}
+        missing = []
+        for name, (get, _) in _PLACES.items():
             present = get()
             if present is None:
-                put(ours)
-            elif not _same_function(present, ours):
+                missing.append(name)
+            elif not _same_function(present, ours.get(name)):
                 raise RuntimeError(
-                    f"MuJoCo's {name} is already taken by {present!r}; flyrl's controllers run "
-                    f"there. Remove it with mujoco.set_{name}(None) before simulating a fly"
+                    f"MuJoCo's {name} is taken by {present!r}, which would change how flyrl's "
+                    f"bodies move; remove it with mujoco.set_{name}(None) before they do"
                 )
+        for name, function in _c_functions().items():
+            if name in missing:
+                _PLACES[name][1](function)
 
 
 def _same_function(present: Any, ours: Any) -> bool:
@@ -483,3 +497,11 @@ def _same_function(present: Any, ours: Any) -> bool:
         )
     except (ctypes.ArgumentError, TypeError):
         return False
+
+
+def _keep_out_of_the_users_folder() -> None:
+    """Have MuJoCo write its warnings to the console only, unless somebody has set its log."""
+    log = mujoco.MjLogConfig.get()
+    if log.logto_file and log.logfile == "MUJOCO_LOG.TXT":
+        log.logto_file = False
+        log.set()

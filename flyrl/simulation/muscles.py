@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from flyrl.anatomy import JOINTS
 from flyrl.bodies.fly import FlyConfig, servo_stiffness
 from flyrl.muscles import MotorPool
-from flyrl.resources import assets_folder
 
 
 def pack_leg_muscles(config: FlyConfig) -> NDArray[np.float64]:
@@ -23,7 +22,7 @@ def pack_leg_muscles(config: FlyConfig) -> NDArray[np.float64]:
     muscles = config.muscles
     if muscles is None:
         return np.empty(0)
-    pool = MotorPool.from_image(assets_folder() / "muscles" / f"{muscles.profile}.png")
+    pool = MotorPool.from_image(muscles.profile_path)
     if muscles.order == "reversed":
         pool = MotorPool(pool.forces[::-1])
     factors = {"L": muscles.left, "R": muscles.right}

@@ -1,13 +1,29 @@
 """Many simulations of one model, stepped on MuJoCo's native threads: what all bodies share."""
 
+import os
+import weakref
+from typing import Final
+
 import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from flyrl.simulation.callback import install
+from flyrl.validation import whole_number
 
 Ids = NDArray[np.intp]
+
+MOST_SIMS: Final = 100_000
+"""A fly takes some 40 kB, so more of them would fill the memory before the first step."""
+
+MOST_THREADS: Final = 1024
+
+_WITH_THREADS: "Final[weakref.WeakSet[Batch]]" = weakref.WeakSet()
+_OF_PARENT: Final[list[Batch]] = []
+"""Batches whose threads stayed behind in a fork: to free one would wait for its threads forever."""
+
+os.register_at_fork(after_in_child=lambda: _OF_PARENT.extend(_WITH_THREADS))
 
 
 class NativeBatch:
@@ -27,17 +43,17 @@ class NativeBatch:
     Raises
     ------
     ValueError
-        If one of the numbers is too small.
+        If one of the numbers is out of its range.
     """
 
     def __init__(self, model: mujoco.MjModel, num_sims: int = 1, num_threads: int = 0) -> None:
-        if num_sims < 1:
-            raise ValueError(f"num_sims is {num_sims}; it must be >= 1")
-        if num_threads < 0:
-            raise ValueError(f"num_threads is {num_threads}; it must be >= 0 (0: one per CPU)")
+        self.num_sims = whole_number("num_sims", num_sims, 1, MOST_SIMS)
+        whole_number("num_threads", num_threads, 0, MOST_THREADS)
         install()
-        self.num_sims = num_sims
-        self._batch = Batch(model, num_sims, num_threads)
+        self._batch = Batch(model, self.num_sims, num_threads)
+        self._process = os.getpid()
+        if self.num_threads > 1:
+            _WITH_THREADS.add(self._batch)
         self._qpos = self._batch.bind("qpos")
         self._qvel = self._batch.bind("qvel")
         self._time = self._batch.bind("time")
@@ -54,7 +70,14 @@ class NativeBatch:
         """Advance by physics steps, holding the commands.
 
         A simulation that diverges is marked unstable and keeps a finite state; the others go on.
+
+        Raises
+        ------
+        RuntimeError
+            If it has threads and was made before a fork, in another process; or if MuJoCo's
+            callbacks are somebody else's. So do reset and `restore`.
         """
+        self._check_process()
         try:
             self._batch.step(ids, num_steps, stage=mujoco.mjtStage.mjSTAGE_POS.value)
         except SimulationError as error:
@@ -94,10 +117,22 @@ class NativeBatch:
 
     def _clear(self, ids: Ids) -> None:
         """Put simulations back to the model's defaults, which are to be written over, as stable."""
+        self._check_process()
         self._batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._is_unstable[ids] = False
         self._warned = self.warnings().sum(axis=1)
 
     def _forward(self, ids: Ids | None = None) -> None:
         """Bring places of bodies up to date with what was written."""
+        self._check_process()
         self._batch.forward(ids, stage=mujoco.mjtStage.mjSTAGE_POS.value)
+
+    def _check_process(self) -> None:
+        """Raise RuntimeError unless simulations can run here and now; put back our callbacks."""
+        if self._process != os.getpid() and self.num_threads > 1:
+            raise RuntimeError(
+                f"the environment was made in process {self._process} with {self.num_threads} "
+                f"threads, which are not in this one, {os.getpid()}: make it in the process that "
+                "uses it, or with num_threads=1"
+            )
+        install()

@@ -1,12 +1,13 @@
 """Settings of the physics engine, and the presets that were measured."""
 
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Annotated, Final, Literal
 
 import mujoco
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.worm import TIMESTEP as WORM_TIMESTEP
+from flyrl.validation import Within, check_fields
 
 Integrator = Literal["euler", "implicitfast", "discrete"]
 Cone = Literal["pyramidal", "elliptic"]
@@ -82,32 +83,18 @@ class PhysicsConfig:
         How legs touch the ground; a worm's feet have a contact of their own (see `bodies.worm`).
     """
 
-    timestep: float = 5e-4
+    timestep: Annotated[float, Within(1e-6, 2e-3)] = 5e-4
     integrator: Integrator = "discrete"
-    solver_iterations: int = 100
-    solver_tolerance: float = 1e-8
-    noslip_iterations: int = 0
+    solver_iterations: Annotated[int, Within(1, 10_000)] = 100
+    solver_tolerance: Annotated[float, Within(0, 1)] = 1e-8
+    noslip_iterations: Annotated[int, Within(0, 10_000)] = 0
     cone: Cone = "pyramidal"
     collision_detection: CollisionDetection = "native"
     multiccd: bool = False
     contact: ContactConfig = _BALANCED_CONTACT
 
     def __post_init__(self) -> None:
-        if not 0 < self.timestep <= 2e-3:
-            raise ValueError(f"timestep is {self.timestep} s; it must lie in (0, 0.002]")
-        for key, allowed in (
-            ("integrator", get_args(Integrator)),
-            ("cone", get_args(Cone)),
-            ("collision_detection", get_args(CollisionDetection)),
-        ):
-            if getattr(self, key) not in allowed:
-                raise ValueError(f"{key} is {getattr(self, key)!r}; it must be one of {allowed}")
-        if self.solver_iterations < 1:
-            raise ValueError(f"solver_iterations is {self.solver_iterations}; it must be >= 1")
-        if self.noslip_iterations < 0:
-            raise ValueError(f"noslip_iterations is {self.noslip_iterations}; it must be >= 0")
-        if self.solver_tolerance < 0:
-            raise ValueError(f"solver_tolerance is {self.solver_tolerance}; it must be >= 0")
+        check_fields(self, "physics")
 
 
 PHYSICS_PRESETS: Final[dict[str, PhysicsConfig]] = {

@@ -5,11 +5,11 @@ al. 2018, arXiv:1710.06537). Ranges are settings; what was drawn from them belon
 """
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from flyrl.validation import not_negative, number, positive, within
+from flyrl.validation import Within, check_fields
 
 MAX_LATENCY: Final = 0.05
 """s; longest delay between a decision and its arrival at the legs."""
@@ -19,15 +19,12 @@ Range = tuple[float, float]
 _STREAM: Final = 171_006_537
 """Sets the generator of the draws apart from the task's, which has the same seed."""
 
-_FACTORS: Final = {
-    "friction": not_negative,
-    "mass": positive,
-    "actuator_gain": positive,
-    "adhesion": not_negative,
-}
-"""Quantity -> check on its factor."""
+_FACTOR: Final = Within(0, 100)
+_FACTOR_ABOVE_0: Final = Within(0.01, 100)
+_NOISE: Final = Within(0, 100)
+_LATENCY: Final = Within(0, MAX_LATENCY)
 
-_DRAWN: Final = (*_FACTORS, "drive_latency")
+_DRAWN: Final = ("friction", "mass", "actuator_gain", "adhesion", "drive_latency")
 """In the order of the draws: a new quantity goes to the end, so that the others keep theirs."""
 
 
@@ -57,18 +54,15 @@ class Randomisation:
         A number that is not allowed.
     """
 
-    friction: float = 1.0
-    mass: float = 1.0
-    actuator_gain: float = 1.0
-    adhesion: float = 1.0
-    sensor_noise: float = 0.0
-    drive_latency: float = 0.0
+    friction: Annotated[float, _FACTOR] = 1.0
+    mass: Annotated[float, _FACTOR_ABOVE_0] = 1.0
+    actuator_gain: Annotated[float, _FACTOR_ABOVE_0] = 1.0
+    adhesion: Annotated[float, _FACTOR] = 1.0
+    sensor_noise: Annotated[float, _NOISE] = 0.0
+    drive_latency: Annotated[float, _LATENCY] = 0.0
 
     def __post_init__(self) -> None:
-        for name, check in _FACTORS.items():
-            check(f"randomisation.{name}", getattr(self, name))
-        not_negative("randomisation.sensor_noise", self.sensor_noise)
-        within("randomisation.drive_latency", self.drive_latency, 0.0, MAX_LATENCY)
+        check_fields(self, "randomisation")
 
 
 UNVARIED: Final = Randomisation()
@@ -95,27 +89,19 @@ class RandomisationConfig:
         A range or number that is not allowed.
     """
 
-    friction: Range | None = None
-    mass: Range | None = None
-    actuator_gain: Range | None = None
-    adhesion: Range | None = None
-    sensor_noise: float = 0.0
-    drive_latency: Range | None = None
+    friction: Annotated[Range | None, _FACTOR] = None
+    mass: Annotated[Range | None, _FACTOR_ABOVE_0] = None
+    actuator_gain: Annotated[Range | None, _FACTOR_ABOVE_0] = None
+    adhesion: Annotated[Range | None, _FACTOR] = None
+    sensor_noise: Annotated[float, _NOISE] = 0.0
+    drive_latency: Annotated[Range | None, _LATENCY] = None
 
     def __post_init__(self) -> None:
+        check_fields(self, "randomisation")
         for name in _DRAWN:
-            key, given = f"randomisation.{name}", getattr(self, name)
-            if given is None:
-                continue
-            if not isinstance(given, tuple | list) or len(given) != 2:
-                raise ValueError(f"{key} must be null or (least, greatest), got {given!r}")
-            low, high = (number(key, value) for value in given)
-            if low > high:
-                raise ValueError(f"{key} must be (least, greatest), got {given!r}")
-            for value in (low, high):
-                Randomisation(**{name: value})
-            object.__setattr__(self, name, (low, high))
-        Randomisation(sensor_noise=self.sensor_noise)
+            given = getattr(self, name)
+            if given is not None and given[0] > given[1]:
+                raise ValueError(f"randomisation.{name} must be (least, greatest), got {given!r}")
 
     @property
     def longest_latency(self) -> float:

@@ -1,7 +1,9 @@
 """A scene: one body on one terrain, driven by one leg controller, as a compiled model."""
 
-from dataclasses import dataclass, field
-from typing import Final
+import copy
+import functools
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Final
 
 import mujoco
 import numpy as np
@@ -12,12 +14,14 @@ from flyrl.bodies.table import BodyName
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
 from flyrl.controllers.steps import StepsName
+from flyrl.files import file_digest
 from flyrl.simulation.callback import (
     ENGINE,
     MAGIC,
     NUM_MUSCLES,
     NUM_SERVOS,
     gait_log_at,
+    install,
     pack_model_data,
     tensions_at,
     userdata_size,
@@ -26,7 +30,7 @@ from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.terrains import TerrainConfig, add_terrain
-from flyrl.validation import at_least
+from flyrl.validation import Within, check_fields
 
 STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
     "current": "untethered",
@@ -63,12 +67,11 @@ class SceneConfig:
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
-    queue_places: int = 0
-    gait_places: int = 0
+    queue_places: Annotated[int, Within(0, 10**6)] = 0
+    gait_places: Annotated[int, Within(0, 10**6)] = 0
 
     def __post_init__(self) -> None:
-        at_least("queue_places", self.queue_places, 0)
-        at_least("gait_places", self.gait_places, 0)
+        check_fields(self)
         expected = STEPS_OF_BODY[self.body.name]
         if self.controller.steps != expected:
             raise ValueError(
@@ -106,7 +109,7 @@ class Scene:
 
 
 def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
-    """Compile a scene.
+    """Compile a scene; one that was compiled lately is copied, which is quicker.
 
     Parameters
     ----------
@@ -116,6 +119,15 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
         Whether to include what only a camera sees: the body's meshes, lights, the target's
         marker (a mocap body). The physics is the same with and without.
     """
+    install()  # somebody else's callback would run while the model compiles
+    profile = config.body.muscles and config.body.muscles.profile_path
+    # a user's image may change under its name
+    scene = _compiled(config, visual, profile and file_digest(profile))
+    return replace(scene, model=copy.copy(scene.model))
+
+
+@functools.lru_cache(maxsize=8)
+def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> Scene:
     spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
     add_terrain(spec, config.terrain)
     drop_idle_shapes(spec)

@@ -1,6 +1,8 @@
 """Many worms of one scene, whose muscles are recruited from outside."""
 
-from dataclasses import dataclass, field
+import copy
+import functools
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -9,14 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.bodies.worm import CRAWLER, CRAWLING_ROOT, WormConfig, build_worm
+from flyrl.files import file_digest
 from flyrl.muscles import AttachedMuscle, attach_muscles
-from flyrl.simulation.callback import creature_userdata_size, pack_creature_data
+from flyrl.simulation.callback import creature_userdata_size, install, pack_creature_data
 from flyrl.simulation.native import Ids, NativeBatch
 from flyrl.simulation.pairs import pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.simulation.scene import add_target_marker
 from flyrl.terrains import TerrainConfig, add_terrain
-from flyrl.validation import one_of
+from flyrl.validation import check_fields, one_of
 
 Array = NDArray[np.float64]
 
@@ -47,6 +50,7 @@ class WormSceneConfig:
     controller = None
 
     def __post_init__(self) -> None:
+        check_fields(self)
         one_of("the mount of a worm in a scene", self.body.mount, ("crawling", "hanging"))
         one_of("muscles of a worm in a scene", self.body.muscles, ("pairs",))
         one_of("terrain of a worm", self.terrain.label, ("flat",))
@@ -80,7 +84,7 @@ class WormScene:
 
 
 def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene:
-    """Compile a scene.
+    """Compile a scene; one that was compiled lately is copied, which is quicker.
 
     A crawling worm touches the ground with its feet. A hanging one hangs above it, and touches
     nothing.
@@ -93,6 +97,15 @@ def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene
         Whether to include what only a camera sees, the target's marker (a mocap body). The physics
         is the same with and without.
     """
+    install()  # somebody else's callback would run while the model compiles
+    profile = config.body.profile_path
+    # a user's image may change under its name
+    scene = _compiled(config, visual, profile and file_digest(profile))
+    return replace(scene, model=copy.copy(scene.model))
+
+
+@functools.lru_cache(maxsize=8)
+def _compiled(config: WormSceneConfig, visual: bool, profile_digest: str | None) -> WormScene:
     body = config.body
     spec = build_worm(body)
     if body.mount == "hanging":
@@ -101,7 +114,7 @@ def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene
             spec.body(name).pos[2] += height
         for geom in spec.geoms:
             geom.conaffinity = 0
-    muscles = tuple(attach_muscles(spec))
+    muscles = tuple(attach_muscles(spec, body.profile_path.parent))
     add_terrain(spec, config.terrain)
     pair_with_planes(spec, body.friction_across)
     apply_physics(spec, config.physics)

@@ -1,12 +1,13 @@
 """One episode, in full: everything about it that was drawn at random."""
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, base_height
+from flyrl.validation import Within, check_fields
 
 SPAWN_RANGE = 2.0
 """mm; x and y of the spawn are uniform in [-SPAWN_RANGE, SPAWN_RANGE]."""
@@ -25,6 +26,11 @@ NO_OSCILLATORS: Final[Six] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 FIRST_GROUND_SEED = 2**32
 """Beyond all seeds of episodes, so that a ground has nothing in common with what else is drawn."""
+
+
+_LENGTH: Final = Within(-1e4, 1e4)
+_ANGLE: Final = Within(-1e4, 1e4)
+_FORCE: Final = Within(-1e6, 1e6)
 
 
 @dataclass(frozen=True)
@@ -63,18 +69,21 @@ class Episode:
         Of a worm's joints at the start, rad; none: it is straight.
     """
 
-    seed: int
-    spawn_position_w: tuple[float, float, float]
-    spawn_yaw: float
-    goal: tuple[float, ...]
-    init_phases: Six = NO_OSCILLATORS
-    init_magnitudes: Six = NO_OSCILLATORS
-    command: tuple[float, ...] = ()
-    pushes: tuple[float, ...] = ()
-    ground: int | None = None
+    seed: Annotated[int, Within(0, 2**63 - 1)]
+    spawn_position_w: Annotated[tuple[float, float, float], _LENGTH]
+    spawn_yaw: Annotated[float, _ANGLE]
+    goal: Annotated[tuple[float, ...], _LENGTH]
+    init_phases: Annotated[Six, _ANGLE] = NO_OSCILLATORS
+    init_magnitudes: Annotated[Six, Within(0, 100)] = NO_OSCILLATORS
+    command: Annotated[tuple[float, ...], _LENGTH] = ()
+    pushes: Annotated[tuple[float, ...], _FORCE] = ()
+    ground: Annotated[int | None, Within(0, 2**63 - 1)] = None
     randomisation: Randomisation = UNVARIED
-    difficulty: float = 1.0
-    joint_angles: tuple[float, ...] = ()
+    difficulty: Annotated[float, Within(0, 1)] = 1.0
+    joint_angles: Annotated[tuple[float, ...], _ANGLE] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def ground_seed(self) -> int:

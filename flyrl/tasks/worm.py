@@ -13,7 +13,6 @@ import numpy as np
 
 from flyrl.bodies.worm import WormConfig
 from flyrl.muscles import MotorPool
-from flyrl.resources import assets_folder
 from flyrl.simulation.randomisation import UNVARIED
 from flyrl.tasks import worm_terms as terms
 from flyrl.tasks.actions import Neurons
@@ -55,11 +54,7 @@ class WormTask:
         ValueError
             If there is no such profile of the worm's muscles, or the worm cannot do the task.
         """
-        folder = assets_folder() / "muscles"
-        one_of(
-            "profile of a worm", worm.profile, sorted(path.name for path in folder.glob("*.png"))
-        )
-        pool = MotorPool.from_image(folder / worm.profile)
+        pool = MotorPool.from_image(worm.profile_path)
         actions = Neurons((len(pool),) * (2 * worm.joints), self.is_integer)
         return self.make(name, worm, actions)
 

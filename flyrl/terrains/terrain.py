@@ -7,14 +7,14 @@ x points forward at spawn. All lengths in mm, world frame. Figures: NeuroMechFly
 import functools
 import math
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Annotated, Final, Literal, get_args
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import BOXES, PLANES
-from flyrl.validation import within
+from flyrl.validation import Within, check_fields, within
 
 Array = NDArray[np.float64]
 Ids = NDArray[np.intp]
@@ -36,6 +36,7 @@ SLAB_WIDTH: Final = 1.0
 SLAB_DEPTH: Final = 2.0
 GAP_WIDTH: Final = 0.3
 GAP_FLOOR: Final = -1.0
+MAX_HEIGHT: Final = 100.0
 MAX_GAP: Final = 1.0
 """Gaps keep their distance of SLAB_WIDTH + GAP_WIDTH: a wider one leaves narrower slabs."""
 
@@ -68,36 +69,24 @@ class TerrainConfig:
     """
 
     name: TerrainName = "flat"
-    seed: int = 0
-    height_range: tuple[float, float] = (0.35, 0.35)
-    gap_range: tuple[float, float] = (GAP_WIDTH, GAP_WIDTH)
+    seed: Annotated[int, Within(0, 2**63 - 1)] = 0
+    height_range: Annotated[tuple[float, float], Within(0, MAX_HEIGHT)] = (0.35, 0.35)
+    gap_range: Annotated[tuple[float, float], Within(0, MAX_GAP)] = (GAP_WIDTH, GAP_WIDTH)
     random: bool = False
 
     def __post_init__(self) -> None:
-        if self.name not in TERRAIN_NAMES:
-            raise ValueError(
-                f"terrain name: got {self.name!r}, allowed are {', '.join(TERRAIN_NAMES)}"
-            )
-        if type(self.seed) is not int or self.seed < 0:
-            raise ValueError(f"terrain seed: got {self.seed!r}, allowed are integers >= 0")
-        for key, greatest in (("height_range", math.inf), ("gap_range", MAX_GAP)):
-            values = tuple(getattr(self, key))
-            if (
-                len(values) != 2
-                or not all(math.isfinite(value) for value in values)
-                or not 0 <= values[0] <= values[1] <= greatest
-            ):
-                at_most = "" if greatest == math.inf else f" <= {greatest:g}"
+        check_fields(self, "terrain")
+        for key in ("height_range", "gap_range"):
+            least, greatest = getattr(self, key)
+            if least > greatest:
                 raise ValueError(
-                    f"{key}: got {getattr(self, key)!r}, allowed are two lengths in mm with "
-                    f"0 <= least <= greatest{at_most}"
+                    f"terrain.{key} must be (least, greatest), got {(least, greatest)}"
                 )
-            object.__setattr__(self, key, values)
         drawn = _DRAWN[self.name]
         if self.random and all(len(set(getattr(self, key))) == 1 for key in drawn):
             missing = " or ".join(drawn)
             raise ValueError(
-                f"terrain random: got {self.random!r}, but "
+                f"terrain.random: got {self.random!r}, but "
                 + (
                     f"{self.name} ground has no heights or gaps to draw; allowed is false"
                     if not drawn
