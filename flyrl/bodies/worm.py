@@ -81,6 +81,9 @@ _AXES: Final[dict[Axis, tuple[float, float, float]]] = {"y": (0.0, 1.0, 0.0), "z
 _HEAD_UP: Final = (_HALF, 0.0, -_HALF, 0.0)
 """Turns x upwards, and the back, z, to -x."""
 
+_HEAD_DOWN: Final = (_HALF, 0.0, _HALF, 0.0)
+"""Turns x downwards, and the back, z, to +x."""
+
 
 @dataclass(frozen=True)
 class WormConfig:
@@ -106,7 +109,9 @@ class WormConfig:
         bends no joint but its own. Otherwise nothing feels the opposite torque, as in the
         literature: a muscle bends all joints up to the head, and a free worm, turned as a whole,
         soon whirls about.
-    mount : "hanging", with the first segment fixed to the world and the others below it; "free",
+    mount : "hanging", with the first segment fixed to the world and the others below it;
+        "suspended", with the first segment held in mid air and the others above it, without
+        gravity; "free",
         lying straight on a ground at z = 0 with its head to +x, which is not part of it; or
         "crawling", lying there too, but unable to pitch or roll, and with feet that slip more
         easily along the worm than across it, as bristles do.
@@ -151,8 +156,9 @@ class WormConfig:
         return self.hinge_axes[(joint - 1) % len(self.hinge_axes)]
 
 
-DEMONSTRATION: Final = WormConfig(muscles="one", anchored=False)
-"""The literature's worm: it hangs, and its one muscle bends all of it."""
+DEMONSTRATION: Final = WormConfig(muscles="one", anchored=False, mount="suspended", strength=1400.0)
+"""The literature's worm: suspended in mid air without gravity. Its lowest segment is held, its one
+muscle moves the uppermost, and all of it bends: by 180° with all neurons."""
 
 CRAWLER: Final = WormConfig(
     segments=6, joint_damping=500.0, hinge_axes=("z",), profile="small.png", mount="crawling"
@@ -191,14 +197,15 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.modelname = "worm"
     spec.compiler.degree = False
-    spec.option.gravity = GRAVITY
+    spec.option.gravity = (0.0, 0.0, 0.0) if config.mount == "suspended" else GRAVITY
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
-    lies = config.mount != "hanging"
+    held = {"hanging": _HEAD_UP, "suspended": _HEAD_DOWN}
+    lies = config.mount not in held
     pose = {
         "pos": (0.0, 0.0, config.radius if lies else 0.0),
-        "quat": (1.0, 0.0, 0.0, 0.0) if lies else _HEAD_UP,
+        "quat": held.get(config.mount, (1.0, 0.0, 0.0, 0.0)),
     }
     muscles = spec.worldbody.add_body(name="muscles", **pose)
     body = spec.worldbody.add_body(name="Segment1", **pose)

@@ -24,7 +24,7 @@ FIGURES: Final = {
     "walk_rules": "the rule-based controller (video)",
     "walk_hybrid": "the hybrid controller on mixed ground, reflexes coloured (video)",
     "turn_video": "a turn seen from above (video)",
-    "worm": "a hanging worm recruits its muscle (video)",
+    "worm": "a worm in mid air recruits its muscle (video)",
 }
 """What can be drawn: name and what it shows."""
 

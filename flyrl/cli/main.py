@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from flyrl.cli import (
     bench,
+    compile,
     completion,
     composed,
     figures,
@@ -34,6 +35,7 @@ _SUBCOMMANDS: Final = (
     reproduce,
     tune,
     bench,
+    compile,
     completion,
 )
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads

@@ -30,7 +30,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         description="Play with a simulation, live in the browser. The page is served to this "
         "computer alone. Ctrl-C ends it.",
         epilog="fly: steered by sliders and arrow keys, or by a policy. worm: the literature's "
-        "hanging worm; key h recruits 20 more motor neurons, n 20 fewer. "
+        "worm in mid air; key h recruits 20 more motor neurons, n 20 fewer. "
         "Examples: flyrl play; flyrl play fly --terrain blocks --controller hybrid; "
         "flyrl play worm --port 9000",
     )

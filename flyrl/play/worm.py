@@ -1,4 +1,4 @@
-"""The literature's hanging worm, which keys recruit motor neurons of.
+"""The literature's worm in mid air, which keys recruit motor neurons of.
 
 After cortex, Simulated Muscles, R. McIntyre (2012-14).
 """
@@ -43,7 +43,7 @@ class PlayedWorm:
     def __init__(self, config: WormConfig = DEMONSTRATION) -> None:
         spec = build_worm(config)
         add_surroundings(spec)
-        self._creature = load_creature(spec)
+        self._creature = load_creature(spec, config.profile_path.parent)
         self._move = movement(self._creature)
         self._last = last_neuron(self._creature)
         self.title = "worm"
@@ -60,7 +60,7 @@ class PlayedWorm:
         self.time_s = float(self.data.time)
 
     def reset(self, seed: int) -> None:
-        """Hang down again; nothing of a worm is random, so every seed does the same."""
+        """Straighten up again; nothing of a worm is random, so every seed does the same."""
         self.time_s, self.seed = 0.0, seed
         mujoco.mj_resetData(self.model, self.data)
         self._activate(0)

@@ -1,7 +1,8 @@
-"""The literature's demonstration of muscles: a hanging worm recruits one, and bends.
+"""The literature's demonstration of muscles: a worm in mid air recruits one, and bends.
 
-After cortex, Simulated Muscles, R. McIntyre (2012-14): the worm's top segment is fixed, and a bar
-in the lower right corner fills with red in proportion to tension.
+After cortex, Simulated Muscles, R. McIntyre (2012-14): the worm is suspended without gravity, its
+lowest segment held in place, and a bar in the lower right corner fills with red in
+proportion to tension.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: floa
         raise ValueError(f"the filmed worm must have muscles='one', got {config.muscles!r}")
     spec = build_worm(config)
     add_surroundings(spec)
-    creature = load_creature(spec)
+    creature = load_creature(spec, config.profile_path.parent)
     pictures: list[Picture] = []
     rows = []
     with _offscreen(creature.model) as offscreen:

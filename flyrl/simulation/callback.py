@@ -16,16 +16,21 @@ userdata how many neurons are recruited; the control callback writes the tension
 follow from these, and advances nothing.
 """
 
+import contextlib
 import ctypes
+import fcntl
 import functools
+import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import mujoco
 import numba
 import numpy as np
 from numba import carray, types  # type: ignore[attr-defined]
+from numba.core.event import Event, Listener, install_listener
 from numba.extending import intrinsic
 
 from flyrl.controllers.compilation import kernel, native_callback
@@ -455,11 +460,50 @@ def _c_functions() -> dict[str, Any]:
     """Compile our callbacks, by place; that MuJoCo writes no log file is settled here too."""
     _keep_out_of_the_users_folder()
     found = layout()
-    control, sensor = _control_callback(found), _sensor_callback(found)
+    with one_process_at_a_time(), announced():
+        control, sensor = _control_callback(found), _sensor_callback(found)
     return {
         "mjcb_control": _CONTROL_TYPE(control.address),
         "mjcb_sensor": _SENSOR_TYPE(sensor.address),
     }
+
+
+@contextlib.contextmanager
+def one_process_at_a_time() -> Iterator[None]:
+    """Let other processes wait, which then find in the cache what this one has compiled."""
+    with Path(__file__).open() as file:
+        with contextlib.suppress(OSError):  # a file system without locks
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+@contextlib.contextmanager
+def announced() -> Iterator[None]:
+    """Say so on stderr, once, if Numba compiles anything meanwhile instead of reading its cache."""
+    with install_listener("numba:run_pass", _Announcement()):
+        yield
+
+
+class _Announcement(Listener):
+    is_made = False
+
+    def on_start(self, event: Event) -> None:
+        if not self.is_made:
+            self.is_made = True
+            print(
+                "flyrl: compiling the controllers, once: about 20 s, some minutes on a busy machine",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    def on_end(self, event: Event) -> None:
+        pass
+
+
+def cache_folders() -> list[Path]:
+    """Folders in which compiled controllers are kept."""
+    kernels: tuple[Any, ...] = (control_step, activate, _segment_of)
+    return sorted({Path(kernel.stats.cache_path) for kernel in kernels})
 
 
 def install() -> None:

@@ -6,12 +6,18 @@ from flyrl.bodies.contact import ContactConfig, SurfaceContact
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"friction": (1.0, 0.1)}, "friction: got"),
-        ({"friction": (-1.0, 0.0, 0.0)}, ">= 0"),
+        ({"friction": (1.0, 0.1)}, "contact.friction must be a tuple of 3, got"),
+        (
+            {"friction": (-1.0, 0.0, 0.0)},
+            r"friction\[0\] must be .* from 0 to 1000, got -1\.0",
+        ),
         ({"solref": (2e-4, -1.0)}, "two positive numbers"),
-        ({"solimp": (0.9, 0.9, 0.001, 0.5, float("inf"))}, "solimp: got"),
+        (
+            {"solimp": (0.9, 0.9, 0.001, 0.5, float("inf"))},
+            r"solimp\[4\] must be .* got inf",
+        ),
         ({"condim": 2}, "1, 3, 4, 6"),
-        ({"margin": -0.1}, "margin: got"),
+        ({"margin": -0.1}, "margin must be a finite number from 0 to 10, got -0.1"),
     ],
 )
 def test_surface_contact_names_what_is_allowed(arguments, message):
@@ -20,19 +26,19 @@ def test_surface_contact_names_what_is_allowed(arguments, message):
 
 
 def test_contact_config_names_the_shapes_it_allows():
-    with pytest.raises(ValueError, match="plane_shape: got 'box', allowed are capsule, hull"):
+    with pytest.raises(ValueError, match="plane_shape must be one of 'capsule', 'hull', got 'box'"):
         ContactConfig(plane_shape="box")
 
 
 def test_contact_config_names_the_segments_it_allows():
-    with pytest.raises(ValueError, match="plane_segments: got 'Tarsus6', allowed are Coxa, "):
+    with pytest.raises(ValueError, match=r"plane_segments must be one of .*'Tarsus6'; did you"):
         ContactConfig(plane_segments=("Tibia", "Tarsus6"))
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"plane_friction_across": -0.1}, "plane_friction_across: got -0.1, allowed is a number"),
+        ({"plane_friction_across": -0.1}, "plane_friction_across must be a finite number from 0"),
         ({"plane_friction_across": 1.0, "plane_shape": "hull"}, "a hull has no axis"),
     ],
 )

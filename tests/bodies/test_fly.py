@@ -409,9 +409,17 @@ def test_visual_meshes_touch_nothing_and_change_no_joint():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "modern"}, "current, classic"),
-        ({"adhesion_gain": -1.0}, "adhesion_gain: got -1.0"),
-        ({"adhesion_gain": float("nan")}, "adhesion_gain: got nan"),
+        ({"name": "modern"}, "body.name must be one of 'current', 'classic', got 'modern'"),
+        (
+            {"adhesion_gain": -1.0},
+            "body.adhesion_gain must be .* from 0 to 10000, got -1.0",
+        ),
+        ({"adhesion_gain": float("nan")}, "adhesion_gain must be .*, got nan"),
+        ({"adhesion_gain": 1e308}, r"adhesion_gain must be .*, got 1e\+308"),
+        ({"adhesion_gain": "40"}, "adhesion_gain must be a finite number .*, got '40'"),
+        ({"rigid_head": 1}, "body.rigid_head must be True or False, got 1"),
+        ({"missing_legs": ("LF", "LF")}, "body.missing_legs must not hold 'LF' twice"),
+        ({"missing_legs": "LF"}, "body.missing_legs must be a tuple, got 'LF'"),
     ],
 )
 def test_fly_config_names_what_is_allowed(arguments, message):

@@ -46,7 +46,7 @@ def test_a_controller_of_legs_is_an_error():
         ),
         (
             ["task=worm_hang", "body.profile=my.png"],
-            "error: profile of a worm must be one of 'human.",
+            "error: body.profile must be one of 'human'",
         ),
         (["task=worm_hang", "+controller.name=cpg"], "controller"),
         (["task=worm_hang", "task.time_limit=3"], "error: task.time_limit must be at most that of"),

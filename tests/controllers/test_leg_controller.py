@@ -292,10 +292,11 @@ def test_a_diverged_simulation_cannot_crash_the_engine():
         ({"name": "ballistic"}, "name must be one of .*'hybrid'.* got 'ballistic'"),
         ({"steps": "swimming"}, "steps must be one of 'tethered', 'untethered', got 'swimming'"),
         ({"reflexes": "fast"}, "reflexes must be one of .*'current'.* got 'fast'"),
-        ({"frequency_hz": -12.0}, "frequency_hz must be .* above 0, got -12.0"),
-        ({"coupling_weight": -1.0}, "coupling_weight must be .* at least 0, got -1.0"),
-        ({"convergence_rate": -20.0}, "convergence_rate must be .* at least 0, got -20.0"),
-        ({"step_duration_s": 0.0}, "step_duration_s must be .* above 0, got 0.0"),
+        ({"frequency_hz": -12.0}, "frequency_hz must be .* from 0.001 to 1000, got -12.0"),
+        ({"coupling_weight": -1.0}, "coupling_weight must be .* from 0 to 1000, got -1.0"),
+        ({"convergence_rate": -20.0}, "convergence_rate must be .* from 0 to 1000, got -20.0"),
+        ({"step_duration_s": 0.0}, "step_duration_s must be .* from 0.001 to 1000, got 0.0"),
+        ({"frequency_hz": 1e9}, "controller.frequency_hz must be .*, got 1000000000.0"),
     ],
 )
 def test_config_rejects(arguments, message):

@@ -93,7 +93,16 @@ def test_reset_options_set_the_oscillators() -> None:
     ("options", "message"),
     [
         ({"init_phases": [0, 1]}, "6 finite numbers"),
-        ({"init_magnitudes": [-1] * 6}, ">= 0"),
+        ({"init_magnitudes": [-1] * 6}, r"init_magnitudes\[0\] must be .* from 0 to 100, got -1"),
+        ({"spawn_yaw": float("nan")}, "spawn_yaw must be a finite number .*, got nan"),
+        ({"spawn_yaw": "north"}, "spawn_yaw must be a finite number .*, got 'north'"),
+        ({"spawn_position": [0, 0, -1]}, "spawn_position must lie on the ground"),
+        (
+            {"spawn_position": [500, 0, 1]},
+            "spawn_position must lie on .* with x from -100",
+        ),
+        ({"goal": [1e308, 0]}, r"goal\[0\] must be .*, got 1e\+308"),
+        ({"goall": [1, 0]}, "has no 'goall'; did you mean 'goal'"),
         ({"goal": [1, 2, 3]}, "2 finite numbers"),
         ({"command": [1]}, "'command' must be 0 finite numbers"),
         ({"phases": [0] * 6}, "init_phases"),

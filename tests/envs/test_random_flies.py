@@ -166,7 +166,7 @@ def test_reset_options_fix_what_they_name_and_leave_the_rest_as_drawn() -> None:
     ("given", "message"),
     [
         ({"frictoin": 1.0}, "did you mean 'friction'"),
-        ({"mass": 0.0}, r"randomisation\.mass must be a finite number above 0, got 0\.0"),
+        ({"mass": 0.0}, r"randomisation\.mass must be a finite number from 0\.01 to 100, got 0\.0"),
         (0.5, "'randomisation' must be a dict of numbers by name; got 0.5"),
         ({"drive_latency": 0.03}, r"drive_latency is 0\.03 s; .* at most 0\.02 s"),
     ],

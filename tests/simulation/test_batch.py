@@ -1,9 +1,16 @@
+import os
+import select
+import signal
+import warnings
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 import pytest
 from test_callback import make_batch, reset
 
 from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.randomisation import Randomisation
 
 
 def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
@@ -90,11 +97,61 @@ def test_orientation_is_that_of_the_state_after_the_step() -> None:
     assert abs(state.yaw[0]) > 0.1
 
 
-@pytest.mark.parametrize(("num_sims", "num_threads"), [(0, 1), (1, -1)])
+@pytest.mark.parametrize(
+    ("num_sims", "num_threads"),
+    [(0, 1), (1, -1), (1.5, 1), ("2", 1), (True, 1), (10**9, 1), (1, 100_000), (1, 1.5)],
+)
 def test_bad_sizes_are_refused(num_sims: int, num_threads: int) -> None:
     scene = make_batch().scene
     with pytest.raises(ValueError, match="num_"):
         FlyBatch(scene, num_sims, num_threads)
+
+
+def test_threads_of_another_process_are_an_error_and_not_a_hang() -> None:
+    scene = make_batch().scene
+    batch = FlyBatch(scene, 2, num_threads=2)
+    reset(batch)
+    for call in (
+        batch.step,
+        lambda: reset(batch),
+        lambda: batch.restore(batch.integration_state()),
+        lambda: batch.vary(np.arange(2), [Randomisation(mass=2.0)] * 2),
+    ):
+        assert "make it in the process that uses it" in _in_a_fork(call)
+
+
+def test_a_batch_of_another_process_can_be_freed() -> None:
+    batches = [FlyBatch(make_batch().scene, 2, num_threads=2)]
+    assert _in_a_fork(batches.clear) == "no error"
+
+
+def test_without_threads_a_batch_runs_in_a_fork() -> None:
+    assert _in_a_fork(make_batch().step) == "no error"
+
+
+def _in_a_fork(call: Callable[[], object]) -> str:
+    """Call in a child process; end it if it hangs."""
+    reader, writer = os.pipe()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that forking with threads may hang
+        child = os.fork()
+    if child == 0:
+        said = b"no error"
+        try:
+            call()
+        except RuntimeError as error:
+            said = str(error).encode()
+        finally:
+            os.write(writer, said)
+            os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        ready, _, _ = select.select([pipe], [], [], 20)
+        said = pipe.read() if ready else "hang"
+    if not ready:
+        os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return said
 
 
 def test_leg_states_are_what_the_controller_of_one_simulation_does() -> None:

@@ -3,8 +3,10 @@
 import dataclasses
 import subprocess
 import sys
+import threading
 
 import mujoco
+import numba
 import numpy as np
 import pytest
 
@@ -209,26 +211,85 @@ def test_models_of_others_are_left_alone() -> None:
     assert not data.userdata.any()
 
 
-def test_somebody_elses_callback_is_not_overwritten() -> None:
-    callback.install()
-    mujoco.set_mjcb_control(None)
+PLACES = ("control", "sensor", "passive", "contactfilter")
 
-    def theirs(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        pass
 
-    mujoco.set_mjcb_control(theirs)
+def set_callback(place: str, function: object) -> None:
+    getattr(mujoco, f"set_mjcb_{place}")(function)
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("moment", ["before", "during"])
+def test_somebody_elses_callback_is_an_error_and_is_not_overwritten(place, moment) -> None:
+    batch = make_batch()
+
+    def theirs(*_: object) -> int:
+        return 0
+
+    set_callback(place, theirs)
     try:
-        with pytest.raises(RuntimeError, match="already taken"):
-            callback.install()
+        with pytest.raises(RuntimeError, match=f"MuJoCo's mjcb_{place} is taken by .*theirs"):
+            make_batch() if moment == "before" else batch.step()
+        assert getattr(mujoco, f"get_mjcb_{place}")() is theirs
     finally:
-        mujoco.set_mjcb_control(None)
-        callback.install()
+        set_callback(place, None)
+
+
+@pytest.mark.parametrize("place", ["control", "sensor"])
+def test_a_callback_that_somebody_removed_is_put_back(place) -> None:
+    """To the bit: the fly walks as one whose callbacks nobody touched."""
+    batch, twin = make_batch(), make_batch()
+    batch.set_drive(np.ones((1, 2)))
+    twin.set_drive(np.ones((1, 2)))
+    twin.step(200)
+    batch.step(100)
+    set_callback(place, None)
+    batch.step(100)
+    np.testing.assert_array_equal(batch.integration_state(), twin.integration_state())
+
+
+def test_mujoco_writes_no_log_into_the_users_folder(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    batch = make_batch()
+    batch._qvel[:] = np.nan
+    batch.step()
+    assert batch.warnings().sum() > 0
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("compiled", [callback._control_callback, callback._sensor_callback])
 def test_a_callback_is_compiled_once_and_then_read_from_the_disk(compiled) -> None:
     compiled(layout())
     assert compiled(layout()).cache_hits == 1
+
+
+def test_that_something_is_compiled_is_said_once(capsys) -> None:
+    with callback.announced():
+        numba.njit(lambda x: x + 1)(1)
+        numba.njit(lambda x: x + 2)(1)
+    assert capsys.readouterr().err.count("flyrl: compiling the controllers, once") == 1
+
+
+def test_nothing_is_said_of_what_is_cached(capsys) -> None:
+    callback._control_callback(layout())
+    with callback.announced():
+        callback._control_callback(layout())
+    assert capsys.readouterr().err == ""
+
+
+def test_one_process_compiles_while_the_others_wait() -> None:
+    entered = threading.Event()
+
+    def other() -> None:
+        with callback.one_process_at_a_time():
+            entered.set()
+
+    with callback.one_process_at_a_time():
+        thread = threading.Thread(target=other)
+        thread.start()
+        assert not entered.wait(0.2)
+    assert entered.wait(5)
+    thread.join()
 
 
 def test_threads_may_start_together_in_a_new_process():

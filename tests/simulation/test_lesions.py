@@ -105,7 +105,7 @@ def test_a_reflex_at_half_its_strength_grows_half_as_quickly():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"missing_legs": ("LQ",)}, "missing_legs must be one of"),
+        ({"missing_legs": ("LQ",)}, r"missing_legs\[0\] must be one of"),
         ({"fixed_joints": (("joint_LQTibia", 0.0),)}, "fixed_joints must be one of"),
         ({"fixed_joints": ((TIBIA, 9.0),)}, "angle of joint_RMTibia"),
     ],

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from flyrl.bodies.fly import FLIES, FlyConfig, LegMuscles
 from flyrl.cli.terms import load_terms
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.conditions import Condition
+from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.tasks import TASKS, extended
 
 LIMP = FlyConfig(muscles=LegMuscles(strength=0.0))
@@ -129,3 +131,14 @@ def test_a_side_is_weakened_as_a_condition():
 def test_a_fly_with_servos_has_no_muscles_to_weaken():
     with pytest.raises(ValueError, match=r"left_muscles .*body=fly_muscles"):
         Condition("left_muscles", 0.5).env(EnvConfig())
+
+
+def test_a_users_own_image_is_the_pool_and_is_read_anew_when_it_changes(tmp_path) -> None:
+    """Blue of 200 and 55 is a force of 55 and 200: the first neuron does 55 / 255 of all."""
+    path = tmp_path / "mine.png"
+    for blues, first in (((200, 55), 55 / 255), ((55, 200), 200 / 255)):
+        image = Image.new("RGB", (2, 1))
+        image.putdata([(0, 0, blue) for blue in blues])
+        image.save(path)
+        config = SceneConfig(FlyConfig(muscles=LegMuscles(profile=str(path))))
+        assert build_scene(config).model.numeric_data[-2:] == pytest.approx([first, 1.0])

@@ -54,13 +54,16 @@ def test_quantities_are_drawn_independently() -> None:
     ("settings", "message"),
     [
         ({"friction": (1.2, 0.8)}, r"randomisation\.friction must be \(least, greatest\), got \(1"),
-        ({"friction": (-0.1, 1)}, r"randomisation\.friction .* at least 0, got -0\.1"),
-        ({"mass": (0.0, 1.0)}, r"randomisation\.mass must be a finite number above 0, got 0\.0"),
-        ({"mass": 1.5}, r"randomisation\.mass must be null or \(least, greatest\), got 1\.5"),
-        ({"adhesion": (1, 2, 3)}, r"randomisation\.adhesion must be null or"),
-        ({"actuator_gain": (0.5, np.inf)}, r"randomisation\.actuator_gain must be a finite number"),
-        ({"sensor_noise": -1.0}, r"randomisation\.sensor_noise .* at least 0, got -1\.0"),
-        ({"drive_latency": (0, 0.06)}, r"drive_latency must lie within 0\.0 and 0\.05, got 0\.06"),
+        ({"friction": (-0.1, 1)}, r"randomisation\.friction\[0\] .* from 0 to 100, got -0\.1"),
+        ({"mass": (0.0, 1.0)}, r"randomisation\.mass\[0\] must .* from 0\.01 to 100, got 0\.0"),
+        ({"mass": 1.5}, r"randomisation\.mass must be a tuple, got 1\.5"),
+        ({"adhesion": (1, 2, 3)}, r"randomisation\.adhesion must be a tuple of 2, got \(1, 2, 3\)"),
+        (
+            {"actuator_gain": (0.5, np.inf)},
+            r"randomisation\.actuator_gain\[1\] must be",
+        ),
+        ({"sensor_noise": -1.0}, r"randomisation\.sensor_noise must .* from 0 to 100, got -1\.0"),
+        ({"drive_latency": (0, 0.06)}, r"drive_latency\[1\] must be .* from 0 to 0\.05, got 0\.06"),
     ],
 )
 def test_what_is_not_allowed_is_refused(settings: dict[str, object], message: str) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from flyrl.bodies.worm import CRAWLER, HANGER, WORMS
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Neurons, task_named
@@ -105,10 +106,15 @@ def test_other_names_are_refused() -> None:
 
 
 def test_a_profile_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(
-        ValueError, match=r"profile of a worm must be one of .*'small.png'.*hing.png"
-    ):
-        task_named("worm_hang", replace(HANGER, profile="nothing.png"))
+    allowed = "body.profile must be one of .*, or the path of an image, got 'smal'.*'small'"
+    with pytest.raises(ValueError, match=allowed):
+        replace(HANGER, profile="smal")
+
+
+def test_a_worm_of_a_users_own_profile_has_as_many_neurons_as_the_image_pixels(tmp_path) -> None:
+    Image.new("RGB", (7, 1), (200, 0, 0)).save(tmp_path / "mine.png")
+    task = task_named("worm_hang", replace(HANGER, profile=str(tmp_path / "mine.png")))
+    assert task.actions.pools == (7,) * 8  # two muscles at each of four joints
 
 
 @pytest.mark.parametrize("name", WORM_TASKS)

@@ -325,15 +325,24 @@ def test_bounds(name, expected):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "hills"}, "got 'hills', allowed are flat, gapped, blocks, mixed"),
-        ({"seed": -1}, "seed: got -1"),
-        ({"seed": 1.5}, "seed: got 1.5"),
-        ({"height_range": (0.4, 0.2)}, r"height_range: got \(0.4, 0.2\)"),
-        ({"height_range": (-0.1, 0.2)}, "0 <= least <= greatest"),
-        ({"height_range": (0.1, float("nan"))}, "height_range: got"),
-        ({"height_range": (0.1,)}, "height_range: got"),
-        ({"gap_range": (0.4, 0.2)}, r"gap_range: got \(0.4, 0.2\)"),
-        ({"gap_range": (0.1, 1.2)}, "0 <= least <= greatest <= 1"),
+        ({"name": "hills"}, "terrain.name must be one of 'flat', .*'mixed', got 'hills'"),
+        ({"seed": -1}, "terrain.seed must be a whole number .*, got -1"),
+        ({"seed": 1.5}, "seed must be .*, got 1.5"),
+        (
+            {"height_range": (0.4, 0.2)},
+            r"height_range must be \(least, .* got \(0.4, 0.2\)",
+        ),
+        (
+            {"height_range": (-0.1, 0.2)},
+            r"height_range\[0\] must be .* from 0 to 100, got",
+        ),
+        ({"height_range": (0.1, float("nan"))}, r"height_range\[1\] must be .*, got nan"),
+        ({"height_range": (0.1,)}, r"height_range must be a tuple of 2, got \(0\.1,\)"),
+        ({"gap_range": (0.4, 0.2)}, r"gap_range must be \(least, greatest\), got \(0.4, 0.2\)"),
+        (
+            {"gap_range": (0.1, 1.2)},
+            r"gap_range\[1\] must be .* from 0 to 1, got 1\.2",
+        ),
         ({"random": True}, "flat ground has no heights or gaps to draw"),
         ({"name": "blocks", "random": True, "gap_range": (0.1, 0.2)}, "as long as height_range is"),
         ({"name": "gapped", "random": True, "height_range": (0.1, 0.2)}, "as long as gap_range is"),

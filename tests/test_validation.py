@@ -1,0 +1,66 @@
+"""Fields of dataclasses, checked against their annotations."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import pytest
+
+from flyrl.validation import Within, check_fields, did_you_mean, known_keys
+
+
+@dataclass(frozen=True)
+class Inner:
+    size: float = 1.0
+
+
+@dataclass(frozen=True)
+class Settings:
+    rate: Annotated[float, Within(0, 2)] = 1.0
+    count: int = 1
+    is_on: bool = False
+    kind: Literal["fast", "slow"] = "fast"
+    pair: Annotated[tuple[float, float] | None, Within(0, 1)] = None
+    inner: Inner = Inner()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "group")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"rate": 2.1}, "group.rate must be a finite number from 0 to 2, got 2.1"),
+        ({"rate": float("nan")}, "group.rate must be .* got nan"),
+        ({"rate": True}, "group.rate must be .* got True"),
+        ({"rate": 10**400}, "group.rate must be .* got 1000"),
+        ({"count": 1.5}, "group.count must be a whole number, got 1.5"),
+        ({"is_on": "no"}, "group.is_on must be True or False, got 'no'"),
+        ({"kind": "slo"}, "group.kind must be one of .* got 'slo'; did you mean 'slow'"),
+        ({"pair": 3}, "group.pair must be a tuple, got 3"),
+        ({"pair": (0, 1, 1)}, "group.pair must be a tuple of 2, got"),
+        ({"pair": (0, "1")}, r"group.pair\[1\] must be a finite number from 0 to 1, got '1'"),
+        ({"inner": {}}, "group.inner must be a Inner, got {}"),
+    ],
+)
+def test_a_field_that_is_not_allowed_is_named(settings, message):
+    with pytest.raises(ValueError, match=message):
+        Settings(**settings)
+
+
+def test_values_become_pythons_own():
+    settings = Settings(rate=1, pair=[0, 1])
+    assert (settings.rate, settings.pair) == (1.0, (0.0, 1.0))
+    assert type(settings.rate) is float
+    assert hash(settings) == hash(Settings(pair=(0, 1)))
+
+
+def test_only_a_close_word_is_proposed():
+    assert did_you_mean("terain", ["task", "terrain"]) == "; did you mean 'terrain'?"
+    assert did_you_mean("colour", ["task", "terrain"]) == ""
+
+
+def test_an_unknown_key_is_named_with_the_closest():
+    with pytest.raises(
+        ValueError, match=r"env has no 'terain'; did you mean 'terrain'\? \(allowed"
+    ):
+        known_keys("env", ["task", "terain"], ["task", "terrain"])
