@@ -150,7 +150,8 @@ def check_fields(config: Any, group: str = "") -> None:
         With the field's key, its value, and what is allowed.
     """
     prefix = f"{group}." if group else ""
-    for name, hint in _checked_fields(type(config)):
+    cls: Any = type(config)
+    for name, hint in _checked_fields(cls):
         value = _checked(f"{prefix}{name}", getattr(config, name), hint, None)
         object.__setattr__(config, name, value)
 

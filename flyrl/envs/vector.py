@@ -91,12 +91,12 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         seeds: list[int | None]
         if seed is None:
             seeds = [None] * self.num_envs
-        elif isinstance(seed, str) or np.ndim(seed) == 0:
-            seeds = [random_seed(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
-        else:
-            seeds = list(seed)  # type: ignore[arg-type]
+        elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+            seeds = list(seed)
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed has {len(seeds)} entries; there are {self.num_envs} envs")
+        else:
+            seeds = [random_seed(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
         ids = np.flatnonzero(mask)
         episodes = [
             episode_with_options(self.core.draw_episode(int(i), seeds[i]), options) for i in ids

@@ -491,7 +491,7 @@ class _Announcement(Listener):
         if not self.is_made:
             self.is_made = True
             print(
-                "flyrl: compiling the controllers, once: about 20 s, some minutes on a busy machine",
+                "flyrl: compiling the controllers once: about 20 s, or minutes on a busy machine",
                 file=sys.stderr,
                 flush=True,
             )

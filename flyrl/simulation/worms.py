@@ -100,7 +100,7 @@ def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene
     install()  # somebody else's callback would run while the model compiles
     profile = config.body.profile_path
     # a user's image may change under its name
-    scene = _compiled(config, visual, profile and file_digest(profile))
+    scene = _compiled(config, visual, file_digest(profile))
     return replace(scene, model=copy.copy(scene.model))
 
 

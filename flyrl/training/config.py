@@ -11,7 +11,7 @@ from flyrl.tasks import FAILURES
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig, HindsightConfig, PPOConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.loggers import LoggerConfig
-from flyrl.validation import at_least, within
+from flyrl.validation import at_least, check_fields, within
 
 LARGEST_SEED: Final = 2**31 - 1
 
@@ -59,6 +59,7 @@ class ScheduleConfig:
     curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
 
     def __post_init__(self) -> None:
+        check_fields(self, "training")
         at_least("training.total_decisions", self.total_decisions, 1)
         at_least("training.num_envs", self.num_envs, 1)
         at_least("training.num_threads", self.num_threads, 0)

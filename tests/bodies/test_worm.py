@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.bodies.worm import CRAWLING_ROOT, WormConfig, build_worm
+from flyrl.bodies.worm import CRAWLING_ROOT, DEMONSTRATION, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
 from flyrl.terrains import TerrainConfig, add_terrain
 
@@ -228,3 +228,15 @@ def test_muscles_that_pull_at_random_do_not_explode_it(config):
 def test_bad_settings(settings, message):
     with pytest.raises(ValueError, match=message):
         WormConfig(**settings)
+
+
+def test_the_demonstration_floats_upright_and_its_uppermost_segment_is_moved():
+    """Held at its lowest segment, without gravity: at rest it stays straight."""
+    creature = load_creature(build_worm(DEMONSTRATION))
+    model, data = creature.model, creature.data
+    assert not model.opt.gravity.any()
+    assert model.body("Segment1").jntnum[0] == 0
+    assert [muscle.body for muscle in creature.muscles] == ["Segment10"]
+    mujoco.mj_step(model, data, 200)
+    heights = [data.geom(f"Segment{i}").xpos[2] for i in range(1, 11)]
+    np.testing.assert_allclose(heights, 1.5 + 3.0 * np.arange(10), atol=1e-9)

@@ -264,7 +264,7 @@ def test_a_config_from_before_randomisation_has_none():
         (["task.name=tarket"], "'tarket'"),
         (
             ["randomisation.mass=[0,1]"],
-            r"randomisation\.mass\[0\] must be a finite number from 0\.01",
+            r"randomisation\.mass\[0\] must be .* from 0\.01",
         ),
         (["randomisation.mass=2"], r"randomisation\.mass must be a list, got 2"),
         (["training.num_envs=-1"], r"training\.num_envs must be at least 1, got -1"),

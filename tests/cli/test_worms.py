@@ -39,7 +39,10 @@ def test_a_controller_of_legs_is_an_error():
             "error: body must be a worm in the task 'worm_crawl' (worm_crawler, worm_hanger), got ",
         ),
         (["body=worm_hanger"], "error: body must be a fly in the task 'target' (current, classic,"),
-        (["task=worm_hang", "body.segments=1"], "error: segments must be at least 2, got 1"),
+        (
+            ["task=worm_hang", "body.segments=1"],
+            "error: body.segments must be a whole number",
+        ),
         (
             ["task=worm_hang", "body.mount=free"],
             "error: the mount of a worm in a scene must be one",

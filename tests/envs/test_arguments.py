@@ -49,7 +49,7 @@ def test_a_misspelt_keyword_of_the_vector_environment_is_named():
 def test_a_seed_that_is_not_allowed_is_named(seed):
     for env in (
         gymnasium.make("flyrl/Target-v0").unwrapped,
-        gymnasium.make_vec("flyrl/Target-v0", num_envs=3, vector_kwargs={"num_threads": 1}),
+        gymnasium.make_vec("flyrl/Target-v0", num_envs=3, num_threads=1),
     ):
         with pytest.raises(ValueError, match="seed must be an integer from 0"):
             env.reset(seed=seed)

@@ -267,7 +267,7 @@ def test_that_something_is_compiled_is_said_once(capsys) -> None:
     with callback.announced():
         numba.njit(lambda x: x + 1)(1)
         numba.njit(lambda x: x + 2)(1)
-    assert capsys.readouterr().err.count("flyrl: compiling the controllers, once") == 1
+    assert capsys.readouterr().err.count("flyrl: compiling the controllers once") == 1
 
 
 def test_nothing_is_said_of_what_is_cached(capsys) -> None:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from flyrl.policies.mlp import ACTIVATIONS, Activation
-from flyrl.validation import at_least, one_of, positive, within
+from flyrl.validation import at_least, check_fields, one_of, positive, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +44,7 @@ class AlgorithmConfig:
     normalize_reward: bool = False
 
     def __post_init__(self) -> None:
+        check_fields(self, "algo")
         for units in self.hidden_layers:
             at_least("algo.hidden_layers", units, 1)
         one_of("algo.activation", self.activation, ACTIVATIONS)
