@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from flyrl.validation import did_you_mean
-
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -43,6 +41,8 @@ def muscle_profile(key: str, profile: str) -> Path:
         return built_in
     path = Path(profile).expanduser()
     if not path.is_file():
+        from flyrl.validation import did_you_mean  # noqa: PLC0415 - completion does without NumPy
+
         names = sorted(image.stem for image in folder.glob("*.png"))
         raise ValueError(
             f"{key} must be one of {', '.join(map(repr, names))}, or the path of an image, got "

@@ -19,14 +19,19 @@ T = TypeVar("T")
 
 
 def float_array(
-    name: str, value: ArrayLike, shape: tuple[int, ...], *, minimum: float = -math.inf
+    name: str,
+    value: ArrayLike,
+    shape: tuple[int, ...],
+    *,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
 ) -> FloatArray:
     """Return a finite float64 copy of `value`.
 
     Raises
     ------
     ValueError
-        If the shape differs, or an element is not a finite number of at least `minimum`.
+        If the shape differs, or an element is not a finite number from `minimum` to `maximum`.
     """
     try:
         array = np.array(value, dtype=np.float64)
@@ -38,6 +43,8 @@ def float_array(
         raise ValueError(f"{name} must be finite, got {array.tolist()}")
     if (array < minimum).any():
         raise ValueError(f"{name} must be at least {minimum:g}, got {array.tolist()}")
+    if (array > maximum).any():
+        raise ValueError(f"{name} must be at most {maximum:g}, got {array.tolist()}")
     return array
 
 

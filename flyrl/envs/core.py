@@ -30,6 +30,7 @@ from flyrl.tasks import (
     EpisodeState,
     TaskState,
 )
+from flyrl.tasks.episode import LENGTHS
 from flyrl.tasks.failures import failure_info
 from flyrl.terrains import base_height, terrain_bounds
 from flyrl.validation import float_array, random_seed, whole_number
@@ -208,7 +209,9 @@ class BatchedEnv:
             raise RuntimeError("lead_to() was called before reset()")
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         shape = (len(chosen), self._goal.shape[1])
-        self._goal[chosen] = float_array("goals", goals, shape)
+        self._goal[chosen] = float_array(
+            "goals", goals, shape, minimum=LENGTHS.low, maximum=LENGTHS.high
+        )
         return self.observe()
 
     def draw_episode(self, i: int, seed: int | None = None) -> Episode:

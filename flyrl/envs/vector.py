@@ -96,7 +96,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed has {len(seeds)} entries; there are {self.num_envs} envs")
         else:
-            seeds = [random_seed(seed) + i for i in range(self.num_envs)]  # type: ignore[arg-type]
+            seeds = [random_seed(seed) + i for i in range(self.num_envs)]
         ids = np.flatnonzero(mask)
         episodes = [
             episode_with_options(self.core.draw_episode(int(i), seeds[i]), options) for i in ids

@@ -28,7 +28,9 @@ FIRST_GROUND_SEED = 2**32
 """Beyond all seeds of episodes, so that a ground has nothing in common with what else is drawn."""
 
 
-_LENGTH: Final = Within(-1e4, 1e4)
+LENGTHS: Final = Within(-1e4, 1e4)
+"""mm; places in an episode lie within this."""
+
 _ANGLE: Final = Within(-1e4, 1e4)
 _FORCE: Final = Within(-1e6, 1e6)
 
@@ -70,12 +72,12 @@ class Episode:
     """
 
     seed: Annotated[int, Within(0, 2**63 - 1)]
-    spawn_position_w: Annotated[tuple[float, float, float], _LENGTH]
+    spawn_position_w: Annotated[tuple[float, float, float], LENGTHS]
     spawn_yaw: Annotated[float, _ANGLE]
-    goal: Annotated[tuple[float, ...], _LENGTH]
+    goal: Annotated[tuple[float, ...], LENGTHS]
     init_phases: Annotated[Six, _ANGLE] = NO_OSCILLATORS
     init_magnitudes: Annotated[Six, Within(0, 100)] = NO_OSCILLATORS
-    command: Annotated[tuple[float, ...], _LENGTH] = ()
+    command: Annotated[tuple[float, ...], LENGTHS] = ()
     pushes: Annotated[tuple[float, ...], _FORCE] = ()
     ground: Annotated[int | None, Within(0, 2**63 - 1)] = None
     randomisation: Randomisation = UNVARIED

@@ -4,6 +4,7 @@ import pytest
 import yaml
 from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
+from PIL import Image
 
 from flyrl.bodies.fly import FLIES
 from flyrl.bodies.worm import WORMS
@@ -99,6 +100,15 @@ def test_another_worm_has_the_task_made_to_measure():
     # two muscles for each of three joints
     assert config.env.resolved_task.actions.size == 6
     assert config.env.scene.body.segments == 4
+
+
+def test_a_users_own_profile_is_given_by_its_path(tmp_path):
+    path = tmp_path / "mine.png"
+    Image.new("RGB", (7, 1), (200, 0, 0)).save(path)
+    worm = training_config(_composed("task=worm_hang", f"body.profile={path}")).env
+    assert worm.resolved_task.actions.pools == (7,) * 8  # two muscles at each of four joints
+    fly = training_config(_composed("body=fly_muscles", f"body.muscles.profile={path}")).env
+    assert fly.scene.body.muscles.profile_path == path
 
 
 def test_the_body_of_another_creature_is_refused():

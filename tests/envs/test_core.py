@@ -439,3 +439,5 @@ def test_a_goal_that_is_moved_is_observed_and_rewarded_from_then_on() -> None:
         env.lead_to(np.zeros((1, 2)))
     with pytest.raises(ValueError, match="goals must be finite"):
         env.lead_to(np.array([[np.nan, 0.0], [0.0, 0.0]]))
+    with pytest.raises(ValueError, match="goals must be at most 10000, got"):
+        env.lead_to(np.array([[1e308, 0.0], [0.0, 0.0]]))

@@ -68,7 +68,7 @@ def test_values_are_told_in_short(value, text):
         ({"friction": ()}, "vary must name values"),
         ({"friction": (1.0, 1.0)}, "vary must name values that differ"),
         ({"friction": (-1.0,)}, "randomisation.friction"),
-        ({"missing_legs": (("LQ",),)}, "missing_legs must be one of"),
+        ({"missing_legs": (("LQ",),)}, r"missing_legs\[0\] must be one of"),
         ({"coupling": (-1.0,)}, "vary.coupling"),
     ],
 )
