@@ -1,6 +1,4 @@
-"""Where flyrl's assets and configs lie (beside the package, or inside it when installed), and its
-distribution.
-"""
+"""What is installed: assets and configs (beside the package, or inside it), the distribution."""
 
 from importlib import metadata
 from pathlib import Path

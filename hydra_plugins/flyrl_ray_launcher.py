@@ -31,7 +31,7 @@ class RayLauncherConf:
 ConfigStore.instance().store(group="hydra/launcher", name="ray", node=RayLauncherConf)
 
 
-class RayLauncher(Launcher):  # type: ignore[misc]
+class RayLauncher(Launcher):
     """Runs jobs as tasks of Ray.
 
     Parameters
@@ -77,7 +77,7 @@ class RayLauncher(Launcher):  # type: ignore[misc]
         ray.init(self._address or "local", include_dashboard=False if not self._address else None)
         try:
             signal.signal(signal.SIGTERM, at_sigterm)
-            available = ray.cluster_resources().get("CPU", 0)
+            available = ray.cluster_resources().get("CPU", 0)  # type: ignore[no-untyped-call]
             if self._address is None and self._num_cpus > available:
                 raise ValueError(
                     f"hydra.launcher.num_cpus must be at most {available:g}, the CPUs of this "

@@ -228,9 +228,7 @@ def _check_launcher(overrides: Sequence[Override]) -> None:
             extra = EXTRAS[str(override.value())]
             if importlib.util.find_spec(_MODULES[extra]) is None:
                 package = _MODULES[extra].rpartition(".")[2].replace("_", "-")
-                raise UsageError(
-                    f"{override.input_line} needs {package}: {install_command(extra)}"
-                )
+                raise UsageError(f"{override.input_line} needs {package}: {install_command(extra)}")
 
 
 def _experiments(config_name: str, names: Sequence[str]) -> list[str]:

@@ -48,7 +48,8 @@ def provenance(terms: Sequence[str] = ()) -> dict[str, Any]:
         "packages": {name: version(name) for name in _PACKAGES},
         "system": platform.platform(),
         "cpu": cpu(_text(Path("/proc/cpuinfo"))),
-        "num_cpus": numba.config.NUMBA_DEFAULT_NUM_THREADS,  # that this process may use
+        # those that this process may use
+        "num_cpus": numba.config.NUMBA_DEFAULT_NUM_THREADS,  # type: ignore[attr-defined]
     }
 
 
