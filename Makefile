@@ -31,7 +31,8 @@ test-lowest:
 	$(PYTHON) -m venv $(VENV_LOWEST)
 	$(VENV_LOWEST)/bin/python -m pip install --quiet --no-compile \
 		--constraint constraints-lowest.txt --editable '.[dev]'
-	$(VENV_LOWEST)/bin/python -m pytest -m 'not slow and not network' $(ARGS)
+	$(VENV_LOWEST)/bin/python -m pytest -m 'not slow and not network' \
+		--numprocesses auto --dist worksteal $(ARGS)
 
 check: $(INSTALLED_DEV)
 	$(BIN)/ruff check

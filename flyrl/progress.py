@@ -42,7 +42,8 @@ def whole_job(shares: Mapping[str, float]) -> Iterator[None]:
         start += length
     layout = "{desc} {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
     with progress_bar(100, is_shown=bool(shares), unit="%", layout=layout) as bar:
-        bar.mininterval, bar.miniters = 0, 0  # the parts say when to draw
+        # the parts say when to draw
+        bar.mininterval, bar.miniters, bar.dynamic_miniters = 0, 0, False
         token = _JOB.set(_Job(bar, parts))
         try:
             yield
@@ -60,10 +61,12 @@ class _Part(tqdm):  # type: ignore[type-arg]
             return
         start, length = job.parts[self.desc]
         shown, bar = self.format_dict, job.bar
-        rate = f"{(shown['rate'] or 0) * (shown['unit_scale'] or 1):.3g}{self.unit}/s"
+        mean = (self.n - self.initial) / max(shown["elapsed"], 1e-9)
+        rate = f"{(shown['rate'] or mean) * (shown['unit_scale'] or 1):.3g}{self.unit}/s"
         bar.set_description_str(self.desc, refresh=False)
         bar.set_postfix_str(", ".join(filter(None, (rate, str(self.postfix or "")))), refresh=False)
-        bar.update(start + length * self.n / (self.total or 1) - bar.n)
+        done = start + length * self.n / (self.total or 1)
+        bar.update(min(100, done) - bar.n)
 
 
 def progress_bar(

@@ -5,6 +5,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
 
 from flyrl.resources import DISTRIBUTION, version
 
@@ -19,6 +22,21 @@ INSTALL = re.compile(r"\b(?:pipx? install|uv add|uvx)\b[^\n`]*?[ '\"=]flyrl(?!'s
 
 def _project():
     return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def _requirements():
+    """All but that of the import of assets, which tests do not need."""
+    project = _project()
+    extras = project["optional-dependencies"]
+    groups = [project["dependencies"], *(extras[name] for name in extras if name != "assets")]
+    return [Requirement(each) for group in groups for each in group]
+
+
+def _pinned(name):
+    """Version of every package in a file of versions."""
+    lines = [line for line in (ROOT / name).read_text().splitlines() if not line.startswith("#")]
+    pins = (line.split("==") for line in lines)
+    return {canonicalize_name(package): Version(version) for package, version in pins}
 
 
 @pytest.mark.parametrize(
@@ -46,9 +64,7 @@ def test_nothing_tells_to_install_a_stranger():
 
 
 def test_no_requirement_is_a_stranger():
-    project = _project()
-    groups = [project["dependencies"], *project["optional-dependencies"].values()]
-    names = {re.split(r"[\[<>=~!; ]", each)[0].lower() for group in groups for each in group}
+    names = {canonicalize_name(requirement.name) for requirement in _requirements()}
     assert "flyrl" not in names
     assert DISTRIBUTION in names  # of extras, in dev
 
@@ -61,3 +77,21 @@ def test_the_distribution_has_one_name_and_its_version_is_found():
 
 def test_the_version_of_what_is_not_installed_is_none():
     assert version("no-such-distribution") is None
+
+
+def test_the_lowest_versions_that_are_tested_are_those_that_are_allowed():
+    pinned = _pinned("constraints-lowest.txt")
+    lowest = {
+        canonicalize_name(requirement.name): Version(bound.version)
+        for requirement in _requirements()
+        for bound in requirement.specifier
+        if requirement.name != "torch"  # tested with the one that is at hand
+    }
+    assert {name: pinned.get(name) for name in lowest} == lowest
+
+
+def test_the_versions_that_are_pinned_are_allowed():
+    pinned = _pinned("constraints.txt")
+    for requirement in _requirements():
+        name = canonicalize_name(requirement.name)
+        assert name == DISTRIBUTION or requirement.specifier.contains(pinned[name]), name

@@ -167,6 +167,7 @@ def _shares(
         "training": config.training.total_decisions * config.env.decision_interval_s,
         "evaluating": 0.5 * simulated_s,
         "filming": 75.0 * walks * len(compared.film) if settings.videos else 0.0,
+        "reporting": 150.0,
     }
 
 

@@ -100,8 +100,8 @@ def test_the_continuous_variant_is_trained_and_compared_afterwards(tmp_path, run
     assert walked == {"sac", "worm_cpg", "relaxed"}
     # one bar for all of it
     states = [state.strip() for state in trained.stderr.split("\r") if "%|" in state]
-    assert {state.split()[0] for state in states[1:]} == {"training", "evaluating"}
-    assert re.match(r"evaluating +100%\|.*\[.*<00:00, .*s/s, relaxed, flat\]", states[-1])
+    assert {state.split()[0] for state in states[1:]} == {"training", "evaluating", "reporting"}
+    assert re.match(r"reporting +100%\|.*\[.*<00:00, .* parts/s\]", states[-1])
 
 
 def test_a_report_of_worms_has_videos_and_curves_and_no_drive_map(tmp_path, run_here):
