@@ -64,7 +64,7 @@ def _files(folder):
 def test_wheel_holds_package_assets_and_configs(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    expected = _files("flyrl") | {
+    expected = _files("flyrl") | _files("hydra_plugins") | {
         f"flyrl/{name}" for folder in ("assets", "configs") for name in _files(folder)
     }
     assert expected <= names
