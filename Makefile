@@ -1,15 +1,15 @@
 # make train   set up .venv; train a steering policy, compare it with the fixed controllers, write the report
 # make test    set up .venv; run the tests
-# make test-ray  run the tests of launcher=ray in an environment of its own, with a cloudpickle of its own
+# make test-lowest  run the tests that are not slow with the lowest versions that pyproject.toml allows
 # make check   lint, format, types, import contracts (what CI and pre-commit run before the tests)
 # make docs    build the documentation's site into site/; a link that leads nowhere is an error
 # make bench   speed of every part on this machine, and how the fly walks beside the literature
 # make format  let ruff rewrite what make check complains about
-# make clean   remove .venv, .venv-ray and caches; runs/ and reports/ stay
+# make clean   remove .venv, .venv-lowest and caches; runs/ and reports/ stay
 
 PYTHON ?= python3
 VENV ?= .venv
-VENV_RAY ?= .venv-ray
+VENV_LOWEST ?= .venv-lowest
 ARGS ?=
 
 BIN := $(VENV)/bin
@@ -18,7 +18,7 @@ INSTALLED_DEV := $(VENV)/.installed-dev
 # without compiling every module: Python does that itself to the few that are imported
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
 
-.PHONY: train test test-ray check docs bench format clean
+.PHONY: train test test-lowest check docs bench format clean
 
 train: $(INSTALLED)
 	$(BIN)/python train.py experiment=main $(ARGS)
@@ -26,12 +26,13 @@ train: $(INSTALLED)
 test: $(INSTALLED_DEV)
 	$(BIN)/python -m pytest --numprocesses auto --dist worksteal $(ARGS)
 
-test-ray:
-	$(PYTHON) -m venv $(VENV_RAY)
-	grep --invert-match ^cloudpickle constraints.txt > $(VENV_RAY)/constraints.txt
-	$(VENV_RAY)/bin/python -m pip install --quiet --constraint $(VENV_RAY)/constraints.txt \
-		--editable '.[ray]' pytest
-	$(VENV_RAY)/bin/python -m pytest tests/cli/test_sweep.py -k ray $(ARGS)
+# with a torch that is in that environment already, if there is one: see CONTRIBUTING.md
+test-lowest:
+	$(PYTHON) -m venv $(VENV_LOWEST)
+	$(VENV_LOWEST)/bin/python -m pip install --quiet --no-compile \
+		--constraint constraints-lowest.txt --editable '.[dev]'
+	$(VENV_LOWEST)/bin/python -m pytest -m 'not slow and not network' \
+		--numprocesses auto --dist worksteal $(ARGS)
 
 check: $(INSTALLED_DEV)
 	$(BIN)/ruff check
@@ -51,7 +52,7 @@ format: $(INSTALLED_DEV)
 	$(BIN)/ruff format
 
 clean:
-	rm -rf $(VENV) $(VENV_RAY) build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) $(VENV_LOWEST) build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("flyrl needs Python 3.11 or newer, but $(PYTHON) is " + sys.version.split()[0] + "; name another: make PYTHON=python3.12")'

@@ -1,6 +1,11 @@
-"""Where flyrl's assets and configs lie: beside the package, or inside it when installed."""
+"""What is installed: assets and configs (beside the package, or inside it), the distribution."""
 
+from importlib import metadata
 from pathlib import Path
+from typing import Final
+
+DISTRIBUTION: Final = "fly-walking-rl"
+"""Name of flyrl on package indexes, where `flyrl` is another project."""
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -49,3 +54,16 @@ def muscle_profile(key: str, profile: str) -> Path:
             f"{profile!r}{did_you_mean(profile, names)}"
         )
     return path.resolve()
+
+
+def version(package: str) -> str | None:
+    """Version of a package, `flyrl` or the distribution of another; None if it is not installed."""
+    try:
+        return metadata.version(DISTRIBUTION if package == "flyrl" else package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def install_command(extra: str) -> str:
+    """Command that installs one of flyrl's extras, for an error message."""
+    return f"pip install -e '.[{extra}]' in flyrl's checkout"

@@ -64,9 +64,11 @@ def _files(folder):
 def test_wheel_holds_package_assets_and_configs(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    expected = _files("flyrl") | {
-        f"flyrl/{name}" for folder in ("assets", "configs") for name in _files(folder)
-    }
+    expected = (
+        _files("flyrl")
+        | _files("hydra_plugins")
+        | {f"flyrl/{name}" for folder in ("assets", "configs") for name in _files(folder)}
+    )
     assert expected <= names
     assert not {name for name in names if name.startswith(("tests", "assets", "configs"))}
 

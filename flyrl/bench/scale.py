@@ -10,11 +10,11 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Final
 
 import mujoco
 import numpy as np
+import psutil
 
 from flyrl.bench.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
@@ -82,10 +82,8 @@ def counted_compilations() -> Iterator[list[Any]]:
 
 
 def _resident_bytes() -> int:
-    """Memory of this process that lies in RAM (Linux)."""
-    status = Path("/proc/self/status").read_text()
-    (line,) = [line for line in status.splitlines() if line.startswith("VmRSS:")]
-    return 1024 * int(line.split()[1])
+    """Memory of this process that lies in RAM."""
+    return int(psutil.Process().memory_info().rss)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from flyrl.cli.groups import config_groups
-from flyrl.resources import configs_folder
+from flyrl.resources import configs_folder, install_command
 from flyrl.validation import one_of
 
 HYDRA_VERSION = "1.3"
@@ -30,11 +30,12 @@ HYDRA_VERSION = "1.3"
 EXTRAS: Final = {"joblib": "joblib", "slurm": "slurm", "submitit": "slurm", "ray": "ray"}
 """Launcher of `configs/launcher` -> extra of flyrl that it needs."""
 
-_PLUGINS: Final = {
-    "joblib": "hydra_joblib_launcher",
-    "slurm": "hydra_submitit_launcher",
-    "ray": "hydra_ray_launcher",
+_MODULES: Final = {
+    "joblib": "hydra_plugins.hydra_joblib_launcher",
+    "slurm": "hydra_plugins.hydra_submitit_launcher",
+    "ray": "ray",
 }
+"""Extra -> module that it installs."""
 
 
 class UsageError(ValueError):
@@ -225,11 +226,9 @@ def _check_launcher(overrides: Sequence[Override]) -> None:
     for override in overrides:
         if override.key_or_group == "launcher":
             extra = EXTRAS[str(override.value())]
-            if importlib.util.find_spec(f"hydra_plugins.{_PLUGINS[extra]}") is None:
-                raise UsageError(
-                    f"{override.input_line} needs {_PLUGINS[extra].replace('_', '-')}: "
-                    f"pip install 'flyrl[{extra}]'"
-                )
+            if importlib.util.find_spec(_MODULES[extra]) is None:
+                package = _MODULES[extra].rpartition(".")[2].replace("_", "-")
+                raise UsageError(f"{override.input_line} needs {package}: {install_command(extra)}")
 
 
 def _experiments(config_name: str, names: Sequence[str]) -> list[str]:

@@ -13,6 +13,7 @@ from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import INTERRUPTED, LEFT_OUT
 from flyrl.files import new_folder, usable_folder
+from flyrl.progress import progress_bar
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
@@ -131,18 +132,23 @@ def compare(
     missing = {(crash["controller"], crash["terrain"]) for crash in results.protocol["crashes"]}
     view = View(camera=settings.camera)
     videos, note = record_videos(config, missing, view) if settings.videos else ([], None)
-    examples = walk_examples(config, results.examples) if settings.close_ups else []
-    has_map = settings.close_ups and settings.drive_map and config.legs is not None
-    drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
-    report = write_report(
-        results,
-        folder,
-        videos=videos,
-        examples=examples,
-        drive_map=drive_map,
-        curves=training_evaluations(results.protocol["entrants"]),
-        note=note,
-    )
+    with progress_bar(
+        2, is_shown=settings.progress_bar, unit=" parts", description="reporting"
+    ) as bar:
+        examples = walk_examples(config, results.examples) if settings.close_ups else []
+        has_map = settings.close_ups and settings.drive_map and config.legs is not None
+        drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
+        bar.update()
+        report = write_report(
+            results,
+            folder,
+            videos=videos,
+            examples=examples,
+            drive_map=drive_map,
+            curves=training_evaluations(results.protocol["entrants"]),
+            note=note,
+        )
+        bar.update()
     return report, not missing
 
 

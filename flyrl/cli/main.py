@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import difflib
-import importlib.metadata
 import os
 import sys
 from collections.abc import Sequence
@@ -25,6 +24,7 @@ from flyrl.cli import (
 )
 from flyrl.cli.completion import subparsers_of
 from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
+from flyrl.resources import version
 
 _SUBCOMMANDS: Final = (
     composed,
@@ -61,11 +61,7 @@ class _Version(argparse.Action):
     """Prints the version, which is looked up then: that takes longer than all else here."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        try:
-            version = importlib.metadata.version("flyrl")
-        except importlib.metadata.PackageNotFoundError:
-            version = "(not installed: run from a copy of its code)"
-        print(f"flyrl {version}")
+        print(f"flyrl {version('flyrl') or '(not installed: run from a copy of its code)'}")
         parser.exit()
 
 

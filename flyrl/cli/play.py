@@ -127,7 +127,8 @@ def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
     except ImportError as error:
         return _fail(
             f"mujoco.studio, which shows the page, cannot be used ({error}); "
-            "install mujoco in the version that flyrl asks for: pip install -U flyrl"
+            "install mujoco in the version that flyrl asks for: "
+            "pip install -e . in flyrl's checkout"
         )
     from flyrl.report.recording import VideoRecorder  # noqa: PLC0415
 

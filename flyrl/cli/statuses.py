@@ -14,5 +14,5 @@ UNUSABLE: Final = 2
 INTERRUPTED: Final = 128 + signal.SIGINT
 """Ended by Ctrl-C, as shells have it."""
 
-PIPE_CLOSED: Final = 128 + signal.SIGPIPE
+PIPE_CLOSED: Final = 128 + 13  # SIGPIPE, which Windows has not
 """Whoever read the output wants no more of it, as `head`."""

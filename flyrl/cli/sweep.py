@@ -215,14 +215,21 @@ def run_sweep(
         fail(error)
     os.environ[_PARENT] = str(os.getpid())
     code: int | str | None = 0
+    stopped_by: int = signal.SIGINT
+
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
+        nonlocal stopped_by
+        stopped_by = number
+        raise KeyboardInterrupt  # of all that a handler can raise, Ray hands on this alone
+
     try:
         if asked.is_elsewhere:
             # else the process would end, and leave those of the jobs to themselves
-            signal.signal(signal.SIGTERM, _stop)
+            signal.signal(signal.SIGTERM, stop)
         with _progress(folder, asked.jobs, is_shown=asked.is_elsewhere):
             start()
     except KeyboardInterrupt:
-        code = 128 + signal.SIGINT
+        code = 128 + stopped_by
     except SystemExit as error:
         code = error.code
     try:
@@ -239,10 +246,6 @@ def run_sweep(
         )
     print(f"sweep: {folder}")
     sys.exit(code or int(failures > 0))
-
-
-def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    raise SystemExit(128 + number)
 
 
 def _announce(folder: Path, jobs: Sequence[Job], command: Sequence[str]) -> None:

@@ -14,8 +14,11 @@ from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
 from flyrl.files import usable_folder
+from flyrl.progress import whole_job
 
 if TYPE_CHECKING:
+    from flyrl.cli.config import EvaluationSettings
+    from flyrl.evaluation import EvaluationConfig
     from flyrl.training.config import TrainingConfig
     from flyrl.training.learn import Run
     from flyrl.training.runs import RunSummary
@@ -57,9 +60,9 @@ def run(record: dict[str, Any], start: Start) -> Path:
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, training_config  # noqa: PLC0415
-    from flyrl.cli.evaluate import compare, comparison  # noqa: PLC0415
+    from flyrl.cli.evaluate import comparison  # noqa: PLC0415
 
-    is_compared = bool(record["evaluate_after"])
+    is_compared, shares = bool(record["evaluate_after"]), {}
     interrupted = Path(record["resume"]) if record["resume"] else None
     try:
         if interrupted:
@@ -73,7 +76,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
         settings = evaluation_settings(record["evaluation"], "evaluation")
         if is_compared:
             # a mistake in it shows before the training, not after
-            comparison(record, settings, start.command)
+            shares = _shares(config, comparison(record, settings, start.command), settings)
             if settings.folder is not None:
                 usable_folder(Path(settings.folder))
         if not interrupted and (earlier := _earlier(config, start)):
@@ -86,16 +89,12 @@ def run(record: dict[str, Any], start: Start) -> Path:
         fail(error)
     show = partial(illustrate, config, with_video=bool(record["video_after"]))
     runs = start.sweep or Path(record["runs_folder"])
-    finished = _learn(config, start, interrupted, runs, show)
-    is_complete = True
-    if finished.interrupted_by is None and is_compared:
-        with_run = replace(settings, policies=(str(finished.folder), *settings.policies))
-        folder = settings.folder or finished.folder / "evaluation"
-        entrants = comparison(record, with_run, start.command)
-        try:
-            report, is_complete = compare(entrants, Path(folder), settings)
-        except OSError as error:
-            fail(error)
+    report, is_complete = None, True
+    with whole_job(shares):
+        finished = _learn(config, start, interrupted, runs, show)
+        if finished.interrupted_by is None and is_compared:
+            report, is_complete = _compare(record, settings, start, finished.folder)
+    if report is not None:
         print(f"report: {report}")
     # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end
     print(f"run: {finished.folder}", flush=True)
@@ -128,6 +127,48 @@ def _learn(
         fail(error)
     except OSError as error:
         fail(_with_way_on(error, config, interrupted or runs))
+
+
+def _compare(
+    record: dict[str, Any], settings: EvaluationSettings, start: Start, run: Path
+) -> tuple[Path, bool]:
+    """Compare the policy of a run; return the report's path, and whether everyone is in it."""
+    from flyrl.cli.evaluate import compare, comparison  # noqa: PLC0415
+
+    with_run = replace(settings, policies=(str(run), *settings.policies))
+    try:
+        folder = Path(settings.folder or run / "evaluation")
+        return compare(comparison(record, with_run, start.command), folder, settings)
+    except OSError as error:
+        fail(error)
+
+
+def _shares(
+    config: TrainingConfig, compared: EvaluationConfig, settings: EvaluationSettings
+) -> dict[str, float]:
+    """Parts of a training with a comparison -> how long each takes, in simulated s of training.
+
+    Measured in `experiment=main` on two cores. Empty if no progress is to be shown.
+
+    Parameters
+    ----------
+    config
+        Of the training.
+    compared, settings
+        Of the comparison, without the policy that is to be trained.
+    """
+    from flyrl.evaluation import make_entrants  # noqa: PLC0415
+
+    if not config.training.progress_bar:
+        return {}
+    walks = (len(make_entrants(compared)) + 1) * len(compared.terrain_configs)
+    simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
+    return {
+        "training": config.training.total_decisions * config.env.decision_interval_s,
+        "evaluating": 0.5 * simulated_s,
+        "filming": 75.0 * walks * len(compared.film) if settings.videos else 0.0,
+        "reporting": 150.0,
+    }
 
 
 def end_of_sweep(folder: Path) -> None:

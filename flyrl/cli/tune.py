@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.files import new_folder, write_text
+from flyrl.resources import install_command
 
 if TYPE_CHECKING:
     from flyrl.cli.study import Plan
@@ -69,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     from flyrl.validation import at_least  # noqa: PLC0415
 
     if importlib.util.find_spec("optuna") is None:
-        raise ValueError("flyrl tune needs Optuna: pip install 'flyrl[optuna]'")
+        raise ValueError(f"flyrl tune needs Optuna: {install_command('optuna')}")
     at_least("--trials", options.trials, 1)
     at_least("--seed", options.seed, 0)
     at_least("--prune-after", options.prune_after, 1)

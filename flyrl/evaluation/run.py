@@ -9,7 +9,6 @@ import platform
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NoReturn
 
@@ -29,6 +28,7 @@ from flyrl.evaluation.rows import Json, episode_row, episode_table, joined
 from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
+from flyrl.resources import version
 from flyrl.rollouts import OUTCOMES, EpisodeRecord, run_episodes
 from flyrl.tasks import Episode, task_record
 from flyrl.terrains import TerrainConfig
@@ -259,10 +259,4 @@ def _first_episodes(config: EvaluationConfig) -> list[Json]:
 
 
 def _versions() -> dict[str, str]:
-    versions = {}
-    for package in PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            versions[package] = "not installed"
-    return versions
+    return {package: version(package) or "not installed" for package in PACKAGES}

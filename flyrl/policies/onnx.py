@@ -7,11 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.resources import install_command
+
 try:
     import onnx
     from onnx import TensorProto, helper, numpy_helper
 except ImportError as error:
-    raise ImportError("export_onnx needs the package onnx: pip install 'flyrl[onnx]'") from error
+    raise ImportError(f"export_onnx needs the package onnx: {install_command('onnx')}") from error
 
 from flyrl.files import write_bytes
 from flyrl.policies.bundle import PolicyBundle

@@ -13,11 +13,11 @@ from typing import Final, NamedTuple
 
 import imageio_ffmpeg
 import numpy as np
-from tqdm import tqdm
 
 from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv, build_simulation
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
+from flyrl.progress import progress_bar
 from flyrl.report.captions import Picture, clock_text, titled, with_scale_bar
 from flyrl.report.film import jpeg
 from flyrl.report.tension_bars import tension_bars
@@ -162,9 +162,13 @@ def record_videos(
     videos = []
     try:
         imageio_ffmpeg.get_ffmpeg_exe()
-        for terrain, index, entrant in tqdm(jobs, desc="filming", disable=not config.progress):
-            drawn = config.draw_episodes(terrain)[index]
-            videos.append(record_video(config, entrant, terrain, drawn, index, view))
+        with progress_bar(
+            len(jobs), is_shown=config.progress, unit=" videos", description="filming"
+        ) as bar:
+            for terrain, index, entrant in jobs:
+                drawn = config.draw_episodes(terrain)[index]
+                videos.append(record_video(config, entrant, terrain, drawn, index, view))
+                bar.update()
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
         note = f"Videos are left out: {' '.join(str(error).split())}"
         print(note, file=sys.stderr)

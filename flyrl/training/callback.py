@@ -78,7 +78,10 @@ class RunCallback(BaseCallback):
         self._is_ending = False
         self._start = time.monotonic()
         self._bar = progress_bar(
-            schedule.total_decisions, is_shown=schedule.progress_bar, unit=" decisions"
+            schedule.total_decisions,
+            is_shown=schedule.progress_bar,
+            unit=" decisions",
+            description="training",
         )
 
     def restore(self, state: Mapping[str, Any]) -> None:

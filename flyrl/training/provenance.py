@@ -5,12 +5,14 @@ import os
 import platform
 import subprocess
 from collections.abc import Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Final
 
+import numba
+
 import flyrl
 from flyrl.files import file_digest
+from flyrl.resources import version
 from flyrl.tasks import term_digests
 from flyrl.training.runs import flat
 
@@ -43,10 +45,11 @@ def provenance(terms: Sequence[str] = ()) -> dict[str, Any]:
         "git": _git(),
         "terms": term_digests(terms),
         "python": platform.python_version(),
-        "packages": {name: _version(name) for name in _PACKAGES},
+        "packages": {name: version(name) for name in _PACKAGES},
         "system": platform.platform(),
         "cpu": cpu(_text(Path("/proc/cpuinfo"))),
-        "num_cpus": len(os.sched_getaffinity(0)),
+        # those that this process may use
+        "num_cpus": numba.config.NUMBA_DEFAULT_NUM_THREADS,  # type: ignore[attr-defined]
     }
 
 
@@ -97,13 +100,6 @@ def _checkout() -> Path | None:
     """The git checkout that flyrl runs from; None for an installed package."""
     folder = Path(flyrl.__file__).resolve().parents[1]
     return folder if (folder / ".git").exists() else None
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
 
 
 def _git() -> dict[str, Any] | None:

@@ -4,7 +4,6 @@ Importing this loads neither torch nor Stable-Baselines3, so that a list of runs
 """
 
 import csv
-import fcntl
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
 import yaml
+from filelock import lock_descriptor
 
 CONFIG_FILE: Final = "config.yaml"
 STATUS_FILE: Final = "status.json"
@@ -49,7 +49,7 @@ def held(folder: Path) -> Iterator[None]:
     """
     descriptor = os.open(folder / _LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     try:
-        if _is_locked(descriptor, fcntl.LOCK_EX):
+        if _is_locked(descriptor):
             raise RunIsHeldError(f"another process trains in {folder}")
         yield
     finally:
@@ -63,20 +63,17 @@ def is_running(folder: Path) -> bool:
     except OSError:
         return False
     try:
-        return _is_locked(descriptor, fcntl.LOCK_SH)
+        return _is_locked(descriptor)
     finally:
         os.close(descriptor)
 
 
-def _is_locked(descriptor: int, kind: int) -> bool:
+def _is_locked(descriptor: int) -> bool:
     """Try to lock; return whether another has."""
     try:
-        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
+        return not lock_descriptor(descriptor, blocking=False)
     except OSError:
         return False  # a file system without locks
-    return False
 
 
 def read_record(path: Path) -> dict[str, Any]:

@@ -53,6 +53,7 @@ def test_what_cannot_be_meant(argument, message):
         ["launcher=joblib", "hydra.launcher.n_jobs=2", "seed=range(5)"],
         ["launcher=slurm", "hydra.launcher.partition=cpu", "seed=0,1"],
         ["launcher=submitit", "hydra.launcher.timeout_min=5"],
+        ["launcher=ray", "hydra.launcher.address=auto", "seed=0,1"],
         ["-m", "hydra/launcher=joblib", "seed=0,1"],
         ["-m", "algo=sac", "algo.tau=0.01,0.02"],
     ],
@@ -94,12 +95,17 @@ def test_a_launcher_has_keys_of_its_own():
         check_arguments("train", ["launcher=joblib", "hydra.launcher.njobs=2"])
 
 
-@pytest.mark.skipif(
-    importlib.util.find_spec("hydra_plugins.hydra_ray_launcher") is not None, reason="Ray is here"
+@pytest.mark.parametrize(
+    ("launcher", "message"),
+    [
+        ("ray", r"needs ray: pip install -e '\.\[ray\]' in flyrl's checkout$"),
+        ("submitit", r"needs hydra-submitit-launcher: pip install -e '\.\[slurm\]' in"),
+    ],
 )
-def test_a_launcher_that_is_not_installed_names_its_extra():
-    with pytest.raises(UsageError, match=r"needs hydra-ray-launcher: pip install 'flyrl\[ray\]'"):
-        check_arguments("train", ["launcher=ray", "seed=0,1"])
+def test_a_launcher_that_is_not_installed_names_its_extra(launcher, message, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(UsageError, match=message):
+        check_arguments("train", [f"launcher={launcher}", "seed=0,1"])
 
 
 def test_the_jobs_of_a_sweep():

@@ -13,6 +13,7 @@ from flyrl.cli.composed import COMPOSED
 from flyrl.cli.entry import run_command
 from flyrl.cli.main import command_parser, main, subparsers_of
 from flyrl.cli.program import program
+from flyrl.resources import DISTRIBUTION
 
 COMMANDS = ("train", "evaluate", "play", "figures", "runs", "sweep", "reproduce", "tune", "bench")
 
@@ -44,7 +45,7 @@ def test_version(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--version"])
     assert end.value.code == 0
-    assert capsys.readouterr().out == f"flyrl {metadata.version('flyrl')}\n"
+    assert capsys.readouterr().out == f"flyrl {metadata.version(DISTRIBUTION)}\n"
 
 
 def test_a_command_that_does_not_exist_gets_the_closest(capsys):

@@ -60,4 +60,4 @@ def test_without_the_web_viewer(monkeypatch, capsys):
     assert main(["play", "worm", "--no-browser", "--port", "0"]) == 2
     line = only_line(capsys)
     assert line.startswith("error: mujoco.studio, which shows the page, cannot be")
-    assert line.endswith("pip install -U flyrl")
+    assert line.endswith("pip install -e . in flyrl's checkout")

@@ -1,3 +1,4 @@
+import contextlib
 import csv
 import json
 import os
@@ -8,6 +9,7 @@ import threading
 import time
 from pathlib import Path
 
+import psutil
 import pytest
 
 from flyrl.cli.arguments import Failure, Sweep
@@ -196,14 +198,9 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("how", "number"),
-    [
-        ("launcher=joblib", signal.SIGTERM),
-        ("launcher=ray", signal.SIGINT),  # Ray catches SIGTERM itself
-    ],
+    [("launcher=joblib", signal.SIGTERM), ("launcher=ray", signal.SIGTERM)],
 )
 def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
-    if how == "launcher=ray":
-        pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
     endless = ["training.total_decisions=1000000", "seed=0,1"]
     command = [sys.executable, str(ROOT / "train.py"), *_tiny(how, *endless)]
     process = subprocess.Popen(
@@ -273,10 +270,59 @@ def test_terms_of_your_own_can_be_swept(tmp_path, train_here):
         ]
 
 
+def _worker_at_work(driver, sweep):
+    """A process of Ray's that has written a checkpoint of a run and is still training."""
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline and driver.poll() is None:
+        begun = {file.parents[1] for file in sweep.glob("*/checkpoints/*.pt")}
+        for process in psutil.Process(driver.pid).children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                locked = {Path(file.path).parent for file in process.open_files()}
+                if begun & locked:
+                    return process
+        time.sleep(0.02)
+    raise AssertionError("no worker trains")
+
+
+def _parameters(sweep):
+    """The last policies of a sweep's two runs, by seed."""
+    return {
+        read_run(run).setting("seed"): (run / "last.safetensors").read_bytes()
+        for run in sweep.glob("*_target_flat_ppo_?")
+    }
+
+
 @pytest.mark.slow
-def test_ray_runs_a_sweep(tmp_path):
-    pytest.importorskip("hydra_plugins.hydra_ray_launcher", reason="the extra ray")
-    result = _train(tmp_path, "launcher=ray", "seed=0")
-    assert result.returncode == 0, result.stderr
-    (run,) = _only_sweep(tmp_path).glob("*_target_flat_ppo_0")
-    assert read_run(run).state == "finished"
+def test_a_run_whose_worker_is_killed_is_not_lost_to_ray(tmp_path, train_here):
+    asked = [
+        "seed=0,1",
+        "training.total_decisions=1024",
+        "training.checkpoint_interval=256",
+        "training.evaluation_interval=1024",
+    ]
+    command = [*_tiny("launcher=ray", *asked), "hydra.sweep.dir=on_ray"]
+    driver = subprocess.Popen(
+        [sys.executable, str(ROOT / "train.py"), *command],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    try:
+        _worker_at_work(driver, tmp_path / "on_ray").kill()
+        output, _ = driver.communicate(timeout=120)
+    finally:
+        driver.terminate()
+    assert driver.returncode == 0, output
+    runs = [read_run(run) for run in (tmp_path / "on_ray").glob("*_target_flat_ppo_?")]
+    assert [run.state for run in runs] == ["finished"] * 2
+    assert sorted("resumed" in run.provenance for run in runs) == [False, True]
+    assert train_here("-m", *asked, "hydra.sweep.dir=here").returncode == 0
+    assert _parameters(tmp_path / "on_ray") == _parameters(tmp_path / "here")
+
+
+def test_ray_is_asked_for_no_more_than_the_machine_has(tmp_path):
+    result = _train(tmp_path, "launcher=ray", "seed=0,1", "hydra.launcher.num_cpus=999")
+    assert result.returncode == 1
+    assert "hydra.launcher.num_cpus must be at most" in result.stderr

@@ -237,7 +237,7 @@ def test_what_cannot_be_meant_is_said_before_any_work(arguments, said, tmp_path,
 def test_without_optuna_it_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "optuna", None)
     assert main(["tune", "--trials", "1"]) == 2
-    assert "pip install 'flyrl[optuna]'" in capsys.readouterr().err
+    assert "pip install -e '.[optuna]'" in capsys.readouterr().err
 
 
 def test_a_storage_that_cannot_be_used_is_an_error_in_one_line(study, tmp_path, capsys):

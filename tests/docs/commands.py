@@ -37,11 +37,10 @@ NOT_CHECKED = {
     "rl_zoo3.enjoy": "the same",
     "venv": "Python's own; makes an environment in which pip would download",
     "sed": "gets what pip says, which is not run",
+    "uv": "another project's program, which asks the package index",
+    "grep": "gets what uv says",
 }
 """Program or module -> why its commands are neither run nor checked."""
-
-NEEDS_ANOTHER_ENVIRONMENT = "launcher=ray"
-"""Its packages cannot be installed beside the others; `make test-ray` runs it."""
 
 COMPOSED = ("train", "evaluate")
 """Programs whose arguments are Hydra's."""
@@ -140,8 +139,7 @@ def trained(overrides: tuple[str, ...], folder: Path) -> Run | None:
     """
     keys = {each.partition("=")[0] for each in overrides}
     if keys & NEEDS_MORE:
-        if NEEDS_ANOTHER_ENVIRONMENT not in overrides:
-            check_arguments("train", overrides)
+        check_arguments("train", overrides)
         return None
     single = [re.sub(r"^([\w.]+=[\w-]+)(,[\w-]+)+$", r"\1", each) for each in overrides]
     algorithm = _values("train", [each for each in single if not each.startswith("hydra.")])["algo"]
@@ -211,7 +209,7 @@ def _pip(arguments: list[str], is_whole: bool) -> None:
     """The extras are in pyproject.toml. Nothing is installed."""
     del is_whole
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    for extras in re.findall(r"(?:flyrl|\.)\[([\w,]+)\]", " ".join(arguments)):
+    for extras in re.findall(r"\.\[([\w,]+)\]", " ".join(arguments)):
         assert set(extras.split(",")) <= set(project["optional-dependencies"]), extras
 
 

@@ -99,7 +99,7 @@ def test_what_is_not_checked_is_there():
 
 
 @pytest.mark.parametrize(
-    "command", ["flyrl run", "make tset", "pip install 'flyrl[slum]'", "cat runs"]
+    "command", ["flyrl run", "make tset", "pip install -e '.[slum]'", "cat runs"]
 )
 def test_a_wrong_command_is_found(command):
     with pytest.raises(AssertionError):

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final, Literal
 
+from flyrl.resources import install_command
+
 DECISIONS_LOGGED: Final = "time/total_timesteps"
 """Stable-Baselines3's name for the decisions so far, in every row but a run's last."""
 
@@ -98,8 +100,7 @@ class LoggerConfig(ABC):
         # a mere folder of that name, as the services leave some, has no origin
         if spec is None or spec.origin is None:
             raise ValueError(
-                f"logger={self.name} needs the package {self.name}: pip install "
-                f"'flyrl[{self.name}]'"
+                f"logger={self.name} needs the package {self.name}: {install_command(self.name)}"
             )
 
     @abstractmethod

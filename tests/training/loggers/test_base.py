@@ -15,7 +15,7 @@ class _Nowhere(LoggerConfig):
 
 MESSAGE = (
     "logger=no_such_service needs the package no_such_service: "
-    r"pip install 'flyrl\[no_such_service\]'"
+    r"pip install -e '\.\[no_such_service\]'"
 )
 
 

@@ -1,0 +1,97 @@
+"""flyrl's distribution: its name, and that nothing leads to the stranger called flyrl on PyPI."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+from packaging.version import Version
+
+from flyrl.resources import DISTRIBUTION, version
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = (".ci", "benchmarks", "configs", "docs", "flyrl", "hydra_plugins", "tests", "tools")
+FILES = [path for path in ROOT.iterdir() if path.is_file() and not path.name.startswith(".git")]
+TEXTS = {".cff", ".css", ".ipynb", ".j2", ".js", ".md", ".py", ".svg", ".toml", ".txt", ".yaml", ""}
+
+INSTALL = re.compile(r"\b(?:pipx? install|uv add|uvx)\b[^\n`]*?[ '\"=]flyrl(?!'s)(?:[^\w./-]|$)")
+"""A command that installs a distribution called flyrl; flyrl's is another name, or the checkout."""
+
+
+def _project():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def _requirements():
+    """All but that of the import of assets, which tests do not need."""
+    project = _project()
+    extras = project["optional-dependencies"]
+    groups = [project["dependencies"], *(extras[name] for name in extras if name != "assets")]
+    return [Requirement(each) for group in groups for each in group]
+
+
+def _pinned(name):
+    """Version of every package in a file of versions."""
+    lines = [line for line in (ROOT / name).read_text().splitlines() if not line.startswith("#")]
+    pins = (line.split("==") for line in lines)
+    return {canonicalize_name(package): Version(version) for package, version in pins}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    ["flyrl", "'flyrl[ray]'", "-U flyrl", '"flyrl>=0.1"', "--quiet flyrl==1", "numpy flyrl torch"],
+)
+def test_what_would_fetch_a_stranger_is_found(wrong):
+    assert INSTALL.search(f"{'pip'} install {wrong}")
+
+
+@pytest.mark.parametrize("right", ["-e '.[ray]'", f"'{DISTRIBUTION}[ray]'", "flyrl-x", "./flyrl/x"])
+def test_the_checkout_and_the_own_name_are_fine(right):
+    assert not INSTALL.search(f"{'pip'} install {right}")
+
+
+def test_nothing_tells_to_install_a_stranger():
+    inside = (path for folder in FOLDERS for path in (ROOT / folder).rglob("*"))
+    files = [path for path in (*FILES, *inside) if path.suffix in TEXTS and path.is_file()]
+    found = {
+        str(path.relative_to(ROOT)): match[0]
+        for path in files
+        if (match := INSTALL.search(path.read_text()))
+    }
+    assert found == {}
+
+
+def test_no_requirement_is_a_stranger():
+    names = {canonicalize_name(requirement.name) for requirement in _requirements()}
+    assert "flyrl" not in names
+    assert DISTRIBUTION in names  # of extras, in dev
+
+
+def test_the_distribution_has_one_name_and_its_version_is_found():
+    project = _project()
+    assert project["name"] == DISTRIBUTION
+    assert version("flyrl") == project["version"]
+
+
+def test_the_version_of_what_is_not_installed_is_none():
+    assert version("no-such-distribution") is None
+
+
+def test_the_lowest_versions_that_are_tested_are_those_that_are_allowed():
+    pinned = _pinned("constraints-lowest.txt")
+    lowest = {
+        canonicalize_name(requirement.name): Version(bound.version)
+        for requirement in _requirements()
+        for bound in requirement.specifier
+        if requirement.name != "torch"  # tested with the one that is at hand
+    }
+    assert {name: pinned.get(name) for name in lowest} == lowest
+
+
+def test_the_versions_that_are_pinned_are_allowed():
+    pinned = _pinned("constraints.txt")
+    for requirement in _requirements():
+        name = canonicalize_name(requirement.name)
+        assert name == DISTRIBUTION or requirement.specifier.contains(pinned[name]), name
