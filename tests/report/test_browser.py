@@ -12,7 +12,7 @@ from flyrl.report import Video, write_report
 from flyrl.report.video import FPS, encode
 from tests.chromium import chromium
 from tests.report.test_close_up import walked
-from tests.synthetic import make_results
+from tests.synthetic import STYLES, make_results
 
 NAMES = ("target-ppo", "cpg", "hybrid")
 TERRAINS = ("flat", "gapped")
@@ -385,9 +385,10 @@ def test_rows_are_filtered_by_a_column(visit, report):
     assert {row[2] for row in rows_shown(page)} == {"cpg"}
 
 
-def test_names_of_strangers_run_no_script(visit, tmp_path):
+def test_names_of_strangers_run_no_script(visit, tmp_path, monkeypatch):
     hostile = "<img src=x onerror='document.title=666'>"
-    path = write_report(make_results((hostile, "cpg"), ("flat",), episodes=5), tmp_path)
+    monkeypatch.setitem(STYLES, hostile, STYLES["cpg"])
+    path = write_report(make_results((hostile, "cpg"), episodes=5, reference="cpg"), tmp_path)
     page = visit(path, bypass_csp=True)  # the text alone must be harmless
     page.goto(f"{path.as_uri()}#episodes")
     assert hostile in {row[2] for row in rows_shown(page)}
