@@ -5,13 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.rollouts import Policy
 from flyrl.terrains import TerrainConfig
+
+NAME_LENGTH: Final = 60
+"""Characters of a name at most, before a number that makes it unique."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,14 @@ class Entrant:
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
-    """`name`, or `name-2`, `name-3`, … where that is taken."""
+    """`name`, or `name-2`, `name-3`, … where that is taken.
+
+    Names come from files of others and reach pages, spreadsheets and terminals. Of them only
+    letters, digits and `_ . ( ) + - space` are kept, at most `NAME_LENGTH` of them and starting
+    with a letter or digit; `unnamed` stands where nothing is left.
+    """
+    kept = "".join(each if each.isalnum() or each in "_.()+- " else "_" for each in name)
+    name = kept.lstrip("_.()+- ")[:NAME_LENGTH].rstrip() or "unnamed"
     if name not in taken:
         return name
     return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)

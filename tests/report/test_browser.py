@@ -12,7 +12,7 @@ from flyrl.report import Video, write_report
 from flyrl.report.video import FPS, encode
 from tests.chromium import chromium
 from tests.report.test_close_up import walked
-from tests.synthetic import make_results
+from tests.synthetic import STYLES, make_results
 
 NAMES = ("target-ppo", "cpg", "hybrid")
 TERRAINS = ("flat", "gapped")
@@ -366,7 +366,7 @@ def test_a_long_table_is_filled_bit_by_bit(visit, report, tmp_path):
     assert "rowsAtOnce = 10000" in text
     short = tmp_path / "report.html"
     short.write_text(text.replace("rowsAtOnce = 10000", "rowsAtOnce = 7"), encoding="utf-8")
-    page = visit(short)
+    page = visit(short, bypass_csp=True)  # its script is no longer the one that was hashed
     page.goto(f"{short.as_uri()}#episodes")
     rows = len(NAMES) * len(TERRAINS) * 5
     page.locator("#episodes", has_text=f"Showing 1 to 25 of {rows} entries").wait_for()
@@ -383,6 +383,20 @@ def test_rows_are_filtered_by_a_column(visit, report):
     page.locator(".dtcc-dropdown").get_by_role("button", name="cpg").click()
     page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 10")
     assert {row[2] for row in rows_shown(page)} == {"cpg"}
+
+
+def test_names_of_strangers_run_no_script(visit, tmp_path, monkeypatch):
+    hostile = "<img src=x onerror='document.title=666'>"
+    monkeypatch.setitem(STYLES, hostile, STYLES["cpg"])
+    path = write_report(make_results((hostile, "cpg"), episodes=5, reference="cpg"), tmp_path)
+    page = visit(path, bypass_csp=True)  # the text alone must be harmless
+    page.goto(f"{path.as_uri()}#episodes")
+    assert hostile in {row[2] for row in rows_shown(page)}
+    page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
+    page.locator(".dtcc-dropdown").get_by_role("button", name="onerror").click()
+    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 5")
+    assert {row[2] for row in rows_shown(page)} == {hostile}
+    assert "666" not in page.title()
 
 
 def test_rows_are_sorted_with_missing_values_last(visit, report):

@@ -8,6 +8,9 @@ async function unpacked(id) {
   return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
 }
 
+// DataTables takes text for HTML
+const escaped = (value) => (typeof value === "string" ? value.replace(/[&<>"']/g, (c) => `&#${c.charCodeAt(0)};`) : value);
+
 async function makeTable() {
   const [data, script, style] = await Promise.all(["rows-data", "table-script", "table-style"].map(unpacked));
   const sheet = document.createElement("style");
@@ -31,8 +34,9 @@ async function makeTable() {
       name: key,
       type: names ? "string" : "number",
       className: names ? "text" : "number",
+      render: (value, kind) => (kind === "display" ? escaped(value) : value),
       defaultContent: "–",
-      columnControl: ["order", names ? { extend: "dropdown", icon: "search", content: [{ extend: "searchList", options: names.map((name) => ({ label: name, value: name })) }] } : "searchDropdown"],
+      columnControl: ["order", names ? { extend: "dropdown", icon: "search", content: [{ extend: "searchList", options: names.map((name) => ({ label: escaped(name), value: name })) }] } : "searchDropdown"],
     })),
     order: [],
     ordering: { indicators: false, handler: true },
