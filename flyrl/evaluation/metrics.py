@@ -19,10 +19,11 @@ import numpy as np
 from flyrl.evaluation.gait import (
     drive_variation,
     duty_factor,
+    is_moving,
     reflex_activity,
+    step_raster,
     stride_frequency_hz,
     tripod_coordination,
-    without_blips,
 )
 from flyrl.rollouts.records import EpisodeRecord, FloatArray
 from flyrl.tasks import ERRORS
@@ -53,7 +54,8 @@ METRICS: Final[dict[str, str]] = {
     **ERRORS,
     "work_nj_per_mm": "work of the servos ÷ path length, nJ/mm",
     "slip_share": "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
-    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs",
+    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs; none while the body "
+    "stands",
     "stride_length_mm": "path length ÷ time ÷ stride frequency, mm",
     "duty_factor": "share of a stride that the leg stands, mean of the legs",
     "tripod_coordination": "how far the legs of a tripod swing together: 1 as one, 0 never",
@@ -148,7 +150,9 @@ def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float |
     gait = record.gait
     if gait is None:
         return dict.fromkeys(GAIT_METRICS)
-    stance = without_blips(gait.stance, gait.interval_s)
+    sampled_s = gait.interval_s * np.arange(len(gait.stance))
+    moves = is_moving(record.time_s, record.position_w[:, :2], record.yaw, sampled_s)
+    stance = step_raster(gait.stance, moves, gait.interval_s)
     frequency = stride_frequency_hz(stance, gait.interval_s)
     has_way = path_length >= LEAST_WAY_MM
     walked_s = len(stance) * gait.interval_s

@@ -151,10 +151,12 @@ def study_section(results: Results) -> Json | None:
         "title": study.title,
         "source": study.source,
         "metric": METRIC_LABELS[study.metric],
+        "body": results.protocol.get("body", {}).get("name", "unknown"),
         "judgements": judge(study, results.summary),
         "figures": [
             {
                 "source": figures.source,
+                "body": figures.body,
                 "metric": METRIC_LABELS[figures.metric],
                 "rows": [
                     {
