@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from flyrl.evaluation.gait import (
+    ARM_MM,
     drive_variation,
     duty_factor,
     is_moving,
@@ -80,6 +81,20 @@ COMPARED: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
 
 LOWER_IS_BETTER: Final = frozenset({"time_to_goal_s", *ERRORS})
 """Of the metrics that controllers are compared by, those that are better the lower they are."""
+
+SMALLEST_EFFECTS: Final[dict[str, float]] = {
+    "success": 0.05,
+    "time_to_goal_s": 0.1,
+    "speed_mm_s": 1.0,
+    "advance_mm": 1.0,
+    "heading_error_deg": 3.0,
+    "path_error_mm": 0.25,
+    "speed_error_mm_s": 0.5,
+    "yaw_rate_error_deg_s": 5.0,
+    "bend_error_deg": 2.0,
+    "recruited_share": 0.05,
+}
+"""Smallest difference of interest by metric, in its unit; a smaller one is no one's win."""
 
 _COMPARED_IN_TASK: Final = {
     "traverse": ("success", "time_to_goal_s", "advance_mm", "speed_mm_s", "return"),
@@ -152,6 +167,9 @@ def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float |
         return dict.fromkeys(GAIT_METRICS)
     sampled_s = gait.interval_s * np.arange(len(gait.stance))
     moves = is_moving(record.time_s, record.position_w[:, :2], record.yaw, sampled_s)
+    turned = ARM_MM * abs(float(record.yaw[-1] - record.yaw[0]))
+    if path_length + turned < LEAST_WAY_MM:  # a fly that lands and stands
+        moves[:] = False
     stance = step_raster(gait.stance, moves, gait.interval_s)
     frequency = stride_frequency_hz(stance, gait.interval_s)
     has_way = path_length >= LEAST_WAY_MM

@@ -56,7 +56,12 @@ def usual_leaders(results: Results) -> list[Leader]:
     """The best on each terrain under the usual condition."""
     protocol, rows = results.protocol, results.episodes
     own = rows[rows["condition"] == usual_condition(protocol)]
-    return find_leaders(own, protocol["horizon_s"], np.random.default_rng(protocol["seed"]))
+    return find_leaders(
+        own,
+        protocol["horizon_s"],
+        np.random.default_rng(protocol["seed"]),
+        protocol.get("smallest_effects", {}),
+    )
 
 
 def table_row(row: Json) -> Json:

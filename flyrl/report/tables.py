@@ -33,7 +33,7 @@ _DIFFERENCES: Final = (
 )
 _LEADS: Final = (
     "Who wins where: means, and the mean difference to the next on the same episodes with its "
-    "95 % interval, success in %; several names where they cannot be told apart."
+    "95 % interval, success in %; several names where no difference is meaningful."
 )
 _NOT_IN_TEXT: Final = {"\u00a0": "~", "\u2212": "$-$", "\u2013": "--", "<": "$<$", ">": "$>$"}
 """Characters that LaTeX does not print, or not as they are, outside of formulas."""
