@@ -55,8 +55,8 @@ METRICS: Final[dict[str, str]] = {
     **ERRORS,
     "work_nj_per_mm": "work of the servos ÷ path length, nJ/mm",
     "slip_share": "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
-    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs; none while the body "
-    "stands",
+    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs; "
+    "none while the body stands",
     "stride_length_mm": "path length ÷ time ÷ stride frequency, mm",
     "duty_factor": "share of a stride that the leg stands, mean of the legs",
     "tripod_coordination": "how far the legs of a tripod swing together: 1 as one, 0 never",

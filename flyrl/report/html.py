@@ -173,6 +173,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         ],
         "note": additions.get("note"),
         "drive_map": Markup(drive_map_section(results, additions.get("drive_map"))),
+        "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],
         "study": study_section(results),

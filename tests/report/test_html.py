@@ -11,11 +11,13 @@ from flyrl.evaluation.statistics import Interval
 from flyrl.report import Video, write_report
 from flyrl.report.html import format_report
 from flyrl.report.wording import (
+    format_number,
     headline,
     held_out_text,
     leader_cells,
     rates,
     shared_text,
+    signed,
     training_note,
 )
 from tests.report.test_close_up import walked
