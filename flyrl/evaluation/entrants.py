@@ -81,4 +81,5 @@ def best_reference(rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: floa
         }
         return [-mean if metric in LOWER_IS_BETTER else mean for metric, mean in means.items()]
 
-    return max(names, key=worth)
+    best: str = max(names, key=worth)
+    return best

@@ -165,7 +165,7 @@ def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float |
     gait = record.gait
     if gait is None:
         return dict.fromkeys(GAIT_METRICS)
-    sampled_s = gait.interval_s * np.arange(len(gait.stance))
+    sampled_s = gait.interval_s * np.arange(len(gait.stance), dtype=np.float64)
     moves = is_moving(record.time_s, record.position_w[:, :2], record.yaw, sampled_s)
     turned = ARM_MM * abs(float(record.yaw[-1] - record.yaw[0]))
     if path_length + turned < LEAST_WAY_MM:  # a fly that lands and stands

@@ -76,8 +76,8 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
 def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
     """A row per terrain, condition and controller: success with its interval, and all metrics.
 
-    Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_mean`, `m_median`, `m_q1` and
-    `m_q3`; NaN without any.
+    Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_mean`, `m_median`,
+    `m_q1` and `m_q3`; NaN without any.
     """
     return pd.DataFrame(
         {

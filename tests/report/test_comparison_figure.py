@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 import yaml
 
 from flyrl.report.comparison_figure import STUDY, draw_comparison
