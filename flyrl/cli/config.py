@@ -131,6 +131,7 @@ class EvaluationSettings:
     seed: int = EvaluationConfig.seed
     vary: dict[str, Any] | None = None
     reference: str | None = EvaluationConfig.reference
+    smallest_effects: Any = None
     trust_pickles: bool = EvaluationConfig.trust_pickles
     study: str | None = EvaluationConfig.study
     paths: int = EvaluationConfig.paths
@@ -223,6 +224,7 @@ def evaluation_config(
         randomisation=_randomisation(config),
         vary=_varied(settings.vary or {}),
         reference=settings.reference,
+        smallest_effects=settings.smallest_effects or {},
         trust_pickles=settings.trust_pickles,
         study=settings.study,
         paths=settings.paths,

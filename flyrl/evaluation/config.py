@@ -10,12 +10,13 @@ from flyrl.controllers import ControllerConfig
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.lazy import LazySequence
+from flyrl.evaluation.metrics import SMALLEST_EFFECTS
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
 from flyrl.terrains import TerrainConfig
-from flyrl.validation import at_least, one_of, within
+from flyrl.validation import at_least, not_negative, one_of, within
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -59,8 +60,11 @@ class EvaluationConfig:
         Quantities (see `flyrl.evaluation.conditions.QUANTITIES`) and the values of each; everyone
         walks all episodes under every one of them. Empty changes nothing.
     reference
-        Name of the entrant that the others are compared with. None takes `hybrid` where it is
-        among them, else the first fixed entrant, else the first of all.
+        Name of the entrant that the others are compared with. None takes the best fixed entrant
+        that sees what the task asks; without one, the best fixed entrant, else the best of all.
+    smallest_effects
+        Smallest difference of interest by metric, in its unit; of metrics that are not named, that
+        of `flyrl.evaluation.metrics.SMALLEST_EFFECTS`. Who differs by less is level.
     trust_pickles
         Whether zip files of Stable-Baselines3 may be read, which runs whatever code their author
         put there.
@@ -100,6 +104,7 @@ class EvaluationConfig:
     randomisation: str | RandomisationConfig = "none"
     vary: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     reference: str | None = None
+    smallest_effects: Mapping[str, float] = field(default_factory=dict)
     trust_pickles: bool = False
     study: str | None = None
     paths: int = 60
@@ -117,6 +122,9 @@ class EvaluationConfig:
             raise ValueError("terrains must name at least one, got none")
         within("episodes", self.episodes, 1, MAX_EPISODES)
         within("seed", self.seed, 0, MAX_SEED)
+        for metric, effect in self.smallest_effects.items():
+            one_of("smallest_effects", metric, SMALLEST_EFFECTS)
+            not_negative(f"smallest_effects.{metric}", effect)
         one_of("study", self.study, (None, *STUDIES))
         at_least("paths", self.paths, 0)
         for i, episode in enumerate(self.film):

@@ -13,8 +13,10 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import FIRST_SEED, EvaluationConfig
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW
 from flyrl.terrains import TerrainConfig
+from flyrl.validation import at_least
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 SETTLE_S: Final = 0.25
 """Until the gait has settled, s: three strides."""
@@ -35,17 +37,26 @@ class DriveMap:
         Way from start to end of the measurement ÷ time, shape (k, k): row left, column right.
     yaw_rate_deg_s
         Turn ÷ time, left positive, shape (k, k).
+    starts
+        Flies per drive, each from a start of its own; both arrays are their means.
+    speed_error_mm_s, yaw_rate_error_deg_s
+        Standard errors of the means, shape (k, k); None of a single start.
     """
 
     drives: FloatArray
     speed_mm_s: FloatArray
     yaw_rate_deg_s: FloatArray
+    starts: int = 1
+    speed_error_mm_s: FloatArray | None = None
+    yaw_rate_error_deg_s: FloatArray | None = None
 
 
-def measure_drive_map(config: EvaluationConfig, terrain: TerrainConfig, size: int = 9) -> DriveMap:
-    """Let flies walk at constant drives, from the same start, on the hybrid controller.
+def measure_drive_map(
+    config: EvaluationConfig, terrain: TerrainConfig, size: int = 5, starts: int = 8
+) -> DriveMap:
+    """Let flies walk at constant drives, from the same starts, on the hybrid controller.
 
-    A fly that falls, leaves the arena or diverges has no speed and yaw rate there: NaN.
+    Flies that fall, leave the arena or diverge are left out; NaN where half of them do.
 
     Parameters
     ----------
@@ -55,9 +66,13 @@ def measure_drive_map(config: EvaluationConfig, terrain: TerrainConfig, size: in
         Where.
     size
         Values of the drive on each side.
+    starts
+        Flies per drive, at least 2.
     """
+    at_least("starts", starts, 2)
     drives = np.linspace(DRIVE_LOW, DRIVE_HIGH, size)
-    left, right = (side.ravel() for side in np.meshgrid(drives, drives, indexing="ij"))
+    pairs = np.stack(np.meshgrid(drives, drives, indexing="ij"), axis=-1).reshape(-1, 2)
+    left, right = np.repeat(pairs, starts, axis=0).T
     task = dataclasses.replace(config.resolved_task, time_limit_s=None)
     env = BatchedEnv(
         dataclasses.replace(config.env(terrain), task=task, log_gait=False),
@@ -65,8 +80,8 @@ def measure_drive_map(config: EvaluationConfig, terrain: TerrainConfig, size: in
         config.num_threads,
     )
     # long before any episode that is compared on
-    start = env.config.sample_episode(FIRST_SEED - 1)
-    env.reset(episodes=[start] * left.size)
+    episodes = [env.config.sample_episode(FIRST_SEED - 1 - i) for i in range(starts)]
+    env.reset(episodes=episodes * len(pairs))
     action = task.actions.of(np.stack([left, right], axis=1)).astype(np.float32)
     interval = env.config.decision_interval_s
     has_failed = np.zeros(left.size, dtype=bool)
@@ -83,6 +98,19 @@ def measure_drive_map(config: EvaluationConfig, terrain: TerrainConfig, size: in
             turned += (env.state.yaw - before + np.pi) % (2 * np.pi) - np.pi
     duration = (end - settle) * interval
     way = np.linalg.norm((env.state.position_w - begin.position_w)[:, :2], axis=1)
-    speed = np.where(has_failed, np.nan, way / duration)
-    yaw_rate = np.where(has_failed, np.nan, np.rad2deg(turned) / duration)
-    return DriveMap(drives, speed.reshape(size, size), yaw_rate.reshape(size, size))
+    has_walked = ~has_failed.reshape(size, size, starts)
+    (speed, speed_error), (yaw_rate, yaw_rate_error) = (
+        _mean_and_error(values.reshape(has_walked.shape) / duration, has_walked)
+        for values in (way, np.rad2deg(turned))
+    )
+    return DriveMap(drives, speed, yaw_rate, starts, speed_error, yaw_rate_error)
+
+
+def _mean_and_error(values: FloatArray, has_walked: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Mean over the starts and its standard error; NaN where at least half of the flies failed."""
+    count = has_walked.sum(axis=-1)
+    is_known = 2 * count > values.shape[-1]
+    mean = np.sum(values, axis=-1, where=has_walked) / np.where(is_known, count, np.nan)
+    square = np.sum((values - mean[..., np.newaxis]) ** 2, axis=-1, where=has_walked)
+    # more than half of two are two, so that known means have at least two
+    return mean, np.sqrt(square / np.where(is_known, count - 1, np.nan) / count)

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
+
+import pandas as pd
 
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entry_point import is_policy_factory, make_from_factory
 from flyrl.evaluation.fixed import controller_names, make_fixed
 from flyrl.evaluation.learned import make_learned
+from flyrl.evaluation.metrics import LOWER_IS_BETTER, decisive_metrics
+from flyrl.evaluation.rows import Json
+from flyrl.evaluation.summary import metric_values
 from flyrl.validation import one_of
 
 
@@ -35,7 +41,8 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
         taken.add(entrant.name)
         learned.append(entrant)
     entrants = [*learned, *fixed]
-    reference_name(config, entrants)
+    if config.reference is not None:
+        one_of("reference", config.reference, [entrant.name for entrant in entrants])
     for entrant in entrants:
         for terrain in config.terrain_configs:
             try:
@@ -46,11 +53,33 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     return entrants
 
 
-def reference_name(config: EvaluationConfig, entrants: list[Entrant]) -> str:
-    """Name of the entrant that the others are compared with; see `EvaluationConfig`."""
-    names = [entrant.name for entrant in entrants]
-    if config.reference is not None:
-        return one_of("reference", config.reference, names)
-    if "hybrid" in names:
-        return "hybrid"
-    return (*controller_names(config), *names)[0]
+def best_reference(rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: float) -> str:
+    """Entrant that the others are compared with, unless the config names one.
+
+    The best fixed entrant that sees what the task asks, by the means of the task's decisive metrics
+    over all episodes; without one, the best fixed entrant; without any, the best of all.
+
+    Parameters
+    ----------
+    rows
+        Episodes; see `flyrl.evaluation.rows`.
+    entrants
+        Records of a protocol.
+    horizon_s
+        Stands in for the time to goal of an episode without success, s.
+    """
+    walked = list(rows["controller"].unique())
+    fixed = [each for each in entrants if each["kind"] == "fixed" and each["name"] in walked]
+    names = [each["name"] for each in fixed if each.get("sees")]
+    names = names or [each["name"] for each in fixed] or walked
+
+    def worth(name: str) -> list[float]:
+        own = rows[rows["controller"] == name]
+        means = {
+            metric: float(metric_values(own, metric, horizon_s).mean())
+            for metric in decisive_metrics(own["task"].iloc[0])
+        }
+        return [-mean if metric in LOWER_IS_BETTER else mean for metric, mean in means.items()]
+
+    best: str = max(names, key=worth)
+    return best

@@ -184,6 +184,9 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         "policy": fixed.text,
         "source": None,
         "sha256": None,
+        "sees": next(
+            (list(terms) for terms in fixed.sees if task.slices().keys() >= set(terms)), []
+        ),
         "controller_config": controller and dataclasses.asdict(controller),
     }
     return Entrant(name, controller, fixed.make(task), None, record)

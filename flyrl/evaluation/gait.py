@@ -16,9 +16,46 @@ from flyrl.anatomy import LEGS, TRIPODS
 from flyrl.rollouts.records import BoolArray, FloatArray
 
 BLIP_S: Final = 0.01
-"""A leg that stands, or swings, for less than half of this has not, s."""
+"""Stance and swing phases shorter than half of this are filtered out, s."""
+
+STANDING_MM_S: Final = 1.0
+"""A body slower than this stands, mm/s: at drive 0.3 a fly walks at 4, at drive 0 it sinks at 0.2.
+
+Legs that lose and regain the ground, or their grip, under a standing body take no strides.
+"""
+
+STANDING_OVER_S: Final = 0.1
+"""Time over which that speed is taken, s: about a stride."""
+
+ARM_MM: Final = 1.0
+"""Distance from the thorax at which a turn on the spot counts as movement, mm: about a leg."""
 
 Interval = tuple[int, int]
+
+
+def is_moving(
+    time_s: FloatArray, position_w: FloatArray, yaw: FloatArray, sampled_s: FloatArray
+) -> BoolArray:
+    """Whether the body walks or turns at each of the times `sampled_s` (S,), shape (S,).
+
+    Parameters
+    ----------
+    time_s, position_w, yaw
+        Of the thorax: s, shape (T,); mm, shape (T, 2); rad, shape (T,).
+    """
+    start = np.clip(sampled_s - STANDING_OVER_S / 2, time_s[0], time_s[-1])
+    end = np.clip(sampled_s + STANDING_OVER_S / 2, time_s[0], time_s[-1])
+    dx, dy, turn = (
+        np.interp(end, time_s, column) - np.interp(start, time_s, column)
+        for column in (*position_w.T, yaw)
+    )
+    moved = np.hypot(dx, dy) + ARM_MM * np.abs(turn)
+    return np.asarray(moved >= STANDING_MM_S * (end - start), dtype=bool)
+
+
+def step_raster(stance: BoolArray, moves: BoolArray, interval_s: float) -> BoolArray:
+    """Stance (S, 6) without swings of a standing body, shape of `moves` (S,), and without blips."""
+    return without_blips(stance | ~moves[:, np.newaxis], interval_s)
 
 
 def without_blips(stance: BoolArray, interval_s: float) -> BoolArray:

@@ -32,7 +32,7 @@ class Cell:
         Interquartile mean over the runs if there are `MIN_RUNS` or more, else the rate over all
         their episodes with its Wilson interval; without a value where nobody walked.
     second
-        Median of the second metric, over runs the median of theirs; None without one.
+        Mean of the second metric, over runs the mean of theirs; None without one.
     is_home
         Whether this is the terrain of the training.
     """
@@ -158,6 +158,6 @@ def _cell(
     else:
         successes = sum(row["successes"] for row in rows)
         success = success_rate(successes, sum(row["episodes"] for row in rows))
-    medians = [row["metrics"][second]["median"] for row in rows] if second else []
-    present = [median for median in medians if median is not None]
-    return Cell(success, float(np.median(present)) if present else None, is_home)
+    means = [row["metrics"][second]["mean"] for row in rows] if second else []
+    present = [mean for mean in means if mean is not None]
+    return Cell(success, float(np.mean(present)) if present else None, is_home)

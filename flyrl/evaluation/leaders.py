@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from flyrl.evaluation.metrics import LOWER_IS_BETTER, decisive_metrics
+from flyrl.evaluation.metrics import LOWER_IS_BETTER, SMALLEST_EFFECTS, decisive_metrics
 from flyrl.evaluation.statistics import MIN_PAIRS, Interval, paired_difference
 from flyrl.evaluation.summary import metric_values, paired_values
 
@@ -47,12 +47,17 @@ class Leader:
         return len(self.names) == 1
 
 
-def find_leaders(rows: pd.DataFrame, horizon_s: float, rng: np.random.Generator) -> list[Leader]:
+def find_leaders(
+    rows: pd.DataFrame,
+    horizon_s: float,
+    rng: np.random.Generator,
+    effects: Mapping[str, float] = SMALLEST_EFFECTS,
+) -> list[Leader]:
     """The best on each terrain, in order of first appearance.
 
     They are ranked by what the task is about (see `decisive_metrics`). Those who are not worse than
-    the best, as far as their episodes tell (the interval of the mean difference includes 0, or
-    there are too few pairs), are ranked by the next metric.
+    the best (the interval of the mean difference includes 0, the difference is smaller than the
+    smallest effect of interest, or there are too few pairs) are ranked by the next metric.
 
     Parameters
     ----------
@@ -62,6 +67,8 @@ def find_leaders(rows: pd.DataFrame, horizon_s: float, rng: np.random.Generator)
         Stands in for the time to goal of an episode without success, s.
     rng
         Source of the resampling.
+    effects
+        Smallest effect of interest by metric; 0 of others.
     """
     return [
         _leader(
@@ -73,6 +80,7 @@ def find_leaders(rows: pd.DataFrame, horizon_s: float, rng: np.random.Generator)
             decisive_metrics(walked["task"].iloc[0]),
             horizon_s,
             rng,
+            effects,
         )
         for terrain, walked in rows.groupby("terrain", sort=False, observed=True)
     ]
@@ -84,6 +92,7 @@ def _leader(
     metrics: Sequence[str],
     horizon_s: float,
     rng: np.random.Generator,
+    effects: Mapping[str, float],
 ) -> Leader:
     """The best of some controllers, by the first of some metrics that tells them apart."""
     metric, *finer = metrics
@@ -95,10 +104,12 @@ def _leader(
         name: paired_difference(paired_values(own[best], own[name], metric, horizon_s), rng)
         for name in others
     }
-    behind = [name for name in others if _is_clear(differences[name])]
+    behind = [name for name in others if _is_clear(differences[name], effects.get(metric, 0.0))]
     level = [best, *(name for name in others if name not in behind)]
     if finer and len(level) > 1:
-        leader = _leader(terrain, {name: own[name] for name in level}, finer, horizon_s, rng)
+        leader = _leader(
+            terrain, {name: own[name] for name in level}, finer, horizon_s, rng, effects
+        )
         if len(leader.names) < len(level):
             return leader
     value = float(means[best])
@@ -116,8 +127,10 @@ def _leader(
     )
 
 
-def _is_clear(difference: Interval) -> bool:
-    """Whether a difference is one: its interval leaves out 0, or all pairs differ by as much."""
+def _is_clear(difference: Interval, effect: float) -> bool:
+    """Whether a difference is at least `effect`, and its interval leaves out 0 or is a point."""
+    if abs(difference.value or 0.0) < effect:
+        return False
     if difference.low is None or difference.high is None:
         return difference.n >= MIN_PAIRS and bool(difference.value)
     return difference.low > 0 or difference.high < 0

@@ -17,12 +17,14 @@ from typing import Final
 import numpy as np
 
 from flyrl.evaluation.gait import (
+    ARM_MM,
     drive_variation,
     duty_factor,
+    is_moving,
     reflex_activity,
+    step_raster,
     stride_frequency_hz,
     tripod_coordination,
-    without_blips,
 )
 from flyrl.rollouts.records import EpisodeRecord, FloatArray
 from flyrl.tasks import ERRORS
@@ -53,7 +55,8 @@ METRICS: Final[dict[str, str]] = {
     **ERRORS,
     "work_nj_per_mm": "work of the servos ÷ path length, nJ/mm",
     "slip_share": "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
-    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs",
+    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs; "
+    "none while the body stands",
     "stride_length_mm": "path length ÷ time ÷ stride frequency, mm",
     "duty_factor": "share of a stride that the leg stands, mean of the legs",
     "tripod_coordination": "how far the legs of a tripod swing together: 1 as one, 0 never",
@@ -78,6 +81,20 @@ COMPARED: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
 
 LOWER_IS_BETTER: Final = frozenset({"time_to_goal_s", *ERRORS})
 """Of the metrics that controllers are compared by, those that are better the lower they are."""
+
+SMALLEST_EFFECTS: Final[dict[str, float]] = {
+    "success": 0.05,
+    "time_to_goal_s": 0.1,
+    "speed_mm_s": 1.0,
+    "advance_mm": 1.0,
+    "heading_error_deg": 3.0,
+    "path_error_mm": 0.25,
+    "speed_error_mm_s": 0.5,
+    "yaw_rate_error_deg_s": 5.0,
+    "bend_error_deg": 2.0,
+    "recruited_share": 0.05,
+}
+"""Smallest difference of interest by metric, in its unit; a smaller one is no one's win."""
 
 _COMPARED_IN_TASK: Final = {
     "traverse": ("success", "time_to_goal_s", "advance_mm", "speed_mm_s", "return"),
@@ -148,7 +165,12 @@ def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float |
     gait = record.gait
     if gait is None:
         return dict.fromkeys(GAIT_METRICS)
-    stance = without_blips(gait.stance, gait.interval_s)
+    sampled_s = gait.interval_s * np.arange(len(gait.stance), dtype=np.float64)
+    moves = is_moving(record.time_s, record.position_w[:, :2], record.yaw, sampled_s)
+    turned = ARM_MM * abs(float(record.yaw[-1] - record.yaw[0]))
+    if path_length + turned < LEAST_WAY_MM:  # a fly that lands and stands
+        moves[:] = False
+    stance = step_raster(gait.stance, moves, gait.interval_s)
     frequency = stride_frequency_hz(stance, gait.interval_s)
     has_way = path_length >= LEAST_WAY_MM
     walked_s = len(stance) * gait.interval_s

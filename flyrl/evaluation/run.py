@@ -20,8 +20,9 @@ from flyrl.envs.record import plain
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
-from flyrl.evaluation.entrants import make_entrants, reference_name
+from flyrl.evaluation.entrants import best_reference, make_entrants
 from flyrl.evaluation.lazy import LazySequence
+from flyrl.evaluation.metrics import SMALLEST_EFFECTS
 from flyrl.evaluation.parts import Part, Parts
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json, episode_row, episode_table, joined
@@ -70,7 +71,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         for condition in config.conditions
         for entrant in entrants
     ]
-    protocol = _protocol(config, entrants, reference_name(config, entrants))
+    protocol = _protocol(config, entrants)
     parts = Parts(
         None if folder is None else Path(folder),
         [protocol, config.num_envs, config.paths, _versions(), _first_episodes(config)],
@@ -107,7 +108,9 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         raise ValueError(f"every entrant raised an error; the first: {crashes[0]['error']}")
     rows = joined(tables)
     walked = list(rows["controller"].unique())
-    reference = protocol["reference"] if protocol["reference"] in walked else walked[0]
+    reference = protocol["reference"]
+    if reference not in walked:
+        reference = best_reference(rows, protocol["entrants"], config.horizon_s)
     return Results(
         protocol={
             **protocol,
@@ -215,7 +218,7 @@ def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
     return lambda decisions: bar.update(round(decisions * interval_s * 1000))
 
 
-def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant], reference: str) -> Json:
+def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
     """What determines the results, but for versions."""
     env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
@@ -227,7 +230,8 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant], reference: 
         "outcomes": list(dict.fromkeys((*OUTCOMES, *(end.outcome for end in task.terminations)))),
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
-        "reference": reference,
+        "reference": config.reference,
+        "smallest_effects": {**SMALLEST_EFFECTS, **config.smallest_effects},
         "entrants": [dict(entrant.record) for entrant in entrants],
         "terrains": [
             {

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-Verdict = Literal["holds", "does not hold", "open"]
+Verdict = Literal["holds", "does not hold", "inconclusive", "not tested"]
 
 EQUAL_WITHIN: Final = 0.1
 """Means that differ by less than this share of the larger one are called equal."""
@@ -40,10 +41,14 @@ class Claim:
 
 @dataclass(frozen=True)
 class Figures:
-    """What somebody measured: a metric of ours, run by run, by terrain and controller."""
+    """What somebody measured: a metric of ours, run by run, by terrain and controller.
+
+    `body` names the fly that was measured, as in `flyrl.envs.config.BODIES`.
+    """
 
     metric: str
     source: str
+    body: str
     values: Mapping[tuple[str, str], tuple[float, ...]]
 
 
@@ -92,6 +97,7 @@ STUDIES: Final[Mapping[str, Study]] = {
             Figures(
                 "speed_mm_s",
                 "flygym-gymnasium 1.3.2, four runs of 1.5 s from seeds 0 to 3",
+                "classic",
                 {
                     ("flat", "cpg"): (14.3, 14.4, 14.4, 14.4),
                     ("flat", "rule_based"): (10.2, 11.1, 10.5, 10.2),
@@ -118,9 +124,10 @@ class Judgement:
 def judge(study: Study, summary: Sequence[Mapping[str, Any]]) -> list[Judgement]:
     """Put a study's claims to the test.
 
-    That one walks further holds where the interval of the paired difference lies above zero; that
-    both walk as far, where it lies within `EQUAL_WITHIN` of the larger mean. What was not compared,
-    or has no interval, stays open.
+    That one walks further holds where the interval of the paired difference lies above zero, and
+    does not hold where it lies below. That both walk as far holds where it lies within
+    `EQUAL_WITHIN` of the larger mean, and does not hold where it lies outside. Any other interval,
+    and none, is inconclusive; a pair that was not compared is not tested.
 
     Parameters
     ----------
@@ -138,16 +145,22 @@ def _judge(
     difference = _difference(both[0], claim.other, metric, 1)
     if difference is None:
         difference = _difference(both[1], claim.better, metric, -1)
-    if difference is None or difference["low"] is None:
-        return Judgement(claim, difference, "open")
-    low, high = difference["low"], difference["high"]
-    if not claim.is_equal:
-        return Judgement(claim, difference, "holds" if low > 0 else "does not hold")
+    if difference is None:
+        return Judgement(claim, None, "not tested")
     means = [row["metrics"][metric]["mean"] for row in both if row is not None]
     margin = EQUAL_WITHIN * max(means)
-    return Judgement(
-        claim, difference, "holds" if -margin < low and high < margin else "does not hold"
-    )
+    least, most = (-margin, margin) if claim.is_equal else (0.0, math.inf)
+    return Judgement(claim, difference, _verdict(difference, least, most))
+
+
+def _verdict(difference: Mapping[str, Any], least: float, most: float) -> Verdict:
+    """Verdict on a difference that is claimed to lie between `least` and `most`."""
+    low, high = difference["low"], difference["high"]
+    if low is None or high is None:
+        return "inconclusive"
+    if least < low and high < most:
+        return "holds"
+    return "does not hold" if high < least or low > most else "inconclusive"
 
 
 def _difference(

@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from flyrl.anatomy import LEGS
@@ -88,17 +89,26 @@ def drive_map_figure(
         Of the figure, for its ids.
     """
     drives = drive_map.drives
-    panels: list[tuple[str, NDArray[np.float64]]] = [
-        ("speed (mm/s)", drive_map.speed_mm_s),
-        ("yaw rate (deg/s), left positive", drive_map.yaw_rate_deg_s),
+    panels = [
+        ("speed (mm/s)", drive_map.speed_mm_s, drive_map.speed_error_mm_s),
+        (
+            "yaw rate (deg/s), left positive",
+            drive_map.yaw_rate_deg_s,
+            drive_map.yaw_rate_error_deg_s,
+        ),
     ]
     shade = colours(list(visited))
     with mpl.rc_context(FRAMED_STYLE):
         figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
-        for axes, (title, values) in zip(
+        for axes, (title, values, errors) in zip(
             figure.subplots(1, 2, squeeze=False).ravel(), panels, strict=True
         ):
-            lines = axes.contour(drives, drives, values, 9, colors=marker("muted"), linewidths=1.1)
+            levels = MaxNLocator(9).tick_values(np.nanmin(values), np.nanmax(values))
+            is_noise = False if errors is None else errors > np.diff(levels).min()
+            sure = np.ma.masked_where(is_noise | np.isnan(values), values)
+            lines = axes.contour(
+                drives, drives, sure, levels, colors=marker("muted"), linewidths=1.1
+            )
             axes.clabel(lines, fontsize=8, fmt="%g")
             failed = np.argwhere(np.isnan(values))
             axes.plot(drives[failed[:, 1]], drives[failed[:, 0]], "x", color=marker("ink"))

@@ -54,7 +54,7 @@ def comparison_plot(config: EvaluationConfig = STUDY) -> Plot:
 
 
 def draw_comparison(episodes: pd.DataFrame) -> Plot:
-    """Every episode's speed as a dot, with the median; a panel per terrain.
+    """Every episode's speed as a dot, with the mean; a panel per terrain.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def _dots(axes: Axes, rows: pd.DataFrame, place: int, shade: str, highest: float
         chosen = (rows["outcome"] == outcome).to_numpy()
         dot = outcome_dot(outcome, shade)
         axes.scatter(aside[chosen], values[chosen], zorder=3, **dot)
-    median = float(np.median(values))
-    axes.plot([place - 0.36, place + 0.36], [median, median], color=light("ink"), linewidth=2)
+    mean = float(np.mean(values))
+    axes.plot([place - 0.36, place + 0.36], [mean, mean], color=light("ink"), linewidth=2)
 
 
 def _legend(rows: pd.DataFrame) -> list[Line2D]:
@@ -113,4 +113,4 @@ def _legend(rows: pd.DataFrame) -> list[Line2D]:
                 label=f"an episode: {outcome_name(outcome)}",
             )
         )
-    return [*handles, Line2D([], [], color=light("ink"), linewidth=2, label="median")]
+    return [*handles, Line2D([], [], color=light("ink"), linewidth=2, label="mean")]

@@ -123,11 +123,11 @@ def distributions_figure(
     horizon_s: float,
     metrics: Sequence[str],
 ) -> str:
-    """Every episode as a dot, with median and quartiles; a panel per metric.
+    """Every episode as a dot, with mean and quartiles; a panel per metric.
 
     Beyond `MAX_DOTS` an outline stands for the dots, its strong part for the successes among them.
 
-    An episode without success has no time to goal: its dot stands at the horizon, and the median
+    An episode without success has no time to goal: its dot stands at the horizon, and the mean
     and quartiles count it there.
     """
     names = list(rows["controller"].unique())
@@ -210,7 +210,7 @@ def doses_figure(
 ) -> str:
     """What each dose of a quantity does: a panel per metric, a colour per controller.
 
-    Success with its interval, of all other metrics the median with quartiles; a line leads from
+    Success with its interval, of all other metrics the mean with quartiles; a line leads from
     number to number, and what cannot be ordered stands side by side.
 
     Parameters
@@ -296,7 +296,7 @@ def _dose(row: Json, metric: str) -> tuple[float | None, float | None, float | N
         )
         return low, value, high
     spread = row["metrics"][metric]
-    return spread["q1"], spread["median"], spread["q3"]
+    return spread["q1"], spread["mean"], spread["q3"]
 
 
 def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
@@ -403,10 +403,11 @@ def _dots(
 
 
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
-    low, median, high = np.quantile(values, (0.25, 0.5, 0.75))
+    low, high = np.quantile(values, (0.25, 0.75))
+    mean = values.mean()
     style: dict[str, Any] = {"color": marker("ink"), "zorder": 4, "solid_capstyle": "butt"}
     axes.plot([low, high], [place, place], linewidth=1.6, **style)
-    axes.plot([median, median], [place - 0.32, place + 0.32], linewidth=2.2, **style)
+    axes.plot([mean, mean], [place - 0.32, place + 0.32], linewidth=2.2, **style)
 
 
 def swarm(values: FloatArray, bins: int = 60, reach: float = _REACH) -> FloatArray:

@@ -31,13 +31,24 @@ from flyrl.report.sections import (
     study_section,
     table_row,
     terrain_section,
+    usual_condition,
     usual_leaders,
     usual_rows,
 )
 from flyrl.report.standalone import named_figures, standalone
 from flyrl.report.tables import format_tables
 from flyrl.report.video import Video
-from flyrl.report.wording import format_number, headline, leader_cells, rates, title
+from flyrl.report.wording import (
+    effects_text,
+    format_number,
+    headline,
+    held_out_text,
+    leader_cells,
+    rates,
+    shared_text,
+    title,
+    training_note,
+)
 from flyrl.rollouts import EpisodeRecord
 
 REPORT_FILE: Final = "report.html"
@@ -137,7 +148,16 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     decisive = decisive_metrics(results.protocol["task"])
     return {
         "title": title(results.protocol, results.summary),
-        "headline": headline(leaders, len({row["controller"] for row in usual})),
+        "headline": headline(
+            leaders,
+            len({row["controller"] for row in usual}),
+            usual_condition(results.protocol),
+            training_note(results.protocol),
+        ),
+        "condition": usual_condition(results.protocol),
+        "shared": shared_text(results.protocol, results.drawn),
+        "held_out": held_out_text(results.protocol),
+        "effects": effects_text(decisive, METRIC_LABELS | {"success": "success"}, results.protocol),
         "detail": rates(usual, results.protocol) if decisive[0] == "success" else "",
         "leaders": [(leader, leader_cells(leader)) for leader in leaders],
         "decisive": [METRIC_LABELS[metric] for metric in decisive],
@@ -161,6 +181,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         ],
         "note": additions.get("note"),
         "drive_map": Markup(drive_map_section(results, additions.get("drive_map"))),
+        "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],
         "study": study_section(results),

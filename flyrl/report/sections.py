@@ -56,7 +56,12 @@ def usual_leaders(results: Results) -> list[Leader]:
     """The best on each terrain under the usual condition."""
     protocol, rows = results.protocol, results.episodes
     own = rows[rows["condition"] == usual_condition(protocol)]
-    return find_leaders(own, protocol["horizon_s"], np.random.default_rng(protocol["seed"]))
+    return find_leaders(
+        own,
+        protocol["horizon_s"],
+        np.random.default_rng(protocol["seed"]),
+        protocol.get("smallest_effects", {}),
+    )
 
 
 def table_row(row: Json) -> Json:
@@ -151,10 +156,12 @@ def study_section(results: Results) -> Json | None:
         "title": study.title,
         "source": study.source,
         "metric": METRIC_LABELS[study.metric],
+        "body": results.protocol.get("body", {}).get("name", "unknown"),
         "judgements": judge(study, results.summary),
         "figures": [
             {
                 "source": figures.source,
+                "body": figures.body,
                 "metric": METRIC_LABELS[figures.metric],
                 "rows": [
                     {

@@ -23,7 +23,7 @@ LEAST_P: Final = 0.001
 """p-values below are only said to be so."""
 
 _SPREADS: Final = (
-    "Success with its 95 % Wilson interval; of the others, median with quartiles; "
+    "Success with its 95 % Wilson interval; of the others, mean with quartiles; "
     "time to goal over successful episodes only."
 )
 _DIFFERENCES: Final = (
@@ -33,7 +33,7 @@ _DIFFERENCES: Final = (
 )
 _LEADS: Final = (
     "Who wins where: means, and the mean difference to the next on the same episodes with its "
-    "95 % interval, success in %; several names where they cannot be told apart."
+    "95 % interval, success in %; several names where no difference is meaningful."
 )
 _NOT_IN_TEXT: Final = {"\u00a0": "~", "\u2212": "$-$", "\u2013": "--", "<": "$<$", ">": "$>$"}
 """Characters that LaTeX does not print, or not as they are, outside of formulas."""
@@ -42,7 +42,7 @@ _NOT_IN_TEXT: Final = {"\u00a0": "~", "\u2212": "$-$", "\u2013": "--", "<": "$<$
 def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]:
     """Name of each file -> its text.
 
-    `summary` has success rates, and medians and quartiles; `leaders` who wins where; `differences`
+    `summary` has success rates, and means and quartiles; `leaders` who wins where; `differences`
     the paired comparisons with the reference, where there are any. As CSV each is one
     file with all metrics and terrains. In LaTeX `summary.tex` has the metrics that the task is
     compared by, `metrics-<terrain>.tex` all of them, and `differences-<terrain>.tex` the
@@ -76,8 +76,8 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
 def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
     """A row per terrain, condition and controller: success with its interval, and all metrics.
 
-    Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_median`, `m_q1` and
-    `m_q3`; NaN without any.
+    Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_mean`, `m_median`,
+    `m_q1` and `m_q3`; NaN without any.
     """
     return pd.DataFrame(
         {
@@ -90,7 +90,7 @@ def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
             **{
                 f"{metric}_{key}": row["metrics"][metric][key]
                 for metric in METRICS
-                for key in ("n", "median", "q1", "q3")
+                for key in ("n", "mean", "median", "q1", "q3")
             },
         }
         for row in summary
@@ -244,10 +244,10 @@ def _share(interval: Mapping[str, Any]) -> str:
 
 
 def _spread(distribution: Mapping[str, Any]) -> str:
-    median = format_number(distribution["median"])
+    mean = format_number(distribution["mean"])
     if distribution["n"] < 2:
-        return median
-    return f"{median} [{format_number(distribution['q1'])}, {format_number(distribution['q3'])}]"
+        return mean
+    return f"{mean} [{format_number(distribution['q1'])}, {format_number(distribution['q3'])}]"
 
 
 def _interval(interval: Mapping[str, Any]) -> str:

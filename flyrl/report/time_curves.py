@@ -97,7 +97,7 @@ def _quantities(records: Sequence[EpisodeRecord]) -> list[_Quantity]:
         _Quantity("distance to the goal (mm)", goal_distance_mm)
         if has_goal
         else _Quantity("way along +x (mm)", advance_mm),
-        _Quantity(f"speed over {STRIDE_S:g} s (mm/s)", speed_mm_s),
+        _Quantity(f"speed, {STRIDE_S:g} s mean (mm/s)", speed_mm_s),
         *_commands(records[0]),
     ]
 
@@ -129,8 +129,9 @@ def _line(
         drawstyle="steps-pre" if quantity.is_held else "default",
         label=record.controller,
     )
-    if record.duration_s <= until_s + 1e-9:
-        end = record.time_s[-1:], values[-1:]
+    drawn = np.flatnonzero(np.isfinite(values))
+    if record.duration_s <= until_s + 1e-9 and drawn.size:
+        end = record.time_s[drawn[-1:]], values[drawn[-1:]]
         axes.plot(*end, "o", color=shade, markersize=4, clip_on=False)
 
 
@@ -157,18 +158,19 @@ def goal_distance_mm(record: EpisodeRecord) -> FloatArray:
 
 
 def speed_mm_s(record: EpisodeRecord) -> FloatArray:
-    """Horizontal speed of the thorax over `STRIDE_S`, at the ends over half of it, (T,)."""
+    """Horizontal speed of the thorax over `STRIDE_S` around each sample, mm/s, shape (T,).
+
+    NaN where the record does not hold the whole window: a shorter one would show the sway within
+    a stride.
+    """
     time_s = record.time_s
-    start = np.maximum(time_s - STRIDE_S / 2, time_s[0])
-    end = np.minimum(time_s + STRIDE_S / 2, time_s[-1])
-    way = [
+    start, end = time_s - STRIDE_S / 2, time_s + STRIDE_S / 2
+    distance = [
         np.interp(end, time_s, column) - np.interp(start, time_s, column)
         for column in record.position_w[:, :2].T
     ]
-    taken = end - start
-    speed = np.zeros(len(time_s))
-    np.divide(np.hypot(*way), taken, out=speed, where=taken > 0)
-    return speed
+    is_whole = (start > time_s[0] - 1e-9) & (end < time_s[-1] + 1e-9)
+    return np.where(is_whole, np.hypot(*distance) / STRIDE_S, np.nan)
 
 
 def held_drive(record: EpisodeRecord) -> FloatArray:

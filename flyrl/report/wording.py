@@ -7,13 +7,22 @@ from typing import Any, Final
 
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.rows import Json
+from flyrl.evaluation.seeds import trainings
 
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are told as 0."""
 
+_SHARED: Final = {"goal": "target", "command": "command", "pushes": "pushes"}
+"""Fields of an episode that are named where they hold something."""
 
-def headline(leaders: Sequence[Leader], controllers: int) -> str:
-    """Who wins where, in one sentence.
+_TAUGHT: Final = ("learned", "entry_point")
+"""Kinds of entrants that may have been trained."""
+
+
+def headline(
+    leaders: Sequence[Leader], controllers: int, condition: str = "", note: str = ""
+) -> str:
+    """Best controllers by terrain in one sentence, and a note on their training.
 
     Parameters
     ----------
@@ -21,24 +30,77 @@ def headline(leaders: Sequence[Leader], controllers: int) -> str:
         The best on each terrain.
     controllers
         How many took part.
+    condition
+        Under which the leaders were found; empty where nothing was varied.
+    note
+        See `training_note`.
     """
     if controllers == 1:
-        return f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}."
-    winners: dict[tuple[str, ...], list[str]] = {}
-    for leader in leaders:
-        winners.setdefault(leader.names, []).append(leader.terrain)
-    parts = []
-    for names, terrains in winners.items():
-        where = f"on {_listed(terrains)}"
-        if len(names) == 1:
-            parts.append(f"{names[0]} wins {where}")
-        elif len(names) == controllers:
-            parts.append(f"nobody is told apart from the others {where}")
-        else:
-            parts.append(f"{_listed(names)} are level at the top {where}")
-    text = "; ".join(parts)
+        text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
+    else:
+        winners: dict[tuple[str, ...], list[str]] = {}
+        for leader in leaders:
+            winners.setdefault(leader.names, []).append(leader.terrain)
+        text = "; ".join(
+            _verdict(names, terrains, controllers) for names, terrains in winners.items()
+        )
+    text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
-    return f"{text.replace('nobody', 'Nobody', 1) if text.startswith('nobody') else text}."
+    text = f"N{text[1:]}" if text.startswith("no meaningful") else text
+    return f"{text}.{note and f' {note}'}"
+
+
+def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) -> str:
+    where = f"on {_listed(terrains)}"
+    if len(names) == 1:
+        return f"{names[0]} is best {where}"
+    if len(names) == controllers:
+        return f"no meaningful difference between controllers {where}"
+    return f"{_listed(names)} are level at the top {where}"
+
+
+def effects_text(metrics: Sequence[str], labels: Mapping[str, str], protocol: Json) -> str:
+    """Smallest effects of interest of some metrics, in words; empty without any on record."""
+    effects = protocol.get("smallest_effects", {})
+    return ", ".join(
+        f"{100 * effects[metric]:g}\u00a0% in success"
+        if metric == "success"
+        else f"{effects[metric]:g} in {labels[metric]}"
+        for metric in metrics
+        if effects.get(metric)
+    )
+
+
+def training_note(protocol: Json) -> str:
+    """Number of training seeds behind each learned policy, with a caution at one."""
+    parts = [
+        f"{label}: {len(names)} training seed{'s' if len(names) > 1 else ''}"
+        for label, names in trainings(protocol["entrants"]).items()
+    ]
+    single = any(len(names) == 1 for names in trainings(protocol["entrants"]).values())
+    caution = " (other seeds may do better or worse)" if single else ""
+    return f"{'; '.join(parts)}{caution}." if parts else ""
+
+
+def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
+    """Properties of an episode that all controllers share."""
+    first = next((episodes[0] for episodes in drawn.values() if len(episodes)), {})
+    parts = ["same start"]
+    parts += [f"same {text}" for key, text in _SHARED.items() if first.get(key)]
+    return ", ".join(parts)
+
+
+def held_out_text(protocol: Json) -> str:
+    """Statement on whether policies were trained on the evaluation's episodes, where known."""
+    learned = [each for each in protocol["entrants"] if each.get("kind") in _TAUGHT]
+    known = [each["name"] for each in learned if (each.get("training") or {}).get("settings")]
+    unknown = [each["name"] for each in learned if each["name"] not in known]
+    parts = []
+    if known:
+        parts.append(f"{_listed(known)} trained on episodes from other seeds.")
+    if unknown:
+        parts.append(f"No record says which episodes {_listed(unknown)} trained on.")
+    return " ".join(parts)
 
 
 def rates(summary: Sequence[Json], protocol: Json) -> str:

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation import EvaluationConfig, measure_drive_map
+from flyrl.evaluation.drive_map import _mean_and_error
 
 
 @pytest.fixture(scope="module")
 def drive_map():
     config = EvaluationConfig(physics="fast", num_threads=1)
-    return measure_drive_map(config, config.terrain_configs[0], size=3)
+    return measure_drive_map(config, config.terrain_configs[0], size=3, starts=2)
 
 
 def test_equal_drives_walk_straight_the_faster_the_stronger(drive_map):
@@ -22,3 +23,16 @@ def test_the_stronger_side_turns_the_fly_to_the_other(drive_map):
     left_stronger, right_stronger = drive_map.yaw_rate_deg_s[2, 1], drive_map.yaw_rate_deg_s[1, 2]
     assert left_stronger < -50 < 50 < right_stronger
     assert right_stronger == pytest.approx(-left_stronger, rel=0.2)
+
+
+def test_every_drive_has_its_standard_error(drive_map):
+    assert drive_map.starts == 2
+    assert (drive_map.speed_error_mm_s > 0).all()  # starts differ in their phases
+
+
+def test_mean_and_standard_error_of_the_flies_that_walked():
+    values = np.array([[[1.0, 3.0, 5.0, 99.0]]])
+    mean, error = _mean_and_error(values, values < 90)
+    assert mean[0, 0] == 3
+    assert error[0, 0] == pytest.approx(2 / np.sqrt(3))
+    assert np.isnan(_mean_and_error(values, values < 4)[0]).all()

@@ -3,12 +3,13 @@ import hashlib
 import sys
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
-from flyrl.evaluation.entrants import reference_name
+from flyrl.evaluation.entrants import best_reference
 from flyrl.policies import (
     PolicyBundle,
     PolicyFileError,
@@ -217,16 +218,27 @@ def test_the_classic_body_gets_its_own_recorded_step():
 
 
 @pytest.mark.parametrize(
-    ("changes", "expected"),
+    ("successes", "expected"),
     [
-        ({}, "hybrid"),
-        ({"controllers": ("zero", "cpg")}, "zero"),
-        ({"reference": "cpg"}, "cpg"),
+        ({"cpg": 9, "hybrid": 5, "pursuit": 3}, "pursuit"),  # the one that sees the target
+        ({"zero": 0, "cpg": 5, "hybrid": 9}, "hybrid"),  # none sees it: the best
     ],
 )
-def test_reference(changes, expected):
-    config = EvaluationConfig(**changes)
-    assert reference_name(config, make_entrants(config)) == expected
+def test_the_reference_is_the_best_fixed_entrant_that_sees_what_is_asked(successes, expected):
+    config = EvaluationConfig(controllers=tuple(successes))
+    records = [entrant.record for entrant in make_entrants(config)]
+    rows = pd.DataFrame(
+        {
+            "controller": name,
+            "task": "target",
+            "episode": episode,
+            "success": episode < count,
+            "time_to_goal_s": 1.0,
+        }
+        for name, count in successes.items()
+        for episode in range(10)
+    )
+    assert best_reference(rows, records, 3.0) == expected
 
 
 def test_a_reference_that_does_not_take_part():

@@ -29,7 +29,7 @@ def row(name, terrain, successes, episodes=10, advance=None):
         "episodes": episodes,
         "successes": successes,
         "success_rate": {"value": successes / episodes},
-        "metrics": {"advance_mm": {"median": advance}},
+        "metrics": {"advance_mm": {"mean": advance}},
     }
 
 

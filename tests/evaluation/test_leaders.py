@@ -90,3 +90,11 @@ def test_traverse_is_decided_by_the_way():
     near = [{**row, "task": "traverse", "advance_mm": 5.0} for row in rows("near", [1.0] * 5)]
     (leader,) = leaders(near, far)
     assert (leader.names, leader.metric) == (("far",), "advance_mm")
+
+
+def test_a_difference_below_the_smallest_effect_is_level():
+    quick, slow = rows("quick", [1.00] * 6), rows("slow", [1.04] * 6)
+    table = episode_table([*quick, *slow])
+    for effect, names in ((0.1, ("quick", "slow")), (0.01, ("quick",))):
+        (leader,) = find_leaders(table, 3.0, np.random.default_rng(0), {"time_to_goal_s": effect})
+        assert leader.names == names

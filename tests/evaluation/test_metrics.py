@@ -155,6 +155,20 @@ def test_strides_make_the_way():
     assert metrics["tripod_coordination"] == 1
 
 
+def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
+    # 0.2 mm in 0.3 s is slower than 1 mm/s
+    gait = make_gait("..######....######....######..")
+    metrics = episode_metrics(make_record([(0, 0), (0.2, 0)], interval_s=0.3, gait=gait))
+    names = ("stride_frequency_hz", "stride_length_mm", "duty_factor", "tripod_coordination")
+    assert [metrics[name] for name in names] == [None] * 4
+
+
+def test_a_turn_on_the_spot_has_strides():
+    gait = make_gait("..######....######....######..")
+    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 1.0], gait=gait)
+    assert episode_metrics(record)["stride_frequency_hz"] == pytest.approx(10)
+
+
 def test_work_and_slip_are_told_per_way():
     gait = make_gait("####", work_nj=600.0, slip_mm=1.5)
     metrics = episode_metrics(make_record([(0, 0), (6, 0)], gait=gait))

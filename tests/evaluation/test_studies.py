@@ -30,11 +30,11 @@ def verdict(claim, rows):
     ("claim", "low", "high", "expected"),
     [
         (FURTHER, 0.5, 2.0, "holds"),
-        (FURTHER, -0.1, 2.0, "does not hold"),
+        (FURTHER, -0.1, 2.0, "inconclusive"),
         (FURTHER, -2.0, -1.0, "does not hold"),
-        (FURTHER, None, None, "open"),
+        (FURTHER, None, None, "inconclusive"),
         (AS_FAR, -0.9, 0.9, "holds"),
-        (AS_FAR, -0.5, 1.1, "does not hold"),
+        (AS_FAR, -0.5, 1.1, "inconclusive"),
         (AS_FAR, 2.0, 3.0, "does not hold"),
     ],
 )
@@ -48,12 +48,12 @@ def test_it_is_the_same_the_other_way_round():
     assert verdict(FURTHER, summary(0.5, 2.0, reference="hybrid")) == "does not hold"
 
 
-def test_without_the_terrain_a_claim_stays_open():
-    assert verdict(Claim("hybrid", "cpg", "blocks"), summary(1.0, 2.0)) == "open"
+def test_without_the_terrain_a_claim_is_not_tested():
+    assert verdict(Claim("hybrid", "cpg", "blocks"), summary(1.0, 2.0)) == "not tested"
 
 
 def test_a_fly_that_was_changed_says_nothing():
-    assert verdict(FURTHER, summary(1.0, 2.0, condition="friction=0.5")) == "open"
+    assert verdict(FURTHER, summary(1.0, 2.0, condition="friction=0.5")) == "not tested"
 
 
 def test_claims_name_who_and_where():

@@ -1,3 +1,4 @@
+import dataclasses
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -61,3 +62,13 @@ def test_a_drive_map_names_whose_drives_are_on_top(drive_map):
 
 def test_nobody_has_to_be_on_top(drive_map):
     assert "left drive" in texts(drive_map_figure(drive_map, {}, "map"))
+
+
+def test_a_map_of_noise_has_no_contours(drive_map):
+    noise = dataclasses.replace(
+        drive_map,
+        speed_error_mm_s=np.full((5, 5), 100.0),
+        yaw_rate_error_deg_s=np.full((5, 5), 1000.0),
+    )
+    clear, noisy = (drive_map_figure(each, {}, "map") for each in (drive_map, noise))
+    assert len(texts(noisy)) < len(texts(clear))  # no labels of contours

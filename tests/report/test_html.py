@@ -10,7 +10,16 @@ from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.statistics import Interval
 from flyrl.report import Video, write_report
 from flyrl.report.html import format_report
-from flyrl.report.wording import format_number, headline, leader_cells, rates, signed
+from flyrl.report.wording import (
+    format_number,
+    headline,
+    held_out_text,
+    leader_cells,
+    rates,
+    shared_text,
+    signed,
+    training_note,
+)
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
@@ -118,17 +127,44 @@ def lead(terrain, *names):
 @pytest.mark.parametrize(
     ("leaders", "sentence"),
     [
-        ([lead("flat", "a")], "a wins on flat."),
-        ([lead("flat", "a"), lead("mixed", "b")], "a wins on flat; b wins on mixed."),
+        ([lead("flat", "a")], "a is best on flat."),
+        ([lead("flat", "a"), lead("mixed", "b")], "a is best on flat; b is best on mixed."),
         (
             [lead("flat", "a", "b"), lead("blocks", "a"), lead("mixed", "a")],
-            "a and b are level at the top on flat; a wins on blocks and mixed.",
+            "a and b are level at the top on flat; a is best on blocks and mixed.",
         ),
-        ([lead("flat", "a", "b", "c")], "Nobody is told apart from the others on flat."),
+        ([lead("flat", "a", "b", "c")], "No meaningful difference between controllers on flat."),
     ],
 )
 def test_the_headline_says_who_wins_where(leaders, sentence):
     assert headline(leaders, 3) == sentence
+
+
+def test_the_headline_names_its_condition():
+    assert headline([lead("flat", "a")], 2, "missing_legs=none").startswith(
+        "With missing_legs=none"
+    )
+
+
+def test_training_seeds_are_counted_with_a_caution_at_one():
+    entrant = {"kind": "learned", "policy": "learned with ppo", "training": {"settings": {}}}
+    both = [{**entrant, "name": name} for name in ("a", "b")]
+    assert training_note({"entrants": both}) == "learned with ppo: 2 training seeds."
+    assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
+
+
+def test_nothing_is_claimed_of_an_unknown_training():
+    known = {"name": "a", "kind": "learned", "training": {"settings": {"seed": 1}}}
+    unknown = {"name": "b", "kind": "entry_point"}
+    assert held_out_text({"entrants": [known, unknown]}) == (
+        "a trained on episodes from other seeds. No record says which episodes b trained on."
+    )
+
+
+def test_a_task_without_a_target_has_no_same_target():
+    assert (
+        shared_text({}, {"flat": [{"goal": [], "command": [1, 2]}]}) == "same start, same command"
+    )
 
 
 def test_a_controller_alone_wins_nothing():
@@ -337,7 +373,9 @@ def test_a_published_study_stands_beside_ours():
     Page(text)
     assert "hybrid walks further than rule_based on gapped" in text
     # nobody walked on mixed
-    assert re.search(r"hybrid walks further than cpg on mixed</td><td[^>]*></td>.*>open<", text)
+    assert re.search(
+        r"hybrid walks further than cpg on mixed</td><td[^>]*></td>.*>not tested<", text
+    )
     assert "13.8, 4.20, 4.00, 2.90" in text
 
 

@@ -122,7 +122,7 @@ def test_numbers_in_latex_are_short(results):
         row for row in results.summary if row["controller"] == "cpg" and row["terrain"] == "flat"
     )
     row["success_rate"] = {"value": 0.5, "low": 0.25, "high": 0.75}
-    row["metrics"]["return"] = {"n": 2, "median": -1.234, "mean": 0, "q1": -2.0, "q3": 34.56}
+    row["metrics"]["return"] = {"n": 2, "median": 0, "mean": -1.234, "q1": -2.0, "q3": 34.56}
     row["metrics"]["path_length_mm"] = {"n": 1, "median": 2.0, "mean": 2.0, "q1": 2.0, "q3": 2.0}
     difference = row["paired"]["differences"]["return"]
     difference.update(value=-1.0, low=-2.0, high=0.5, p_value=0.0004, p_adjusted=0.02)

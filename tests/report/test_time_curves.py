@@ -44,8 +44,11 @@ def test_the_distance_to_the_goal_is_horizontal():
     np.testing.assert_allclose(goal_distance_mm(record)[[0, 15]], [5, 4])
 
 
-def test_a_steady_speed_is_the_same_at_both_ends():
-    np.testing.assert_allclose(speed_mm_s(walked()), 10.0)
+def test_speed_is_not_drawn_where_its_window_leaves_the_episode():
+    # 0.1 s around a sample every 20 ms: the first three and the last three lack a part of it
+    speed = speed_mm_s(walked())
+    assert np.isnan(speed[[0, 1, 2, -3, -2, -1]]).all()
+    np.testing.assert_allclose(speed[3:-3], 10.0)
 
 
 def test_speed_is_that_over_a_stride():
@@ -57,7 +60,8 @@ def test_speed_is_that_over_a_stride():
 
 
 def test_one_sample_alone_has_no_speed():
-    np.testing.assert_array_equal(speed_mm_s(walked(1, duration_s=0.02)), [0.0])
+    assert np.isnan(speed_mm_s(walked(1, duration_s=0.02))).all()
+    time_figure([walked(1, duration_s=0.02)], "time")
 
 
 def test_a_drive_is_held_from_the_start():
