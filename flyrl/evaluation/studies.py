@@ -97,7 +97,7 @@ STUDIES: Final[Mapping[str, Study]] = {
             Figures(
                 "speed_mm_s",
                 "flygym-gymnasium 1.3.2, four runs of 1.5 s from seeds 0 to 3",
-                "classic",
+                "current",
                 {
                     ("flat", "cpg"): (14.3, 14.4, 14.4, 14.4),
                     ("flat", "rule_based"): (10.2, 11.1, 10.5, 10.2),
