@@ -15,7 +15,6 @@ from flyrl.envs.simulation import BodyState, Simulation
 from flyrl.envs.worms import Worms
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.native import MOST_SIMS
-from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene, SceneConfig
 from flyrl.simulation.state import FlyState
 from flyrl.simulation.worms import WormBatch, WormScene
@@ -308,7 +307,8 @@ class BatchedEnv:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned, in an environment of the same settings."""
-        self.episodes = [episode and _episode(episode) for episode in snapshot["episodes"]]
+        records = snapshot["episodes"]
+        self.episodes = [record and Episode.from_record(record) for record in records]
         self.simulation.restore(snapshot["simulation"], self.episodes)
         self.state = self._previous = replace(self.state, **snapshot["state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
@@ -412,10 +412,6 @@ def build_simulation(config: EnvConfig, num_envs: int, num_threads: int) -> Simu
     if isinstance(scene, SceneConfig):
         return Flies(config, scene, num_envs, num_threads)
     return Worms(config, scene, num_envs, num_threads)
-
-
-def _episode(record: Mapping[str, Any]) -> Episode:
-    return Episode(**{**record, "randomisation": Randomisation(**record["randomisation"])})
 
 
 def _where(mask: NDArray[np.bool_], chosen: BodyState, other: BodyState) -> BodyState:

@@ -85,7 +85,7 @@ def test_time_limit_with_reset_in_the_same_step():
 
 
 def test_a_time_limit_of_zero_is_refused():
-    with pytest.raises(ValueError, match="max_episode_steps must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="max_episode_steps must be a whole number from 1"):
         make_vec(max_episode_steps=0)
 
 
