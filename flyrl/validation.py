@@ -9,6 +9,7 @@ import types
 import typing
 from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
@@ -97,6 +98,13 @@ def one_of(name: str, value: T, allowed: Iterable[Any]) -> T:
         return value
     hint = did_you_mean(value, choices)
     raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}{hint}")
+
+
+def file_path(name: str, value: object) -> Path:
+    """Return `value` as a path, else raise ValueError; an empty one is not the current folder."""
+    if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
+        raise ValueError(f"{name} must be the path of a folder or file, got {value!r}")
+    return Path(value)
 
 
 def distinct(name: str, values: Iterable[Any]) -> None:

@@ -45,7 +45,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         A file cannot be read, or written.
     """
     from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
-    from flyrl.cli.evaluate import training_evaluations  # noqa: PLC0415
+    from flyrl.cli.evaluate import results_folder, training_evaluations  # noqa: PLC0415
     from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
     from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
     from flyrl.report import read_origin, write_report  # noqa: PLC0415
@@ -60,6 +60,8 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         )
     settings = own_settings({**record, "progress_bar": True})
     config = evaluation_config(record, settings, " ".join(sys.argv))
+    if output is not None:
+        results_folder(output)
     results = evaluate(config)
     if output is not None:
         write_results(results, output)
