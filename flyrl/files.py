@@ -8,7 +8,9 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
+
+import yaml
 
 MANIFEST: Final = "manifest.json"
 """Names the files in a folder of results that flyrl wrote."""
@@ -139,6 +141,33 @@ class OutputFolder:
 
     def _is_inside(self, name: str) -> bool:
         return (self.path / name).parent.resolve().is_relative_to(self.path.resolve())
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Loads YAML without aliases: nested ones make gigabytes of a short file."""
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) are not allowed")
+        return super().compose_node(parent, index)
+
+
+def load_yaml(path: Path) -> Any:
+    """Read a YAML file of plain values, without aliases.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is no such YAML.
+    """
+    try:
+        # a subclass of SafeLoader
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_PlainLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{path} is no YAML of plain values: {reason}") from error
 
 
 def file_digest(path: Path) -> str | None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from flyrl.cli.program import path_argument, program
 from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
+from flyrl.entry_points import check_trust
 from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "--trust",
         action="store_true",
-        help="of a report: run the code that it names (terms, policies as module:factory, pickles)",
+        help="run the code that it names (terms, policies as module:factory, pickles)",
     )
     parser.set_defaults(run=run)
 
@@ -93,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
     if original.state != "finished":
         said = "; ".join(original.problems) or f"it is {original.state}"
         raise ValueError(f"{options.original} is no finished run to compare with: {said}")
+    check_trust(options.original, original.settings, options.trust, "--trust")
     if options.repeat is None:
         print("repeating the run", file=sys.stderr)
     again = _train(original, options)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+from flyrl.entry_points import check_trust
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,10 +55,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     record = origin["settings"]
     if not record:
         raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
-    if (code := foreign_code(record)) and not is_trusted:
-        raise ValueError(
-            f"{path} names code that would be run: {', '.join(code)}. Say --trust if you know it"
-        )
+    check_trust(path, record, is_trusted, "--trust")
     settings = own_settings({**record, "progress_bar": True})
     config = evaluation_config(record, settings, " ".join(sys.argv))
     if output is not None:
@@ -76,16 +74,6 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     for line in lines or ["same policies and packages"]:
         print(line)
     return IDENTICAL if is_same else DIFFERENT
-
-
-def foreign_code(record: Mapping[str, Any]) -> list[str]:
-    """What settings name that runs code when it is loaded: modules, and pickles."""
-    from flyrl.evaluation.entry_point import is_policy_factory  # noqa: PLC0415
-
-    terms = record.get("task", {}).get("terms") or []
-    policies = record.get("policies") or []
-    pickles = [name for name in policies if record.get("trust_pickles") and name.endswith(".zip")]
-    return [*terms, *filter(is_policy_factory, policies), *pickles]
 
 
 def _origins_differ(origin: Json, protocol: Json) -> list[str]:

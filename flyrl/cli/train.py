@@ -13,6 +13,7 @@ from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
+from flyrl.entry_points import check_trust
 from flyrl.progress import whole_job
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from flyrl.training.learn import Run
     from flyrl.training.runs import RunSummary
 
-_BESIDE_RESUME: Final = ("resume", "evaluate_after", "evaluation", "video_after")
+_BESIDE_RESUME: Final = ("resume", "trust", "evaluate_after", "evaluation", "video_after")
 
 
 def main(subcommand: Sequence[str] = ()) -> None:
@@ -71,7 +72,9 @@ def run(record: dict[str, Any], start: Start) -> Path:
             _check_nothing_changes(start.overrides)
             from flyrl.training.runs import read_record  # noqa: PLC0415
 
-            record = {**record, **read_record(interrupted)}
+            settings_of_run = read_record(interrupted)
+            check_trust(interrupted, settings_of_run, record["trust"] is True, "trust=true")
+            record = {**record, **settings_of_run}
         config = training_config(record)
         if config.logger is not None:
             config.logger.check_installed()
