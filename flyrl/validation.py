@@ -10,13 +10,15 @@ import typing
 from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
+
+_LINE_BREAKS: Final = {ord(character): " " for character in "\n\t"}
 
 
 def float_array(
@@ -131,6 +133,33 @@ def known_keys(name: str, given: Iterable[str], known: Iterable[str]) -> None:
             )
 
 
+def plain_record(name: str, value: object) -> None:
+    """Raise ValueError unless `value`, read from a file of JSON or YAML, can be shown and counted.
+
+    That is: mappings, lists, printable text of at most 10,000 characters, finite numbers below
+    2**64, true, false and null.
+
+    Parameters
+    ----------
+    name
+        Where it stands, for the message.
+    """
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            plain_record(f"a key of {name}", key)
+            plain_record(f"{name}.{key}", item)
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            plain_record(f"{name}[{i}]", item)
+    elif isinstance(value, str):
+        if not value.translate(_LINE_BREAKS).isprintable() or len(value) > 10_000:
+            raise ValueError(
+                f"{name} must be printable text, at most 10,000 long, got {value!a:.60}"
+            )
+    elif not (value is None or isinstance(value, bool) or (_is_number(value) and _is_sane(value))):
+        raise ValueError(f"{name} must be a finite number below 2**64, got {value!r:.60}")
+
+
 def random_seed(seed: int) -> int:
     """Return `seed` if MT19937 takes it (an integer of 0 … 2³² - 1), else raise ValueError."""
     if isinstance(seed, bool) or not isinstance(seed, Integral) or not 0 <= seed < 2**32:
@@ -226,6 +255,10 @@ def _checked_tuple(
         _checked(f"{name}[{i}]", item, hint, within)
         for i, (item, hint) in enumerate(zip(value, hints, strict=True))
     )
+
+
+def _is_sane(number: Any) -> bool:
+    return -(2**64) < number < 2**64  # neither NaN nor an infinity is
 
 
 def _is_number(value: Any) -> bool:
