@@ -249,18 +249,26 @@ class Transition:
         (n,).
     terminated, truncated
         (n,); the outcome and success below are final where one of them holds.
-    outcome
-        "running", "timeout", "unstable" or the name of the task's termination, (n,).
+    outcome_code
+        Index of the outcome in `outcomes`, (n,).
     is_success
         (n,).
+    outcomes
+        The task's outcomes by code (see `flyrl.tasks.Task.outcomes`).
     """
 
     observation: Observation
     reward: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
-    outcome: NDArray[np.str_]
+    outcome_code: NDArray[np.int64]
     is_success: NDArray[np.bool_]
+    outcomes: tuple[str, ...]
+
+    @property
+    def outcome(self) -> NDArray[np.str_]:
+        """Names of the outcomes, (n,): "running" until an episode ends."""
+        return np.array(self.outcomes)[self.outcome_code]
 
     @property
     def done(self) -> NDArray[np.bool_]:
