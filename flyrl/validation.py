@@ -160,6 +160,12 @@ def plain_record(name: str, value: object) -> None:
         raise ValueError(f"{name} must be a finite number below 2**64, got {value!r:.60}")
 
 
+def from_keys(name: str, given: Mapping[str, Any], config: type[T]) -> T:
+    """Make a config from the values of its fields; raise ValueError as it and `known_keys` do."""
+    known_keys(name, given, [field.name for field in dataclasses.fields(config) if field.init])  # type: ignore[arg-type]
+    return config(**given)
+
+
 def random_seed(seed: int) -> int:
     """Return `seed` if MT19937 takes it (an integer of 0 … 2³² - 1), else raise ValueError."""
     if isinstance(seed, bool) or not isinstance(seed, Integral) or not 0 <= seed < 2**32:
@@ -178,8 +184,9 @@ def check_fields(config: Any, group: str = "") -> None:
     """Check the fields of a dataclass, in its `__post_init__`, against their annotations.
 
     Numbers must be finite, and within the field's `Within`; literals among their values; tuples of
-    their length. Numbers become Python's own, lists tuples, so that configs can be hashed and
-    stored. Text, and classes without a rule of their own here, are compared by type.
+    their length. Numbers become Python's own, lists tuples, mappings the configs that they are the
+    fields of, so that configs can be hashed, stored as JSON and made from it. Text, and classes
+    without a rule of their own here, are compared by type.
 
     Parameters
     ----------
@@ -236,6 +243,8 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
             allowed = f" from {low:g} to {high:g}" if within else ""
             raise ValueError(f"{name} must be {_WORDS[hint]}{allowed}, got {value!r}")
         return hint(value)
+    if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
+        return from_keys(name, value, hint)
     if not isinstance(value, hint):
         words = _WORDS.get(hint, f"a {hint.__name__}")
         raise ValueError(f"{name} must be {words}, got {value!r}")

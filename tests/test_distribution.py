@@ -95,3 +95,8 @@ def test_the_versions_that_are_pinned_are_allowed():
     for requirement in _requirements():
         name = canonicalize_name(requirement.name)
         assert name == DISTRIBUTION or requirement.specifier.contains(pinned[name]), name
+
+
+def test_the_main_install_brings_what_videos_are_written_with():
+    names = {Requirement(each).name for each in _project()["dependencies"]}
+    assert {"imageio-ffmpeg", "moviepy"} <= names  # flyrl's, and those of RecordVideo

@@ -86,9 +86,8 @@ class BatchedEnv:
         limit = self.task.time_limit_s
         self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
         self._decisions = np.zeros(num_envs, dtype=np.int64)
-        outcomes = [RUNNING, SUCCESS, TIMEOUT, UNSTABLE]
-        outcomes += [termination.outcome for termination in self.task.terminations]
-        self._outcome_type = np.array(outcomes).dtype
+        self._outcomes = self.task.outcomes
+        self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
         self.state: BodyState = self.simulation.state()
         self._previous = self.state
 
@@ -267,22 +266,30 @@ class BatchedEnv:
             values = term.compute(state)
             reward += term.weight * values
             total[moved] += values[moved]
-        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype(self._outcome_type)
+        outcome = np.where(is_unstable, self._code[UNSTABLE], self._code[RUNNING])
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
         for termination in self.task.terminations:
             ends = np.asarray(termination.holds(state), dtype=bool) & ~terminated
-            outcome[ends] = termination.outcome
+            outcome[ends] = self._code[termination.outcome]
             is_success[ends] = termination.is_success
             terminated |= ends
         truncated = np.zeros(self.num_envs, dtype=bool)
         if self._max_decisions is not None:
             truncated = ~terminated & (self._decisions >= self._max_decisions)
-            outcome[truncated] = TIMEOUT
+            outcome[truncated] = self._code[TIMEOUT]
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
-                outcome[is_success] = SUCCESS
-        return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
+                outcome[is_success] = self._code[SUCCESS]
+        return Transition(
+            self._observe(state),
+            reward,
+            terminated,
+            truncated,
+            outcome,
+            is_success,
+            self._outcomes,
+        )
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on: physics, controllers, episodes, generators.

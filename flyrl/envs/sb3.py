@@ -20,8 +20,9 @@ class FlyrlVecEnv(VecEnv):
 
     An episode that ends is reset at once; `infos` then carries "terminal_observation",
     "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
-    would, and "difficulty". "outcome" and "is_success" are there at every step; in a task with
-    goals "is_failure" and "decisions_lost", too (see `FlyrlEnv`).
+    would, and "difficulty". "outcome" (a code, whose name is `outcomes[code]`) and "is_success" are
+    there at every step; in a task with goals "is_failure" and "decisions_lost", too (see
+    `FlyrlEnv`).
 
     Parameters
     ----------
@@ -52,6 +53,11 @@ class FlyrlVecEnv(VecEnv):
         self._start = time.time()
         self.seed(seed)
 
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Names of the outcomes by code, as in `info["outcome"]`."""
+        return self.core.task.outcomes
+
     def reset(self) -> VecEnvObs:
         """Start an episode in every environment."""
         episodes = [
@@ -77,8 +83,10 @@ class FlyrlVecEnv(VecEnv):
         self._returns += transition.reward
         self._lengths += 1
         infos: list[dict[str, Any]] = [
-            {"outcome": str(outcome), "is_success": bool(is_success)}
-            for outcome, is_success in zip(transition.outcome, transition.is_success, strict=True)
+            {"outcome": code, "is_success": is_success}
+            for code, is_success in zip(
+                transition.outcome_code.tolist(), transition.is_success.tolist(), strict=True
+            )
         ]
         for key, values in self.core.failure_info().items():
             for info, value in zip(infos, values.tolist(), strict=True):

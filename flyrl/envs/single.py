@@ -14,6 +14,7 @@ from flyrl.envs.options import episode_with_options
 from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.randomisation import UNVARIED
+from flyrl.tasks import RUNNING
 
 
 class FlyrlEnv(gymnasium.Env[Any, Any]):
@@ -25,11 +26,10 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
     "randomisation" (numbers by name, see `Randomisation`), on random terrain "ground" (a seed), and
     of a worm "joint_angles" (rad, head to tail), which replace what the seed draws, or "episode",
     which replaces all of it.
-    `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
-    "is_success" and "time_s"; on random terrain also "ground". A task with a termination of its
-    own has one more outcome. After a reset there is "randomisation" too, unless the fly is the
-    scene's own. In a task with goals there are also "is_failure" and "decisions_lost" (how many
-    before the time limit the failure cut off; 0 without one).
+    `info` holds numbers, under the same keys after a reset and a step: "outcome" (a code, whose
+    name is `outcomes[code]`), "is_success" and "time_s"; on random terrain also "ground"; with a
+    body other than the scene's own "randomisation"; and in a task with goals "is_failure" and
+    "decisions_lost" (how many before the time limit the failure cut off; 0 without one).
 
     Parameters
     ----------
@@ -47,6 +47,11 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         self.observation_space = observation_space(self.core.task)
         self._renderer: Renderer | None = None
 
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Names of the outcomes by code, as in `info["outcome"]`."""
+        return self.core.task.outcomes
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
@@ -56,10 +61,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
         observation = self.core.reset(episodes=[episode])
-        info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._facts()}
-        if episode.randomisation != UNVARIED:
-            info["randomisation"] = asdict(episode.randomisation)
-        return _first(observation), info
+        return _first(observation), self._info(self.outcomes.index(RUNNING), is_success=False)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Hold an action for one decision interval."""
@@ -69,20 +71,23 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
             float(transition.reward[0]),
             bool(transition.terminated[0]),
             bool(transition.truncated[0]),
-            {
-                "outcome": str(transition.outcome[0]),
-                "is_success": bool(transition.is_success[0]),
-                "time_s": float(self.core.state.time[0]),
-                **self._facts(),
-            },
+            self._info(int(transition.outcome_code[0]), bool(transition.is_success[0])),
         )
 
-    def _facts(self) -> dict[str, Any]:
-        facts = {key: values[0].item() for key, values in self.core.failure_info().items()}
+    def _info(self, outcome_code: int, is_success: bool) -> dict[str, Any]:
+        info = {
+            "outcome": outcome_code,
+            "is_success": is_success,
+            "time_s": float(self.core.state.time[0]),
+        }
+        for key, values in self.core.failure_info().items():
+            info[key] = values[0].item()
         if self.config.scene.terrain.random:
-            (ground,) = self.core.grounds()
-            facts["ground"] = int(ground)
-        return facts
+            info["ground"] = int(self.core.grounds()[0])
+        (episode,) = self.core.episodes
+        if episode is not None and episode.randomisation != UNVARIED:
+            info["randomisation"] = asdict(episode.randomisation)
+        return info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the body, (480, 640, 3), or None without a render mode."""

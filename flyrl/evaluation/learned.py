@@ -11,7 +11,7 @@ from flyrl.controllers import ControllerConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant, free_name
 from flyrl.files import file_digest
-from flyrl.policies import LearnedPolicy, PolicyFileError, load_policy
+from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file
 from flyrl.policies.library import policy_name
 from flyrl.tasks import Task, term_digests
@@ -79,7 +79,7 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
             raise PolicyFileError(
                 f"{path}: of a zip file, say which algorithm made it, e.g. ppo:{path}"
             )
-        return file, load_policy(file)
+        return file, LearnedPolicy(load_bundle(file))
     from flyrl.policies.sb3_zip import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
 
     made_by = ALGORITHMS[one_of(f"policies: algorithm of {path!r}", algorithm, ALGORITHMS)]

@@ -33,7 +33,8 @@ from flyrl.evaluation.rows import (
 )
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
 from flyrl.files import OutputFolder
-from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
+from flyrl.rollouts.records import EpisodeRecord
+from flyrl.tasks import OUTCOMES
 
 SCHEMA: Final = "flyrl.results/3"
 RESULTS_FILE: Final = "results.json"
@@ -206,7 +207,7 @@ def _check_protocol(protocol: Json) -> list[str]:
     """Check a protocol; return the outcomes that its episodes can have."""
     _check_keys(protocol, PROTOCOL_KEYS, "protocol")
     # a protocol without its own is of flyrl's own tasks
-    protocol = {"outcomes": list(OUTCOMES), **protocol}
+    protocol = {"outcomes": list(OUTCOMES[1:]), **protocol}
     _check_keys(protocol, {"outcomes": (list,)}, "protocol")
     return [str(outcome) for outcome in protocol["outcomes"]]
 

@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
@@ -25,7 +25,7 @@ from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
 from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import Neurons, Task
-from flyrl.validation import plain_record
+from flyrl.validation import did_you_mean, plain_record
 
 SCHEMA: Final = "flyrl.policy/1"
 
@@ -247,7 +247,7 @@ def _normaliser_record(normaliser: Normaliser) -> dict[str, Any]:
     }
 
 
-def policy_file(path: str | os.PathLike[str]) -> Path:
+def policy_file(path: str | os.PathLike[str], others: Iterable[str] = ()) -> Path:
     """Path of the policy file that `path` means.
 
     Parameters
@@ -255,6 +255,8 @@ def policy_file(path: str | os.PathLike[str]) -> Path:
     path
         A file, a run folder (its best policy, else its last), or else the name of a policy that
         comes with flyrl.
+    others
+        Names besides that the caller takes, for the message.
 
     Raises
     ------
@@ -274,9 +276,10 @@ def policy_file(path: str | os.PathLike[str]) -> Path:
     named = named_policies()
     if (given := os.fspath(path)) in named:
         return named[given]
+    names = (*named, *others)
     raise PolicyFileError(
-        f"no policy at {place}: there is no such file or folder, and no policy of that name; "
-        f"names: {', '.join(named) or 'none'}"
+        f"no policy at {place}: there is no such file or folder, and no policy of that name"
+        f"{did_you_mean(given, names)}; names: {', '.join(names) or 'none'}"
     )
 
 

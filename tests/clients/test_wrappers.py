@@ -7,6 +7,7 @@ import gymnasium
 import imageio_ffmpeg
 import numpy as np
 import pytest
+import torch
 from gymnasium.wrappers import (
     NormalizeObservation,
     RecordEpisodeStatistics,
@@ -15,6 +16,7 @@ from gymnasium.wrappers import (
     vector,
 )
 
+from flyrl import OUTCOMES
 from flyrl.simulation.rendering import RenderingUnavailableError
 
 ID = "flyrl:flyrl/Target-v0"
@@ -65,7 +67,7 @@ def test_time_limit_of_one_fly(by_make):
     limited = gymnasium.make(ID, max_episode_steps=5, **SETTINGS) if by_make else None
     _, results = walk(limited or TimeLimit(make(), max_episode_steps=5), 5)
     assert [result[3] for result in results] == [False] * 4 + [True]
-    assert results[-1][4]["outcome"] == "running"
+    assert results[-1][4]["outcome"] == OUTCOMES.index("running")
 
 
 def test_time_limit_of_many_flies_is_that_of_single_ones():
@@ -102,6 +104,14 @@ def test_normalised_observations_of_many_flies_are_those_of_single_ones():
     native, _ = walk(vector.NormalizeObservation(make_vec()), 10)
     single, _ = walk(vector.NormalizeObservation(make_vec("sync")), 10)
     np.testing.assert_array_equal(native, single)
+
+
+@pytest.mark.parametrize("mode", [None, "sync"])
+def test_many_flies_as_tensors(mode):
+    env = vector.NumpyToTorch(make_vec(mode))
+    _, info = env.reset(seed=3)
+    assert info["outcome"].tolist() == [OUTCOMES.index("running")] * 3
+    assert env.step(torch.zeros(3, 2))[-1]["is_success"].dtype == torch.bool
 
 
 def film(env):

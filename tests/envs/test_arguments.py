@@ -11,7 +11,7 @@ import flyrl  # noqa: F401
     [
         ({"terrain": 5}, "terrain must be a TerrainConfig or one of 'flat', .* got 5"),
         ({"terrain": None}, "terrain must be a TerrainConfig or one of .* got None"),
-        ({"terrain": {}}, "terrain must be a TerrainConfig or one of .* got {}"),
+        ({"terrain": {"nam": "flat"}}, "terrain has no 'nam'; did you mean 'name'"),
         ({"terrain": "gaped"}, "terrain must be one of .* did you mean 'gapped'"),
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
         ({"physics": 5}, "physics must be a PhysicsConfig or one of .* got 5"),

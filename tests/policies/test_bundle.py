@@ -154,7 +154,7 @@ def test_foreign_safetensors_file(tmp_path):
 def test_many_tensors_are_refused_shortly(tmp_path):
     path = tmp_path / "many.safetensors"
     save_file({f"{i}.weight": np.zeros(1, np.float32) for i in range(20_000)}, path)
-    with pytest.raises(PolicyFileError, match="is no policy: its header of") as refused:
+    with pytest.raises(PolicyFileError, match="is no policy: a header of") as refused:
         load_policy(path)
     assert len(str(refused.value)) < 500
 
@@ -183,7 +183,7 @@ def test_other_schema(file):
         ({"training": {"algo": "\x1b[2J"}}, r"record\.training\.algo must be printable"),
         (
             {"training": {"algo": "a" * 10_001}},
-            r"record\.training\.algo must be printable, at most 10,000",
+            r"record\.training\.algo must be printable text, at most",
         ),
         ({"training": {"\x07": 1}}, r"a key of the record\.training must be printable"),
         ({"training": {"seed": [1, float("inf")]}}, r"training\.seed\[1\] must be a finite number"),
