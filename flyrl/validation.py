@@ -267,7 +267,7 @@ def _checked_tuple(
 
 
 def _is_sane(number: Any) -> bool:
-    return -(2**64) < number < 2**64  # neither NaN nor an infinity is
+    return bool(-(2**64) < number < 2**64)  # neither NaN nor an infinity is
 
 
 def _is_number(value: Any) -> bool:
