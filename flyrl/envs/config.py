@@ -131,6 +131,10 @@ class EnvConfig:
         object.__setattr__(self, "scene", scene)
         object.__setattr__(self, "steps_per_decision", steps)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # the rest follows from these, and terms of a task may be functions that cannot be pickled
+        return type(self), tuple(getattr(self, name) for name in _settings(self))
+
     def _fly_scene(
         self,
         body: FlyConfig,
@@ -201,19 +205,24 @@ class EnvConfig:
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
-def config_for(adapter: type, given: Mapping[str, Any]) -> EnvConfig:
-    """Make the settings that the keywords of an environment's class give, beside its own.
+def config_for(
+    adapter: type, given: Mapping[str, Any], config: EnvConfig | None = None
+) -> EnvConfig:
+    """Change the settings, by default the usual ones, as keywords of an environment's class say.
 
     Raises
     ------
     ValueError
         A keyword that does not exist, or a value that is not allowed.
     """
-    own = [name for name in inspect.signature(adapter).parameters if name != "config"]
-    known_keys(
-        "the environment", given, [field.name for field in fields(EnvConfig) if field.init] + own
-    )
-    return EnvConfig(**given)
+    parameters = inspect.signature(adapter).parameters.values()
+    own = [each.name for each in parameters if each.kind != each.VAR_KEYWORD]
+    known_keys("the environment", given, [*_settings(EnvConfig), *own])
+    return replace(config or EnvConfig(), **given)
+
+
+def _settings(config: type[EnvConfig] | EnvConfig) -> list[str]:
+    return [item.name for item in fields(config) if item.init]
 
 
 def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
