@@ -18,7 +18,7 @@ from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Episode, Neurons, Task, task_named
 from flyrl.terrains import TERRAINS, TerrainConfig
-from flyrl.validation import from_keys, known_keys, one_of, positive
+from flyrl.validation import did_you_mean, from_keys, one_of, positive
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -205,6 +205,10 @@ class EnvConfig:
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
+class UnexpectedArgumentError(TypeError, ValueError):
+    """A keyword that no environment has: a TypeError, by which TorchRL knows it, as in Python."""
+
+
 def config_for(
     adapter: type, given: Mapping[str, Any], config: EnvConfig | None = None
 ) -> EnvConfig:
@@ -212,12 +216,20 @@ def config_for(
 
     Raises
     ------
+    UnexpectedArgumentError
+        A keyword that does not exist.
     ValueError
-        A keyword that does not exist, or a value that is not allowed.
+        A value that is not allowed.
     """
     parameters = inspect.signature(adapter).parameters.values()
     own = [each.name for each in parameters if each.kind != each.VAR_KEYWORD]
-    known_keys("the environment", given, [*_settings(EnvConfig), *own])
+    known = [*_settings(EnvConfig), *own]
+    for name in given:
+        if name not in known:
+            raise UnexpectedArgumentError(
+                f"the environment got an unexpected keyword argument {name!r}"
+                f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
+            )
     return replace(config or EnvConfig(), **given)
 
 
@@ -231,7 +243,7 @@ def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
     return from_keys(key, given, kind)
 
 
-def _named(key: str, given: str | Config | Fields, table: Mapping[str, Config]) -> Config:
+def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
     """Settings as they are given, or those that a name picks."""
     if isinstance(given, str):
         return table[one_of(key, given, table)]
@@ -239,7 +251,7 @@ def _named(key: str, given: str | Config | Fields, table: Mapping[str, Config]) 
     if type(given) not in kinds:
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
         raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
-    return given
+    return cast(Config, given)
 
 
 def _list(names: Iterable[str]) -> str:

@@ -57,7 +57,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         return partial(type(self), **self._settings), (), {"_spec": self._spec}
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override] # an attribute there
+    def spec(self) -> EnvSpec | None:
         """What Gymnasium made it from; `max_episode_steps` is the task's limit, in decisions."""
         return self._spec
 
@@ -93,7 +93,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         )
 
     def _info(self, outcome_code: int, is_success: bool) -> dict[str, Any]:
-        info = {
+        info: dict[str, Any] = {
             "outcome": outcome_code,
             "is_success": is_success,
             "time_s": float(self.core.state.time[0]),

@@ -89,7 +89,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         return partial(type(self), **self._settings), (), {"_spec": self._spec}
 
     @property
-    def spec(self) -> EnvSpec | None:  # type: ignore[override] # an attribute there
+    def spec(self) -> EnvSpec | None:
         """What Gymnasium made it from; `max_episode_steps` is the limit, in decisions."""
         return self._spec
 

@@ -104,9 +104,9 @@ def test_a_closed_environment_does_nothing_more(make):
 
 @pytest.mark.parametrize("make", [FlyrlEnv, FlyrlVectorEnv, FlyrlVecEnv])
 def test_an_unknown_keyword_names_the_closest_one(make):
-    with pytest.raises(ValueError, match="no 'terain'; did you mean 'terrain'"):
+    with pytest.raises(ValueError, match="argument 'terain'; did you mean 'terrain'"):
         make(terain="flat")
-    with pytest.raises(ValueError, match="no 'render_mod'; did you mean 'render_mode'"):
+    with pytest.raises(ValueError, match="argument 'render_mod'; did you mean 'render_mode'"):
         make(render_mod="rgb_array")
 
 
