@@ -20,7 +20,7 @@ from flyrl.terrains import TerrainConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
-from flyrl.validation import one_of
+from flyrl.validation import file_path, one_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,6 +147,8 @@ class EvaluationSettings:
 
     def __post_init__(self) -> None:
         one_of("camera", self.camera, get_args(Camera))
+        if self.folder is not None:
+            file_path("folder", self.folder)
 
 
 _EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")

@@ -30,6 +30,8 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     ValueError
         An unknown field, a value of the wrong type, or one that the dataclass refuses.
     """
+    if not isinstance(mapping, Mapping):
+        raise ValueError(f"{key} must be a group of keys, got {mapping!r:.60}")
     hints = typing.get_type_hints(cls)
     prefix = f"{key}." if key else ""
     fields = {field.name for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
@@ -61,8 +63,6 @@ def _value(hint: Any, value: Any, key: str) -> Any:
             raise ValueError(f"{key} must be a group of keys, got {value!r}")
         return {name: _value(options[1], item, f"{key}.{name}") for name, item in value.items()}
     if dataclasses.is_dataclass(hint):
-        if not isinstance(value, Mapping):
-            raise ValueError(f"{key} must be a group of keys, got {value!r}")
         return from_mapping(cast(type, hint), value, key)
     return value if hint is Any else _scalar(hint, value, key)
 

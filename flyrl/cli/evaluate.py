@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import INTERRUPTED, LEFT_OUT
-from flyrl.files import new_folder, usable_folder
+from flyrl.files import OutputFolder, new_folder, usable_folder
 from flyrl.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
             parent = start.sweep or Path("reports")
             folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
         else:
-            folder = usable_folder(Path(settings.folder))
+            folder = results_folder(settings.folder)
         report, is_complete = compare(config, folder, settings)
     except (OSError, ValueError) as error:
         fail(error)
@@ -150,6 +150,22 @@ def compare(
         )
         bar.update()
     return report, not missing
+
+
+def results_folder(path: str | Path) -> Path:
+    """Make a folder for results and report if it is missing; return it.
+
+    Raises
+    ------
+    OSError
+        It cannot be written to, or a file of somebody else's is in the way.
+    """
+    from flyrl.evaluation.results import RESULTS_FILES  # noqa: PLC0415
+    from flyrl.report.html import REPORT_FILE  # noqa: PLC0415
+
+    folder = usable_folder(Path(path))
+    OutputFolder(folder).check_free(*RESULTS_FILES, REPORT_FILE)
+    return folder
 
 
 def training_evaluations(

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
+from flyrl.cli.program import path_argument
+
 FIGURES: Final = {
     "cpg_three": "phases and magnitudes of three coupled oscillators",
     "cpg_tripod": "the six legs' oscillators in a tripod gait",
@@ -45,7 +47,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
     parser.add_argument(
         "--output",
-        type=Path,
+        type=path_argument,
         default=Path("figures"),
         metavar="FOLDER",
         help="where they go (default: figures)",

@@ -34,7 +34,7 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         fixed = law_named(name)
         policy = fixed_policy(name, fixed, task)
     except ValueError as error:
-        raise ValueError(f"controllers: {error}") from None
+        raise ValueError(f"controllers: {error}") from error
     controller = config.legs
     if controller is not None and fixed.legs is not None:
         controller = dataclasses.replace(

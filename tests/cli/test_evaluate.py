@@ -54,6 +54,7 @@ def test_decision_interval_is_refused():
         (["terrains=flat"], "error: terrains must be a list, got 'flat'"),
         (["terrains=[flat,blokcs]"], "blocks"),
         (["folder=/proc/x"], "error: [Errno 2] No such file or directory: '/proc/x'"),
+        (["folder="], "error: folder must be the path of a folder or file, got ''"),
         (["episdes=3"], "error: there is no key 'episdes'; did you mean 'episodes'?"),
     ],
 )
@@ -153,6 +154,27 @@ def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_p
     contents = json.loads((tmp_path / "out" / "results.json").read_text())
     assert [row["controller"] for row in contents["episodes"]] == ["zero"] * 3
     assert not (tmp_path / "out" / "parts").exists()
+
+
+def test_files_of_the_user_stay_in_the_folder_of_the_results(run_here, tmp_path):
+    foreign = ["parts/thesis.txt", "figures/mine.svg", "tables/mine.csv", "tables/mine.tex"]
+    for name in foreign:
+        file = tmp_path / "out" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("a user's")
+    for _ in range(2):
+        result = run_here("evaluate.py", "controllers=[zero]", "folder=out", *SHORT)
+        assert result.returncode == 0, result.stderr
+    assert [(tmp_path / "out" / name).read_text() for name in foreign] == ["a user's"] * 4
+    assert (tmp_path / "out" / "figures" / "success.svg").exists()
+
+
+def test_a_report_of_others_is_not_written_over(run_here, tmp_path):
+    (tmp_path / "report.html").write_text("a user's")
+    result = run_here("evaluate.py", "controllers=[zero]", "folder=.", *SHORT)
+    assert result.returncode == 2
+    assert "flyrl did not write this file" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
 
 
 def test_an_interrupted_evaluation_says_how_to_go_on(run_here, tmp_path, own_policies):

@@ -46,6 +46,9 @@ def test_train_from_an_empty_folder(tmp_path, run_here):
     ("arguments", "message"),
     [
         (["terain=flat"], "error: there is no key 'terain'; did you mean 'terrain'?\n"),
+        (["resume="], "error: resume must be the path of a folder or file, got ''\n"),
+        (["runs_folder="], "error: runs_folder must be the path of a folder or file, got ''\n"),
+        (["evaluation.folder="], "error: folder must be the path of a folder or file, got ''\n"),
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
         (
             ["resume=runs/a", "seed=1"],
