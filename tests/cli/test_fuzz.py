@@ -31,9 +31,9 @@ QUICK = settings(
 )
 
 WORDS = """
-null true 5 -1 0 1.5 1e9 1e400 1e-12 nan -inf '' abc [] [null] [5] [[]] {} {a:1} [flat] flat,blocks =
-${seed} ${nowhere} ${oc.env:NOWHERE} é ' no:where 999999999999 a:b:c target-flat [hybrid,hybrid] cuda
-rule_based 1_0 / .. [nan] [1e400,1] {mass:[1]} * !a
+null true 5 -1 0 1.5 1e9 1e400 1e-12 nan -inf '' abc [] [null] [5] [[]] {} {a:1} [flat] flat,blocks
+${seed} ${nowhere} ${oc.env:NOWHERE} é ' no:where 999999999999 a:b:c target-flat [hybrid,hybrid]
+cuda = rule_based 1_0 / .. [nan] [1e400,1] {mass:[1]} * !a
 """
 VALUES = st.one_of(
     st.sampled_from(WORDS.split()),
@@ -65,8 +65,6 @@ def overrides(program):
     """Some arguments, most of them wrong."""
     signs = st.sampled_from(["=", "=", "=", "=", "", "+="])
     one = st.tuples(keys(program), signs, VALUES).map("".join)
-        "".join
-    )
     return st.lists(one, min_size=1, max_size=2)
 
 
