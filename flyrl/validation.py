@@ -244,7 +244,7 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
             raise ValueError(f"{name} must be {_WORDS[hint]}{allowed}, got {value!r}")
         return hint(value)
     if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
-        return from_keys(name, value, hint)
+        return from_keys(name, value, typing.cast(type, hint))
     if not isinstance(value, hint):
         words = _WORDS.get(hint, f"a {hint.__name__}")
         raise ValueError(f"{name} must be {words}, got {value!r}")
@@ -267,7 +267,7 @@ def _checked_tuple(
 
 
 def _is_sane(number: Any) -> bool:
-    return -(2**64) < number < 2**64  # neither NaN nor an infinity is
+    return bool(-(2**64) < number < 2**64)  # neither NaN nor an infinity is
 
 
 def _is_number(value: Any) -> bool:

@@ -2,11 +2,10 @@
 
 import difflib
 import importlib.util
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NoReturn, cast
+from typing import Any, Final, cast
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -42,20 +41,6 @@ class UsageError(ValueError):
     """A command line that cannot be meant so."""
 
 
-class Failure(SystemExit):
-    """The end of a command that cannot do what it was asked to.
-
-    Attributes
-    ----------
-    message
-        What was printed.
-    """
-
-    def __init__(self, message: str) -> None:
-        super().__init__(2)
-        self.message = message
-
-
 @dataclass(frozen=True)
 class Sweep:
     """A command line that asks for many jobs.
@@ -78,18 +63,9 @@ class Sweep:
     is_elsewhere: bool
 
 
-def fail(error: Exception) -> NoReturn:
-    """Print the error and exit as a wrong command line does, with status 2."""
-    print(f"error: {error}", file=sys.stderr)
-    raise Failure(str(error)) from None
-
-
 def plain_values(config: DictConfig) -> dict[str, Any]:
-    """Composed config as plain, resolved values; an unresolvable one ends the program."""
-    try:
-        values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    except OmegaConfBaseException as error:
-        fail(error)
+    """Composed config as plain, resolved values."""
+    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     return cast(dict[str, Any], values)
 
 

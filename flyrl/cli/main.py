@@ -23,7 +23,8 @@ from flyrl.cli import (
     tune,
 )
 from flyrl.cli.completion import subparsers_of
-from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
+from flyrl.cli.errors import Ended, reported
+from flyrl.cli.statuses import UNUSABLE
 from flyrl.resources import version
 
 _SUBCOMMANDS: Final = (
@@ -86,23 +87,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         completion.answer(command_parser())
     try:
-        if given and given[0] in composed.COMPOSED:
-            return composed.run(given[0], given[1:])
-        options = _parsed(given)
-        status: int = options.run(options)
-        sys.stdout.flush()  # here, where a closed pipe is no fault
-    except BrokenPipeError:
-        # what is still to be written at the end goes nowhere, instead of to an error
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
-        return PIPE_CLOSED
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return UNUSABLE
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
+        with reported():
+            if given and given[0] in composed.COMPOSED:
+                return composed.run(given[0], given[1:])
+            options = _parsed(given)
+            status: int = options.run(options)
+    except Ended as end:
+        return end.code if isinstance(end.code, int) else UNUSABLE
     return status
 
 

@@ -18,7 +18,7 @@ from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Episode, Neurons, Task, task_named
 from flyrl.terrains import TERRAINS, TerrainConfig
-from flyrl.validation import from_keys, known_keys, one_of, positive
+from flyrl.validation import did_you_mean, from_keys, one_of, positive
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -131,6 +131,10 @@ class EnvConfig:
         object.__setattr__(self, "scene", scene)
         object.__setattr__(self, "steps_per_decision", steps)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # the rest follows from these, and terms of a task may be functions that cannot be pickled
+        return type(self), tuple(getattr(self, name) for name in _settings(self))
+
     def _fly_scene(
         self,
         body: FlyConfig,
@@ -201,19 +205,36 @@ class EnvConfig:
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
-def config_for(adapter: type, given: Mapping[str, Any]) -> EnvConfig:
-    """Make the settings that the keywords of an environment's class give, beside its own.
+class UnexpectedArgumentError(TypeError, ValueError):
+    """A keyword that no environment has: a TypeError, by which TorchRL knows it, as in Python."""
+
+
+def config_for(
+    adapter: type, given: Mapping[str, Any], config: EnvConfig | None = None
+) -> EnvConfig:
+    """Change the settings, by default the usual ones, as keywords of an environment's class say.
 
     Raises
     ------
+    UnexpectedArgumentError
+        A keyword that does not exist.
     ValueError
-        A keyword that does not exist, or a value that is not allowed.
+        A value that is not allowed.
     """
-    own = [name for name in inspect.signature(adapter).parameters if name != "config"]
-    known_keys(
-        "the environment", given, [field.name for field in fields(EnvConfig) if field.init] + own
-    )
-    return EnvConfig(**given)
+    parameters = inspect.signature(adapter).parameters.values()
+    own = [each.name for each in parameters if each.kind != each.VAR_KEYWORD]
+    known = [*_settings(EnvConfig), *own]
+    for name in given:
+        if name not in known:
+            raise UnexpectedArgumentError(
+                f"the environment got an unexpected keyword argument {name!r}"
+                f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
+            )
+    return replace(config or EnvConfig(), **given)
+
+
+def _settings(config: type[EnvConfig] | EnvConfig) -> list[str]:
+    return [item.name for item in fields(config) if item.init]
 
 
 def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
@@ -222,7 +243,7 @@ def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
     return from_keys(key, given, kind)
 
 
-def _named(key: str, given: str | Config | Fields, table: Mapping[str, Config]) -> Config:
+def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
     """Settings as they are given, or those that a name picks."""
     if isinstance(given, str):
         return table[one_of(key, given, table)]
@@ -230,7 +251,7 @@ def _named(key: str, given: str | Config | Fields, table: Mapping[str, Config]) 
     if type(given) not in kinds:
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
         raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
-    return given
+    return cast(Config, given)
 
 
 def _list(names: Iterable[str]) -> str:

@@ -6,11 +6,13 @@ from dataclasses import asdict, fields, replace
 from typing import Any, cast
 
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig, Observation, Transition
 from flyrl.envs.flies import Flies
 from flyrl.envs.noise import SensorNoise, generator
+from flyrl.envs.rendering import Renderer, make_renderer
 from flyrl.envs.simulation import BodyState, Simulation
 from flyrl.envs.worms import Worms
 from flyrl.simulation.batch import FlyBatch
@@ -62,6 +64,8 @@ class BatchedEnv:
         What each simulation was last reset to.
     difficulty
         Of the episodes that are drawn, from 0 to 1, the usual one.
+    max_decisions
+        Decisions until the task truncates an episode; None without a time limit.
     """
 
     def __init__(self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0) -> None:
@@ -84,7 +88,9 @@ class BatchedEnv:
             for term in self.task.means
         }
         limit = self.task.time_limit_s
-        self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
+        self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
+        self._renderer: Renderer | None = None
+        self._is_closed = False
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._outcomes = self.task.outcomes
         self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
@@ -152,6 +158,7 @@ class BatchedEnv:
             settings do not have, or, at the first reset, a term of the task does not give an array
             of its shape.
         """
+        self._check_open()
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         for name, given in (("seeds", seeds), ("episodes", episodes)):
             if given is not None and len(given) != len(chosen):
@@ -231,9 +238,10 @@ class BatchedEnv:
         Raises
         ------
         ValueError
-            If the actions have the wrong shape, are not finite, or no whole numbers where the task
-            takes these.
+            If the actions have the wrong shape, are not finite, or not the whole numbers that the
+            task takes.
         """
+        self._check_open()
         actions = np.asarray(action, dtype=np.float64)
         shape = (self.num_envs, self.task.actions.size)
         if actions.shape != shape:
@@ -275,8 +283,8 @@ class BatchedEnv:
             is_success[ends] = termination.is_success
             terminated |= ends
         truncated = np.zeros(self.num_envs, dtype=bool)
-        if self._max_decisions is not None:
-            truncated = ~terminated & (self._decisions >= self._max_decisions)
+        if self.max_decisions is not None:
+            truncated = ~terminated & (self._decisions >= self.max_decisions)
             outcome[truncated] = self._code[TIMEOUT]
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
@@ -290,6 +298,31 @@ class BatchedEnv:
             is_success,
             self._outcomes,
         )
+
+    def render(self, i: int = 0) -> NDArray[np.uint8]:
+        """Picture of body i and its target, (480, 640, 3).
+
+        Raises
+        ------
+        RenderingUnavailableError
+            If no GL context can be made.
+        """
+        self._check_open()
+        if self._renderer is None:
+            self._renderer = make_renderer(self.config)
+        episode = self.episodes[i]
+        return self._renderer.render(self.batch, i, goal=episode.goal if episode else ())
+
+    def close(self) -> None:
+        """Free the GL context; to reset, step or render from now on is an error."""
+        self._is_closed = True
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise ClosedEnvironmentError("the environment was closed; make a new one")
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on: physics, controllers, episodes, generators.
@@ -347,10 +380,10 @@ class BatchedEnv:
         goal, command = self._goal, self._command
         if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
-        if self._max_decisions is None:
+        if self.max_decisions is None:
             decisions_left = np.full(self.num_envs, np.inf)
         else:
-            decisions_left = (self._max_decisions - self._decisions).astype(np.float64)
+            decisions_left = (self.max_decisions - self._decisions).astype(np.float64)
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }

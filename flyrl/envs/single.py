@@ -1,17 +1,20 @@
 """One body as a Gymnasium environment."""
 
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.envs.options import episode_with_options
-from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
+from flyrl.envs.registration import limited_spec
+from flyrl.envs.rendering import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.randomisation import UNVARIED
 from flyrl.tasks import RUNNING
@@ -31,6 +34,8 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
     body other than the scene's own "randomisation"; and in a task with goals "is_failure" and
     "decisions_lost" (how many before the time limit the failure cut off; 0 without one).
 
+    A copy, deep or by pickle, is made anew from the settings, and must be reset.
+
     Parameters
     ----------
     render_mode
@@ -45,7 +50,20 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
         self.action_space = action_space(self.core.task)
         self.observation_space = observation_space(self.core.task)
-        self._renderer: Renderer | None = None
+        self._settings = {"render_mode": render_mode, **config}
+        self._spec: EnvSpec | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **self._settings), (), {"_spec": self._spec}
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from; `max_episode_steps` is the task's limit, in decisions."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = limited_spec(spec, self.core.max_decisions)
 
     @property
     def outcomes(self) -> tuple[str, ...]:
@@ -75,7 +93,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         )
 
     def _info(self, outcome_code: int, is_success: bool) -> dict[str, Any]:
-        info = {
+        info: dict[str, Any] = {
             "outcome": outcome_code,
             "is_success": is_success,
             "time_s": float(self.core.state.time[0]),
@@ -91,18 +109,11 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the body, (480, 640, 3), or None without a render mode."""
-        if self.render_mode is None:
-            return None
-        if self._renderer is None:
-            self._renderer = make_renderer(self.config)
-        episode = self.core.episodes[0]
-        return self._renderer.render(self.core.batch, 0, goal=episode.goal if episode else ())
+        return None if self.render_mode is None else self.core.render()
 
     def close(self) -> None:
-        """Free the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Free the renderer; to reset, step or render from now on is an error."""
+        self.core.close()
 
 
 class FlyrlGoalEnv(FlyrlEnv):

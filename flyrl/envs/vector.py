@@ -2,9 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -12,7 +14,8 @@ from numpy.typing import NDArray
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation, Transition
 from flyrl.envs.options import episode_with_options
-from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
+from flyrl.envs.registration import limited_spec
+from flyrl.envs.rendering import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.tasks import RUNNING, Episode
@@ -23,7 +26,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
     """`num_envs` flies or worms on native threads; the other arguments are those of `EnvConfig`.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
-    with its seed.
+    with its seed. A copy, deep or by pickle, is made anew from the settings, and must be reset.
 
     Parameters
     ----------
@@ -72,7 +75,28 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         self._is_varied = np.zeros(num_envs, dtype=bool)
         self._drawn = {item.name: np.zeros(num_envs) for item in fields(Randomisation)}
         self._running = np.full(num_envs, self.outcomes.index(RUNNING))
-        self._renderer: Renderer | None = None
+        self._settings = {
+            "num_envs": num_envs,
+            "num_threads": num_threads,
+            "autoreset_mode": autoreset_mode,
+            "max_episode_steps": max_episode_steps,
+            "render_mode": render_mode,
+            **config,
+        }
+        self._spec: EnvSpec | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **self._settings), (), {"_spec": self._spec}
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from; `max_episode_steps` is the limit, in decisions."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        limits = (self.core.max_decisions, self._max_episode_steps)
+        self._spec = limited_spec(spec, min((each for each in limits if each), default=None))
 
     @property
     def outcomes(self) -> tuple[str, ...]:
@@ -218,18 +242,11 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         """Pictures of the bodies, (480, 640, 3) each, or None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._renderer is None:
-            self._renderer = make_renderer(self.config)
-        return tuple(
-            self._renderer.render(self.core.batch, i, goal=episode.goal if episode else ())
-            for i, episode in enumerate(self.core.episodes)
-        )
+        return tuple(self.core.render(i) for i in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Free the renderer; to reset, step or render from now on is an error."""
+        self.core.close()
 
 
 def _rows(observation: Observation, mask: NDArray[np.bool_]) -> NDArray[np.object_]:

@@ -4,7 +4,7 @@ import dataclasses
 
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
-from flyrl.policies.laws import FIXED, fixed_policy, law_named
+from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
 from flyrl.validation import one_of
 
 
@@ -28,8 +28,10 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         There is no such name, the task does not show what it needs, or a drive is out of range.
     """
     task = config.resolved_task
-    fixed = law_named(name) or FIXED[one_of("controllers", name, [*FIXED, "constant(left, right)"])]
+    if not is_law(name):
+        one_of("controllers", name, [*FIXED, "constant(left, right)"])
     try:
+        fixed = law_named(name)
         policy = fixed_policy(name, fixed, task)
     except ValueError as error:
         raise ValueError(f"controllers: {error}") from error

@@ -145,15 +145,20 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
 _CONSTANT: Final = re.compile(r"constant\(\s*([^,\s]+)\s*,\s*([^,\s]+)\s*\)")
 
 
-def law_named(name: str) -> FixedLaw | None:
-    """Law of a name in `FIXED`, or like constant(1.2, 0.4); None of another name.
+def is_law(name: str) -> bool:
+    """Whether a name is one in `FIXED`, or like constant(1.2, 0.4)."""
+    return name in FIXED or _CONSTANT.fullmatch(name) is not None
+
+
+def law_named(name: str) -> FixedLaw:
+    """Law of a name in `FIXED`, or like constant(1.2, 0.4).
 
     Raises
     ------
     ValueError
-        A constant drive that is out of range.
+        No such law, or a constant drive that is out of range.
     """
-    return FIXED.get(name) or _constant(name)
+    return FIXED[name] if name in FIXED else _constant(name)
 
 
 def fixed_policy(name: str, law: FixedLaw, task: Task | None = None) -> FixedPolicy:
@@ -175,13 +180,11 @@ def fixed_policy(name: str, law: FixedLaw, task: Task | None = None) -> FixedPol
     return law.make(task)
 
 
-def _constant(name: str) -> FixedLaw | None:
-    """Law with the drive that a name like constant(1.2, 0.4) tells; None of another name."""
+def _constant(name: str) -> FixedLaw:
+    """Law with the drive that a name like constant(1.2, 0.4) says."""
     match = _CONSTANT.fullmatch(name)
-    if match is None:
-        return None
     try:
-        left, right = (float(side) for side in match.groups())
+        left, right = map(float, match.groups() if match else "")
     except ValueError:
         raise ValueError(f"{name!r} must hold two numbers, e.g. constant(1.2, 0.4)") from None
     for side in (left, right):

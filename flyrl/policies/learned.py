@@ -17,7 +17,7 @@ from flyrl.policies.bundle import (
     observation_layout,
     policy_file,
 )
-from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, law_named
+from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, is_law, law_named
 from flyrl.policies.lstm import LSTM, advance
 from flyrl.policies.mlp import evaluate
 from flyrl.policies.vectors import vectors
@@ -190,8 +190,8 @@ def load_policy(
     if isinstance(task, str):
         task = task_named(task)
     name = os.fspath(path)
-    if not Path(path).exists() and (law := law_named(name)) is not None:
-        return fixed_policy(name, law, task)
+    if is_law(name) and not Path(path).exists():
+        return fixed_policy(name, law_named(name), task)
     policy = LearnedPolicy(load_bundle(policy_file(path, FIXED)))
     if task is not None:
         policy.check_task(task)

@@ -53,7 +53,7 @@ def test_train_from_an_empty_folder(tmp_path, run_here):
         (
             ["resume=runs/a", "seed=1"],
             "error: resume goes on with the run's own settings; 'seed' cannot be given with it "
-            "(allowed are evaluate_after, evaluation, video_after)\n",
+            "(allowed are trust, evaluate_after, evaluation, video_after)\n",
         ),
         (
             ["resume=runs/a"],

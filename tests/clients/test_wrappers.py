@@ -15,8 +15,10 @@ from gymnasium.wrappers import (
     TimeLimit,
     vector,
 )
+from stable_baselines3.common.vec_env import VecVideoRecorder
 
 from flyrl import OUTCOMES
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.rendering import RenderingUnavailableError
 
 ID = "flyrl:flyrl/Target-v0"
@@ -143,6 +145,20 @@ def test_video_of_many_flies(tmp_path):
     env = make_vec(render_mode="rgb_array")
     film(vector.RecordVideo(env, str(tmp_path / "videos"), video_aspect_ratio=(4, 1)))
     assert frames(tmp_path / "videos" / "rl-video-episode-0.mp4") == (5, 480, 1920)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
+def test_sb3s_video_of_many_flies(tmp_path):
+    env = FlyrlVecEnv(num_envs=2, render_mode="rgb_array", **SETTINGS)
+    env = VecVideoRecorder(env, str(tmp_path), lambda step: step == 0, video_length=3)
+    try:
+        env.reset()
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    for _ in range(3):
+        env.step(np.zeros((2, 2)))
+    env.close()
+    assert frames(tmp_path / "rl-video-step-0-to-step-3.mp4") == (4, 960, 640)
 
 
 def test_pictures_of_many_flies_are_those_of_single_ones():
