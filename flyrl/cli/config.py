@@ -170,11 +170,12 @@ def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
 
 
 def _varied(given: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
-    """Values of each quantity, with tuples in place of lists."""
-    for name, values in given.items():
-        if not isinstance(values, list | tuple):
-            raise ValueError(f"vary.{name} must be a list of values, got {values!r}")
-    return {name: tuple(_tuples(value) for value in values) for name, values in given.items()}
+    """Values of each quantity, with tuples in place of lists; one value is a list of one."""
+    lists = {
+        name: values if isinstance(values, list | tuple) else [values]
+        for name, values in given.items()
+    }
+    return {name: tuple(_tuples(value) for value in values) for name, values in lists.items()}
 
 
 def _tuples(value: Any) -> Any:

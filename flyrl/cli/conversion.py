@@ -87,9 +87,12 @@ def _scalar(hint: type, value: Any, key: str) -> Any:
 
 
 def _tuple(hints: Sequence[Any], value: Any, key: str) -> tuple[Any, ...]:
+    is_open = hints[-1] is Ellipsis
+    if is_open and isinstance(value, str | int | float):
+        value = [value]  # one value stands for a list of one
     if not isinstance(value, list | tuple):
         raise ValueError(f"{key} must be a list, got {value!r}")
-    if hints[-1] is Ellipsis:
+    if is_open:
         hints = [hints[0]] * len(value)
     if len(value) != len(hints):
         raise ValueError(f"{key} must be a list of {len(hints)}, got {value!r}")

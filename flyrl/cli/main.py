@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import sys
 from collections.abc import Sequence
@@ -119,12 +118,14 @@ def command_parser() -> argparse.ArgumentParser:
 
 
 def _parsed(given: Sequence[str]) -> argparse.Namespace:
-    """Parse; tell the closest match of a command or an option that does not exist."""
+    """Parse; name the closest match of a command or an option that does not exist."""
+    from flyrl.validation import did_you_mean  # noqa: PLC0415  (loads NumPy)
+
     parser = command_parser()
     commands = subparsers_of(parser)
     if given and not given[0].startswith("-") and given[0] not in commands:
         parser.error(
-            f"there is no command {given[0]!r}{_closest(given[0], commands)} "
+            f"there is no command {given[0]!r}{did_you_mean(given[0], commands)} "
             f"(commands: {', '.join(commands)})"
         )
     options, unknown = parser.parse_known_args(given)
@@ -132,10 +133,5 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         command = commands[options.command]
         first = unknown[0].partition("=")[0]
         known = [text for action in command._actions for text in action.option_strings]
-        command.error(f"unrecognized arguments: {' '.join(unknown)}{_closest(first, known)}")
+        command.error(f"unrecognized arguments: {' '.join(unknown)}{did_you_mean(first, known)}")
     return options
-
-
-def _closest(given: str, known: Sequence[str] | dict[str, Any]) -> str:
-    close = difflib.get_close_matches(given, list(known), n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""

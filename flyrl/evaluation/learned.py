@@ -53,8 +53,13 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     try:
         legs = env.get("controller")
         controller = ControllerConfig(**legs) if legs is not None else config.legs
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
+    if controller is not None and not controller.follows_drive:
+        raise PolicyFileError(
+            f"{file}: its leg controller, {controller.name!r}, ignores the drive, so that no "
+            "policy can steer it"
+        )
     interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
     name = free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
     record = {

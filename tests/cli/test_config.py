@@ -10,6 +10,7 @@ from flyrl.bodies.fly import FLIES
 from flyrl.bodies.worm import WORMS
 from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import (
+    env_config,
     evaluation_config,
     own_settings,
     training_config,
@@ -65,11 +66,9 @@ def test_randomisations(name):
 @pytest.mark.parametrize("controller", ["cpg", "rule_based", "hybrid"])
 @pytest.mark.parametrize("body", FLIES)
 def test_bodies_controllers_and_terrains(body, controller, terrain):
-    config = training_config(
-        _composed(f"body={body}", f"controller={controller}", f"terrain={terrain}")
-    )
-    assert config.env.scene == EnvConfig(body=body, controller=controller, terrain=terrain).scene
-    assert config.env.scene.body == FLIES[body]
+    env = env_config(_composed(f"body={body}", f"controller={controller}", f"terrain={terrain}"))
+    assert env.scene == EnvConfig(body=body, controller=controller, terrain=terrain).scene
+    assert env.scene.body == FLIES[body]
 
 
 @pytest.mark.parametrize("name", sorted(_names("task")))
