@@ -150,14 +150,15 @@ class TrainingConfig:
         decisions = round(task.time_limit_s / self.env.decision_interval_s)
         algo.check_episodes(self.training.num_envs, decisions)
 
-    def name(self, now: datetime.datetime) -> str:
-        """Name of a run that starts now: date, time, task, terrain, algorithm, seed."""
+    def name(self, now: datetime.datetime, label: str = "") -> str:
+        """Name of a run that starts now: date, time, task, terrain, algorithm, seed, label."""
         parts = (
             now.strftime("%Y-%m-%d_%H%M%S"),
             self.env.resolved_task.name,
             self.env.scene.terrain.label,
             self.algo.name,
             str(self.seed),
+            *filter(None, [label]),
         )
         return "_".join(parts)
 

@@ -197,6 +197,7 @@ def test_name_of_a_run():
     config = TrainingConfig(env=EnvConfig(terrain="mixed"), algo=SACConfig(), seed=7)
     now = datetime.datetime(2026, 1, 2, 3, 4, 5)
     assert config.name(now) == "2026-01-02_030405_target_mixed_sac_7"
+    assert config.name(now, "tau-0.1") == "2026-01-02_030405_target_mixed_sac_7_tau-0.1"
 
 
 def test_record_is_plain_json():
