@@ -115,6 +115,8 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
         with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
             parser = OverridesParser.create(GlobalHydra.instance().config_loader())
             overrides = parser.parse_overrides(options.overrides)
+            if nameless := [each.input_line for each in overrides if not each.key_or_group]:
+                raise UsageError(f"{nameless[0]!r} names no key; write key=value")
             jobs = _jobs(overrides)
             plain = tuple(str(o.input_line) for o in overrides if not o.is_sweep_override())
             composed = {}

@@ -12,6 +12,14 @@ from flyrl.validation import one_of
 T = TypeVar("T")
 
 
+def group(config: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Copy of the group of keys at `key` of a config; ValueError if there is none."""
+    found = config.get(key)
+    if not isinstance(found, Mapping):
+        raise ValueError(f"{key} must be a group of keys, got {found!r:.60}")
+    return dict(found)
+
+
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     """Build a dataclass from a mapping of its fields.
 

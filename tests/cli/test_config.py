@@ -110,6 +110,16 @@ def test_a_users_own_profile_is_given_by_its_path(tmp_path):
     assert fly.scene.body.muscles.profile_path == path
 
 
+def test_a_users_own_profile_is_found_from_another_folder(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    Image.new("RGB", (7, 1), (200, 0, 0)).save(tmp_path / "here" / "own.png")
+    monkeypatch.chdir(tmp_path / "here")
+    record = training_record(training_config(_composed("task=worm_hang", "body.profile=own.png")))
+    monkeypatch.chdir(tmp_path)
+    body = training_config(record).env.scene.body
+    assert body.profile_path == tmp_path / "here" / "own.png"
+
+
 def test_the_body_of_another_creature_is_refused():
     allowed = r"body must be a worm in the task 'worm_crawl' \(worm_crawler, worm_hanger\), got"
     with pytest.raises(ValueError, match=allowed):

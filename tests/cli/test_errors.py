@@ -59,7 +59,7 @@ def test_output_that_was_closed_is_no_error(monkeypatch):
 def test_output_that_is_full_is_an_error_in_one_line():
     with Path("/dev/full").open("w") as full:
         ended = subprocess.run(
-            [sys.executable, "-m", "flyrl", "runs", "--help"],
+            [sys.executable, "-m", "flyrl", "completion", "bash"],
             cwd=ROOT,
             stdout=full,
             stderr=subprocess.PIPE,
