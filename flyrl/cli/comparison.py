@@ -11,6 +11,7 @@ from typing import Any, Final
 from flyrl.cli.runs import names_of
 from flyrl.cli.sweep import Job, Note, by_key, read_jobs, swept_keys
 from flyrl.cli.tables import NOTHING, csv_text, print_table, printable
+from flyrl.evaluation.metrics import LOWER_IS_BETTER, decisive_metrics
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
@@ -19,13 +20,8 @@ from flyrl.training.runs import RunSummary, find_runs, flat, read_run
 
 COMPARISON_FILE: Final = "comparison.csv"
 
-_FIGURES: Final = {
-    "final_success": ("last", "success_rate", (0.0, 1.0)),
-    "best_success": ("best", "success_rate", (0.0, 1.0)),
-    "final_return": ("last", "mean_return", ()),
-    "best_return": ("best", "mean_return", ()),
-}
-"""Column -> which evaluation of a run, which of its figures, and what that lies within."""
+Figure = tuple[str, str, tuple[float, ...]]
+"""Which evaluation of a run, which of its columns, and what that lies within."""
 
 Row = dict[str, Any]
 Settings = Mapping[str, Any]
@@ -127,6 +123,64 @@ def _grouped(runs: Sequence[tuple[Settings, RunSummary | None]]) -> list[Group]:
     return groups
 
 
+def figures_of(groups: Sequence[Group]) -> dict[str, Figure]:
+    """Figures that groups are compared by.
+
+    Success, what decides the task as far as the evaluations have it, and the return; of runs whose
+    rewards differ, the unweighted reward terms instead of the return.
+    """
+    runs = [run for group in groups for run in group.runs]
+    columns = dict.fromkeys(key for run in runs for key in run.last or ())
+    figures: dict[str, Figure] = {
+        "final_success": ("last", "success_rate", (0.0, 1.0)),
+        "best_success": ("best", "success_rate", (0.0, 1.0)),
+    }
+    shown = [key for key in _decisive(groups) if key in columns]
+    if has_one_reward(groups):
+        figures |= {"final_return": ("last", "mean_return", ())}
+        figures |= {"best_return": ("best", "mean_return", ())}
+    else:
+        shown += [key for key in columns if key.startswith("unweighted_")]
+    return figures | {f"final_{key}": ("last", key, ()) for key in shown}
+
+
+def has_one_reward(groups: Sequence[Group]) -> bool:
+    """Whether returns can be compared: all finished runs have the same task, terms and weights."""
+    parts = ("task.name", "task.terms", "task.weights")
+    rewards = {repr([run.setting(key) for key in parts]) for g in groups for run in g.runs}
+    return len(rewards) < 2
+
+
+def _decisive(groups: Sequence[Group]) -> tuple[str, ...]:
+    """What decides the task of all finished runs; nothing if they have several."""
+    tasks = {str(run.setting("task.name")) for group in groups for run in group.runs}
+    return decisive_metrics(tasks.pop()) if len(tasks) == 1 else ()
+
+
+def ranking_metrics(groups: Sequence[Group]) -> list[str]:
+    """What groups are ranked by: what decides the task, success, the return if comparable."""
+    figures = figures_of(groups)
+    metrics = dict.fromkeys((*_decisive(groups), "success", "return"))
+    return [metric for metric in metrics if f"final_{metric}" in figures]
+
+
+def ranked(groups: Sequence[Group]) -> list[Group]:
+    """Groups from the best to the worst, by the means of their final evaluations.
+
+    Groups without a finished run come last.
+    """
+    figures, metrics = figures_of(groups), ranking_metrics(groups)
+
+    def rank(group: Group) -> list[tuple[bool, float]]:
+        means = [_figure(figures[f"final_{metric}"], group.runs).value for metric in metrics]
+        return [
+            (mean is None, (mean or 0.0) * (1 if metric in LOWER_IS_BETTER else -1))
+            for metric, mean in zip(metrics, means, strict=True)
+        ]
+
+    return sorted(groups, key=rank)
+
+
 def table(groups: Sequence[Group]) -> list[Row]:
     """A row per group, with its figures over the finished runs.
 
@@ -135,21 +189,21 @@ def table(groups: Sequence[Group]) -> list[Row]:
     Rows with the settings, `jobs`, `runs` (the finished ones, which the figures are over), and for
     each figure its `_mean`, `_low` and `_high`, None where there is none.
     """
-    rows = []
+    rows, figures = [], figures_of(groups)
     for group in groups:
         row: Row = {**group.settings, "jobs": group.jobs, "runs": len(group.runs)}
-        for column in _FIGURES:
-            interval = _figure(column, group.runs)
+        for column, figure in figures.items():
+            interval = _figure(figure, group.runs)
             row[f"{column}_mean"] = interval.value
             row[f"{column}_low"], row[f"{column}_high"] = interval.low, interval.high
         rows.append(row)
     return rows
 
 
-def _figure(column: str, runs: Sequence[RunSummary]) -> Interval:
-    which, key, limits = _FIGURES[column]
+def _figure(figure: Figure, runs: Sequence[RunSummary]) -> Interval:
+    which, key, limits = figure
     evaluations: list[Mapping[str, float] | None] = [getattr(run, which) for run in runs]
-    return mean_over_runs([row[key] for row in evaluations if row is not None], *limits)
+    return mean_over_runs([row[key] for row in evaluations if row and key in row], *limits)
 
 
 def compare_sweep(folder: Path, output: Path | None = None) -> None:
@@ -201,19 +255,22 @@ def compare_folders(folders: Sequence[Path], output: Path) -> None:
 
 def _tell(groups: Sequence[Group], output: Path) -> None:
     """Print the table, and write it and the learning curves."""
-    rows = table(groups)
+    groups = ranked(groups)
+    rows, figures = table(groups), figures_of(groups)
     output.mkdir(parents=True, exist_ok=True)
     write_text(output / COMPARISON_FILE, csv_text(list(rows[0]), rows))
     keys = telling_keys(groups)
     labels = [label(group, keys) for group in groups]
     evaluations = [[run.evaluations for run in group.runs] for group in groups]
     curves = list(zip(labels, evaluations, strict=True))
-    write_learning_curves(output, curves, _in_common(groups) if keys else "")
+    title = _in_common(groups) if keys else ""
+    lower = "mean_return" if has_one_reward(groups) else "mean_duration_s"
+    write_learning_curves(output, curves, title, lower)
     shown = [
         {
             **{key: row[key] for key in keys},
             "runs": f"{row['runs']} of {row['jobs']}",
-            **{column.replace("_", " "): _shown(row, column) for column in _FIGURES},
+            **{column.replace("_", " "): _shown(row, column) for column in figures},
         }
         for row in rows
     ]
@@ -222,6 +279,9 @@ def _tell(groups: Sequence[Group], output: Path) -> None:
         f"mean over finished runs [{CONFIDENCE:.0%} interval of the mean, Student's t]; fewer than "
         f"{MIN_RUNS} runs, or equal ones, have no interval"
     )
+    print(f"best first, by the final {', '.join(ranking_metrics(groups))}")
+    if not has_one_reward(groups):
+        print("their rewards differ, so returns are not compared")
     if others := [key for key in groups[0].settings if key not in keys]:
         print(printable(f"they differ also in {', '.join(others)}: see {output / COMPARISON_FILE}"))
 

@@ -30,11 +30,14 @@ class Start:
         Those on the command line, without Hydra's own.
     sweep
         Folder of the sweep that it is part of, or None.
+    label
+        End of the name of a folder that it makes: the swept values.
     """
 
     command: tuple[str, ...]
     overrides: tuple[str, ...]
     sweep: Path | None = None
+    label: str = ""
 
 
 def run_command(
@@ -77,6 +80,7 @@ def _run(
     command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
     here = Path.cwd()
     titles = sweep.titles(asked.jobs) if asked else {}
+    labels = sweep.folder_labels(asked.jobs) if asked else {}
 
     def job(config: DictConfig) -> None:
         settings = HydraConfig.get()
@@ -86,7 +90,7 @@ def _run(
                 run(plain_values(config), Start((*command, *arguments), overrides))
             return
         folder = Path(settings.sweep.dir)
-        start = Start((*command, *overrides), overrides, folder)
+        start = Start((*command, *overrides), overrides, folder, labels.get(overrides, ""))
         title = titles.get(overrides, "")
 
         def run_reported() -> Path:

@@ -36,8 +36,8 @@ def reported() -> Iterator[None]:
     """End the program with a message where the user can mend an error, without a traceback.
 
     That is: a ValueError (settings, contents of files), an OSError (files, a full disk), what Hydra
-    and OmegaConf raise, and values that are nested without end. Other exceptions are bugs of
-    flyrl's and pass. With the environment variable HYDRA_FULL_ERROR all of them do.
+    and OmegaConf raise, values that are nested without end, and sizes beyond the memory. Other
+    exceptions are bugs of flyrl's and pass. With the environment variable HYDRA_FULL_ERROR all of them do.
 
     Raises
     ------
@@ -63,16 +63,17 @@ def reported() -> Iterator[None]:
         if os.environ.get("HYDRA_FULL_ERROR") or not _is_users(error):
             raise
         _drop_output()
-        message = (
-            "a value is nested too deeply" if isinstance(error, RecursionError) else str(error)
-        )
-        message = message.partition("\nSee http")[0]
+        message = str(error).partition("\nSee http")[0]
+        if isinstance(error, RecursionError):
+            message = "a value is nested too deeply"
+        elif isinstance(error, MemoryError):
+            message = f"there is not enough memory for these sizes. {message}".strip()
         print(f"error: {message}", file=sys.stderr)
         raise Failure(message) from None
 
 
 def _is_users(error: Exception) -> bool:
-    if isinstance(error, ValueError | OSError | RecursionError):
+    if isinstance(error, ValueError | OSError | RecursionError | MemoryError):
         return True
     return any(cls.__module__.partition(".")[0] in _PARSERS for cls in type(error).__mro__)
 

@@ -60,7 +60,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
     if settings.folder is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
         parent = start.sweep or Path("reports")
-        folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
+        name = "_".join(filter(None, [now, config.resolved_task.name, start.label]))
+        folder = new_folder(parent, name)
     else:
         folder = results_folder(settings.folder)
     with _terminable():

@@ -216,9 +216,10 @@ def _run_trial(
     drawn = " ".join(f"{key}={short_text(value)}" for key, value in values.items())
     print(f"trial {trial.number} ({trial.number + 1} of {plan.trials}): {drawn}", file=sys.stderr)
     episodes = plan.config({}).training.evaluation_episodes
+    has_one_reward = not any(key.startswith("task.") for key in plan.space)
 
     def best(evaluations: Sequence[Mapping[str, float]]) -> float:
-        return max(score(evaluation, episodes) for evaluation in evaluations)
+        return max(score(each, episodes, has_one_reward=has_one_reward) for each in evaluations)
 
     def goes_on(evaluations: Sequence[Mapping[str, float]]) -> bool:
         if len(evaluations) <= told:
@@ -268,7 +269,7 @@ def _fail(study: Study, trial: Trial, error: str) -> None:
     print(f"trial {trial.number} failed: {error}", file=sys.stderr)
 
 
-def score(evaluation: Mapping[str, float], episodes: int) -> float:
+def score(evaluation: Mapping[str, float], episodes: int, *, has_one_reward: bool = True) -> float:
     """What a study maximises: success, and of equal success, the return.
 
     Parameters
@@ -278,6 +279,10 @@ def score(evaluation: Mapping[str, float], episodes: int) -> float:
     episodes
         That it was over. The return, which has no bounds, is squeezed into less than the success
         of one of them.
+    has_one_reward
+        Whether all trials have the same reward; if not, the return does not count.
     """
+    if not has_one_reward:
+        return evaluation["success_rate"]
     share = 0.5 + math.atan(evaluation["mean_return"]) / math.pi
     return evaluation["success_rate"] + share / episodes

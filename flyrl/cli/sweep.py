@@ -33,6 +33,8 @@ from flyrl.progress import progress_bar
 
 SWEEP_FILE: Final = "sweep.json"
 _NOTES: Final = "jobs"
+_IN_NAMES: Final = ("task", "terrain", "algo", "seed")
+_MAX_LABEL: Final = 80
 _LOOK_S: Final = 1.0
 _PARENT: Final = "FLYRL_SWEEP_PROCESS"
 _ESCAPED: Final = re.compile(r"\\([\\()\[\]{}:=, \t])")
@@ -94,6 +96,25 @@ def titles(jobs: Sequence[Job]) -> dict[Job, str]:
         apart = " ".join(f"{key}={value}" for key, value in by_key(job).items() if key in keys)
         told[job] = f"job {number} of {len(jobs)}" + (f": {apart}" if apart else "")
     return told
+
+
+def folder_labels(jobs: Sequence[Job]) -> dict[Job, str]:
+    """Swept values of each job, to end the name of its folder: short, and safe everywhere.
+
+    Without those that stand in the name of every run folder anyway.
+    """
+    keys = [key for key in swept_keys(jobs) if key not in _IN_NAMES]
+    labels = {}
+    for job in jobs:
+        settings = by_key(job)
+        words = [
+            f"{key.rpartition('.')[2]}-{settings[key].strip('[]{}()')}"
+            for key in keys
+            if key in settings
+        ]
+        text = re.sub(r"[^A-Za-z0-9_.+-]+", "-", "_".join(words))
+        labels[job] = text[:_MAX_LABEL].strip("-._")
+    return labels
 
 
 def run_job(folder: Path, here: Path, overrides: Job, title: str, job: Callable[[], Path]) -> None:

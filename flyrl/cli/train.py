@@ -121,7 +121,7 @@ def _learn(
     try:
         if interrupted:
             return resume(config, interrupted, start.command, at_end=show)
-        return train(config, runs, start.command, at_end=show)
+        return train(config, runs, start.command, start.label, at_end=show)
     except OSError as error:
         raise _with_way_on(error, config, interrupted or runs) from error
 

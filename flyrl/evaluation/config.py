@@ -12,11 +12,12 @@ from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS
 from flyrl.evaluation.studies import STUDIES
+from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
 from flyrl.terrains import TerrainConfig
-from flyrl.validation import at_least, not_negative, one_of, within
+from flyrl.validation import at_least, not_negative, one_of, whole_number, within
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -131,8 +132,8 @@ class EvaluationConfig:
             within(f"film[{i}]", episode, 0, self.episodes - 1)
         if len(set(self.film)) < len(self.film):
             raise ValueError(f"film must name every episode once, got {list(self.film)}")
-        at_least("num_envs", self.num_envs, 1)
-        at_least("num_threads", self.num_threads, 0)
+        whole_number("num_envs", self.num_envs, 1, MOST_SIMS)
+        whole_number("num_threads", self.num_threads, 0, MOST_THREADS)
         task = self.resolved_task
         if not task.has_vectors:
             raise ValueError(

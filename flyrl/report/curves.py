@@ -129,7 +129,11 @@ def write_learning_curve(
 
 
 def learning_curves(
-    groups: Sequence[tuple[str, Sequence[Evaluations]]], title: str = "", *, is_themed: bool = False
+    groups: Sequence[tuple[str, Sequence[Evaluations]]],
+    title: str = "",
+    lower: str = "mean_return",
+    *,
+    is_themed: bool = False,
 ) -> Figure:
     """Success and return on the held-out episodes: a line per group, a pale one per run.
 
@@ -142,6 +146,8 @@ def learning_curves(
         an evaluation are left out; a group without any is not in the legend, but keeps its colour.
     title
         Above the figure.
+    lower
+        Column of the evaluations in the lower panel; all have it.
     is_themed
         Whether colours are markers of the report's theme.
     """
@@ -157,13 +163,13 @@ def learning_curves(
             line["linestyle"] = _DASHES[dashes % len(_DASHES)]
             mean = {**line, "marker": "o", "markersize": 3, "zorder": 3}
             shared = sorted(set(drawn[0]).intersection(*drawn[1:]))
-            for axes, key in zip(both, _PANELS, strict=True):
+            for axes, key in zip(both, (_PANELS[0], lower), strict=True):
                 for run in drawn:
                     values = [row[key] for row in run.values()]
                     axes.plot(list(run), values, linewidth=0.8, alpha=0.35, **line)
                 means = [fmean(run[decisions][key] for run in drawn) for decisions in shared]
                 axes.plot(shared, means, label=f"{label}, n = {len(drawn)}", **mean)
-        both[1].set_ylabel("held-out return")
+        both[1].set_ylabel(f"held-out {lower.removeprefix('mean_').replace('_', ' ')}")
         both[1].set_xlim(left=0)
         _add_legend(figure, both[0])
     return figure
@@ -197,7 +203,10 @@ def _add_legend(figure: Figure, axes: Axes) -> None:
 
 
 def write_learning_curves(
-    folder: Path, groups: Sequence[tuple[str, Sequence[Evaluations]]], title: str = ""
+    folder: Path,
+    groups: Sequence[tuple[str, Sequence[Evaluations]]],
+    title: str = "",
+    lower: str = "mean_return",
 ) -> list[Path]:
     """Write `learning_curves.svg` and `.png` into a folder; return their paths.
 
@@ -205,7 +214,7 @@ def write_learning_curves(
     ----------
     folder
         Of a sweep, say.
-    groups, title
+    groups, title, lower
         As in `learning_curves`; without a single evaluation, nothing is written.
 
     Raises
@@ -215,7 +224,7 @@ def write_learning_curves(
     """
     if not any(run for _, runs in groups for run in runs):
         return []
-    return _write(learning_curves(groups, title), folder, "learning_curves")
+    return _write(learning_curves(groups, title, lower), folder, "learning_curves")
 
 
 def _write(figure: Figure, folder: Path, name: str) -> list[Path]:

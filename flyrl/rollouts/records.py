@@ -91,6 +91,8 @@ class EpisodeRecord:
     errors
         Mean over the horizon of what the task measures, by name (see `tasks.ERRORS`); the time that
         a failure cut off counts as the worst.
+    totals
+        Sum of each reward term, unweighted, by name.
     gait
         How the fly walked until then, where the environment logs it. Of a fly whose physics
         diverged, until the decision before.
@@ -112,6 +114,7 @@ class EpisodeRecord:
     yaw: FloatArray
     drive: FloatArray
     errors: Mapping[str, float] = field(default_factory=dict)
+    totals: Mapping[str, float] = field(default_factory=dict)
     gait: Gait | None = None
     creature: Creature = "fly"
 

@@ -118,6 +118,7 @@ class _Path:
         self.num_decisions = 0
         self.return_ = 0.0
         self.outcome = ""
+        self.totals: dict[str, float] = {}
 
     def add(self, env: BatchedEnv, sim: int, time_s: float) -> None:
         """Sample simulation `sim` as it is now."""
@@ -163,6 +164,7 @@ class _Path:
         )
         return {
             "outcome": self.outcome,
+            "totals": self.totals,
             "return_": self.return_,
             "duration_s": float(time_s[-1]),
             "time_s": time_s,
@@ -195,6 +197,7 @@ def _run_batch(
         observation = transition.observation
         errors = _errors(env)
         done = transition.done if decision < decisions else np.ones(env.num_envs, dtype=bool)
+        totals = env.task_state().totals if done[active].any() else {}
         for i in active:
             paths[i].return_ += float(transition.reward[i])
             paths[i].errors = paths[i].errors + errors[i]
@@ -204,6 +207,7 @@ def _run_batch(
                 paths[i].add(env, int(i), decision * interval)
             if done[i]:
                 paths[i].outcome = str(transition.outcome[i]) if transition.done[i] else TIMEOUT
+                paths[i].totals = {name: float(total[i]) for name, total in totals.items()}
         if on_progress is not None:
             ended = int(done[active].sum())
             on_progress(len(active) + ended * (decisions - decision))

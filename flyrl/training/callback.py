@@ -17,7 +17,7 @@ from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.progress import progress_bar
-from flyrl.rollouts import run_episodes
+from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Episode, term_digests
 from flyrl.training.checkpoint import learner_state, save_checkpoint
 from flyrl.training.config import TrainingConfig, lasting_settings, training_record
@@ -47,6 +47,19 @@ def fly_env(model: BaseAlgorithm) -> FlyrlVecEnv:
     env = model.env.unwrapped
     assert isinstance(env, FlyrlVecEnv)
     return env
+
+
+def _unweighted(records: Sequence[EpisodeRecord]) -> dict[str, float]:
+    """Means over episodes that do not depend on the weights of the reward, by column."""
+    columns = [
+        {
+            "advance_mm": record.position_w[-1, 0] - record.position_w[0, 0],
+            **record.errors,
+            **{f"unweighted_{name}": total for name, total in record.totals.items()},
+        }
+        for record in records
+    ]
+    return {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
 
 
 class RunCallback(BaseCallback):
@@ -226,7 +239,7 @@ class RunCallback(BaseCallback):
             "mean_return": float(np.mean([record.return_ for record in records])),
             "mean_duration_s": float(np.mean([record.duration_s for record in records])),
         }
-        self._evaluations.append(evaluation)
+        self._evaluations.append({**evaluation, **_unweighted(records)})
         self._folder.write_rows("evaluations.csv", self._evaluations)
         for key in ("success_rate", "mean_return", "mean_duration_s"):
             self.logger.record(f"evaluation/{key}", evaluation[key])

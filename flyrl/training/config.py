@@ -3,15 +3,16 @@
 import dataclasses
 import datetime
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
+from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
 from flyrl.tasks import FAILURES
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig, HindsightConfig, PPOConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.loggers import LoggerConfig
-from flyrl.validation import at_least, check_fields, within
+from flyrl.validation import Within, check_fields, within
 
 LARGEST_SEED: Final = 2**31 - 1
 
@@ -46,29 +47,20 @@ class ScheduleConfig:
         Whether and how the episodes get harder on the way.
     """
 
-    total_decisions: int = 120_000
-    num_envs: int = 32
-    num_threads: int = 0
-    torch_threads: int = 1
-    evaluation_interval: int = 10_000
-    evaluation_episodes: int = 32
-    evaluation_seed: int = 0
-    checkpoint_interval: int = 10_000
-    checkpoints_kept: int = 2
+    total_decisions: Annotated[int, Within(1, 10**12)] = 120_000
+    num_envs: Annotated[int, Within(1, MOST_SIMS)] = 32
+    num_threads: Annotated[int, Within(0, MOST_THREADS)] = 0
+    torch_threads: Annotated[int, Within(1, MOST_THREADS)] = 1
+    evaluation_interval: Annotated[int, Within(1, 10**12)] = 10_000
+    evaluation_episodes: Annotated[int, Within(1, MOST_SIMS)] = 32
+    evaluation_seed: Annotated[int, Within(0, 2**63 - 1)] = 0
+    checkpoint_interval: Annotated[int, Within(1, 10**12)] = 10_000
+    checkpoints_kept: Annotated[int, Within(1, 10**6)] = 2
     progress_bar: bool = True
     curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
 
     def __post_init__(self) -> None:
         check_fields(self, "training")
-        at_least("training.total_decisions", self.total_decisions, 1)
-        at_least("training.num_envs", self.num_envs, 1)
-        at_least("training.num_threads", self.num_threads, 0)
-        at_least("training.torch_threads", self.torch_threads, 1)
-        at_least("training.evaluation_interval", self.evaluation_interval, 1)
-        at_least("training.evaluation_episodes", self.evaluation_episodes, 1)
-        at_least("training.evaluation_seed", self.evaluation_seed, 0)
-        at_least("training.checkpoint_interval", self.checkpoint_interval, 1)
-        at_least("training.checkpoints_kept", self.checkpoints_kept, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,14 +142,15 @@ class TrainingConfig:
         decisions = round(task.time_limit_s / self.env.decision_interval_s)
         algo.check_episodes(self.training.num_envs, decisions)
 
-    def name(self, now: datetime.datetime) -> str:
-        """Name of a run that starts now: date, time, task, terrain, algorithm, seed."""
+    def name(self, now: datetime.datetime, label: str = "") -> str:
+        """Name of a run that starts now: date, time, task, terrain, algorithm, seed, label."""
         parts = (
             now.strftime("%Y-%m-%d_%H%M%S"),
             self.env.resolved_task.name,
             self.env.scene.terrain.label,
             self.algo.name,
             str(self.seed),
+            *filter(None, [label]),
         )
         return "_".join(parts)
 

@@ -67,6 +67,7 @@ def train(
     config: TrainingConfig,
     runs: str | Path = "runs",
     command: Sequence[str] = (),
+    label: str = "",
     *,
     goes_on: GoesOn | None = None,
     at_end: Callable[[Run], None] = _nothing,
@@ -81,6 +82,8 @@ def train(
         Folder in which the run folder is made.
     command
         The command that asked for it, for the record.
+    label
+        End of the run folder's name.
     goes_on
         Asked after every evaluation; False ends the run, as an interruption does.
     at_end
@@ -101,7 +104,7 @@ def train(
     if config.logger is not None:
         config.logger.check_installed()
     model = _prepare(config)
-    run_folder = RunFolder.create(config, Path(runs), command)
+    run_folder = RunFolder.create(config, Path(runs), command, label)
     with held(run_folder.path):
         return _learn(config, model, run_folder, None, goes_on, at_end)
 

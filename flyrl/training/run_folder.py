@@ -7,7 +7,7 @@ code.diff            what the code had beyond its commit, if anything; code_2.di
 provenance.json      commit, package versions, CPU; the same of every time that the run went on
 progress.csv         metrics, one row per update
 tensorboard/         the same for TensorBoard
-evaluations.csv      success and return on the held-out episodes
+evaluations.csv      success, return, errors and unweighted reward terms on the held-out episodes
 best.safetensors     policy bundle with the best evaluation
 last.safetensors     policy bundle at the end
 model.zip            Stable-Baselines3's model, to go on training (holds a pickle: your own only)
@@ -64,7 +64,9 @@ class RunFolder:
     path: Path
 
     @classmethod
-    def create(cls, config: TrainingConfig, runs: Path, command: Sequence[str] = ()) -> "RunFolder":
+    def create(
+        cls, config: TrainingConfig, runs: Path, command: Sequence[str] = (), label: str = ""
+    ) -> "RunFolder":
         """Make a new folder in `runs`, and write down what the run is and where it comes from.
 
         Parameters
@@ -75,9 +77,11 @@ class RunFolder:
             Made if missing.
         command
             Program and arguments, for `command.txt`.
+        label
+            End of the folder's name.
         """
         started = datetime.datetime.now().astimezone()
-        path = new_folder(runs, config.name(started))
+        path = new_folder(runs, config.name(started, label))
         folder = cls(path)
         record = yaml.safe_dump(training_record(config), sort_keys=False)
         write_text(path / CONFIG_FILE, record)

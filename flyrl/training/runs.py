@@ -4,7 +4,9 @@ Importing this loads neither torch nor Stable-Baselines3, so that a list of runs
 """
 
 import csv
+import itertools
 import json
+import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -313,9 +315,15 @@ def is_finished(folder: Path) -> bool:
 
 
 def _evaluations(path: Path) -> tuple[Mapping[str, float], ...]:
-    rows = csv.DictReader(path.read_text().splitlines())
-    columns = ("decisions", "success_rate", "mean_return")
-    return tuple({key: float(row[key]) for key in columns} for row in rows)
+    rows = [
+        {key: float(value) for key, value in row.items()}
+        for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines())
+    ]
+    needed = ("decisions", "success_rate", "mean_return", "mean_duration_s")
+    for row, key in itertools.product(rows, needed):
+        if not math.isfinite(row[key]):
+            raise ValueError(f"{key} must be finite, got {row[key]}")
+    return tuple(rows)
 
 
 def _how_far(

@@ -6,7 +6,15 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 
-from flyrl.cli.comparison import compare_sweep, group_jobs, group_runs, label, table, telling_keys
+from flyrl.cli.comparison import (
+    compare_sweep,
+    group_jobs,
+    group_runs,
+    label,
+    ranked,
+    table,
+    telling_keys,
+)
 from flyrl.cli.main import main
 from flyrl.cli.sweep import run_job
 from flyrl.training.runs import read_run
@@ -134,10 +142,51 @@ def test_sweeps_and_single_runs_are_compared_as_one_sweep(tmp_path):
     rows = [
         (row["algo"], row["runs"], row["final_success_mean"]) for row in _rows(tmp_path / "out")
     ]
-    assert rows == [("ppo", "2", "0.375"), ("sac", "3", "0.5")]
+    assert rows == [("sac", "3", "0.5"), ("ppo", "2", "0.375")]
     assert list(_rows(tmp_path / "out")[0])[:2] == ["algo", "jobs"]
     texts = set(_texts(tmp_path / "out"))
     assert {"target flat", "algo=ppo, n = 2", "algo=sac, n = 3"} <= texts
+
+
+def _evaluated(folder, header, row, settings=None):
+    """A run folder whose last evaluation has more columns."""
+    _run(folder, settings, evaluations=[])
+    header = f"decisions,success_rate,mean_return,mean_duration_s,{header}"
+    (folder / "evaluations.csv").write_text(f"{header}\n{row}\n")
+    return folder
+
+
+def test_runs_of_one_reward_are_ranked_by_success_then_return(tmp_path):
+    for name, success, return_ in (("a", 0.5, 1), ("b", 0.5, 2), ("c", 0.75, 0)):
+        rate = {"algo.learning_rate": 0.1 * (1 + "abc".index(name))}
+        _run(tmp_path / name, rate, evaluations=[(100, success, return_)])
+    groups = _groups(*(tmp_path / name for name in "abc"))
+    assert [group.runs[0].path.name for group in ranked(groups)] == ["c", "b", "a"]
+
+
+def test_runs_of_different_weights_show_unweighted_terms_and_no_return(tmp_path, capsys):
+    weights = {"progress": 1.0, "success": 10.0}
+    for name, row in (("a", "100,0.5,900,2,0,30"), ("b", "100,0.75,3,2,0,40")):
+        more = {"task.weights": {**weights, "progress": 100.0 if name == "a" else 1.0}}
+        _evaluated(tmp_path / name, "advance_mm,unweighted_progress", row, more)
+    folders = [str(tmp_path / name) for name in "ab"]
+    assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
+    best, other = _rows(tmp_path / "out")
+    assert (best["final_success_mean"], best["final_unweighted_progress_mean"]) == ("0.75", "40.0")
+    assert other["final_success_mean"] == "0.5"
+    assert not [column for column in best if "return" in column]
+    assert "returns are not compared" in capsys.readouterr().out
+    assert "held-out duration s" in _texts(tmp_path / "out")
+
+
+def test_what_decides_a_task_ranks_its_runs(tmp_path):
+    """The task velocity: of equal success, the least error of the speed."""
+    for name, error in (("a", 2), ("b", 1)):
+        more = {"task.name": "velocity", "algo.learning_rate": error / 100}
+        _evaluated(tmp_path / name, "speed_error_mm_s", f"100,0.5,{error},2,{error}", more)
+    groups = _groups(tmp_path / "a", tmp_path / "b")
+    assert [group.runs[0].path.name for group in ranked(groups)] == ["b", "a"]
+    assert table(ranked(groups))[0]["final_speed_error_mm_s_mean"] == 1
 
 
 def test_seeds_in_several_folders_are_one_group_named_by_what_they_learn(tmp_path):

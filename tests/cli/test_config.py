@@ -286,7 +286,10 @@ def test_a_config_from_before_randomisation_has_none():
             r"randomisation\.mass\[0\] must be .* from 0\.01",
         ),
         (["randomisation.mass=2"], r"randomisation\.mass must be a list, got 2"),
-        (["training.num_envs=-1"], r"training\.num_envs must be at least 1, got -1"),
+        (
+            ["training.num_envs=-1"],
+            r"training\.num_envs must be a whole number from 1 to 100000, got -1",
+        ),
     ],
 )
 def test_bad_values(overrides, message):

@@ -15,7 +15,12 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize(
     "error",
-    [ValueError("wrong"), FileNotFoundError(errno.ENOENT, "wrong"), RecursionError()],
+    [
+        ValueError("wrong"),
+        FileNotFoundError(errno.ENOENT, "wrong"),
+        RecursionError(),
+        MemoryError(),
+    ],
 )
 def test_an_error_of_the_user_is_a_message_with_status_2(error, capsys):
     with pytest.raises(Failure) as failure, reported():

@@ -12,8 +12,18 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flyrl.cli.arguments import Failure, Sweep
-from flyrl.cli.sweep import Interrupted, by_key, read_jobs, run_job, run_sweep, swept_keys, titles
+from flyrl.cli.arguments import Sweep
+from flyrl.cli.errors import Failure
+from flyrl.cli.sweep import (
+    Interrupted,
+    by_key,
+    folder_labels,
+    read_jobs,
+    run_job,
+    run_sweep,
+    swept_keys,
+    titles,
+)
 from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
@@ -55,6 +65,20 @@ def test_what_is_swept():
     assert swept_keys(jobs) == ["seed", "y"]
     assert titles(jobs)[jobs[1]] == "job 2 of 2: seed=1 y=2"
     assert by_key([r"task.terms=[my_terms\:HEIGHT]"]) == {"task.terms": "[my_terms:HEIGHT]"}
+
+
+def test_folders_are_named_by_swept_values_that_any_file_system_takes():
+    long = f"+task.terms=['{'x' * 300}:Y']"
+    jobs = [
+        ("seed=0", "algo=ppo", "algo.gamma=0.99", "algo.hidden_layers=[64,64]", "x=1"),
+        ("seed=1", "algo=sac", "algo.gamma=0.9", r"evaluation.policies=[a/b\:é]", "x=1"),
+        ("seed=2", "algo=sac", "algo.gamma=0.9", long, "x=1"),
+    ]
+    labels = folder_labels(jobs)
+    assert labels[jobs[0]] == "gamma-0.99_hidden_layers-64-64"
+    assert labels[jobs[1]] == "gamma-0.9_policies-a-b"
+    assert labels[jobs[2]] == ("gamma-0.9_terms--" + "x" * 80)[:80]
+    assert folder_labels([("seed=0",), ("seed=1",)]) == {("seed=0",): "", ("seed=1",): ""}
 
 
 def _fail():
@@ -167,7 +191,7 @@ def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
     assert message in result.stderr
     sweep = _only_sweep(tmp_path)
     assert result.stdout.splitlines()[-1] == f"sweep: {sweep.relative_to(tmp_path)}"
-    (run,) = sweep.glob("*_target_flat_ppo_0")
+    (run,) = sweep.glob("*_target_flat_ppo_0_gamma-0.9")
     assert read_run(run).state == "finished"
     assert (sweep / "learning_curves.svg").is_file()
     command = (run / "command.txt").read_text()
@@ -175,8 +199,8 @@ def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
     assert "launcher" not in command
     with (sweep / "comparison.csv").open(newline="") as file:
         assert [(row["algo.gamma"], row["runs"]) for row in csv.DictReader(file)] == [
-            ("2", "0"),
             ("0.9", "1"),
+            ("2", "0"),
         ]
 
 

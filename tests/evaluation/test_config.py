@@ -52,6 +52,8 @@ def test_terrains_by_name_and_by_config():
         ({"episodes": 3, "film": (0, 3)}, r"film\[1\].* 2"),
         ({"film": (4, 4)}, "film must"),
         ({"num_envs": 0}, "num_envs"),
+        ({"num_envs": 10**9}, "num_envs"),
+        ({"num_threads": 10**9}, "num_threads"),
         ({"num_threads": -1}, "num_threads"),
         ({"task": "targt"}, "target"),
         ({"task": "hybrid_turning"}, "flat observation"),

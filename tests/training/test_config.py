@@ -26,6 +26,25 @@ from flyrl.training.curriculum import CurriculumConfig
                 ("activation", "elu"),
             )
         ],
+        *[
+            (name, key, 10**9)
+            for name, key in (
+                ("ppo", "hidden_layers"),
+                ("ppo", "n_steps"),
+                ("ppo", "batch_size"),
+                ("ppo", "n_epochs"),
+                ("recurrent_ppo", "lstm_hidden_size"),
+                ("recurrent_ppo", "n_lstm_layers"),
+                ("trpo", "cg_max_steps"),
+                ("sac", "buffer_size"),
+                ("sac", "batch_size"),
+                ("sac", "gradient_steps"),
+                ("tqc", "n_critics"),
+                ("tqc", "n_quantiles"),
+            )
+        ],
+        ("ppo", "hidden_layers", (10**9,)),
+        ("ppo", "hidden_layers", (8,) * 17),
         ("ppo", "batch_size", 1),
         ("ppo", "n_steps", 0),
         ("ppo", "gae_lambda", 1.5),
@@ -64,7 +83,7 @@ from flyrl.training.curriculum import CurriculumConfig
     ],
 )
 def test_bad_settings_of_an_algorithm_name_key_and_value(name, key, value):
-    with pytest.raises(ValueError, match=rf"algo\.{key} must .*, got"):
+    with pytest.raises(ValueError, match=rf"algo\.{key}(\[\d\])? must .*, got"):
         ALGORITHMS[name](**{key: value})
 
 
@@ -78,10 +97,15 @@ def test_bad_settings_of_an_algorithm_name_key_and_value(name, key, value):
         ("evaluation_interval", 0),
         ("evaluation_episodes", 0),
         ("evaluation_seed", -1),
+        ("num_envs", 10**9),
+        ("num_threads", 10**9),
+        ("torch_threads", 10**9),
+        ("evaluation_episodes", 10**9),
+        ("checkpoints_kept", 10**9),
     ],
 )
 def test_bad_schedules_name_key_and_value(key, value):
-    with pytest.raises(ValueError, match=rf"training\.{key} must be at least .*, got {value}"):
+    with pytest.raises(ValueError, match=rf"training\.{key} must be a whole .*, got {value}"):
         ScheduleConfig(**{key: value})
 
 
@@ -91,6 +115,13 @@ def test_an_update_must_split_into_batches(name):
     schedule = ScheduleConfig(num_envs=8)
     with pytest.raises(ValueError, match=r"algo\.batch_size must divide 80.* got 64"):
         TrainingConfig(algo=algo, training=schedule)
+
+
+@pytest.mark.parametrize("name", ["ppo", "a2c", "trpo"])
+def test_an_update_must_fit_into_memory(name):
+    algo = ALGORITHMS[name](n_steps=10**6)
+    with pytest.raises(ValueError, match=r"n_steps x training\.num_envs must be at most 10000000,"):
+        TrainingConfig(algo=algo, training=ScheduleConfig(num_envs=64))
 
 
 def test_a_single_advantage_cannot_be_normalised():
@@ -197,6 +228,7 @@ def test_name_of_a_run():
     config = TrainingConfig(env=EnvConfig(terrain="mixed"), algo=SACConfig(), seed=7)
     now = datetime.datetime(2026, 1, 2, 3, 4, 5)
     assert config.name(now) == "2026-01-02_030405_target_mixed_sac_7"
+    assert config.name(now, "tau-0.1") == "2026-01-02_030405_target_mixed_sac_7_tau-0.1"
 
 
 def test_record_is_plain_json():

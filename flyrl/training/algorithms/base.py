@@ -1,10 +1,15 @@
 """What every learning algorithm has."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar, Final
 
 from flyrl.policies.mlp import ACTIVATIONS, Activation
-from flyrl.validation import at_least, check_fields, one_of, positive, within
+from flyrl.validation import Within, check_fields, one_of, positive, within
+
+MOST_LAYERS: Final = 16
+MOST_UNITS: Final = 4096
+MOST_SAMPLES: Final = 10**7
+"""Decisions of an update, of a batch or in a replay buffer: some GB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +40,7 @@ class AlgorithmConfig:
     takes_dicts: ClassVar[bool] = True
     takes_whole_numbers: ClassVar[bool] = True
 
-    hidden_layers: tuple[int, ...] = (64, 64)
+    hidden_layers: Annotated[tuple[int, ...], Within(1, MOST_UNITS)] = (64, 64)
     activation: Activation = "tanh"
     learning_rate: float = 3e-4
     learning_rate_decay: bool = False
@@ -45,8 +50,10 @@ class AlgorithmConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, "algo")
-        for units in self.hidden_layers:
-            at_least("algo.hidden_layers", units, 1)
+        if len(self.hidden_layers) > MOST_LAYERS:
+            raise ValueError(
+                f"algo.hidden_layers must be at most {MOST_LAYERS}, got {len(self.hidden_layers)}"
+            )
         one_of("algo.activation", self.activation, ACTIVATIONS)
         positive("algo.learning_rate", self.learning_rate)
         within("algo.gamma", self.gamma, 0, 1)

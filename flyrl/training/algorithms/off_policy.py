@@ -1,11 +1,11 @@
 """Algorithms that keep what happened in a buffer, and learn from all of it."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal, get_args
+from typing import Annotated, ClassVar, Final, Literal, get_args
 
 from flyrl.policies.mlp import Activation
-from flyrl.training.algorithms.base import AlgorithmConfig
-from flyrl.validation import at_least, one_of, positive, within
+from flyrl.training.algorithms.base import MOST_SAMPLES, AlgorithmConfig
+from flyrl.validation import Within, at_least, one_of, positive, within
 
 GoalSelection = Literal["future", "final", "episode"]
 GOAL_SELECTIONS: Final[tuple[GoalSelection, ...]] = get_args(GoalSelection)
@@ -31,17 +31,14 @@ class OffPolicyConfig(AlgorithmConfig):
 
     activation: Activation = "relu"
     learning_rate: float = 1e-3
-    batch_size: int = 256
-    buffer_size: int = 200_000
-    learning_starts: int = 2_000
-    gradient_steps: int = 16
+    batch_size: Annotated[int, Within(2, MOST_SAMPLES)] = 256
+    buffer_size: Annotated[int, Within(2, MOST_SAMPLES)] = 200_000
+    learning_starts: Annotated[int, Within(0, 10**12)] = 2_000
+    gradient_steps: Annotated[int, Within(1, 10**6)] = 16
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least("algo.batch_size", self.batch_size, 2)
         at_least("algo.buffer_size", self.buffer_size, self.batch_size)
-        at_least("algo.learning_starts", self.learning_starts, 0)
-        at_least("algo.gradient_steps", self.gradient_steps, 1)
 
     def check_num_envs(self, num_envs: int) -> None:
         """Raise ValueError unless the buffer holds a decision of every environment."""
@@ -65,12 +62,11 @@ class HindsightConfig(OffPolicyConfig):
     """
 
     her: bool = False
-    n_sampled_goal: int = 4
+    n_sampled_goal: Annotated[int, Within(1, 1000)] = 4
     goal_selection_strategy: GoalSelection = "future"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least("algo.n_sampled_goal", self.n_sampled_goal, 1)
         one_of("algo.goal_selection_strategy", self.goal_selection_strategy, GOAL_SELECTIONS)
 
     def check_episodes(self, num_envs: int, decisions: int) -> None:
@@ -143,15 +139,13 @@ class TQCConfig(_EntropyConfig, HindsightConfig):
     name: ClassVar[str] = "tqc"
 
     tau: float = 0.005
-    n_critics: int = 2
-    n_quantiles: int = 25
+    n_critics: Annotated[int, Within(1, 100)] = 2
+    n_quantiles: Annotated[int, Within(1, 10**4)] = 25
     top_quantiles_to_drop_per_net: int = 2
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_tau(self.tau)
-        at_least("algo.n_critics", self.n_critics, 1)
-        at_least("algo.n_quantiles", self.n_quantiles, 1)
         within(
             "algo.top_quantiles_to_drop_per_net",
             self.top_quantiles_to_drop_per_net,
@@ -175,13 +169,8 @@ class CrossQConfig(_EntropyConfig):
     name: ClassVar[str] = "crossq"
     takes_dicts: ClassVar[bool] = False
 
-    policy_delay: int = 3
-    renorm_warmup_steps: int = 100_000
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        at_least("algo.policy_delay", self.policy_delay, 1)
-        at_least("algo.renorm_warmup_steps", self.renorm_warmup_steps, 0)
+    policy_delay: Annotated[int, Within(1, 10**6)] = 3
+    renorm_warmup_steps: Annotated[int, Within(0, 10**12)] = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,13 +209,12 @@ class TD3Config(NoisyConfig):
 
     name: ClassVar[str] = "td3"
 
-    policy_delay: int = 2
+    policy_delay: Annotated[int, Within(1, 10**6)] = 2
     target_policy_noise: float = 0.2
     target_noise_clip: float = 0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least("algo.policy_delay", self.policy_delay, 1)
         positive("algo.target_policy_noise", self.target_policy_noise)
         at_least("algo.target_noise_clip", self.target_noise_clip, 0)
 

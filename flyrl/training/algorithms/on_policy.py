@@ -1,10 +1,15 @@
 """Algorithms that learn from what the present policy just did, and then forget it."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from flyrl.training.algorithms.base import AlgorithmConfig
-from flyrl.validation import at_least, positive, within
+from flyrl.training.algorithms.base import (
+    MOST_LAYERS,
+    MOST_SAMPLES,
+    MOST_UNITS,
+    AlgorithmConfig,
+)
+from flyrl.validation import Within, at_least, positive, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,15 +27,22 @@ class OnPolicyConfig(AlgorithmConfig):
         actions are whole numbers: those are drawn by the probability of each.
     """
 
-    n_steps: int = 64
+    n_steps: Annotated[int, Within(1, 10**6)] = 64
     gae_lambda: float = 0.95
     log_std_init: float = -0.5
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least("algo.n_steps", self.n_steps, 1)
         within("algo.gae_lambda", self.gae_lambda, 0, 1)
         within("algo.log_std_init", self.log_std_init, -10, 2)
+
+    def check_num_envs(self, num_envs: int) -> None:
+        """Raise ValueError if an update is of more decisions than memory may hold."""
+        if self.n_steps * num_envs > MOST_SAMPLES:
+            raise ValueError(
+                f"algo.n_steps x training.num_envs must be at most {MOST_SAMPLES}, got "
+                f"{self.n_steps} x {num_envs}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +55,11 @@ class _BatchedConfig(OnPolicyConfig):
         Samples per gradient step.
     """
 
-    batch_size: int = 256
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        at_least("algo.batch_size", self.batch_size, 2)
+    batch_size: Annotated[int, Within(2, MOST_SAMPLES)] = 256
 
     def check_num_envs(self, num_envs: int) -> None:
         """Raise ValueError unless an update splits into whole batches."""
+        super().check_num_envs(num_envs)
         collected = self.n_steps * num_envs
         if collected % self.batch_size:
             raise ValueError(
@@ -75,7 +84,7 @@ class _ClippedConfig(_BatchedConfig):
         The gradient is clipped to this norm.
     """
 
-    n_epochs: int = 10
+    n_epochs: Annotated[int, Within(1, 10**4)] = 10
     clip_range: float = 0.2
     ent_coef: float = 0.0
     vf_coef: float = 0.5
@@ -83,7 +92,6 @@ class _ClippedConfig(_BatchedConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        at_least("algo.n_epochs", self.n_epochs, 1)
         positive("algo.clip_range", self.clip_range)
         at_least("algo.ent_coef", self.ent_coef, 0)
         at_least("algo.vf_coef", self.vf_coef, 0)
@@ -120,15 +128,10 @@ class RecurrentPPOConfig(_ClippedConfig):
 
     name: ClassVar[str] = "recurrent_ppo"
 
-    hidden_layers: tuple[int, ...] = (64,)
-    lstm_hidden_size: int = 64
-    n_lstm_layers: int = 1
+    hidden_layers: Annotated[tuple[int, ...], Within(1, MOST_UNITS)] = (64,)
+    lstm_hidden_size: Annotated[int, Within(1, MOST_UNITS)] = 64
+    n_lstm_layers: Annotated[int, Within(1, MOST_LAYERS)] = 1
     enable_critic_lstm: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        at_least("algo.lstm_hidden_size", self.lstm_hidden_size, 1)
-        at_least("algo.n_lstm_layers", self.n_lstm_layers, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +153,7 @@ class A2CConfig(OnPolicyConfig):
     name: ClassVar[str] = "a2c"
 
     learning_rate: float = 7e-4
-    n_steps: int = 16
+    n_steps: Annotated[int, Within(1, 10**6)] = 16
     ent_coef: float = 0.0
     vf_coef: float = 0.5
     max_grad_norm: float = 0.5
@@ -165,6 +168,7 @@ class A2CConfig(OnPolicyConfig):
 
     def check_num_envs(self, num_envs: int) -> None:
         """Raise ValueError if a single advantage is to be normalised."""
+        super().check_num_envs(num_envs)
         if self.normalize_advantage and self.n_steps * num_envs < 2:
             raise ValueError(
                 "algo.n_steps x training.num_envs must be at least 2 with "
@@ -195,18 +199,15 @@ class TRPOConfig(_BatchedConfig):
 
     learning_rate: float = 1e-3
     target_kl: float = 0.01
-    n_critic_updates: int = 10
-    cg_max_steps: int = 15
+    n_critic_updates: Annotated[int, Within(1, 10**4)] = 10
+    cg_max_steps: Annotated[int, Within(1, 10**4)] = 15
     cg_damping: float = 0.1
-    line_search_max_iter: int = 10
+    line_search_max_iter: Annotated[int, Within(1, 10**4)] = 10
     line_search_shrinking_factor: float = 0.8
 
     def __post_init__(self) -> None:
         super().__post_init__()
         positive("algo.target_kl", self.target_kl)
-        at_least("algo.n_critic_updates", self.n_critic_updates, 1)
-        at_least("algo.cg_max_steps", self.cg_max_steps, 1)
         at_least("algo.cg_damping", self.cg_damping, 0)
-        at_least("algo.line_search_max_iter", self.line_search_max_iter, 1)
         factor = positive("algo.line_search_shrinking_factor", self.line_search_shrinking_factor)
         within("algo.line_search_shrinking_factor", factor, 0, 1)
