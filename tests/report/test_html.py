@@ -87,7 +87,7 @@ def test_every_controller_is_in_the_summary_table(page):
 
 def test_every_terrain_has_its_page(page):
     pages = [attrs.get("id") for tag, attrs in page.tags if attrs.get("class") == "page"]
-    assert pages == ["summary", "flat", "gapped", "episodes", "method"]
+    assert pages == ["summary", "flat", "gapped", "setup", "episodes", "method"]
 
 
 def test_every_link_has_its_target(page):
@@ -100,8 +100,8 @@ def test_every_link_has_its_target(page):
 
 
 def test_figures_stand_inside_the_page(page):
-    # success once, then distributions, pairs and paths per terrain
-    assert page.count("svg") == 1 + 3 * 2
+    # success and the control loop once, then distributions, pairs and paths per terrain
+    assert page.count("svg") == 2 + 3 * 2
     assert page.count("img") == 0
 
 
