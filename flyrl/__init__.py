@@ -19,9 +19,11 @@ if TYPE_CHECKING:
         filter_edges,
     )
     from flyrl.policies import load_policy
+    from flyrl.tasks import OUTCOMES
 
 # names and where they come from, imported when they are first asked for, as packages are
 _ON_DEMAND: Final = {
+    "OUTCOMES": "flyrl.tasks",
     "CPGNetwork": "flyrl.controllers",
     "PreprogrammedSteps": "flyrl.controllers",
     "RuleBasedSteppingCoordinator": "flyrl.controllers",
@@ -31,6 +33,7 @@ _ON_DEMAND: Final = {
 }
 
 __all__ = [
+    "OUTCOMES",
     "CPGNetwork",
     "PreprogrammedSteps",
     "RuleBasedSteppingCoordinator",

@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,52 @@ def is_entry_point(name: str) -> bool:
     module, colon, attribute = name.partition(":")
     parts = module.split(".")
     return bool(colon) and attribute.isidentifier() and all(part.isidentifier() for part in parts)
+
+
+def check_trust(source: Path, settings: Any, is_trusted: bool, how: str) -> None:
+    """Let code that a file names run only with the user's consent.
+
+    Parameters
+    ----------
+    source
+        The file or folder, for the message.
+    settings
+        What it holds: nested mappings and lists.
+    is_trusted
+        Whether the user has consented on the command line.
+    how
+        To consent, for the message.
+
+    Raises
+    ------
+    ValueError
+        The settings name modules, or pickles of Stable-Baselines3, and are not trusted.
+    """
+    if not is_trusted and (code := named_code(settings)):
+        raise ValueError(
+            f"{source} names code that would be run: {', '.join(code)}. Add {how} if you know who "
+            "made it"
+        )
+
+
+def named_code(settings: Any) -> list[str]:
+    """Modules, as `module:attribute`, and pickles that settings of any depth name."""
+    texts = list(dict.fromkeys(_texts(settings)))
+    pickles = [text for text in texts if ":" in text and text.endswith(".zip")]
+    return [*filter(is_entry_point, texts), *pickles]
+
+
+def _texts(settings: Any) -> Iterator[str]:
+    """Every text in nested mappings and lists, keys too."""
+    if isinstance(settings, str):
+        yield settings
+    elif isinstance(settings, Mapping):
+        for key, value in settings.items():
+            yield from _texts(key)
+            yield from _texts(value)
+    elif isinstance(settings, list | tuple):
+        for value in settings:
+            yield from _texts(value)
 
 
 def load_module(name: str, key: str, example: str) -> dict[str, Any]:

@@ -1,11 +1,19 @@
 """Files: written whole or not at all, and told apart."""
 
+import errno
 import hashlib
+import json
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+MANIFEST: Final = "manifest.json"
+"""Names the files in a folder of results that flyrl wrote."""
 
 
 @contextmanager
@@ -50,29 +58,116 @@ def write_text(path: Path, text: str) -> None:
     write_bytes(path, text.encode())
 
 
-def write_folder(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write files to a folder, and drop what an earlier writing left there.
+class OutputFolder:
+    """A folder of results: files that flyrl wrote are replaced and removed, all others stay.
+
+    `manifest.json` in the folder names the files that flyrl wrote, with their SHA-256.
 
     Parameters
     ----------
-    folder
-        Made if missing.
-    texts
-        Name of a file -> its text. Each is written whole or not at all. Other files with their
-        suffixes are dropped; all else in the folder stays.
+    path
+        Of the folder; it need not exist yet.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self._digests = self._read_manifest()
+
+    def check_free(self, *names: str) -> None:
+        """Raise FileExistsError if one of these files exists and is not flyrl's."""
+        for name in names:
+            file = self.path / name
+            if name not in self._digests and (file.exists() or file.is_symlink()):
+                raise FileExistsError(
+                    errno.EEXIST,
+                    f"flyrl did not write this file (it is not in {MANIFEST}); move it away, or "
+                    "choose another folder",
+                    str(file),
+                )
+
+    @contextmanager
+    def replacing(self, name: str) -> Iterator[Path]:
+        """Give a path to write to, as `files.replacing` does, for a file of flyrl's.
+
+        Parameters
+        ----------
+        name
+            Path in the folder, with "/". Folders are made if missing.
+
+        Raises
+        ------
+        OSError
+            There is a file of somebody else's, or it cannot be written.
+        """
+        self.check_free(name)
+        file = self.path / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(file) as partial:
+            yield partial
+            self._note({**self._digests, name: file_digest(partial) or ""})
+
+    def write_text(self, name: str, text: str) -> None:
+        """Write a file as UTF-8, whole or not at all; raises as `replacing` does."""
+        with self.replacing(name) as partial:
+            partial.write_text(text, encoding="utf-8", newline="")
+
+    def files(self, folder: str) -> list[str]:
+        """Files that flyrl wrote to a folder in this one, by their paths in this one."""
+        return [name for name in self._digests if name.rpartition("/")[0] == folder]
+
+    def remove(self, *names: str) -> None:
+        """Remove those of these files that flyrl wrote and nobody changed; then empty folders."""
+        for name in self._digests.keys() & set(names):
+            file = self.path / name
+            if not file.is_symlink() and file_digest(file) == self._digests[name]:
+                file.unlink()
+            self._note({other: self._digests[other] for other in self._digests if other != name})
+        for parent in {(self.path / name).parent for name in names} - {self.path}:
+            with suppress(OSError):  # it is missing, or holds other files
+                parent.rmdir()
+
+    def _note(self, digests: dict[str, str]) -> None:
+        self._digests = digests
+        write_text(self.path / MANIFEST, json.dumps({"files": digests}, indent=1) + "\n")
+
+    def _read_manifest(self) -> dict[str, str]:
+        """Digests by name; of names that lead out of the folder, none."""
+        try:
+            files = json.loads((self.path / MANIFEST).read_text(encoding="utf-8"))["files"]
+            names = [name for name in files if self._is_inside(name)]
+            return {name: str(files[name]) for name in names}
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            return {}
+
+    def _is_inside(self, name: str) -> bool:
+        return (self.path / name).parent.resolve().is_relative_to(self.path.resolve())
+
+
+class _PlainLoader(yaml.SafeLoader):
+    """Loads YAML without aliases: nested ones make gigabytes of a short file."""
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.YAMLError("aliases (*name) are not allowed")
+        return super().compose_node(parent, index)
+
+
+def load_yaml(path: Path) -> Any:
+    """Read a YAML file of plain values, without aliases.
 
     Raises
     ------
     OSError
-        The folder cannot be written to.
+        The file cannot be read.
+    ValueError
+        It is no such YAML.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in texts.items():
-        write_text(folder / name, text)
-    suffixes = {Path(name).suffix for name in texts}
-    for path in list(folder.iterdir()):
-        if path.suffix in suffixes and path.name not in texts and path.is_file():
-            path.unlink()
+    try:
+        # a subclass of SafeLoader
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_PlainLoader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(f"{path} is no YAML of plain values: {reason}") from error
 
 
 def file_digest(path: Path) -> str | None:

@@ -56,6 +56,12 @@ def muscle_profile(key: str, profile: str) -> Path:
     return path.resolve()
 
 
+def recorded_profile(key: str, profile: str) -> str:
+    """`profile` of `muscle_profile` as it holds in any folder: a name, or an absolute path."""
+    path = muscle_profile(key, profile)
+    return profile if path.parent == assets_folder() / "muscles" else str(path)
+
+
 def version(package: str) -> str | None:
     """Version of a package, `flyrl` or the distribution of another; None if it is not installed."""
     try:

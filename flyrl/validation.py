@@ -9,13 +9,16 @@ import types
 import typing
 from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T")
+
+_LINE_BREAKS: Final = {ord(character): " " for character in "\n\t"}
 
 
 def float_array(
@@ -99,6 +102,13 @@ def one_of(name: str, value: T, allowed: Iterable[Any]) -> T:
     raise ValueError(f"{name} must be one of {', '.join(map(repr, choices))}, got {value!r}{hint}")
 
 
+def file_path(name: str, value: object) -> Path:
+    """Return `value` as a path, else raise ValueError; an empty one is not the current folder."""
+    if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
+        raise ValueError(f"{name} must be the path of a folder or file, got {value!r}")
+    return Path(value)
+
+
 def distinct(name: str, values: Iterable[Any]) -> None:
     """Raise ValueError if one of the `values` is there twice."""
     given = tuple(values)
@@ -123,6 +133,39 @@ def known_keys(name: str, given: Iterable[str], known: Iterable[str]) -> None:
             )
 
 
+def plain_record(name: str, value: object) -> None:
+    """Raise ValueError unless `value`, read from a file of JSON or YAML, can be shown and counted.
+
+    That is: mappings, lists, printable text of at most 10,000 characters, finite numbers below
+    2**64, true, false and null.
+
+    Parameters
+    ----------
+    name
+        Where it stands, for the message.
+    """
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            plain_record(f"a key of {name}", key)
+            plain_record(f"{name}.{key}", item)
+    elif isinstance(value, list):
+        for i, item in enumerate(value):
+            plain_record(f"{name}[{i}]", item)
+    elif isinstance(value, str):
+        if not value.translate(_LINE_BREAKS).isprintable() or len(value) > 10_000:
+            raise ValueError(
+                f"{name} must be printable text, at most 10,000 long, got {value!a:.60}"
+            )
+    elif not (value is None or isinstance(value, bool) or (_is_number(value) and _is_sane(value))):
+        raise ValueError(f"{name} must be a finite number below 2**64, got {value!r:.60}")
+
+
+def from_keys(name: str, given: Mapping[str, Any], config: type[T]) -> T:
+    """Make a config from the values of its fields; raise ValueError as it and `known_keys` do."""
+    known_keys(name, given, [field.name for field in dataclasses.fields(config) if field.init])  # type: ignore[arg-type]
+    return config(**given)
+
+
 def random_seed(seed: int) -> int:
     """Return `seed` if MT19937 takes it (an integer of 0 … 2³² - 1), else raise ValueError."""
     if isinstance(seed, bool) or not isinstance(seed, Integral) or not 0 <= seed < 2**32:
@@ -141,8 +184,9 @@ def check_fields(config: Any, group: str = "") -> None:
     """Check the fields of a dataclass, in its `__post_init__`, against their annotations.
 
     Numbers must be finite, and within the field's `Within`; literals among their values; tuples of
-    their length. Numbers become Python's own, lists tuples, so that configs can be hashed and
-    stored. Text, and classes without a rule of their own here, are compared by type.
+    their length. Numbers become Python's own, lists tuples, mappings the configs that they are the
+    fields of, so that configs can be hashed, stored as JSON and made from it. Text, and classes
+    without a rule of their own here, are compared by type.
 
     Parameters
     ----------
@@ -199,6 +243,8 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
             allowed = f" from {low:g} to {high:g}" if within else ""
             raise ValueError(f"{name} must be {_WORDS[hint]}{allowed}, got {value!r}")
         return hint(value)
+    if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
+        return from_keys(name, value, typing.cast(type, hint))
     if not isinstance(value, hint):
         words = _WORDS.get(hint, f"a {hint.__name__}")
         raise ValueError(f"{name} must be {words}, got {value!r}")
@@ -218,6 +264,10 @@ def _checked_tuple(
         _checked(f"{name}[{i}]", item, hint, within)
         for i, (item, hint) in enumerate(zip(value, hints, strict=True))
     )
+
+
+def _is_sane(number: Any) -> bool:
+    return bool(-(2**64) < number < 2**64)  # neither NaN nor an infinity is
 
 
 def _is_number(value: Any) -> bool:

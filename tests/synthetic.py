@@ -9,8 +9,8 @@ from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import episode_row, episode_table
 from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import trajectory
-from flyrl.rollouts import OUTCOMES, EpisodeRecord
-from flyrl.tasks import TASKS, Episode, task_table
+from flyrl.rollouts import EpisodeRecord
+from flyrl.tasks import OUTCOMES, TASKS, Episode, task_table
 
 HORIZON_S = 3.0
 DECISION_S = 0.02
@@ -150,7 +150,7 @@ def make_results(
         "seed": 0,
         "task": "target",
         "table": task_table(TASKS["target"]),
-        "outcomes": list(OUTCOMES),
+        "outcomes": list(OUTCOMES[1:]),
         "horizon_s": HORIZON_S,
         "episodes_per_terrain": episodes,
         "reference": reference,

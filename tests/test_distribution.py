@@ -52,15 +52,25 @@ def test_the_checkout_and_the_own_name_are_fine(right):
     assert not INSTALL.search(f"{'pip'} install {right}")
 
 
-def test_nothing_tells_to_install_a_stranger():
+def _found(pattern):
+    """What a pattern matches in the project's texts, by file."""
     inside = (path for folder in FOLDERS for path in (ROOT / folder).rglob("*"))
     files = [path for path in (*FILES, *inside) if path.suffix in TEXTS and path.is_file()]
-    found = {
+    return {
         str(path.relative_to(ROOT)): match[0]
         for path in files
-        if (match := INSTALL.search(path.read_text()))
+        if (match := pattern.search(path.read_text()))
     }
-    assert found == {}
+
+
+def test_nothing_tells_to_install_a_stranger():
+    assert _found(INSTALL) == {}
+
+
+def test_a_fly_has_a_ventral_nerve_cord():
+    assert _found(re.compile(r"\bspin(?:al|e)\b", re.IGNORECASE)).keys() <= {
+        str(Path(__file__).relative_to(ROOT))
+    }
 
 
 def test_no_requirement_is_a_stranger():
@@ -95,3 +105,8 @@ def test_the_versions_that_are_pinned_are_allowed():
     for requirement in _requirements():
         name = canonicalize_name(requirement.name)
         assert name == DISTRIBUTION or requirement.specifier.contains(pinned[name]), name
+
+
+def test_the_main_install_brings_what_videos_are_written_with():
+    names = {Requirement(each).name for each in _project()["dependencies"]}
+    assert {"imageio-ffmpeg", "moviepy"} <= names  # flyrl's, and those of RecordVideo

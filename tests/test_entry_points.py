@@ -1,8 +1,9 @@
 import sys
+from pathlib import Path
 
 import pytest
 
-from flyrl.entry_points import is_entry_point, load_module
+from flyrl.entry_points import check_trust, is_entry_point, load_module, named_code
 
 
 @pytest.mark.parametrize("name", ["mine:make", "my.own_module:MAKE"])
@@ -47,3 +48,21 @@ def test_a_module_that_cannot_be_imported(here, text, message):
 def test_what_is_none_names_one_that_would_do():
     with pytest.raises(ValueError, match=r"key must be module:attribute, e\.g\. a:b, got 'x'"):
         load_module("x", "key", "a:b")
+
+
+def test_what_names_code_at_any_depth():
+    settings = {
+        "task": {"name": "target", "terms": ["mine:TERM"], "weights": {"my.terms:X": 1.0}},
+        "evaluation": {"policies": ["runs/a", "target-flat", "mine:make", "ppo:a.zip"]},
+        "seed": 3,
+    }
+    assert named_code(settings) == ["mine:TERM", "my.terms:X", "mine:make", "ppo:a.zip"]
+    assert named_code({"task": {"name": "target"}, "policies": ["target-flat"]}) == []
+
+
+def test_code_needs_consent():
+    settings = {"task": {"terms": ["mine:TERM"]}}
+    with pytest.raises(ValueError, match=r"runs/a names code .*: mine:TERM\. Add --trust if"):
+        check_trust(Path("runs/a"), settings, False, "--trust")
+    check_trust(Path("runs/a"), settings, True, "--trust")
+    check_trust(Path("runs/a"), {"task": {"terms": []}}, False, "--trust")

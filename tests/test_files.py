@@ -1,8 +1,10 @@
+import hashlib
+import json
 import resource
 
 import pytest
 
-from flyrl.files import replacing, usable_folder, write_folder, write_text
+from flyrl.files import MANIFEST, OutputFolder, replacing, usable_folder, write_text
 
 
 def test_writes_and_replaces(tmp_path):
@@ -36,14 +38,53 @@ def test_an_error_of_the_system_names_the_file_that_was_asked_for(tmp_path):
         write_text(tmp_path / "none" / "a.txt", "")
 
 
-def test_what_an_earlier_writing_left_goes_and_all_else_stays(tmp_path):
-    folder = tmp_path / "figures"
-    write_folder(folder, {"a.svg": "old", "b.svg": "old"})
-    (folder / "a.pdf").write_text("a user's")
-    (folder / "kept.svg").mkdir()
-    write_folder(folder, {"a.svg": "new"})
-    assert {path.name for path in folder.iterdir()} == {"a.svg", "a.pdf", "kept.svg"}
-    assert (folder / "a.svg").read_text() == "new"
+def test_only_files_that_flyrl_wrote_are_removed(tmp_path):
+    output = OutputFolder(tmp_path)
+    for name in ("figures/a.svg", "figures/b.svg", "figures/edited.svg"):
+        output.write_text(name, "old")
+    (tmp_path / "figures" / "edited.svg").write_text("by the user")
+    (tmp_path / "figures" / "foreign.svg").write_text("a user's")
+    again = OutputFolder(tmp_path)
+    again.remove(*again.files("figures"), "figures/foreign.svg")
+    left = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert left == {"edited.svg", "foreign.svg"}
+
+
+def test_own_files_are_replaced_and_empty_folders_go(tmp_path):
+    OutputFolder(tmp_path).write_text("parts/a.txt", "old")
+    again = OutputFolder(tmp_path)
+    again.write_text("parts/a.txt", "new")
+    assert (tmp_path / "parts" / "a.txt").read_text() == "new"
+    again.remove("parts/a.txt")
+    assert [path.name for path in tmp_path.iterdir()] == [MANIFEST]
+
+
+def test_a_file_of_others_is_not_written_over(tmp_path):
+    (tmp_path / "report.html").write_text("a user's")
+    with pytest.raises(FileExistsError, match=r"flyrl did not write this file .*report\.html"):
+        OutputFolder(tmp_path).write_text("report.html", "flyrl's")
+    assert (tmp_path / "report.html").read_text() == "a user's"
+
+
+@pytest.mark.parametrize("name", ["../thesis.txt", "{outside}", "link/thesis.txt", "thesis_link"])
+def test_a_manifest_leads_to_nothing_outside_of_its_folder(tmp_path, name):
+    outside = tmp_path / "thesis.txt"
+    outside.write_text("a user's")
+    folder = tmp_path / "results"
+    folder.mkdir()
+    (folder / "link").symlink_to(tmp_path)
+    (folder / "thesis_link").symlink_to(outside)
+    name = name.format(outside=outside)
+    digest = hashlib.sha256(b"a user's").hexdigest()
+    (folder / MANIFEST).write_text(json.dumps({"files": {name: digest}}))
+    OutputFolder(folder).remove(name)
+    assert outside.read_text() == "a user's"
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"files": 3}', '{"files": [1]}', "[" * 10**5])
+def test_a_damaged_manifest_names_nothing(tmp_path, text):
+    (tmp_path / MANIFEST).write_text(text)
+    assert OutputFolder(tmp_path).files("") == []
 
 
 def test_a_folder_that_files_can_be_written_to(tmp_path):

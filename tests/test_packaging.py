@@ -73,6 +73,14 @@ def test_wheel_holds_package_assets_and_configs(wheel):
     assert not {name for name in names if name.startswith(("tests", "assets", "configs"))}
 
 
+def test_wheel_carries_licence_and_notice(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        (metadata,) = (Path(name) for name in archive.namelist() if name.endswith("/METADATA"))
+        for file in ("LICENSE", "assets/NOTICE"):
+            carried = archive.read(str(metadata.parent / "licenses" / file))
+            assert carried == (ROOT / file).read_bytes()
+
+
 def test_wheel_is_small(wheel):
     assert wheel.stat().st_size < 8 * 2**20
 

@@ -39,7 +39,7 @@ class Settings:
         ({"pair": 3}, "group.pair must be a tuple, got 3"),
         ({"pair": (0, 1, 1)}, "group.pair must be a tuple of 2, got"),
         ({"pair": (0, "1")}, r"group.pair\[1\] must be a finite number from 0 to 1, got '1'"),
-        ({"inner": {}}, "group.inner must be a Inner, got {}"),
+        ({"inner": 3}, "group.inner must be a Inner, got 3"),
     ],
 )
 def test_a_field_that_is_not_allowed_is_named(settings, message):

@@ -27,7 +27,7 @@ from flyrl.bodies.table import (
     leg_collision,
     pose_degrees,
 )
-from flyrl.resources import assets_folder, muscle_profile
+from flyrl.resources import assets_folder, muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields, distinct, one_of, within
 
 ROOT_BODY: Final = "Thorax"
@@ -120,7 +120,7 @@ class LegMuscles:
 
     def __post_init__(self) -> None:
         check_fields(self, "muscles")
-        self.profile_path  # noqa: B018 - looked up, so that a wrong one is an error here
+        object.__setattr__(self, "profile", recorded_profile("muscles.profile", self.profile))
 
     @property
     def profile_path(self) -> Path:

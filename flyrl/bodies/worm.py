@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import BOXES, COLLISION_GROUP, GRAVITY, PLANES
-from flyrl.resources import muscle_profile
+from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 
 Axis = Literal["y", "z"]
@@ -139,7 +139,7 @@ class WormConfig:
         check_fields(self, "body")
         if not self.hinge_axes:
             raise ValueError("body.hinge_axes must name at least one axis, got none")
-        self.profile_path  # noqa: B018 - looked up, so that a wrong one is an error here
+        object.__setattr__(self, "profile", recorded_profile("body.profile", self.profile))
 
     @property
     def joints(self) -> int:

@@ -1,12 +1,11 @@
 """Checking the command line before any work: unknown keys and choices, with the closest match."""
 
-import difflib
 import importlib.util
-import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Final, NoReturn, cast
+from typing import Any, Final, cast
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -20,8 +19,9 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from flyrl.cli.groups import config_groups
+from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
-from flyrl.validation import one_of
+from flyrl.validation import did_you_mean, one_of
 
 HYDRA_VERSION = "1.3"
 """Hydra's behaviour that the configs are written for."""
@@ -40,20 +40,6 @@ _MODULES: Final = {
 
 class UsageError(ValueError):
     """A command line that cannot be meant so."""
-
-
-class Failure(SystemExit):
-    """The end of a command that cannot do what it was asked to.
-
-    Attributes
-    ----------
-    message
-        What was printed.
-    """
-
-    def __init__(self, message: str) -> None:
-        super().__init__(2)
-        self.message = message
 
 
 @dataclass(frozen=True)
@@ -78,25 +64,21 @@ class Sweep:
     is_elsewhere: bool
 
 
-def fail(error: Exception) -> NoReturn:
-    """Print the error and exit as a wrong command line does, with status 2."""
-    print(f"error: {error}", file=sys.stderr)
-    raise Failure(str(error)) from None
-
-
 def plain_values(config: DictConfig) -> dict[str, Any]:
-    """Composed config as plain, resolved values; an unresolvable one ends the program."""
-    try:
-        values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    except OmegaConfBaseException as error:
-        fail(error)
+    """Composed config as plain, resolved values."""
+    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
     return cast(dict[str, Any], values)
 
 
 def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
-    """The error for a key that is not among `keys`; it names the closest one."""
-    closest = difflib.get_close_matches(given, list(keys), n=1, cutoff=0.0)[0]
-    return UsageError(f"there is no key {given!r}; did you mean {closest!r}?")
+    """The error for a key that is not among `keys`; it names the closest one, if one is close."""
+    if given.rpartition(".")[2] in {"device", "cuda", "gpu"}:
+        return UsageError(
+            f"there is no key {given!r}: training runs on the CPU, where the physics runs too and "
+            "networks as small as these are as fast"
+        )
+    hint = did_you_mean(given, keys) or " (--cfg job prints all keys)"
+    return UsageError(f"there is no key {given!r}{hint}")
 
 
 def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
@@ -125,10 +107,16 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
     name = options.config_name or config_name
     more = options.config_dir
     search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
+    for own in filter(None, (options.config_path, more)):
+        for file in sorted(Path(own).rglob("*.yaml")):
+            load_yaml(file)  # without aliases, which Hydra would multiply
+    _check_words(options.overrides)
     try:
         with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
             parser = OverridesParser.create(GlobalHydra.instance().config_loader())
             overrides = parser.parse_overrides(options.overrides)
+            if nameless := [each.input_line for each in overrides if not each.key_or_group]:
+                raise UsageError(f"{nameless[0]!r} names no key; write key=value")
             jobs = _jobs(overrides)
             plain = tuple(str(o.input_line) for o in overrides if not o.is_sweep_override())
             composed = {}
@@ -150,6 +138,20 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
             )
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise UsageError(str(error).partition("\nSee http")[0]) from error
+
+
+def _check_words(words: Sequence[str]) -> None:
+    """Raise UsageError at a word without "="; say how to write it, as far as that is clear."""
+    for word, after in zip_longest(words, words[1:], fillvalue="="):
+        if "=" in word or word.startswith("~"):
+            continue
+        groups = [group for group, choices in config_groups().items() if word in choices]
+        example = "task=target"
+        if groups:
+            example = f"{groups[0]}={word}"
+        elif "=" not in after:
+            example = f"{word}={after}"
+        raise UsageError(f"settings are written key=value; for {word!r}, write {example}")
 
 
 def _check_overrides(
@@ -235,7 +237,7 @@ def _experiments(config_name: str, names: Sequence[str]) -> list[str]:
     """Those of the experiments that are of this command: that set nothing but its keys."""
     known = {"defaults", *map(str, compose(config_name))}
     folder = configs_folder() / "experiment"
-    return [name for name in names if known.issuperset(OmegaConf.load(folder / f"{name}.yaml"))]
+    return [name for name in names if known.issuperset(load_yaml(folder / f"{name}.yaml"))]
 
 
 def _keys(config: Any, prefix: str = "") -> Iterator[str]:
@@ -256,6 +258,8 @@ def _check_choice(override: Override, choices: list[str]) -> None:
     given = value.list if isinstance(value, ChoiceSweep) else [value]
     for choice in given:
         one_of(override.key_or_group, choice, choices)
+        # without aliases, which Hydra would multiply
+        load_yaml(configs_folder() / override.key_or_group / f"{choice}.yaml")
 
 
 def _is_unknown(override: Override, keys: set[str]) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.bench.results import PARTS
+from flyrl.cli.program import path_argument
 
 if TYPE_CHECKING:
     from flyrl.bench.results import Row
@@ -78,7 +79,7 @@ def add_arguments(parser: argparse.ArgumentParser, parts: Iterable[str]) -> None
     )  # fmt: skip
     parser.add_argument("--rollouts", type=_positive, default=3, help="for ppo")
     parser.add_argument(
-        "--output", type=Path, default=Path("runs/speed.json"), metavar="FILE",
+        "--output", type=path_argument, default=Path("runs/speed.json"), metavar="FILE",
         help="where results are kept (default: runs/speed.json); parts that are not measured stay "
         "as they are",
     )  # fmt: skip

@@ -219,9 +219,9 @@ def _settings(config_name: str, words: Sequence[str]) -> tuple[list[str], dict[s
 
 def _yaml(path: Path) -> dict[str, Any]:
     """What a file of settings holds; nothing if it is not there."""
-    import yaml  # noqa: PLC0415
+    from flyrl.files import load_yaml  # noqa: PLC0415
 
-    return dict(yaml.safe_load(path.read_text()) or {}) if path.is_file() else {}
+    return dict(load_yaml(path) or {}) if path.is_file() else {}
 
 
 def _leaves(value: Any) -> Iterator[str]:

@@ -6,7 +6,7 @@ from typing import Any, Final, get_args
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
-from flyrl.cli.conversion import from_mapping, whole_number
+from flyrl.cli.conversion import from_mapping, group, whole_number
 from flyrl.cli.terms import load_terms
 from flyrl.controllers.leg_controller import ControllerConfig
 from flyrl.envs.config import BodyConfig, EnvConfig
@@ -20,7 +20,7 @@ from flyrl.terrains import TerrainConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
-from flyrl.validation import one_of
+from flyrl.validation import file_path, one_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,23 +74,23 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
     """
     return TrainingConfig(
         env=env_config(config),
-        algo=algorithm_config(config["algo"]),
-        training=from_mapping(ScheduleConfig, config["training"], "training"),
-        seed=whole_number("seed", config["seed"]),
+        algo=algorithm_config(config.get("algo")),
+        training=from_mapping(ScheduleConfig, group(config, "training"), "training"),
+        seed=whole_number("seed", config.get("seed")),
         logger=_logger_config(config.get("logger", {"name": "none"})),
     )
 
 
 def env_config(config: Mapping[str, Any]) -> EnvConfig:
     """Settings of an environment, from the groups that `env_record` has as keys."""
-    task = from_mapping(_TaskSettings, config["task"], "task")
-    body = task.body(config["body"])
+    task = from_mapping(_TaskSettings, group(config, "task"), "task")
+    body = task.body(group(config, "body"))
     return EnvConfig(
         task=task.task(body),
         body=body,
-        terrain=from_mapping(TerrainConfig, config["terrain"], "terrain"),
+        terrain=from_mapping(TerrainConfig, group(config, "terrain"), "terrain"),
         controller=_controller(config.get("controller"), body),
-        physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
+        physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
         decision_interval=task.decision_interval,
         randomisation=_randomisation(config),
     )
@@ -100,7 +100,7 @@ def _controller(given: Mapping[str, Any] | None, body: BodyConfig) -> Controller
     """The group `controller`, which is null with a worm."""
     if given is None:
         return None
-    settings = dict(given)
+    settings = group({"controller": given}, "controller")
     if settings.get("steps") is None and isinstance(body, FlyConfig):
         settings["steps"] = STEPS_OF_BODY[body.name]
     return from_mapping(ControllerConfig, settings, "controller")
@@ -147,6 +147,8 @@ class EvaluationSettings:
 
     def __post_init__(self) -> None:
         one_of("camera", self.camera, get_args(Camera))
+        if self.folder is not None:
+            file_path("folder", self.folder)
 
 
 _EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
@@ -168,11 +170,12 @@ def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
 
 
 def _varied(given: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
-    """Values of each quantity, with tuples in place of lists."""
-    for name, values in given.items():
-        if not isinstance(values, list | tuple):
-            raise ValueError(f"vary.{name} must be a list of values, got {values!r}")
-    return {name: tuple(_tuples(value) for value in values) for name, values in given.items()}
+    """Values of each quantity, with tuples in place of lists; one value is a list of one."""
+    lists = {
+        name: values if isinstance(values, list | tuple) else [values]
+        for name, values in given.items()
+    }
+    return {name: tuple(_tuples(value) for value in values) for name, values in lists.items()}
 
 
 def _tuples(value: Any) -> Any:
@@ -198,8 +201,8 @@ def evaluation_config(
     ValueError
         A key or value that is not allowed.
     """
-    asked = from_mapping(_TaskSettings, config["task"], "task")
-    body = asked.body(config["body"])
+    asked = from_mapping(_TaskSettings, group(config, "task"), "task")
+    body = asked.body(group(config, "body"))
     task = asked.task(body)
     own = task.decision_interval_s
     if asked.decision_interval not in (None, own):
@@ -220,7 +223,7 @@ def evaluation_config(
         episodes=settings.episodes,
         seed=settings.seed,
         body=body,
-        physics=from_mapping(PhysicsConfig, config["physics"], "physics"),
+        physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
         randomisation=_randomisation(config),
         vary=_varied(settings.vary or {}),
         reference=settings.reference,
@@ -245,15 +248,15 @@ def _randomisation(config: Mapping[str, Any]) -> RandomisationConfig:
     return from_mapping(RandomisationConfig, config.get("randomisation", {}), "randomisation")
 
 
-def algorithm_config(config: Mapping[str, Any]) -> AlgorithmConfig:
+def algorithm_config(config: Any) -> AlgorithmConfig:
     """Settings of a learning algorithm; `name` picks which."""
-    settings = dict(config)
+    settings = group({"algo": config}, "algo")
     name = one_of("algo.name", settings.pop("name", None), ALGORITHMS)
     return from_mapping(ALGORITHMS[name], settings, "algo")
 
 
-def _logger_config(config: Mapping[str, Any]) -> LoggerConfig | None:
+def _logger_config(config: Any) -> LoggerConfig | None:
     """Settings of a logger; `name` picks which, without the group (as in records) none."""
-    settings = dict(config)
+    settings = group({"logger": config}, "logger")
     name = one_of("logger.name", settings.pop("name", None), ("none", *LOGGERS))
     return None if name == "none" else from_mapping(LOGGERS[name], settings, "logger")

@@ -12,6 +12,14 @@ from flyrl.validation import one_of
 T = TypeVar("T")
 
 
+def group(config: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Copy of the group of keys at `key` of a config; ValueError if there is none."""
+    found = config.get(key)
+    if not isinstance(found, Mapping):
+        raise ValueError(f"{key} must be a group of keys, got {found!r:.60}")
+    return dict(found)
+
+
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     """Build a dataclass from a mapping of its fields.
 
@@ -30,6 +38,8 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     ValueError
         An unknown field, a value of the wrong type, or one that the dataclass refuses.
     """
+    if not isinstance(mapping, Mapping):
+        raise ValueError(f"{key} must be a group of keys, got {mapping!r:.60}")
     hints = typing.get_type_hints(cls)
     prefix = f"{key}." if key else ""
     fields = {field.name for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
@@ -61,8 +71,6 @@ def _value(hint: Any, value: Any, key: str) -> Any:
             raise ValueError(f"{key} must be a group of keys, got {value!r}")
         return {name: _value(options[1], item, f"{key}.{name}") for name, item in value.items()}
     if dataclasses.is_dataclass(hint):
-        if not isinstance(value, Mapping):
-            raise ValueError(f"{key} must be a group of keys, got {value!r}")
         return from_mapping(cast(type, hint), value, key)
     return value if hint is Any else _scalar(hint, value, key)
 
@@ -79,9 +87,12 @@ def _scalar(hint: type, value: Any, key: str) -> Any:
 
 
 def _tuple(hints: Sequence[Any], value: Any, key: str) -> tuple[Any, ...]:
+    is_open = hints[-1] is Ellipsis
+    if is_open and isinstance(value, str | int | float):
+        value = [value]  # one value stands for a list of one
     if not isinstance(value, list | tuple):
         raise ValueError(f"{key} must be a list, got {value!r}")
-    if hints[-1] is Ellipsis:
+    if is_open:
         hints = [hints[0]] * len(value)
     if len(value) != len(hints):
         raise ValueError(f"{key} must be a list of {len(hints)}, got {value!r}")

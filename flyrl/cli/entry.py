@@ -12,16 +12,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from flyrl.cli import sweep
-from flyrl.cli.arguments import (
-    HYDRA_VERSION,
-    UsageError,
-    check_arguments,
-    fail,
-    own_overrides,
-    plain_values,
-)
+from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, own_overrides, plain_values
+from flyrl.cli.errors import reported
 from flyrl.cli.program import program
-from flyrl.cli.statuses import INTERRUPTED
 from flyrl.resources import configs_folder
 
 
@@ -70,10 +63,17 @@ def run_command(
         With status 1 after a sweep of which a job failed, 2 for a command line that cannot be
         meant so, 130 after Ctrl-C.
     """
-    try:
-        asked = check_arguments(config_name, sys.argv[1:])
-    except UsageError as error:
-        fail(error)
+    with reported():
+        _run(config_name, run, end_of_sweep, subcommand)
+
+
+def _run(
+    config_name: str,
+    run: Callable[[dict[str, Any], Start], Path],
+    end_of_sweep: Callable[[Path], None],
+    subcommand: Sequence[str],
+) -> None:
+    asked = check_arguments(config_name, sys.argv[1:])
     command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
     here = Path.cwd()
     titles = sweep.titles(asked.jobs) if asked else {}
@@ -82,23 +82,25 @@ def run_command(
         settings = HydraConfig.get()
         overrides = own_overrides(settings.overrides.task)
         if settings.mode is not RunMode.MULTIRUN:
-            run(plain_values(config), Start((*command, *arguments), overrides))
+            with reported():
+                run(plain_values(config), Start((*command, *arguments), overrides))
             return
         folder = Path(settings.sweep.dir)
         start = Start((*command, *overrides), overrides, folder)
         title = titles.get(overrides, "")
-        sweep.run_job(folder, here, overrides, title, lambda: run(plain_values(config), start))
+
+        def run_reported() -> Path:
+            with reported():
+                return run(plain_values(config), start)
+
+        sweep.run_job(folder, here, overrides, title, run_reported)
 
     start_hydra = hydra.main(
         version_base=HYDRA_VERSION,
         config_path=str(configs_folder().resolve()),
         config_name=config_name,
     )(job)
-    try:
-        if asked is None:
-            start_hydra()
-        else:
-            sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)
-    except KeyboardInterrupt:  # where no run goes on from what there is by then
-        print("interrupted", file=sys.stderr)
-        raise SystemExit(INTERRUPTED) from None
+    if asked is None:
+        start_hydra()
+    else:
+        sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import datetime
 import shlex
+import signal
 import sys
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
-from flyrl.cli.statuses import INTERRUPTED, LEFT_OUT
-from flyrl.files import new_folder, usable_folder
+from flyrl.cli.statuses import LEFT_OUT
+from flyrl.files import OutputFolder, new_folder, usable_folder
 from flyrl.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -52,28 +55,41 @@ def run(record: dict[str, Any], start: Start) -> Path:
     """
     from flyrl.cli.config import own_settings  # noqa: PLC0415
 
-    try:
-        settings = own_settings(record)
-        config = comparison(record, settings, start.command)
-    except ValueError as error:
-        fail(error)
-    try:
-        if settings.folder is None:
-            now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
-            parent = start.sweep or Path("reports")
-            folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
-        else:
-            folder = usable_folder(Path(settings.folder))
-        report, is_complete = compare(config, folder, settings)
-    except (OSError, ValueError) as error:
-        fail(error)
-    except KeyboardInterrupt:
-        print(f"interrupted; go on with: folder={folder}", file=sys.stderr)
-        raise SystemExit(INTERRUPTED) from None
+    settings = own_settings(record)
+    config = comparison(record, settings, start.command)
+    if settings.folder is None:
+        now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
+        parent = start.sweep or Path("reports")
+        folder = new_folder(parent, f"{now}_{config.resolved_task.name}")
+    else:
+        folder = results_folder(settings.folder)
+    with _terminable():
+        try:
+            report, is_complete = compare(config, folder, settings)
+        except KeyboardInterrupt as stop:
+            print(f"interrupted; resume with: folder={folder}", file=sys.stderr)
+            raise SystemExit(128 + (stop.args[0] if stop.args else signal.SIGINT)) from None
     print(f"report: {report}")
     if not is_complete and start.sweep is None:
         raise SystemExit(LEFT_OUT)
     return folder
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM raise KeyboardInterrupt, with its number, as Ctrl-C does without one."""
+
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
+        raise KeyboardInterrupt(number)
+
+    if threading.current_thread() is not threading.main_thread():  # where no handler can be set
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def comparison(
@@ -155,6 +171,22 @@ def compare(
         )
         bar.update()
     return report, not missing
+
+
+def results_folder(path: str | Path) -> Path:
+    """Make a folder for results and report if it is missing; return it.
+
+    Raises
+    ------
+    OSError
+        It cannot be written to, or a file of somebody else's is in the way.
+    """
+    from flyrl.evaluation.results import RESULTS_FILES  # noqa: PLC0415
+    from flyrl.report.html import REPORT_FILE  # noqa: PLC0415
+
+    folder = usable_folder(Path(path))
+    OutputFolder(folder).check_free(*RESULTS_FILES, REPORT_FILE)
+    return folder
 
 
 def training_evaluations(

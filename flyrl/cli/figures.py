@@ -7,14 +7,16 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
+from flyrl.cli.program import path_argument
+
 FIGURES: Final = {
     "cpg_three": "phases and magnitudes of three coupled oscillators",
     "cpg_tripod": "the six legs' oscillators in a tripod gait",
-    "steps": "the 42 recorded joint angles over three cycles, swing shaded",
+    "steps": "the 42 joint angles of both recorded steps, swing shaded",
     "steps_magnitude": "the same, with the magnitude growing from 0 to 1",
     "adhesion": "when each leg grips, over the phase of its step",
     "rules_graph": "the legs' influences on each other",
-    "rules": "the legs' phases under the rules, and their scores",
+    "rules": "the legs' phases under the rules and their scores, swing shaded",
     "terrains": "the four terrains with a fly on each (picture)",
     "turn": "the oscillators in a turn",
     "comparison": "CPG, rules and hybrid on the terrains, 20 episodes each (1 to 2 minutes)",
@@ -45,7 +47,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
     parser.add_argument(
         "--output",
-        type=Path,
+        type=path_argument,
         default=Path("figures"),
         metavar="FOLDER",
         help="where they go (default: figures)",

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import os
 import sys
 from collections.abc import Sequence
@@ -23,7 +22,8 @@ from flyrl.cli import (
     tune,
 )
 from flyrl.cli.completion import subparsers_of
-from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
+from flyrl.cli.errors import Ended, reported
+from flyrl.cli.statuses import UNUSABLE
 from flyrl.resources import version
 
 _SUBCOMMANDS: Final = (
@@ -86,23 +86,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         completion.answer(command_parser())
     try:
-        if given and given[0] in composed.COMPOSED:
-            return composed.run(given[0], given[1:])
-        options = _parsed(given)
-        status: int = options.run(options)
-        sys.stdout.flush()  # here, where a closed pipe is no fault
-    except BrokenPipeError:
-        # what is still to be written at the end goes nowhere, instead of to an error
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
-        return PIPE_CLOSED
-    except (ValueError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return UNUSABLE
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
+        with reported():
+            if given and given[0] in composed.COMPOSED:
+                return composed.run(given[0], given[1:])
+            options = _parsed(given)
+            status: int = options.run(options)
+    except Ended as end:
+        return end.code if isinstance(end.code, int) else UNUSABLE
     return status
 
 
@@ -128,12 +118,14 @@ def command_parser() -> argparse.ArgumentParser:
 
 
 def _parsed(given: Sequence[str]) -> argparse.Namespace:
-    """Parse; tell the closest match of a command or an option that does not exist."""
+    """Parse; name the closest match of a command or an option that does not exist."""
+    from flyrl.validation import did_you_mean  # noqa: PLC0415  (loads NumPy)
+
     parser = command_parser()
     commands = subparsers_of(parser)
     if given and not given[0].startswith("-") and given[0] not in commands:
         parser.error(
-            f"there is no command {given[0]!r}{_closest(given[0], commands)} "
+            f"there is no command {given[0]!r}{did_you_mean(given[0], commands)} "
             f"(commands: {', '.join(commands)})"
         )
     options, unknown = parser.parse_known_args(given)
@@ -141,10 +133,5 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
         command = commands[options.command]
         first = unknown[0].partition("=")[0]
         known = [text for action in command._actions for text in action.option_strings]
-        command.error(f"unrecognized arguments: {' '.join(unknown)}{_closest(first, known)}")
+        command.error(f"unrecognized arguments: {' '.join(unknown)}{did_you_mean(first, known)}")
     return options
-
-
-def _closest(given: str, known: Sequence[str] | dict[str, Any]) -> str:
-    close = difflib.get_close_matches(given, list(known), n=1)
-    return f"; did you mean {close[0]!r}?" if close else ""

@@ -11,6 +11,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from flyrl.cli.program import path_argument
+
 if TYPE_CHECKING:
     from flyrl.play import Playable
 
@@ -60,13 +62,13 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     page.add_argument(
         "--log",
-        type=Path,
+        type=path_argument,
         metavar="FILE",
         help="write there what happens, a line of JSON per change; replaces what it held",
     )
     page.add_argument(
         "--record-folder",
-        type=Path,
+        type=path_argument,
         metavar="FOLDER",
         default=Path("videos"),
         help="where videos that the page records come (default: videos)",

@@ -1,5 +1,6 @@
-"""How this process was started, for records that say how to repeat it."""
+"""How this process was started, for records that say how to repeat it; arguments that are paths."""
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -10,3 +11,10 @@ def program() -> tuple[str, ...]:
     if script.name == "__main__.py":  # as python -m: the file by itself would not find its package
         return (sys.executable, "-m", script.parent.name)
     return (sys.executable, sys.argv[0])
+
+
+def path_argument(text: str) -> Path:
+    """Path on a command line; an empty one, as of an unset variable, is no path."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the path is empty")
+    return Path(text)

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flyrl.cli.program import program
+from flyrl.cli.program import path_argument, program
 from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
+from flyrl.entry_points import check_trust
 from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
@@ -57,24 +58,30 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         "runs/2026-01-31_120000_target_flat_ppo_0",
     )
     parser.add_argument(
-        "original", type=Path, metavar="RUN", help="folder of the run to repeat, or a report.html"
+        "original",
+        type=path_argument,
+        metavar="RUN",
+        help="folder of the run to repeat, or a report.html",
     )
     parser.add_argument(
-        "--runs-folder", type=Path, default=Path("runs"), help="where to (default: runs)"
+        "--runs-folder", type=path_argument, default=Path("runs"), help="where to (default: runs)"
     )
     parser.add_argument(
         "--repeat",
-        type=Path,
+        type=path_argument,
         metavar="FOLDER",
         help="compare with this repeat, made before; one that was interrupted goes on first",
     )
     parser.add_argument(
-        "--output", type=Path, metavar="FOLDER", help="of a report: where to write the repeat's"
+        "--output",
+        type=path_argument,
+        metavar="FOLDER",
+        help="of a report: where to write the repeat's",
     )
     parser.add_argument(
         "--trust",
         action="store_true",
-        help="of a report: run the code that it names (terms, policies as module:factory, pickles)",
+        help="run the code that it names (terms, policies as module:factory, pickles)",
     )
     parser.set_defaults(run=run)
 
@@ -87,6 +94,7 @@ def run(options: argparse.Namespace) -> int:
     if original.state != "finished":
         said = "; ".join(original.problems) or f"it is {original.state}"
         raise ValueError(f"{options.original} is no finished run to compare with: {said}")
+    check_trust(options.original, original.settings, options.trust, "--trust")
     if options.repeat is None:
         print("repeating the run", file=sys.stderr)
     again = _train(original, options)

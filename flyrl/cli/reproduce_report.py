@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
+
+from flyrl.entry_points import check_trust
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,7 +46,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         A file cannot be read, or written.
     """
     from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
-    from flyrl.cli.evaluate import training_evaluations  # noqa: PLC0415
+    from flyrl.cli.evaluate import results_folder, training_evaluations  # noqa: PLC0415
     from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
     from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
     from flyrl.report import read_origin, write_report  # noqa: PLC0415
@@ -54,12 +55,11 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     record = origin["settings"]
     if not record:
         raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
-    if (code := foreign_code(record)) and not is_trusted:
-        raise ValueError(
-            f"{path} names code that would be run: {', '.join(code)}. Say --trust if you know it"
-        )
+    check_trust(path, record, is_trusted, "--trust")
     settings = own_settings({**record, "progress_bar": True})
     config = evaluation_config(record, settings, " ".join(sys.argv))
+    if output is not None:
+        results_folder(output)
     results = evaluate(config)
     if output is not None:
         write_results(results, output)
@@ -74,16 +74,6 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     for line in lines or ["same policies and packages"]:
         print(line)
     return IDENTICAL if is_same else DIFFERENT
-
-
-def foreign_code(record: Mapping[str, Any]) -> list[str]:
-    """What settings name that runs code when it is loaded: modules, and pickles."""
-    from flyrl.evaluation.entry_point import is_policy_factory  # noqa: PLC0415
-
-    terms = record.get("task", {}).get("terms") or []
-    policies = record.get("policies") or []
-    pickles = [name for name in policies if record.get("trust_pickles") and name.endswith(".zip")]
-    return [*terms, *filter(is_policy_factory, policies), *pickles]
 
 
 def _origins_differ(origin: Json, protocol: Json) -> list[str]:

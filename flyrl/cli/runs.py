@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from flyrl.cli.program import path_argument
 from flyrl.training.runs import RunSummary, find_runs, flat, is_run, read_run
 
 COLUMNS: Final = (
@@ -43,7 +44,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "paths",
         nargs="*",
-        type=Path,
+        type=path_argument,
         default=[Path("runs")],
         metavar="FOLDER",
         help="folders of runs, or run folders (default: runs)",

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.cli.arguments import unknown_key
+from flyrl.files import load_yaml
 from flyrl.resources import configs_folder
 from flyrl.training.runs import flat
 from flyrl.validation import one_of
@@ -140,6 +141,7 @@ def read_space(path: Path) -> dict[str, Any]:
     from yaml import YAMLError  # noqa: PLC0415
 
     try:
+        load_yaml(path)  # without aliases, which OmegaConf would multiply
         loaded = OmegaConf.load(path)
     except (YAMLError, OmegaConfBaseException, UnicodeDecodeError, OSError) as error:
         raise ValueError(f"{path} cannot be read: {error}") from error

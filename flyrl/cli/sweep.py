@@ -26,7 +26,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Final, NoReturn
 
-from flyrl.cli.arguments import Failure, Sweep, fail
+from flyrl.cli.arguments import Sweep
+from flyrl.cli.errors import Failure
 from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.progress import progress_bar
 
@@ -200,19 +201,17 @@ def run_sweep(
     Raises
     ------
     SystemExit
-        A job failed (1), the sweep was interrupted (128 + the signal's number), or its folder
-        cannot be used (2).
+        A job failed (1), or the sweep was interrupted (128 + the signal's number).
+    OSError, ValueError
+        Its folder cannot be used.
     """
     folder = asked.folder
-    try:
-        if asked.is_named:
-            usable_folder(folder)
-        else:
-            folder = new_folder(folder.parent, folder.name)
-            sys.argv.append("hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'")))
-        _announce(folder, asked.jobs, command)
-    except (OSError, ValueError) as error:
-        fail(error)
+    if asked.is_named:
+        usable_folder(folder)
+    else:
+        folder = new_folder(folder.parent, folder.name)
+        sys.argv.append("hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'")))
+    _announce(folder, asked.jobs, command)
     os.environ[_PARENT] = str(os.getpid())
     code: int | str | None = 0
     stopped_by: int = signal.SIGINT

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
+
+from flyrl.cli.program import path_argument
 
 
 def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -20,13 +21,13 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "folders",
         nargs="+",
-        type=Path,
+        type=path_argument,
         metavar="FOLDER",
         help="of a sweep, as in runs/sweeps; two or more may be of single runs too",
     )
     parser.add_argument(
         "--output",
-        type=Path,
+        type=path_argument,
         metavar="FOLDER",
         help="where comparison.csv and learning_curves go (default: the folder of the one sweep)",
     )

@@ -9,11 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flyrl.cli.arguments import fail
 from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
-from flyrl.files import usable_folder
+from flyrl.entry_points import check_trust
 from flyrl.progress import whole_job
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from flyrl.training.learn import Run
     from flyrl.training.runs import RunSummary
 
-_BESIDE_RESUME: Final = ("resume", "evaluate_after", "evaluation", "video_after")
+_BESIDE_RESUME: Final = ("resume", "trust", "evaluate_after", "evaluation", "video_after")
 
 
 def main(subcommand: Sequence[str] = ()) -> None:
@@ -60,35 +59,36 @@ def run(record: dict[str, Any], start: Start) -> Path:
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, training_config  # noqa: PLC0415
-    from flyrl.cli.evaluate import comparison  # noqa: PLC0415
+    from flyrl.cli.evaluate import comparison, results_folder  # noqa: PLC0415
+    from flyrl.validation import file_path  # noqa: PLC0415
 
     is_compared, shares = bool(record["evaluate_after"]), {}
-    interrupted = Path(record["resume"]) if record["resume"] else None
-    try:
-        if interrupted:
-            _check_nothing_changes(start.overrides)
-            from flyrl.training.runs import read_record  # noqa: PLC0415
+    runs = start.sweep or file_path("runs_folder", record["runs_folder"])
+    asked = record["resume"]
+    interrupted = None if asked is None else file_path("resume", asked)
+    if interrupted:
+        _check_nothing_changes(start.overrides)
+        from flyrl.training.runs import read_record  # noqa: PLC0415
 
-            record = {**record, **read_record(interrupted)}
-        config = training_config(record)
-        if config.logger is not None:
-            config.logger.check_installed()
-        settings = evaluation_settings(record["evaluation"], "evaluation")
-        if is_compared:
-            # a mistake in it shows before the training, not after
-            shares = _shares(config, comparison(record, settings, start.command), settings)
-            if settings.folder is not None:
-                usable_folder(Path(settings.folder))
-        if not interrupted and (earlier := _earlier(config, start)):
-            if earlier.state == "finished":
-                print(f"run: {earlier.path}", flush=True)
-                return earlier.path
-            interrupted = earlier.path
-            config = training_config({**record, **earlier.settings})
-    except (ValueError, OSError) as error:
-        fail(error)
+        settings_of_run = read_record(interrupted)
+        check_trust(interrupted, settings_of_run, record["trust"] is True, "trust=true")
+        record = {**record, **settings_of_run}
+    config = training_config(record)
+    if config.logger is not None:
+        config.logger.check_installed()
+    settings = evaluation_settings(record["evaluation"], "evaluation")
+    if is_compared:
+        # a mistake in it shows before the training, not after
+        shares = _shares(config, comparison(record, settings, start.command), settings)
+        if settings.folder is not None:
+            results_folder(settings.folder)
+    if not interrupted and (earlier := _earlier(config, start)):
+        if earlier.state == "finished":
+            print(f"run: {earlier.path}", flush=True)
+            return earlier.path
+        interrupted = earlier.path
+        config = training_config({**record, **earlier.settings})
     show = partial(illustrate, config, with_video=bool(record["video_after"]))
-    runs = start.sweep or Path(record["runs_folder"])
     report, is_complete = None, True
     with whole_job(shares):
         finished = _learn(config, start, interrupted, runs, show)
@@ -114,19 +114,16 @@ def _learn(
     runs: Path,
     show: Callable[[Run], None],
 ) -> Run:
-    """Go on with an interrupted run, or make one in `runs`; end the program if that cannot be."""
+    """Resume an interrupted run, or train a new one in `runs`."""
     # a wrong value has been reported by now, without torch
     from flyrl.training.learn import resume, train  # noqa: PLC0415
-    from flyrl.training.runs import ResumeError  # noqa: PLC0415
 
     try:
         if interrupted:
             return resume(config, interrupted, start.command, at_end=show)
         return train(config, runs, start.command, at_end=show)
-    except ResumeError as error:
-        fail(error)
     except OSError as error:
-        fail(_with_way_on(error, config, interrupted or runs))
+        raise _with_way_on(error, config, interrupted or runs) from error
 
 
 def _compare(
@@ -136,11 +133,8 @@ def _compare(
     from flyrl.cli.evaluate import compare, comparison  # noqa: PLC0415
 
     with_run = replace(settings, policies=(str(run), *settings.policies))
-    try:
-        folder = Path(settings.folder or run / "evaluation")
-        return compare(comparison(record, with_run, start.command), folder, settings)
-    except OSError as error:
-        fail(error)
+    folder = Path(settings.folder or run / "evaluation")
+    return compare(comparison(record, with_run, start.command), folder, settings)
 
 
 def _shares(

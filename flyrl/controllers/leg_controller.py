@@ -178,6 +178,11 @@ class ControllerConfig:
         check_fields(self, "controller")
 
     @property
+    def follows_drive(self) -> bool:
+        """Whether the drive changes how it walks, so that a policy can steer it."""
+        return self.name != "rule_based"
+
+    @property
     def reflex_parameters(self) -> ReflexParameters:
         """The reflexes' figures."""
         own: ReflexesName = "current" if self.steps == "untethered" else "classic"

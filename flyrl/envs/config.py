@@ -18,13 +18,24 @@ from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Episode, Neurons, Task, task_named
 from flyrl.terrains import TERRAINS, TerrainConfig
-from flyrl.validation import known_keys, one_of, positive
+from flyrl.validation import did_you_mean, from_keys, one_of, positive
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
 """Bodies by name."""
 
 Config = TypeVar("Config")
+
+Fields = Mapping[str, Any]
+"""Fields of a config, from which it is made."""
+
+_CONFIGS: Final[Mapping[str, tuple[type[Any], ...]]] = {
+    "body": (FlyConfig, WormConfig),
+    "terrain": (TerrainConfig,),
+    "controller": (ControllerConfig,),
+    "physics": (PhysicsConfig,),
+    "randomisation": (RandomisationConfig,),
+}
 
 Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
@@ -38,10 +49,10 @@ class EnvConfig:
     task
         A name in `flyrl.tasks.TASK_NAMES`, or a task of your own.
     body, terrain, controller
-        Configs, or the name that picks one: a body in `BODIES`, a terrain in
-        `flyrl.terrains.TERRAINS`, a controller with default settings. With None, the body is the
-        usual one of the task, and the controller the hybrid one whose recorded step goes with the
-        body. A worm has no controller: a task for worms recruits its muscles itself.
+        Configs, their fields as a mapping, or the name that picks one: a body in `BODIES`, a
+        terrain in `flyrl.terrains.TERRAINS`, a controller with default settings. With None, the
+        body is the usual one of the task, and the controller the hybrid one whose recorded step
+        goes with the body. A worm has no controller: a task for worms recruits its muscles itself.
     physics
         Settings, or the name of a preset; None takes "balanced" for a fly and "worm" for a worm.
     decision_interval
@@ -54,12 +65,12 @@ class EnvConfig:
     """
 
     task: str | Task = "target"
-    body: str | BodyConfig | None = None
-    terrain: str | TerrainConfig = "flat"
-    controller: str | ControllerConfig | None = None
-    physics: str | PhysicsConfig | None = None
+    body: str | BodyConfig | Fields | None = None
+    terrain: str | TerrainConfig | Fields = "flat"
+    controller: str | ControllerConfig | Fields | None = None
+    physics: str | PhysicsConfig | Fields | None = None
     decision_interval: float | None = None
-    randomisation: str | RandomisationConfig = "none"
+    randomisation: str | RandomisationConfig | Fields = "none"
     log_gait: bool = False
 
     resolved_task: Task = field(init=False, repr=False)
@@ -68,6 +79,10 @@ class EnvConfig:
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        for name, kinds in _CONFIGS.items():
+            given = getattr(self, name)
+            if isinstance(given, Mapping):  # as JSON gives them
+                object.__setattr__(self, name, _from_fields(name, given, kinds))
         one_of("log_gait", self.log_gait, (False, True))
         if self.decision_interval is not None:
             positive("decision_interval", self.decision_interval)
@@ -115,6 +130,10 @@ class EnvConfig:
         object.__setattr__(self, "resolved_randomisation", drawn_from)
         object.__setattr__(self, "scene", scene)
         object.__setattr__(self, "steps_per_decision", steps)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # the rest follows from these, and terms of a task may be functions that cannot be pickled
+        return type(self), tuple(getattr(self, name) for name in _settings(self))
 
     def _fly_scene(
         self,
@@ -186,22 +205,45 @@ class EnvConfig:
         return replace(episode, randomisation=self.resolved_randomisation.draw(seed))
 
 
-def config_for(adapter: type, given: Mapping[str, Any]) -> EnvConfig:
-    """Make the settings that the keywords of an environment's class give, beside its own.
+class UnexpectedArgumentError(TypeError, ValueError):
+    """A keyword that no environment has: a TypeError, by which TorchRL knows it, as in Python."""
+
+
+def config_for(
+    adapter: type, given: Mapping[str, Any], config: EnvConfig | None = None
+) -> EnvConfig:
+    """Change the settings, by default the usual ones, as keywords of an environment's class say.
 
     Raises
     ------
+    UnexpectedArgumentError
+        A keyword that does not exist.
     ValueError
-        A keyword that does not exist, or a value that is not allowed.
+        A value that is not allowed.
     """
-    own = [name for name in inspect.signature(adapter).parameters if name != "config"]
-    known_keys(
-        "the environment", given, [field.name for field in fields(EnvConfig) if field.init] + own
-    )
-    return EnvConfig(**given)
+    parameters = inspect.signature(adapter).parameters.values()
+    own = [each.name for each in parameters if each.kind != each.VAR_KEYWORD]
+    known = [*_settings(EnvConfig), *own]
+    for name in given:
+        if name not in known:
+            raise UnexpectedArgumentError(
+                f"the environment got an unexpected keyword argument {name!r}"
+                f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
+            )
+    return replace(config or EnvConfig(), **given)
 
 
-def _named(key: str, given: str | Config, table: Mapping[str, Config]) -> Config:
+def _settings(config: type[EnvConfig] | EnvConfig) -> list[str]:
+    return [item.name for item in fields(config) if item.init]
+
+
+def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
+    """Config of the kind that most of the given fields are of."""
+    kind = max(kinds, key=lambda each: len(given.keys() & {item.name for item in fields(each)}))
+    return from_keys(key, given, kind)
+
+
+def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
     """Settings as they are given, or those that a name picks."""
     if isinstance(given, str):
         return table[one_of(key, given, table)]
@@ -209,7 +251,7 @@ def _named(key: str, given: str | Config, table: Mapping[str, Config]) -> Config
     if type(given) not in kinds:
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
         raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
-    return given
+    return cast(Config, given)
 
 
 def _list(names: Iterable[str]) -> str:
@@ -249,18 +291,26 @@ class Transition:
         (n,).
     terminated, truncated
         (n,); the outcome and success below are final where one of them holds.
-    outcome
-        "running", "timeout", "unstable" or the name of the task's termination, (n,).
+    outcome_code
+        Index of the outcome in `outcomes`, (n,).
     is_success
         (n,).
+    outcomes
+        The task's outcomes by code (see `flyrl.tasks.Task.outcomes`).
     """
 
     observation: Observation
     reward: NDArray[np.float64]
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
-    outcome: NDArray[np.str_]
+    outcome_code: NDArray[np.int64]
     is_success: NDArray[np.bool_]
+    outcomes: tuple[str, ...]
+
+    @property
+    def outcome(self) -> NDArray[np.str_]:
+        """Names of the outcomes, (n,): "running" until an episode ends."""
+        return np.array(self.outcomes)[self.outcome_code]
 
     @property
     def done(self) -> NDArray[np.bool_]:

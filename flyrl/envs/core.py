@@ -6,16 +6,17 @@ from dataclasses import asdict, fields, replace
 from typing import Any, cast
 
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig, Observation, Transition
 from flyrl.envs.flies import Flies
 from flyrl.envs.noise import SensorNoise, generator
+from flyrl.envs.rendering import Renderer, make_renderer
 from flyrl.envs.simulation import BodyState, Simulation
 from flyrl.envs.worms import Worms
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.native import MOST_SIMS
-from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene, SceneConfig
 from flyrl.simulation.state import FlyState
 from flyrl.simulation.worms import WormBatch, WormScene
@@ -63,6 +64,8 @@ class BatchedEnv:
         What each simulation was last reset to.
     difficulty
         Of the episodes that are drawn, from 0 to 1, the usual one.
+    max_decisions
+        Decisions until the task truncates an episode; None without a time limit.
     """
 
     def __init__(self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0) -> None:
@@ -85,11 +88,12 @@ class BatchedEnv:
             for term in self.task.means
         }
         limit = self.task.time_limit_s
-        self._max_decisions = None if limit is None else round(limit / config.decision_interval_s)
+        self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
+        self._renderer: Renderer | None = None
+        self._is_closed = False
         self._decisions = np.zeros(num_envs, dtype=np.int64)
-        outcomes = [RUNNING, SUCCESS, TIMEOUT, UNSTABLE]
-        outcomes += [termination.outcome for termination in self.task.terminations]
-        self._outcome_type = np.array(outcomes).dtype
+        self._outcomes = self.task.outcomes
+        self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
         self.state: BodyState = self.simulation.state()
         self._previous = self.state
 
@@ -154,6 +158,7 @@ class BatchedEnv:
             settings do not have, or, at the first reset, a term of the task does not give an array
             of its shape.
         """
+        self._check_open()
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         for name, given in (("seeds", seeds), ("episodes", episodes)):
             if given is not None and len(given) != len(chosen):
@@ -233,9 +238,10 @@ class BatchedEnv:
         Raises
         ------
         ValueError
-            If the actions have the wrong shape, are not finite, or no whole numbers where the task
-            takes these.
+            If the actions have the wrong shape, are not finite, or not the whole numbers that the
+            task takes.
         """
+        self._check_open()
         actions = np.asarray(action, dtype=np.float64)
         shape = (self.num_envs, self.task.actions.size)
         if actions.shape != shape:
@@ -268,22 +274,55 @@ class BatchedEnv:
             values = term.compute(state)
             reward += term.weight * values
             total[moved] += values[moved]
-        outcome = np.where(is_unstable, UNSTABLE, RUNNING).astype(self._outcome_type)
+        outcome = np.where(is_unstable, self._code[UNSTABLE], self._code[RUNNING])
         is_success = np.zeros(self.num_envs, dtype=bool)
         terminated = is_unstable.copy()
         for termination in self.task.terminations:
             ends = np.asarray(termination.holds(state), dtype=bool) & ~terminated
-            outcome[ends] = termination.outcome
+            outcome[ends] = self._code[termination.outcome]
             is_success[ends] = termination.is_success
             terminated |= ends
         truncated = np.zeros(self.num_envs, dtype=bool)
-        if self._max_decisions is not None:
-            truncated = ~terminated & (self._decisions >= self._max_decisions)
-            outcome[truncated] = TIMEOUT
+        if self.max_decisions is not None:
+            truncated = ~terminated & (self._decisions >= self.max_decisions)
+            outcome[truncated] = self._code[TIMEOUT]
             if self.task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self.task.succeeds_in_time(state)
-                outcome[is_success] = SUCCESS
-        return Transition(self._observe(state), reward, terminated, truncated, outcome, is_success)
+                outcome[is_success] = self._code[SUCCESS]
+        return Transition(
+            self._observe(state),
+            reward,
+            terminated,
+            truncated,
+            outcome,
+            is_success,
+            self._outcomes,
+        )
+
+    def render(self, i: int = 0) -> NDArray[np.uint8]:
+        """Picture of body i and its target, (480, 640, 3).
+
+        Raises
+        ------
+        RenderingUnavailableError
+            If no GL context can be made.
+        """
+        self._check_open()
+        if self._renderer is None:
+            self._renderer = make_renderer(self.config)
+        episode = self.episodes[i]
+        return self._renderer.render(self.batch, i, goal=episode.goal if episode else ())
+
+    def close(self) -> None:
+        """Free the GL context; to reset, step or render from now on is an error."""
+        self._is_closed = True
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise ClosedEnvironmentError("the environment was closed; make a new one")
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on: physics, controllers, episodes, generators.
@@ -308,7 +347,8 @@ class BatchedEnv:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned, in an environment of the same settings."""
-        self.episodes = [episode and _episode(episode) for episode in snapshot["episodes"]]
+        records = snapshot["episodes"]
+        self.episodes = [record and Episode.from_record(record) for record in records]
         self.simulation.restore(snapshot["simulation"], self.episodes)
         self.state = self._previous = replace(self.state, **snapshot["state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
@@ -340,10 +380,10 @@ class BatchedEnv:
         goal, command = self._goal, self._command
         if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
-        if self._max_decisions is None:
+        if self.max_decisions is None:
             decisions_left = np.full(self.num_envs, np.inf)
         else:
-            decisions_left = (self._max_decisions - self._decisions).astype(np.float64)
+            decisions_left = (self.max_decisions - self._decisions).astype(np.float64)
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
@@ -412,10 +452,6 @@ def build_simulation(config: EnvConfig, num_envs: int, num_threads: int) -> Simu
     if isinstance(scene, SceneConfig):
         return Flies(config, scene, num_envs, num_threads)
     return Worms(config, scene, num_envs, num_threads)
-
-
-def _episode(record: Mapping[str, Any]) -> Episode:
-    return Episode(**{**record, "randomisation": Randomisation(**record["randomisation"])})
 
 
 def _where(mask: NDArray[np.bool_], chosen: BodyState, other: BodyState) -> BodyState:

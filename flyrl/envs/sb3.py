@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
+from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.options import episode_with_options
+from flyrl.envs.rendering import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
 
 
@@ -20,8 +22,9 @@ class FlyrlVecEnv(VecEnv):
 
     An episode that ends is reset at once; `infos` then carries "terminal_observation",
     "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
-    would, and "difficulty". "outcome" and "is_success" are there at every step; in a task with
-    goals "is_failure" and "decisions_lost", too (see `FlyrlEnv`).
+    would, and "difficulty". "outcome" (a code, whose name is `outcomes[code]`) and "is_success" are
+    there at every step; in a task with goals "is_failure" and "decisions_lost", too (see
+    `FlyrlEnv`). A copy, deep or by pickle, is made anew from the settings, and must be reset.
 
     Parameters
     ----------
@@ -33,24 +36,45 @@ class FlyrlVecEnv(VecEnv):
         Native threads; 0 takes one per CPU.
     seed
         Fly i starts with the seed `seed + i`; None draws from the operating system.
+    render_mode
+        None or "rgb_array".
+    **settings
+        Arguments of `EnvConfig`, in place of those of `config`.
+
+    Raises
+    ------
+    ValueError
+        An argument that is not allowed.
     """
 
     def __init__(
         self,
-        config: EnvConfig,
-        num_envs: int,
+        config: EnvConfig | None = None,
+        num_envs: int = 1,
         num_threads: int = 0,
         seed: int | None = None,
+        render_mode: str | None = None,
+        **settings: Any,
     ) -> None:
-        self.config = config
+        config = self.config = config_for(type(self), settings, config)
         self.core = BatchedEnv(config, num_envs, num_threads)
-        self.render_mode = None
+        self.render_mode = check_render_mode(render_mode)
         super().__init__(num_envs, observation_space(self.core.task), action_space(self.core.task))
+        self.metadata = RENDERING
+        self._arguments = (config, num_envs, num_threads, seed, render_mode)
         self._actions: NDArray[Any] = np.zeros((num_envs, self.core.task.actions.size))
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
         self._start = time.time()
         self.seed(seed)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), self._arguments
+
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Names of the outcomes by code, as in `info["outcome"]`."""
+        return self.core.task.outcomes
 
     def reset(self) -> VecEnvObs:
         """Start an episode in every environment."""
@@ -77,8 +101,10 @@ class FlyrlVecEnv(VecEnv):
         self._returns += transition.reward
         self._lengths += 1
         infos: list[dict[str, Any]] = [
-            {"outcome": str(outcome), "is_success": bool(is_success)}
-            for outcome, is_success in zip(transition.outcome, transition.is_success, strict=True)
+            {"outcome": code, "is_success": is_success}
+            for code, is_success in zip(
+                transition.outcome_code.tolist(), transition.is_success.tolist(), strict=True
+            )
         ]
         for key, values in self.core.failure_info().items():
             for info, value in zip(infos, values.tolist(), strict=True):
@@ -120,7 +146,8 @@ class FlyrlVecEnv(VecEnv):
         self._lengths[:] = snapshot["lengths"]
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Free the renderer; to reset, step or render from now on is an error."""
+        self.core.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Attribute of the batch, once per environment."""
@@ -173,5 +200,7 @@ class FlyrlVecEnv(VecEnv):
         return [is_monitored for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """No pictures of a batch."""
-        return [None] * self.num_envs
+        """Pictures of the bodies, (480, 640, 3) each, or None without a render mode."""
+        if self.render_mode is None:
+            return [None] * self.num_envs
+        return [self.core.render(i) for i in range(self.num_envs)]

@@ -1,19 +1,23 @@
 """One body as a Gymnasium environment."""
 
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.envs.options import episode_with_options
-from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
+from flyrl.envs.registration import limited_spec
+from flyrl.envs.rendering import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
 from flyrl.simulation.randomisation import UNVARIED
+from flyrl.tasks import RUNNING
 
 
 class FlyrlEnv(gymnasium.Env[Any, Any]):
@@ -25,11 +29,12 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
     "randomisation" (numbers by name, see `Randomisation`), on random terrain "ground" (a seed), and
     of a worm "joint_angles" (rad, head to tail), which replace what the seed draws, or "episode",
     which replaces all of it.
-    `info` carries "outcome" ("running", "success", "timeout", "fall", "left_arena" or "unstable"),
-    "is_success" and "time_s"; on random terrain also "ground". A task with a termination of its
-    own has one more outcome. After a reset there is "randomisation" too, unless the fly is the
-    scene's own. In a task with goals there are also "is_failure" and "decisions_lost" (how many
-    before the time limit the failure cut off; 0 without one).
+    `info` holds numbers, under the same keys after a reset and a step: "outcome" (a code, whose
+    name is `outcomes[code]`), "is_success" and "time_s"; on random terrain also "ground"; with a
+    body other than the scene's own "randomisation"; and in a task with goals "is_failure" and
+    "decisions_lost" (how many before the time limit the failure cut off; 0 without one).
+
+    A copy, deep or by pickle, is made anew from the settings, and must be reset.
 
     Parameters
     ----------
@@ -45,7 +50,25 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
         self.action_space = action_space(self.core.task)
         self.observation_space = observation_space(self.core.task)
-        self._renderer: Renderer | None = None
+        self._settings = {"render_mode": render_mode, **config}
+        self._spec: EnvSpec | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **self._settings), (), {"_spec": self._spec}
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from; `max_episode_steps` is the task's limit, in decisions."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = limited_spec(spec, self.core.max_decisions)
+
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Names of the outcomes by code, as in `info["outcome"]`."""
+        return self.core.task.outcomes
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -56,10 +79,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
         observation = self.core.reset(episodes=[episode])
-        info = {"outcome": "running", "is_success": False, "time_s": 0.0, **self._facts()}
-        if episode.randomisation != UNVARIED:
-            info["randomisation"] = asdict(episode.randomisation)
-        return _first(observation), info
+        return _first(observation), self._info(self.outcomes.index(RUNNING), is_success=False)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Hold an action for one decision interval."""
@@ -69,35 +89,31 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
             float(transition.reward[0]),
             bool(transition.terminated[0]),
             bool(transition.truncated[0]),
-            {
-                "outcome": str(transition.outcome[0]),
-                "is_success": bool(transition.is_success[0]),
-                "time_s": float(self.core.state.time[0]),
-                **self._facts(),
-            },
+            self._info(int(transition.outcome_code[0]), bool(transition.is_success[0])),
         )
 
-    def _facts(self) -> dict[str, Any]:
-        facts = {key: values[0].item() for key, values in self.core.failure_info().items()}
+    def _info(self, outcome_code: int, is_success: bool) -> dict[str, Any]:
+        info: dict[str, Any] = {
+            "outcome": outcome_code,
+            "is_success": is_success,
+            "time_s": float(self.core.state.time[0]),
+        }
+        for key, values in self.core.failure_info().items():
+            info[key] = values[0].item()
         if self.config.scene.terrain.random:
-            (ground,) = self.core.grounds()
-            facts["ground"] = int(ground)
-        return facts
+            info["ground"] = int(self.core.grounds()[0])
+        (episode,) = self.core.episodes
+        if episode is not None and episode.randomisation != UNVARIED:
+            info["randomisation"] = asdict(episode.randomisation)
+        return info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the body, (480, 640, 3), or None without a render mode."""
-        if self.render_mode is None:
-            return None
-        if self._renderer is None:
-            self._renderer = make_renderer(self.config)
-        episode = self.core.episodes[0]
-        return self._renderer.render(self.core.batch, 0, goal=episode.goal if episode else ())
+        return None if self.render_mode is None else self.core.render()
 
     def close(self) -> None:
-        """Free the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Free the renderer; to reset, step or render from now on is an error."""
+        self.core.close()
 
 
 class FlyrlGoalEnv(FlyrlEnv):

@@ -1,10 +1,12 @@
 """Many flies or worms as one Gymnasium vector environment, over the native batch."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -12,9 +14,11 @@ from numpy.typing import NDArray
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation, Transition
 from flyrl.envs.options import episode_with_options
-from flyrl.envs.rendering import RENDERING, Renderer, check_render_mode, make_renderer
+from flyrl.envs.registration import limited_spec
+from flyrl.envs.rendering import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
-from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
+from flyrl.simulation.randomisation import UNVARIED, Randomisation
+from flyrl.tasks import RUNNING, Episode
 from flyrl.validation import random_seed, whole_number
 
 
@@ -22,7 +26,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
     """`num_envs` flies or worms on native threads; the other arguments are those of `EnvConfig`.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
-    with its seed.
+    with its seed. A copy, deep or by pickle, is made anew from the settings, and must be reset.
 
     Parameters
     ----------
@@ -34,7 +38,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         Gymnasium's NEXT_STEP (its default), SAME_STEP or DISABLED.
     max_episode_steps
         Decisions after which an episode is truncated, beside the task's own time limit: what the
-        wrapper TimeLimit does to a single environment. Of such an end, "outcome" stays "running".
+        wrapper TimeLimit does to a single environment. The outcome of such an end stays "running".
     render_mode
         None or "rgb_array".
 
@@ -68,7 +72,36 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         self._done = np.zeros(num_envs, dtype=bool)
         self._max_episode_steps = max_episode_steps
         self._elapsed_steps = np.zeros(num_envs, dtype=np.int64)
-        self._renderer: Renderer | None = None
+        self._is_varied = np.zeros(num_envs, dtype=bool)
+        self._drawn = {item.name: np.zeros(num_envs) for item in fields(Randomisation)}
+        self._running = np.full(num_envs, self.outcomes.index(RUNNING))
+        self._settings = {
+            "num_envs": num_envs,
+            "num_threads": num_threads,
+            "autoreset_mode": autoreset_mode,
+            "max_episode_steps": max_episode_steps,
+            "render_mode": render_mode,
+            **config,
+        }
+        self._spec: EnvSpec | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), **self._settings), (), {"_spec": self._spec}
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium made it from; `max_episode_steps` is the limit, in decisions."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        limits = (self.core.max_decisions, self._max_episode_steps)
+        self._spec = limited_spec(spec, min((each for each in limits if each), default=None))
+
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Names of the outcomes by code, as in `info["outcome"]`."""
+        return self.core.task.outcomes
 
     def reset(
         self,
@@ -101,12 +134,9 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         episodes = [
             episode_with_options(self.core.draw_episode(int(i), seeds[i]), options) for i in ids
         ]
-        observation = self.core.reset(ids=ids, episodes=episodes)
+        observation = self._start(ids, episodes)
         self._done[ids] = False
-        self._elapsed_steps[ids] = 0
-        return observation, self._info(
-            np.full(self.num_envs, "running"), np.zeros(self.num_envs, dtype=bool)
-        )
+        return observation, self._info(self._running, np.zeros(self.num_envs, dtype=bool))
 
     def step(
         self, actions: NDArray[Any]
@@ -120,24 +150,27 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
                 "the option 'reset_mask' before the next step"
             )
         transition = self._limited(self.core.step(actions))
-        info = self._info(transition.outcome, transition.is_success)
-        observation = transition.observation
+        done, observation = transition.done, transition.observation
+        final: dict[str, Any] = {}
+        outcome_code, is_success = transition.outcome_code, transition.is_success
         if self.autoreset_mode == AutoresetMode.DISABLED:
-            self._done = transition.done
-        elif transition.done.any():
-            ids = np.flatnonzero(transition.done)
-            info["final_obs"] = _rows(observation, transition.done)
-            names = ("outcome", "is_success", IS_FAILURE, DECISIONS_LOST)
-            info["final_info"] = {name: info[name].copy() for name in names if name in info}
-            info["_final_obs"] = info["_final_info"] = transition.done.copy()
-            observation = self.core.reset(ids=ids)
-            self._elapsed_steps[ids] = 0
+            self._done = done
+        elif done.any():
+            final = {
+                "final_obs": _rows(observation, done),
+                "final_info": self._info(outcome_code, is_success, done),
+                "_final_obs": done,
+                "_final_info": done.copy(),
+            }
+            observation = self._start(np.flatnonzero(done))
+            outcome_code = np.where(done, self._running, outcome_code)
+            is_success = is_success & ~done
         return (
             observation,
             transition.reward,
             transition.terminated,
             transition.truncated,
-            info,
+            self._info(outcome_code, is_success) | final,
         )
 
     def _step_next(
@@ -149,40 +182,59 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
             transition = self._limited(self.core.step(actions))
         else:
             moving = np.flatnonzero(~starting)
-            self.core.reset(ids=np.flatnonzero(starting))
-            transition = self._limited(self.core.step(actions, ids=moving))
+            self._start(np.flatnonzero(starting))
+            transition = self._limited(self.core.step(actions, ids=moving), moving)
             transition = _mask(transition, starting)
-            self._elapsed_steps[starting] = 0
         self._done = transition.done
         return (
             transition.observation,
             transition.reward,
             transition.terminated,
             transition.truncated,
-            self._info(transition.outcome, transition.is_success),
+            self._info(transition.outcome_code, transition.is_success),
         )
 
-    def _info(self, outcome: NDArray[np.str_], is_success: NDArray[np.bool_]) -> dict[str, Any]:
-        everyone = np.ones(self.num_envs, dtype=bool)
-        facts: dict[str, Any] = self.core.failure_info()
+    def _start(
+        self, ids: NDArray[np.intp], episodes: Sequence[Episode] | None = None
+    ) -> Observation:
+        """Start episodes, the given ones or those drawn next."""
+        observation = self.core.reset(ids=ids, episodes=episodes)
+        self._elapsed_steps[ids] = 0
+        for i in ids:
+            if (episode := self.core.episodes[i]) is not None:
+                self._is_varied[i] = episode.randomisation != UNVARIED
+                for name, values in self._drawn.items():
+                    values[i] = getattr(episode.randomisation, name)
+        return observation
+
+    def _info(
+        self,
+        outcome_code: NDArray[np.int64],
+        is_success: NDArray[np.bool_],
+        mask: NDArray[np.bool_] | bool = True,
+    ) -> dict[str, Any]:
+        """What single environments have in `info`, with masks as SyncVectorEnv makes them."""
+        facts: dict[str, Any] = {
+            "outcome": outcome_code,
+            "is_success": is_success,
+            "time_s": self.core.state.time,
+            **self.core.failure_info(),
+        }
         if self.config.scene.terrain.random:
             facts["ground"] = self.core.grounds()
-        return {
-            **facts,
-            **{f"_{name}": everyone.copy() for name in facts},
-            "outcome": outcome.astype(object),
-            "_outcome": everyone,
-            "is_success": is_success,
-            "_is_success": everyone.copy(),
-            "time_s": self.core.state.time.copy(),
-            "_time_s": everyone.copy(),
-        }
+        info = _only(facts, np.full(self.num_envs, mask))
+        is_varied = self._is_varied & mask
+        if is_varied.any():
+            info |= _only({"randomisation": self._drawn}, is_varied)
+        return info
 
-    def _limited(self, transition: Transition) -> Transition:
+    def _limited(
+        self, transition: Transition, moved: NDArray[np.intp] | slice = slice(None)
+    ) -> Transition:
         """Count a decision, and truncate what has had its `max_episode_steps`."""
         if self._max_episode_steps is None:
             return transition
-        self._elapsed_steps += 1
+        self._elapsed_steps[moved] += 1
         is_over = self._elapsed_steps >= self._max_episode_steps
         return replace(transition, truncated=transition.truncated | is_over)
 
@@ -190,18 +242,11 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         """Pictures of the bodies, (480, 640, 3) each, or None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._renderer is None:
-            self._renderer = make_renderer(self.config)
-        return tuple(
-            self._renderer.render(self.core.batch, i, goal=episode.goal if episode else ())
-            for i, episode in enumerate(self.core.episodes)
-        )
+        return tuple(self.core.render(i) for i in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Free the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Free the renderer; to reset, step or render from now on is an error."""
+        self.core.close()
 
 
 def _rows(observation: Observation, mask: NDArray[np.bool_]) -> NDArray[np.object_]:
@@ -215,13 +260,26 @@ def _rows(observation: Observation, mask: NDArray[np.bool_]) -> NDArray[np.objec
     return rows
 
 
+def _only(info: Mapping[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Values of the masked environments, 0 of the others, and the mask itself under `_key`."""
+    only: dict[str, Any] = {}
+    for key, values in info.items():
+        if isinstance(values, Mapping):
+            only[key] = _only(values, mask)
+        else:
+            only[key] = np.where(mask, values, np.zeros((), values.dtype))
+        only[f"_{key}"] = mask.copy()
+    return only
+
+
 def _mask(transition: Transition, starting: NDArray[np.bool_]) -> Transition:
     """Make a transition of the environments that only started their episode a neutral one."""
-    return Transition(
-        observation=transition.observation,
+    running = transition.outcomes.index(RUNNING)
+    return replace(
+        transition,
         reward=np.where(starting, 0.0, transition.reward),
         terminated=transition.terminated & ~starting,
         truncated=transition.truncated & ~starting,
-        outcome=np.where(starting, "running", transition.outcome),
+        outcome_code=np.where(starting, running, transition.outcome_code),
         is_success=transition.is_success & ~starting,
     )

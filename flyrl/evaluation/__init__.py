@@ -5,12 +5,12 @@ from flyrl.evaluation.drive_map import measure_drive_map
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants
 from flyrl.evaluation.examples import walk_examples
-from flyrl.evaluation.fixed import FIXED
 from flyrl.evaluation.learned import changed_terms
 from flyrl.evaluation.parts import drop_parts
 from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
 from flyrl.evaluation.run import evaluate
 from flyrl.evaluation.steering import measure_steering
+from flyrl.policies.laws import FIXED
 
 __all__ = [
     "FIXED",

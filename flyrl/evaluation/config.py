@@ -40,7 +40,7 @@ class EvaluationConfig:
         Learned policies: run folders, policy files or names, or algorithm:file.zip of a model that
         Stable-Baselines3 saved. And your own: module:factory, which is imported and called.
     controllers
-        Names of fixed entrants; see `flyrl.evaluation.fixed.FIXED`. None takes the usual ones that
+        Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that
         go with the task.
     task
         A name in `flyrl.tasks.TASK_NAMES` or a task of your own, with a flat observation or goals,

@@ -11,7 +11,7 @@ from flyrl.controllers import ControllerConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant, free_name
 from flyrl.files import file_digest
-from flyrl.policies import LearnedPolicy, PolicyFileError, load_policy
+from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file
 from flyrl.policies.library import policy_name
 from flyrl.tasks import Task, term_digests
@@ -53,8 +53,13 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     try:
         legs = env.get("controller")
         controller = ControllerConfig(**legs) if legs is not None else config.legs
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
+    if controller is not None and not controller.follows_drive:
+        raise PolicyFileError(
+            f"{file}: its leg controller, {controller.name!r}, ignores the drive, so that no "
+            "policy can steer it"
+        )
     interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
     name = free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
     record = {
@@ -79,7 +84,7 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
             raise PolicyFileError(
                 f"{path}: of a zip file, say which algorithm made it, e.g. ppo:{path}"
             )
-        return file, load_policy(file)
+        return file, LearnedPolicy(load_bundle(file))
     from flyrl.policies.sb3_zip import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
 
     made_by = ALGORITHMS[one_of(f"policies: algorithm of {path!r}", algorithm, ALGORITHMS)]

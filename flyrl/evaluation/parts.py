@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ import pandas as pd
 
 from flyrl.evaluation.rows import episode_table, plain_rows
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
-from flyrl.files import replacing
+from flyrl.files import OutputFolder
 
 PARTS_FOLDER: Final = "parts"
 
@@ -35,7 +34,7 @@ class Parts:
     """
 
     def __init__(self, folder: Path | None, settings: Any) -> None:
-        self._folder = None if folder is None else folder / PARTS_FOLDER
+        self._folder = None if folder is None else OutputFolder(folder)
         text = json.dumps(settings, sort_keys=True)
         self._digest = np.frombuffer(hashlib.sha256(text.encode()).digest(), dtype=np.uint8)
 
@@ -50,7 +49,8 @@ class Parts:
         if self._folder is None:
             return None
         try:
-            with self._path(place).open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            path = self._folder.path / _name(place)
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
                 if not np.array_equal(arrays["settings"], self._digest):
                     return None
                 rows = episode_table(json.loads(arrays["rows"].tobytes()))
@@ -68,19 +68,19 @@ class Parts:
         """
         if self._folder is None:
             return
-        self._folder.mkdir(parents=True, exist_ok=True)
         rows, paths = part
         text = np.frombuffer(json.dumps(list(plain_rows(rows))).encode(), dtype=np.uint8)
-        with replacing(self._path(place)) as partial:
+        with self._folder.replacing(_name(place)) as partial:
             np.savez_compressed(
                 partial, settings=self._digest, rows=text, **pack_trajectories(paths)
             )
 
-    def _path(self, place: Sequence[int]) -> Path:
-        assert self._folder is not None
-        return self._folder / f"{'-'.join(map(str, place))}.npz"
+
+def _name(place: Sequence[int]) -> str:
+    return f"{PARTS_FOLDER}/{'-'.join(map(str, place))}.npz"
 
 
 def drop_parts(folder: Path) -> None:
     """Drop the batches in a folder of results, once these hold them."""
-    shutil.rmtree(folder / PARTS_FOLDER, ignore_errors=True)
+    output = OutputFolder(folder)
+    output.remove(*output.files(PARTS_FOLDER))

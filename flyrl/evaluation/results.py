@@ -32,13 +32,15 @@ from flyrl.evaluation.rows import (
     plain_rows,
 )
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
-from flyrl.files import replacing
-from flyrl.rollouts.records import OUTCOMES, EpisodeRecord
+from flyrl.files import OutputFolder
+from flyrl.rollouts.records import EpisodeRecord
+from flyrl.tasks import OUTCOMES
 
 SCHEMA: Final = "flyrl.results/3"
 RESULTS_FILE: Final = "results.json"
 EPISODES_FILE: Final = "episodes.csv"
 TRAJECTORIES_FILE: Final = "trajectories.npz"
+RESULTS_FILES: Final = (RESULTS_FILE, EPISODES_FILE, TRAJECTORIES_FILE)
 
 _TEXT: Final = (str,)
 _NUMBER: Final = (int, float)
@@ -121,20 +123,22 @@ def write_results(results: Results, folder: str | Path) -> Path:
     ------
     ResultsError
         If the results do not follow the schema, or hold a number that is not finite.
+    OSError
+        The folder cannot be written to, or holds such a file that flyrl did not write.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / RESULTS_FILE
-    with replacing(path) as partial:
+    output = OutputFolder(folder)
+    output.check_free(*RESULTS_FILES)
+    with output.replacing(RESULTS_FILE) as partial:
         _write_pieces(partial, results_text(results))
         # these before it takes its place: whoever reads it finds all three
-        with replacing(folder / EPISODES_FILE) as table:
+        with output.replacing(EPISODES_FILE) as table:
             _write_pieces(table, csv_text(results.episodes))
         if results.trajectories:
-            _save_trajectories(folder / TRAJECTORIES_FILE, results)
+            with output.replacing(TRAJECTORIES_FILE) as trajectories:
+                _save_trajectories(trajectories, results)
         else:
-            (folder / TRAJECTORIES_FILE).unlink(missing_ok=True)
-    return path
+            output.remove(TRAJECTORIES_FILE)
+    return output.path / RESULTS_FILE
 
 
 def _write_pieces(path: Path, pieces: Iterable[str]) -> None:
@@ -203,7 +207,7 @@ def _check_protocol(protocol: Json) -> list[str]:
     """Check a protocol; return the outcomes that its episodes can have."""
     _check_keys(protocol, PROTOCOL_KEYS, "protocol")
     # a protocol without its own is of flyrl's own tasks
-    protocol = {"outcomes": list(OUTCOMES), **protocol}
+    protocol = {"outcomes": list(OUTCOMES[1:]), **protocol}
     _check_keys(protocol, {"outcomes": (list,)}, "protocol")
     return [str(outcome) for outcome in protocol["outcomes"]]
 
@@ -278,13 +282,12 @@ def _digest(table: pd.DataFrame) -> NDArray[np.uint8]:
 
 def _save_trajectories(path: Path, results: Results) -> None:
     rows, paths = list(results.trajectories), list(results.trajectories.values())
-    with replacing(path) as partial:
-        np.savez_compressed(
-            partial,
-            digest=_digest(results.episodes),
-            rows=np.array(rows, dtype=np.int64),
-            **pack_trajectories(paths),
-        )
+    np.savez_compressed(
+        path,
+        digest=_digest(results.episodes),
+        rows=np.array(rows, dtype=np.int64),
+        **pack_trajectories(paths),
+    )
 
 
 def _load_trajectories(folder: Path, table: pd.DataFrame) -> dict[int, Trajectory]:

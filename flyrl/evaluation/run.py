@@ -30,7 +30,7 @@ from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
 from flyrl.resources import version
-from flyrl.rollouts import OUTCOMES, EpisodeRecord, run_episodes
+from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import TerrainConfig
 
@@ -228,7 +228,7 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
         "terms": record["terms"],
         "weights": record["weights"],
         "table": task_table(task),
-        "outcomes": list(dict.fromkeys((*OUTCOMES, *(end.outcome for end in task.terminations)))),
+        "outcomes": list(task.outcomes[1:]),
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
         "reference": config.reference,

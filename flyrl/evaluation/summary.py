@@ -21,7 +21,7 @@ from flyrl.evaluation.statistics import (
     probability_of_improvement,
     success_rate,
 )
-from flyrl.rollouts.records import OUTCOMES
+from flyrl.tasks import OUTCOMES
 
 
 def summarise(
@@ -87,7 +87,7 @@ def _adjust(summary: Sequence[dict[str, Any]]) -> None:
 def summarise_controller(rows: pd.DataFrame) -> dict[str, Any]:
     """Summary of one controller on one terrain, from its `rows`; "paired" is None."""
     outcomes = Counter(rows["outcome"])
-    kinds = dict.fromkeys((*OUTCOMES, *sorted(outcomes)))
+    kinds = dict.fromkeys((*OUTCOMES[1:], *sorted(outcomes)))
     first = rows.iloc[0]
     return {
         **{key: first[key] for key in ("controller", "task", "terrain", "condition")},

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from flyrl.play.fly_setting import INTERVAL_S, PLAY_TASK
-from flyrl.policies import LearnedPolicy, PolicyFileError, load_policy, named_policies
+from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle, named_policies
 from flyrl.policies.bundle import policy_file
+from flyrl.policies.laws import FIXED
 from flyrl.policies.library import policy_name
 from flyrl.rollouts import Policy
 
@@ -30,13 +31,13 @@ def pilots(given: str | None = None) -> dict[str, Callable[[], Policy]]:
     """
     found: dict[str, Callable[[], Policy]] = {PURSUIT: _pursuit}
     for name, file in named_policies().items():
-        policy = load_policy(file)
+        policy = LearnedPolicy(load_bundle(file))
         if _misfit(policy) is None:
             found[name] = _same(policy)
     if given is not None and given not in found:
         names = ", ".join(found)
         try:
-            policy = load_policy(given)
+            policy = LearnedPolicy(load_bundle(given))
             name = pilot_name(given)
         except PolicyFileError as error:
             raise PolicyFileError(
@@ -72,6 +73,4 @@ def _same(policy: Policy) -> Callable[[], Policy]:
 
 
 def _pursuit() -> Policy:
-    from flyrl.evaluation.fixed import FIXED  # noqa: PLC0415  (loads pandas: a second)
-
     return FIXED[PURSUIT].make(PLAY_TASK)

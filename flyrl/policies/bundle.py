@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
@@ -25,6 +25,7 @@ from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
 from flyrl.policies.normaliser import Normaliser
 from flyrl.tasks import Neurons, Task
+from flyrl.validation import did_you_mean, plain_record
 
 SCHEMA: Final = "flyrl.policy/1"
 
@@ -45,6 +46,7 @@ _HEADER_LENGTH_BYTES: Final = 8  # safetensors: little-endian length of the JSON
 _LARGEST_FILE_BYTES: Final = (
     256 * 2**20
 )  # a policy here has some 10 kB; refuse to read a disk image
+_LARGEST_HEADER_BYTES: Final = 2**18  # some 20 kB
 _LARGEST_WHOLE: Final = 2**31 - 1  # more than any output stands for
 
 
@@ -245,7 +247,7 @@ def _normaliser_record(normaliser: Normaliser) -> dict[str, Any]:
     }
 
 
-def policy_file(path: str | os.PathLike[str]) -> Path:
+def policy_file(path: str | os.PathLike[str], others: Iterable[str] = ()) -> Path:
     """Path of the policy file that `path` means.
 
     Parameters
@@ -253,6 +255,8 @@ def policy_file(path: str | os.PathLike[str]) -> Path:
     path
         A file, a run folder (its best policy, else its last), or else the name of a policy that
         comes with flyrl.
+    others
+        Names besides that the caller takes, for the message.
 
     Raises
     ------
@@ -272,9 +276,10 @@ def policy_file(path: str | os.PathLike[str]) -> Path:
     named = named_policies()
     if (given := os.fspath(path)) in named:
         return named[given]
+    names = (*named, *others)
     raise PolicyFileError(
-        f"no policy at {place}: there is no such file or folder, and no policy of that name; "
-        f"names: {', '.join(named) or 'none'}"
+        f"no policy at {place}: there is no such file or folder, and no policy of that name"
+        f"{did_you_mean(given, names)}; names: {', '.join(names) or 'none'}"
     )
 
 
@@ -300,9 +305,13 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
         raise PolicyFileError(f"cannot read the policy {file}: {error.strerror}") from error
     if not data:
         raise PolicyFileError(f"{file} is empty")
+    length = int.from_bytes(data[:_HEADER_LENGTH_BYTES], "little")
+    if _LARGEST_HEADER_BYTES < length <= len(data):
+        raise PolicyFileError(
+            f"{file} is no policy: a header of {length} bytes is too long for one"
+        )
     try:
         tensors = load(data)
-        length = int.from_bytes(data[:_HEADER_LENGTH_BYTES], "little")
         header = json.loads(data[_HEADER_LENGTH_BYTES : _HEADER_LENGTH_BYTES + length])
         record = json.loads(header["__metadata__"][_METADATA_KEY])
         schema, digest = str(record["schema"]), str(record["sha256"])
@@ -320,8 +329,9 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
     if hashlib.sha256(blank).hexdigest() != digest:
         raise PolicyFileError(f"{file} was changed after it was written: its sha256 does not match")
     try:
+        plain_record("the record", record)
         return _bundle(record, tensors)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
 
 
@@ -333,7 +343,8 @@ def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> P
     names = {f"{i}.{part}" for i in range(num_layers) for part in ("weight", "bias")}
     names |= {f"lstm.{i}.{part}" for i in range(num_lstm_layers) for part in _LSTM_PARTS}
     if names != set(tensors):
-        raise ValueError(f"tensors {sorted(tensors)}; allowed: {sorted(names)}")
+        first = min(names.symmetric_difference(tensors))
+        raise ValueError(f"{len(tensors)} tensors; allowed: {len(names)}; look at {first!r:.60}")
     for name, tensor in tensors.items():
         if tensor.dtype != np.float32 or not np.isfinite(tensor).all():
             raise ValueError(f"tensor {name} is not of finite float32 values")
@@ -345,14 +356,17 @@ def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> P
     if list(network.sizes) != architecture["sizes"]:
         raise ValueError(f"sizes {architecture['sizes']}, but the tensors have {network.sizes}")
     normaliser = record["normaliser"]
+    for key in ("env", "training"):
+        if not isinstance(record[key], dict):
+            raise ValueError(f"{key} must be an object, got {record[key]!r:.60}")
     return PolicyBundle(
         network=network,
         squashing=architecture["squashing"],
         observation=tuple(TermLayout(term["name"], term["size"]) for term in record["observation"]),
         action_low=tuple(map(float, record["action"]["low"])),
         action_high=tuple(map(float, record["action"]["high"])),
-        env=dict(record["env"]),
-        training=dict(record["training"]),
+        env=record["env"],
+        training=record["training"],
         normaliser=None if normaliser is None else Normaliser(**normaliser),
         lstm=_lstm(architecture, tensors) if architecture["kind"] == "lstm" else None,
     )

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,13 @@ from flyrl.policies.bundle import (
     action_bounds,
     load_bundle,
     observation_layout,
+    policy_file,
 )
+from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, is_law, law_named
 from flyrl.policies.lstm import LSTM, advance
 from flyrl.policies.mlp import evaluate
 from flyrl.policies.vectors import vectors
-from flyrl.tasks import Task
+from flyrl.tasks import Task, task_named
 
 
 class LearnedPolicy:
@@ -160,18 +163,36 @@ def _kind(is_integer: bool) -> str:
     return "whole numbers" if is_integer else "numbers"
 
 
-def load_policy(path: str | os.PathLike[str]) -> LearnedPolicy:
+def load_policy(
+    path: str | os.PathLike[str], task: str | Task | None = None
+) -> LearnedPolicy | FixedPolicy:
     """Load a policy from a bundle, from a run folder (its best policy, else its last), or by name.
 
     Parameters
     ----------
     path
-        File, folder, or the name of a policy that comes with flyrl; what lies at a path comes
-        before a name.
+        File, folder, the name of a policy that comes with flyrl, or that of a fixed law, such as
+        "pursuit" or "constant(1.2, 0.4)" (see `flyrl.policies.laws.FIXED`); what lies at a path
+        comes before a name. Names of leg controllers walk straight on, with the legs that the
+        environment has.
+    task
+        What it is to act in, which a learned policy must fit. None takes it as it was trained, and
+        of a fixed law the first of `flyrl.tasks.TASK_NAMES` that shows what the law needs.
 
     Raises
     ------
     PolicyFileError
-        It is missing, truncated, changed, or no policy of flyrl. A ValueError.
+        It is missing, truncated, changed, or no policy of flyrl, or does not fit the task. A
+        ValueError.
+    ValueError
+        No task of that name, or one that does not show what a fixed law needs.
     """
-    return LearnedPolicy(load_bundle(path))
+    if isinstance(task, str):
+        task = task_named(task)
+    name = os.fspath(path)
+    if is_law(name) and not Path(path).exists():
+        return fixed_policy(name, law_named(name), task)
+    policy = LearnedPolicy(load_bundle(policy_file(path, FIXED)))
+    if task is not None:
+        policy.check_task(task)
+    return policy

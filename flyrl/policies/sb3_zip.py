@@ -31,8 +31,7 @@ from flyrl.policies.export import (
 from flyrl.policies.learned import LearnedPolicy
 from flyrl.policies.lstm import LSTM
 from flyrl.policies.normaliser import Normaliser
-from flyrl.tasks import TASKS, Task
-from flyrl.validation import one_of
+from flyrl.tasks import Task, task_named
 
 ALGORITHMS: Final[Mapping[str, type[BaseAlgorithm]]] = {
     "ppo": PPO,
@@ -154,7 +153,7 @@ def export_sb3(
     bundle
         The policy.
     task
-        Whose observations it takes; None means the task that the bundle names.
+        Whose observations it takes; None means the task and the body that the bundle names.
     seed
         Of what is new in the model.
 
@@ -177,9 +176,10 @@ def export_sb3(
         )
     if task is None:
         record = bundle.env.get("task")
-        task = str(record.get("name") if isinstance(record, Mapping) else record)
-    if isinstance(task, str):
-        task = TASKS[one_of("task", task, TASKS)]
+        name = str(record.get("name") if isinstance(record, Mapping) else record)
+        task = EnvConfig(name, body=bundle.env.get("body")).resolved_task
+    elif isinstance(task, str):
+        task = task_named(task)
     LearnedPolicy(bundle).check_task(task)
     # a model without an environment, made as SB3's own `load` does it
     of_policy: dict[str, Any] = {

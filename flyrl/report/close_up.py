@@ -150,12 +150,11 @@ def steering_figure(steering: Steering, name: str) -> str:
     """
     shown = list(steering.drives.items())[:MAX_STEERING]
     shade = colours(list(steering.drives))
-    rows = -(-len(shown) // _STEERING_COLUMNS)
+    columns = min(max(len(shown), 2), _STEERING_COLUMNS)
+    rows = -(-len(shown) // columns)
     with mpl.rc_context(FRAMED_STYLE):
         figure = Figure(figsize=(WIDTH_IN, 0.5 + 2.4 * rows), layout="constrained")
-        panels = figure.subplots(
-            rows, _STEERING_COLUMNS, sharex=True, sharey=True, squeeze=False
-        ).ravel()
+        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
         for axes, (policy, drives) in zip(panels, shown, strict=False):
             for side, (text, line) in enumerate({"left legs": "-", "right legs": "--"}.items()):
                 values, look = drives[..., side], {"color": marker(shade[policy])}
@@ -177,7 +176,5 @@ def steering_figure(steering: Steering, name: str) -> str:
             axes.set_axis_off()
         panels[0].set_ylabel("drive")
         figure.supxlabel("bearing (deg), left positive", fontsize=10, color=marker("muted"))
-        figure.legend(
-            *panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2
-        )
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
         return svg_text(figure, name)

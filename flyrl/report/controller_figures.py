@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
 from flyrl.controllers import (
@@ -33,6 +34,7 @@ from flyrl.controllers.cpg import (
     tripod_coupling_weights,
     tripod_phase_biases,
 )
+from flyrl.controllers.steps import STEPS
 from flyrl.controllers.turning import modulated
 from flyrl.controllers.walknet import RULE_WEIGHTS, RULES
 from flyrl.report.close_up import spans
@@ -40,8 +42,13 @@ from flyrl.report.paper import LEG_COLOURS, PAPER_STYLE, Plot, light
 from flyrl.report.style import WIDTH_IN
 from flyrl.validation import FloatArray
 
+BoolArray = NDArray[np.bool_]
+
 TIMESTEP_S: Final = 1e-3
 """Of what is integrated here, s."""
+
+RULES_TIMESTEP_S: Final = 1e-4
+"""Of the rules, s: as in the literature, for they are checked once a step."""
 
 TURN: Final = (1.2, 0.2)
 """The literature's drive to the left and to the right legs."""
@@ -88,7 +95,7 @@ def turn_plot() -> Plot:
 
 
 def steps_plot() -> Plot:
-    """The 42 joint angles over three cycles of the recorded step; swing is shaded."""
+    """The 42 joint angles over three cycles of both recorded steps; swing is shaded."""
     return _steps(ramps=False)
 
 
@@ -136,38 +143,60 @@ def rules_graph_plot() -> Plot:
 
 
 def rules_plot() -> Plot:
-    """Phases of the legs under the rules over 1 s, their total scores, and those of each rule."""
+    """Phases of the legs under the rules over 1 s, their total scores, and those of each rule.
+
+    As in the literature, a step takes as long as the recorded one. Every leg has a baseline of its
+    own, shaded while it swings.
+    """
+    steps = PreprogrammedSteps()
     coordinator = RuleBasedSteppingCoordinator(
-        TIMESTEP_S, construct_rules_graph(), RULE_WEIGHTS, PreprogrammedSteps(duration=1 / 12)
+        RULES_TIMESTEP_S, construct_rules_graph(), RULE_WEIGHTS, steps
     )
     shown = {
-        "phase (rad)": "leg_phases",
+        "phase": "leg_phases",
         "total score": "combined_scores",
         "rule 1": "rule1_scores",
         "rule 2": "rule2_scores",
         "rule 3": "rule3_scores",
     }
     samples: dict[str, list[FloatArray]] = {title: [] for title in shown}
-    time_s: FloatArray = np.linspace(TIMESTEP_S, 1.0, 1000)
-    for _ in time_s:
+    count = round(1.0 / RULES_TIMESTEP_S)
+    for _ in range(count):
         coordinator.step()
         for title, name in shown.items():
             samples[title].append(getattr(coordinator, name))
-    columns = {title: np.array(values) for title, values in samples.items()}
+    every = round(TIMESTEP_S / RULES_TIMESTEP_S)
+    time_s: FloatArray = np.linspace(TIMESTEP_S, 1.0, count // every)
+    columns = {title: np.array(values)[every - 1 :: every] for title, values in samples.items()}
+    swings = (columns["phase"] > 0) & (columns["phase"] < steps.swing_ends)
     with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 7.0), layout="constrained")
+        figure = Figure(figsize=(WIDTH_IN, 9.5), layout="constrained")
         panels = figure.subplots(len(shown), 1, sharex=True)
         for axes, (title, values) in zip(panels, columns.items(), strict=True):
-            _lines(axes, time_s, values, LEGS, LEG_COLOURS)
+            _baselines(axes, time_s, values, swings)
             axes.set_ylabel(title)
-        panels[-1].set_xlabel("time (s)")
+        panels[-1].set_xlabel("time (s); a leg swings where it is shaded")
         panels[-1].set_xlim(0.0, 1.0)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=6)
     table = pd.DataFrame({"time_s": time_s})
     for title, name in shown.items():
         for i, leg in enumerate(LEGS):
             table[f"{name}_{leg}"] = columns[title][:, i]
     return Plot(figure, table)
+
+
+def _baselines(axes: Axes, time_s: FloatArray, values: FloatArray, swings: BoolArray) -> None:
+    """Draw values (T, 6) of the legs below one another; all have the scale in the title."""
+    low, high = min(0.0, float(values.min())), float(values.max())
+    span = (high - low) or 1.0
+    for i, (leg, shade) in enumerate(zip(LEGS, LEG_COLOURS, strict=True)):
+        bottom = 1.15 * (len(LEGS) - 1 - i)
+        bars = spans(swings[:, i], TIMESTEP_S)
+        axes.broken_barh(bars, (bottom, 1.0), facecolor=light("line"), linewidth=0, zorder=0)
+        axes.axhline(bottom - low / span, color=light("muted"), linewidth=0.4)
+        axes.plot(time_s, bottom + (values[:, i] - low) / span, color=light(shade), label=leg)
+    axes.set_yticks([1.15 * (len(LEGS) - 1 - i) - low / span for i in range(len(LEGS))], LEGS)
+    axes.grid(visible=False)
+    axes.set_title(f"each from {low:.3g} to {high:.3g}", loc="right", color=light("muted"))
 
 
 def _tripod() -> CPGNetwork:
@@ -240,31 +269,29 @@ def _oscillator_table(
 
 
 def _steps(*, ramps: bool) -> Plot:
-    steps = PreprogrammedSteps()
     phase = np.linspace(0.0, 2 * np.pi * CYCLES, 120 * CYCLES + 1)
-    time_s = phase / (2 * np.pi) * steps.duration
     magnitude = phase / phase[-1] if ramps else np.ones_like(phase)
-    table = pd.DataFrame({"time_s": time_s, "phase": phase, "magnitude": magnitude})
+    table = pd.DataFrame({"phase": phase, "magnitude": magnitude})
     with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 6.6), layout="constrained")
-        panels = figure.subplots(3, 2, sharex=True, sharey=True)
+        figure = Figure(figsize=(WIDTH_IN, 9.5), layout="constrained")
+        panels = figure.subplots(len(LEGS), len(STEPS), sharex=True, sharey=True)
         shades = ("c0", "c1", "c2", "c3", "c4", "c5", "c6")
-        for i, leg in enumerate(LEGS):
-            axes = panels[i % 3, i // 3]
-            angles = steps.get_joint_angles(leg, phase, magnitude).T
-            _lines(axes, time_s, np.degrees(angles), LEG_DOFS, shades)
-            start, end = steps.swing_period[leg] / (2 * np.pi) * steps.duration
-            for cycle in range(CYCLES):
-                shift = cycle * steps.duration
-                axes.axvspan(shift + start, shift + end, color=light("line"), alpha=0.6, zorder=0)
-            axes.set_title(leg, loc="left")
-            for dof, column in zip(LEG_DOFS, angles.T, strict=True):
-                table[f"{leg}{dof}"] = column
-        for axes in panels[:, 0]:
-            axes.set_ylabel("angle (deg)")
-        for axes in panels[-1]:
-            axes.set_xlabel("time (s)")
-        panels[0, 0].set_xlim(0.0, time_s[-1])
+        for recording, column in zip(STEPS, panels.T, strict=True):
+            steps = PreprogrammedSteps(recording)
+            column[0].set_title(f"{recording}, {1e3 * steps.duration:.4g} ms a step", loc="left")
+            column[-1].set_xlabel("phase (rad)")
+            for leg, axes in zip(LEGS, column, strict=True):
+                angles = steps.get_joint_angles(leg, phase, magnitude).T
+                _lines(axes, phase, np.degrees(angles), LEG_DOFS, shades)
+                for start, end in steps.swing_period[leg] + 2 * np.pi * np.arange(CYCLES)[:, None]:
+                    axes.axvspan(start, end, color=light("line"), alpha=0.6, zorder=0)
+                for dof, angle in zip(LEG_DOFS, angles.T, strict=True):
+                    table[f"{recording}_{leg}{dof}"] = angle
+        for leg, axes in zip(LEGS, panels[:, 0], strict=True):
+            axes.set_ylabel(f"{leg} (deg)")
+        ticks = np.arange(CYCLES + 1)
+        panels[0, 0].set_xlim(0.0, phase[-1])
+        panels[0, 0].set_xticks(2 * np.pi * ticks, ["0", *(f"{2 * tick}π" for tick in ticks[1:])])
         handles = panels[0, 0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside upper center", ncols=7)
     return Plot(figure, table)

@@ -18,7 +18,7 @@ from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import GAIT_METRICS, METRICS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.steering import Steering
-from flyrl.files import write_folder, write_text
+from flyrl.files import OutputFolder
 from flyrl.report.close_up import steering_figure
 from flyrl.report.curves import Evaluations
 from flyrl.report.episodes import episodes_section
@@ -106,19 +106,25 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     OSError
         The report cannot be written.
     """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / REPORT_FILE
+    output = OutputFolder(folder)
     context = report_context(results, **additions)
     leaders = [leader for leader, _ in context["leaders"]]
-    write_text(path, format_page(context))
-    figures = {f"{name}.svg": standalone(svg) for name, svg in named_figures(context).items()}
+    output.write_text(REPORT_FILE, format_page(context))
+    figures = {
+        f"{FIGURES_FOLDER}/{name}.svg": standalone(svg)
+        for name, svg in named_figures(context).items()
+    }
+    tables = {
+        f"{TABLES_FOLDER}/{name}": text for name, text in format_tables(results, leaders).items()
+    }
+    earlier = {*output.files(FIGURES_FOLDER), *output.files(TABLES_FOLDER)}
+    output.remove(*(earlier - figures.keys() - tables.keys()))
     try:
-        write_folder(folder / FIGURES_FOLDER, figures)
-        write_folder(folder / TABLES_FOLDER, format_tables(results, leaders))
+        for name, text in {**figures, **tables}.items():
+            output.write_text(name, text)
     except OSError as error:
         print(f"warning: the report lacks figures or tables beside it: {error}", file=sys.stderr)
-    return path
+    return output.path / REPORT_FILE
 
 
 def format_report(results: Results, **additions: Unpack[Additions]) -> str:

@@ -9,6 +9,7 @@ from typing import Final
 
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json, episodes_digest
+from flyrl.validation import plain_record
 
 ORIGIN_SCHEMA: Final = "flyrl.report/1"
 ORIGIN_ID: Final = "origin"
@@ -42,8 +43,12 @@ def read_origin(path: Path) -> Json:
     found = re.search(rf'<script type="application/json" id="{ORIGIN_ID}">(.*?)</script>', text)
     try:
         origin: Json = json.loads(found.group(1)) if found else {}
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
         origin = {}
-    if origin.get("schema") != ORIGIN_SCHEMA:
+    if not isinstance(origin, dict) or origin.get("schema") != ORIGIN_SCHEMA:
         raise ValueError(f"{path} is no report of this version of flyrl")
+    plain_record("the origin", origin)
+    for key in ("settings", "versions", "policies"):
+        if not isinstance(origin.get(key), dict):
+            raise ValueError(f"{path}: {key!r} must be an object, got {origin.get(key)!r:.60}")
     return origin

@@ -92,7 +92,7 @@ def paths_section(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> Json | 
         return {"figure": Markup(aligned_figure(walks, terrain["name"])), "ground": "none"}
     boxes = terrain_boxes(config)
     if config.random:
-        first = Episode(**drawn[0])
+        first = Episode.from_record(drawn[0])
         boxes = draw_ground(config, first.ground_seed, first.difficulty)
         walks = {
             controller: [walk for walk in own if walk.episode == 0]

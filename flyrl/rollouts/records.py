@@ -18,9 +18,6 @@ BoolArray = NDArray[np.bool_]
 FAILURES: Final = (*(failure.outcome for failure in tasks.FAILURES), UNSTABLE)
 """Outcomes that end an episode by failing; they are scored over the full horizon."""
 
-OUTCOMES: Final = (SUCCESS, TIMEOUT, *FAILURES)
-"""Outcomes of flyrl's own tasks; a termination of a user's own is one more failure."""
-
 SAMPLING_S: Final = 0.02
 """Least spacing of a record's samples, s: a quarter of a stride."""
 
@@ -75,7 +72,7 @@ class EpisodeRecord:
     episode
         Everything random about the episode: seed, spawn, goal, phases.
     outcome
-        One of `OUTCOMES`, or the name of a task's own termination.
+        Name of an outcome (see `flyrl.tasks.OUTCOMES`), or of a termination added to the task.
     return_
         Undiscounted sum of rewards.
     duration_s

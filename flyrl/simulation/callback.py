@@ -18,7 +18,6 @@ follow from these, and advances nothing.
 
 import contextlib
 import ctypes
-import fcntl
 import functools
 import sys
 import threading
@@ -29,6 +28,7 @@ from typing import Any, Final
 import mujoco
 import numba
 import numpy as np
+from filelock import lock_descriptor
 from numba import carray, types  # type: ignore[attr-defined]
 from numba.core.event import Event, Listener, install_listener
 from numba.extending import intrinsic
@@ -473,7 +473,7 @@ def one_process_at_a_time() -> Iterator[None]:
     """Let other processes wait, which then find in the cache what this one has compiled."""
     with Path(__file__).open() as file:
         with contextlib.suppress(OSError):  # a file system without locks
-            fcntl.flock(file, fcntl.LOCK_EX)
+            lock_descriptor(file.fileno())
         yield
 
 

@@ -80,7 +80,7 @@ class Neurons:
         Raises
         ------
         ValueError
-            If whole numbers are asked for, and one is none.
+            If whole numbers are asked for, and one is none, or no neuron of its pool.
         """
         given = np.asarray(actions, dtype=np.float64)
         last = np.array(self.pools) - 1.0
@@ -88,7 +88,12 @@ class Neurons:
             wrong = given != np.round(given)
             if wrong.any():
                 raise ValueError(f"action must be whole numbers, got {given[wrong][0]}")
-            return np.clip(given, 0.0, last)
+            if (given < 0.0).any() or (given > last).any():
+                raise ValueError(
+                    f"action must be whole numbers from 0 to {list(map(int, last))}, got "
+                    f"{given.tolist()}"
+                )
+            return given
         clipped = np.clip(given, self.low, self.high)
         return np.round((clipped - self.low) / (self.high - self.low) * last)
 

@@ -1,7 +1,8 @@
 """One episode, in full: everything about it that was drawn at random."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, Self
 
 import numpy as np
 
@@ -86,6 +87,11 @@ class Episode:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
+        """Episode from what `dataclasses.asdict` made of one, or what JSON made of that."""
+        return cls(**{**record, "randomisation": Randomisation(**record["randomisation"])})
 
     @property
     def ground_seed(self) -> int:

@@ -7,7 +7,9 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.task import (
     DECISIONS_LOST,
+    FALL,
     IS_FAILURE,
+    LEFT_ARENA,
     Array,
     Mask,
     RewardTerm,
@@ -16,8 +18,8 @@ from flyrl.tasks.task import (
 )
 
 FAILURES: Final = (
-    Termination("fall", terms.has_fallen),
-    Termination("left_arena", terms.has_left),
+    Termination(FALL, terms.has_fallen),
+    Termination(LEFT_ARENA, terms.has_left),
 )
 
 

@@ -22,7 +22,12 @@ Compute = Callable[[Any], Array]
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
 TIMEOUT: Final = "timeout"
+FALL: Final = "fall"
+LEFT_ARENA: Final = "left_arena"
 UNSTABLE: Final = "unstable"
+
+OUTCOMES: Final = (RUNNING, SUCCESS, TIMEOUT, FALL, LEFT_ARENA, UNSTABLE)
+"""Outcomes of flyrl's own tasks; the code of each, as in `info["outcome"]`, is its index."""
 
 ACHIEVED_GOAL: Final = "achieved_goal"
 DESIRED_GOAL: Final = "desired_goal"
@@ -328,6 +333,11 @@ class Task:
     def has_vectors(self) -> bool:
         """Whether an observation is one vector, or goals and a vector: what policies take."""
         return self.is_flat or self.has_goals
+
+    @property
+    def outcomes(self) -> tuple[str, ...]:
+        """Outcomes by code: `OUTCOMES`, then those of terminations added to the task, in order."""
+        return tuple(dict.fromkeys((*OUTCOMES, *(end.outcome for end in self.terminations))))
 
     def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any) -> Array:
         """Reward of having achieved a goal when another was desired, in a task with goals.

@@ -20,7 +20,7 @@ from flyrl.progress import progress_bar
 from flyrl.rollouts import run_episodes
 from flyrl.tasks import Episode, term_digests
 from flyrl.training.checkpoint import learner_state, save_checkpoint
-from flyrl.training.config import TrainingConfig, lasting_settings
+from flyrl.training.config import TrainingConfig, lasting_settings, training_record
 from flyrl.training.curriculum import Curriculum
 from flyrl.training.interruption import Interruption
 from flyrl.training.run_folder import RunFolder
@@ -174,6 +174,7 @@ class RunCallback(BaseCallback):
         state = {
             "learner": learner_state(self.model),
             "env": fly_env(self.model).snapshot(),
+            "settings": training_record(self._config),
             "run": {
                 "decisions": self.num_timesteps,
                 "evaluations": self._evaluations,

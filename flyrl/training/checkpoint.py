@@ -25,7 +25,9 @@ from stable_baselines3.her import HerReplayBuffer
 from flyrl.files import write_bytes
 from flyrl.training.runs import ResumeError
 
-_FORMAT: Final = 6
+_FORMAT: Final = 7
+
+_PARTS: Final = frozenset(("learner", "env", "run", "settings"))
 
 _COUNTERS: Final = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")
 _LAST: Final = ("_last_obs", "_last_original_obs", "_last_episode_starts")
@@ -222,11 +224,14 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         if record["format"] != _FORMAT:
             raise ResumeError(f"{path} has format {record['format']!r}, known is {_FORMAT}")
         state: dict[str, Any] = record["state"]
+        parameters = state["learner"].pop("parameters")
+        if missing := _PARTS - state.keys():
+            raise ResumeError(f"{path} lacks {', '.join(sorted(missing))}")
+        int(state["run"]["decisions"])
     except (OSError, ResumeError):
         raise
     except Exception as error:  # torch names no common class for what a damaged file may raise
         raise ResumeError(f"{path} is damaged, or no checkpoint: {error}") from error
-    parameters = state["learner"].pop("parameters")
     restored: dict[str, Any] = _map(state, _to_array)
     restored["learner"]["parameters"] = parameters
     return restored

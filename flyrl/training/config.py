@@ -98,6 +98,12 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         within("seed", self.seed, 0, LARGEST_SEED)
         task = self.env.resolved_task
+        legs = self.env.scene.controller
+        if legs is not None and not legs.follows_drive:
+            raise ValueError(
+                f"controller must be hybrid or cpg in a training, got {legs.name!r}, which ignores "
+                "the drive, so that no policy can steer it"
+            )
         if not task.has_vectors:
             raise ValueError(
                 f"task must be one with a flat observation or goals, got {task.name!r} with a Dict"

@@ -1,6 +1,6 @@
 """Training itself: a config goes in, a run folder with a policy comes out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,20 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.training.algorithms import OnPolicyConfig
 from flyrl.training.callback import GoesOn, RunCallback, fly_env
 from flyrl.training.checkpoint import restore_learner
-from flyrl.training.config import TrainingConfig, training_record
+from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
 from flyrl.training.interruption import interruption
 from flyrl.training.loggers.base import DECISIONS_LOGGED, Outcome
 from flyrl.training.loggers.remote import RemoteLog
 from flyrl.training.models import build_model
 from flyrl.training.run_folder import RunFolder
-from flyrl.training.runs import held, read_record, read_rows
+from flyrl.training.runs import (
+    CONFIG_FILE,
+    ResumeError,
+    flat,
+    held,
+    read_record,
+    read_rows,
+)
 
 
 @dataclass(frozen=True)
@@ -140,9 +147,21 @@ def resume(
     with held(folder):
         run_folder = RunFolder.open(config, folder)
         state = run_folder.load_latest_checkpoint()
+        _check_settings(config, state["settings"], folder)
         model = _prepare(config)
         run_folder.go_on(config, command)
         return _learn(config, model, run_folder, state, goes_on, at_end)
+
+
+def _check_settings(config: TrainingConfig, before: Mapping[str, Any], folder: Path) -> None:
+    """Raise ResumeError if a setting that has an effect is not that of the checkpoint."""
+    then, now = flat(before), flat(training_record(config))
+    for key in {**then, **now}:
+        if then.get(key) != now.get(key) and not key.startswith(WITHOUT_EFFECT):
+            raise ResumeError(
+                f"cannot resume {folder}: {key} was {then.get(key)!r:.60} when the run was "
+                f"interrupted, and is {now.get(key)!r:.60} in its {CONFIG_FILE}"
+            )
 
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:
@@ -199,12 +218,10 @@ def _update(
     with interruption() as interrupted:
         callback = RunCallback(config, folder, interrupted, goes_on)
         env.core.difficulty = callback.difficulty
-        if state is not None:
-            env.restore(state["env"])
-            restore_learner(model, state["learner"])
-            callback.restore(state["run"])
-            total -= model.num_timesteps
         try:
+            if state is not None:
+                _restore(model, callback, state, folder)
+                total -= model.num_timesteps
             model.learn(
                 total,
                 callback=callback,
@@ -216,6 +233,22 @@ def _update(
             model.logger.close()
             env.close()
     return Run(folder.path, callback.interrupted_by, callback.is_pruned, interrupted.signal)
+
+
+def _restore(
+    model: BaseAlgorithm, callback: RunCallback, state: Mapping[str, Any], folder: RunFolder
+) -> None:
+    """Put a checkpoint back; ResumeError if it is not of such a run."""
+    try:
+        fly_env(model).restore(state["env"])
+        restore_learner(model, state["learner"])
+        callback.restore(state["run"])
+    except (AttributeError, IndexError, KeyError, RuntimeError, TypeError, ValueError) as error:
+        # whoever wrote the file may have put anything in it
+        raise ResumeError(
+            f"the latest checkpoint in {folder.path} does not fit the run: "
+            f"{type(error).__name__}: {error!s:.200}"
+        ) from error
 
 
 def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:
@@ -231,10 +264,15 @@ def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger
         tensorboard.writer = SummaryWriter(folder.path / "tensorboard", purge_step=decisions + 1)
         # the header is torn if a kill came while the table got a new column: no row is safe then
         rows = [row for row in read_rows(table) if DECISIONS_LOGGED in row]
+        rows = [row for row in rows if row[DECISIONS_LOGGED].isdigit()]
         rows = [row for row in rows if int(row[DECISIONS_LOGGED]) <= decisions]
     csv_format = CSVOutputFormat(str(table))
-    for row in rows:
-        csv_format.write({key: _number(text) for key, text in row.items() if text}, {})
+    try:
+        values = [{key: _number(text) for key, text in row.items() if text} for row in rows]
+    except (TypeError, ValueError) as error:
+        raise ResumeError(f"{table} does not hold numbers alone: {error!s:.200}") from error
+    for row in values:
+        csv_format.write(row, {})
     return Logger(str(folder.path), [csv_format, tensorboard, *more])
 
 

@@ -44,6 +44,7 @@ from flyrl.training.runs import (
     STATUS_FILE,
     ResumeError,
     checkpoint_files,
+    is_finished,
     nested,
     read_record,
     read_run,
@@ -103,9 +104,8 @@ class RunFolder:
         """
         if read_record(path) != training_record(config):
             raise ResumeError(f"{path} is a run with other settings: see its {CONFIG_FILE}")
-        status = path / STATUS_FILE
-        if status.exists() and json.loads(status.read_text())["interrupted_by"] is None:
-            raise ResumeError(f"the run in {path} is finished; there is nothing to go on with")
+        if is_finished(path):
+            raise ResumeError(f"cannot resume {path}: the run has already finished")
         return cls(path)
 
     def go_on(self, config: TrainingConfig, command: Sequence[str] = ()) -> None:

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
-import yaml
 from filelock import lock_descriptor
+
+from flyrl.files import load_yaml
 
 CONFIG_FILE: Final = "config.yaml"
 STATUS_FILE: Final = "status.json"
@@ -22,12 +23,17 @@ _LOCK: Final = ".lock"
 _FILES: Final = (CONFIG_FILE, "provenance.json", "progress.csv", STATUS_FILE, "last.safetensors")
 """Any of these makes a folder one of a run."""
 
+_PARTS: Final = {"task", "body", "terrain", "controller", "physics", "randomisation"}.union(
+    ("algo", "training", "seed")
+)
+"""Keys of `config.yaml`; with a logger there is `logger`, too."""
+
 State = Literal["finished", "interrupted", "running", "damaged"]
 T = TypeVar("T")
 
 
 class ResumeError(ValueError):
-    """A run that cannot be gone on with."""
+    """The run cannot be resumed."""
 
 
 class RunIsHeldError(OSError):
@@ -82,12 +88,17 @@ def read_record(path: Path) -> dict[str, Any]:
     Raises
     ------
     ResumeError
-        There is no run in the folder.
+        There is no run in the folder, or its settings lack a part or have another.
     """
+    file = path / CONFIG_FILE
     try:
-        record: dict[str, Any] = yaml.safe_load((path / CONFIG_FILE).read_text())
-    except (OSError, yaml.YAMLError) as error:
+        record = load_yaml(file)
+    except (OSError, ValueError) as error:
         raise ResumeError(f"{path} is not the folder of a run: {error}") from error
+    if not isinstance(record, dict):
+        raise ResumeError(f"{file} must hold the settings of a run, got {record!r:.60}")
+    for key in (*record.keys() - {*_PARTS, "logger"}, *_PARTS - record.keys()):
+        raise ResumeError(f"{file} must hold {', '.join(sorted(_PARTS))}; look at {key!r:.60}")
     return record
 
 
@@ -95,8 +106,11 @@ def read_rows(path: Path) -> list[dict[str, str]]:
     """Rows of a CSV file by column, without a last one that was cut off; none without a file."""
     if not path.exists():
         return []
-    lines = path.read_text().splitlines(keepends=True)
-    return list(csv.DictReader(line for line in lines if line.endswith("\n")))
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+        return list(csv.DictReader(line for line in lines if line.endswith("\n")))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise ResumeError(f"{path} is no table: {error}") from error
 
 
 def training_returns(folder: Path) -> list[tuple[float, float]]:
@@ -223,7 +237,7 @@ def read_run(path: Path) -> RunSummary:
         except FileNotFoundError:
             if is_needed:
                 problems.append(f"{name} is missing")
-        except (OSError, ValueError, KeyError, TypeError, RecursionError, yaml.YAMLError) as error:
+        except (OSError, ValueError, KeyError, TypeError) as error:
             problems.append(f"{name} cannot be read: {_one_line(error)}")
         return otherwise
 
@@ -259,7 +273,7 @@ def read_run(path: Path) -> RunSummary:
 
 
 def _settings(path: Path) -> Mapping[str, Any]:
-    settings = yaml.safe_load(path.read_text())
+    settings = load_yaml(path)
     for key in ("task.name", "terrain.name", "algo.name"):
         if not isinstance(nested(settings, key), str):
             raise ValueError(f"no {key}")
@@ -269,7 +283,10 @@ def _settings(path: Path) -> Mapping[str, Any]:
 
 
 def _json_mapping(path: Path) -> Mapping[str, Any]:
-    record = json.loads(path.read_text())
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
     if not isinstance(record, dict):
         raise ValueError("no JSON object")
     return record
@@ -282,6 +299,17 @@ def _status(path: Path) -> Mapping[str, Any]:
         "wall_time_s": float(record["wall_time_s"]),
         "interrupted_by": record["interrupted_by"],
     }
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether the run in `folder` came to its end; ResumeError if its status cannot be read."""
+    file = folder / STATUS_FILE
+    try:
+        return _status(file)["interrupted_by"] is None
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResumeError(f"{file} cannot be read: {_one_line(error)}") from error
 
 
 def _evaluations(path: Path) -> tuple[Mapping[str, float], ...]:
@@ -305,4 +333,5 @@ def _how_far(
 
 
 def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+    is_key = isinstance(error, KeyError)
+    return f"{error} is missing" if is_key else " ".join(str(error).split())

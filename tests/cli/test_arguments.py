@@ -1,8 +1,12 @@
 import importlib.util
+import shutil
+from itertools import pairwise
 
 import pytest
 
+from flyrl.cli import arguments, groups
 from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
+from flyrl.resources import configs_folder
 
 
 @pytest.mark.parametrize(
@@ -28,7 +32,10 @@ from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
             "experiment=lesions",
             "experiment must be one of 'her', 'main', got 'lesions'",
         ),
-        ("seed", "missing EQUAL"),
+        ("seed", "settings are written key=value; for 'seed', write task=target"),
+        ("traverse", "for 'traverse', write task=traverse"),
+        ("device=cuda", "no key 'device': training runs on the CPU, where the physics runs"),
+        ("algo.device=cuda", r"no key 'algo\.device': training runs on the CPU"),
         ("hydra.run.dri=x", r"hydra\.run\.dri"),
         ("launcher=jolib", "launcher must be one of 'joblib', .*; did you mean 'joblib'"),
     ],
@@ -81,8 +88,34 @@ def test_choices_of_a_sweep():
         check_arguments("train", ["-m", "algo=sac,pp0"])
 
 
-def test_a_key_like_no_other_still_gets_a_suggestion():
-    assert "did you mean 'seed'?" in str(unknown_key("x", ["seed"]))
+def test_a_key_like_no_other_gets_no_suggestion():
+    assert str(unknown_key("x", ["seed"])) == "there is no key 'x' (--cfg job prints all keys)"
+
+
+def test_two_words_without_equals_belong_together():
+    with pytest.raises(UsageError, match=r"for 'task', write task=target$"):
+        check_arguments("train", ["task", "target", "terrain", "flat"])
+
+
+BOMB = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in pairwise("abcdefgh"))
+
+
+@pytest.mark.parametrize("option", ["--config-dir", "--config-path"])
+def test_a_config_with_aliases_is_refused(option, tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "bomb.yaml").write_text(BOMB)
+    with pytest.raises(ValueError, match=r"bomb\.yaml.*aliases \(\*name\) are not allowed"):
+        check_arguments("train", [option, str(tmp_path), "experiment=bomb"])
+
+
+@pytest.mark.parametrize("group", ["experiment", "terrain"])
+def test_a_choice_with_aliases_is_refused(group, tmp_path, monkeypatch):
+    configs = shutil.copytree(configs_folder(), tmp_path / "configs")
+    (configs / group / "bomb.yaml").write_text(BOMB)
+    monkeypatch.setattr(arguments, "configs_folder", lambda: configs)
+    monkeypatch.setattr(groups, "configs_folder", lambda: configs)
+    with pytest.raises(UsageError, match=r"bomb\.yaml.*aliases \(\*name\) are not allowed"):
+        check_arguments("train", [f"{group}=bomb"])
 
 
 def test_keys_of_every_choice_that_is_swept():

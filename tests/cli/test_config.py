@@ -10,6 +10,7 @@ from flyrl.bodies.fly import FLIES
 from flyrl.bodies.worm import WORMS
 from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import (
+    env_config,
     evaluation_config,
     own_settings,
     training_config,
@@ -65,11 +66,9 @@ def test_randomisations(name):
 @pytest.mark.parametrize("controller", ["cpg", "rule_based", "hybrid"])
 @pytest.mark.parametrize("body", FLIES)
 def test_bodies_controllers_and_terrains(body, controller, terrain):
-    config = training_config(
-        _composed(f"body={body}", f"controller={controller}", f"terrain={terrain}")
-    )
-    assert config.env.scene == EnvConfig(body=body, controller=controller, terrain=terrain).scene
-    assert config.env.scene.body == FLIES[body]
+    env = env_config(_composed(f"body={body}", f"controller={controller}", f"terrain={terrain}"))
+    assert env.scene == EnvConfig(body=body, controller=controller, terrain=terrain).scene
+    assert env.scene.body == FLIES[body]
 
 
 @pytest.mark.parametrize("name", sorted(_names("task")))
@@ -109,6 +108,16 @@ def test_a_users_own_profile_is_given_by_its_path(tmp_path):
     assert worm.resolved_task.actions.pools == (7,) * 8  # two muscles at each of four joints
     fly = training_config(_composed("body=fly_muscles", f"body.muscles.profile={path}")).env
     assert fly.scene.body.muscles.profile_path == path
+
+
+def test_a_users_own_profile_is_found_from_another_folder(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    Image.new("RGB", (7, 1), (200, 0, 0)).save(tmp_path / "here" / "own.png")
+    monkeypatch.chdir(tmp_path / "here")
+    record = training_record(training_config(_composed("task=worm_hang", "body.profile=own.png")))
+    monkeypatch.chdir(tmp_path)
+    body = training_config(record).env.scene.body
+    assert body.profile_path == tmp_path / "here" / "own.png"
 
 
 def test_the_body_of_another_creature_is_refused():

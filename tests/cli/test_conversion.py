@@ -37,6 +37,11 @@ def test_every_kind_of_value():
     )
 
 
+@pytest.mark.parametrize("value", [4, [4]])
+def test_one_value_is_a_list_of_one(value):
+    assert from_mapping(Outer, {"sizes": value}, "x").sizes == (4,)
+
+
 def test_missing_keys_take_defaults():
     assert from_mapping(Outer, {"length": None}, "x") == Outer()
 
@@ -57,6 +62,8 @@ def test_missing_keys_take_defaults():
         ({"length": "1e-3"}, r"x\.length must be a number, got '1e-3'"),
         ({"pair": [1]}, r"x\.pair must be a list of 2, got \[1\]"),
         ({"pair": 1}, r"x\.pair must be a list, got 1"),
+        ({"sizes": None}, r"x\.sizes must be a list, got None"),
+        ({"sizes": "b"}, r"x\.sizes\[0\] must be a whole number, got 'b'"),
         ({"sizes": [1, "b"]}, r"x\.sizes\[1\] must be a whole number, got 'b'"),
         ({"inner": 3}, r"x\.inner must be a group of keys, got 3"),
     ],

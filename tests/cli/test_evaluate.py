@@ -51,9 +51,11 @@ def test_decision_interval_is_refused():
     [
         (["policies=[nowhere]"], "error: no policy at nowhere"),
         (["controllers=[cgp]"], "did you mean 'cpg'?"),
-        (["terrains=flat"], "error: terrains must be a list, got 'flat'"),
+        (["controllers=cgp"], "did you mean 'cpg'?"),
+        (["terrains=falt"], "did you mean 'flat'?"),
         (["terrains=[flat,blokcs]"], "blocks"),
         (["folder=/proc/x"], "error: [Errno 2] No such file or directory: '/proc/x'"),
+        (["folder="], "error: folder must be the path of a folder or file, got ''"),
         (["episdes=3"], "error: there is no key 'episdes'; did you mean 'episodes'?"),
     ],
 )
@@ -155,11 +157,32 @@ def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_p
     assert not (tmp_path / "out" / "parts").exists()
 
 
+def test_files_of_the_user_stay_in_the_folder_of_the_results(run_here, tmp_path):
+    foreign = ["parts/thesis.txt", "figures/mine.svg", "tables/mine.csv", "tables/mine.tex"]
+    for name in foreign:
+        file = tmp_path / "out" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("a user's")
+    for _ in range(2):
+        result = run_here("evaluate.py", "controllers=[zero]", "folder=out", *SHORT)
+        assert result.returncode == 0, result.stderr
+    assert [(tmp_path / "out" / name).read_text() for name in foreign] == ["a user's"] * 4
+    assert (tmp_path / "out" / "figures" / "success.svg").exists()
+
+
+def test_a_report_of_others_is_not_written_over(run_here, tmp_path):
+    (tmp_path / "report.html").write_text("a user's")
+    result = run_here("evaluate.py", "controllers=[zero]", "folder=.", *SHORT)
+    assert result.returncode == 2
+    assert "flyrl did not write this file" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+
+
 def test_an_interrupted_evaluation_says_how_to_go_on(run_here, tmp_path, own_policies):
     arguments = ("controllers=[zero]", "folder=out", *SHORT)
     result = run_here("evaluate.py", "policies=[own_policies:stopped]", *arguments)
     assert result.returncode == 130
-    assert "interrupted; go on with: folder=out" in result.stderr
+    assert "interrupted; resume with: folder=out" in result.stderr
     assert not (tmp_path / "out" / "results.json").exists()
 
 
@@ -176,7 +199,7 @@ def test_quantities_are_varied_from_the_command_line(run_here, tmp_path):
 @pytest.mark.parametrize(
     ("argument", "message"),
     [
-        ("vary={friction: 2}", "vary.friction must be a list of values, got 2"),
+        ("vary={friction: -2}", "friction"),
         ("vary={fricton: [2]}", "did you mean 'friction'"),
         ("study=comparison", "study must be one of"),
         ("camera=side", "camera must be one of 'follow', 'top', 'goal', got 'side'"),

@@ -8,7 +8,6 @@ import pytest
 
 from flyrl.cli import evaluate
 from flyrl.cli.main import main
-from flyrl.cli.reproduce_report import foreign_code
 from flyrl.report import read_origin
 
 ARGUMENTS = [
@@ -71,16 +70,6 @@ def test_code_that_a_report_names_is_not_run_without_trust(report, tmp_path, cap
     other = changed(report, tmp_path, '"policies": []', '"policies": ["this:steady"]')
     assert main(["reproduce", str(other)]) == 2
     assert "names code that would be run: this:steady" in capsys.readouterr().err
-
-
-def test_what_runs_code():
-    record = {
-        "task": {"name": "target", "terms": ["mine:TERM"]},
-        "policies": ["runs/a", "target-flat", "mine:make", "ppo:a.zip"],
-    }
-    assert foreign_code(record) == ["mine:TERM", "mine:make"]
-    assert foreign_code({**record, "trust_pickles": True})[-1] == "ppo:a.zip"
-    assert foreign_code({"task": {"name": "target"}, "policies": ["target-flat"]}) == []
 
 
 @pytest.mark.parametrize("text", ["", "<html></html>", json.dumps({"schema": "flyrl.report/1"})])

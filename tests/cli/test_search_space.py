@@ -56,6 +56,13 @@ def test_a_space_that_cannot_be_meant_so(key, given, said):
     assert said in str(error.value)
 
 
+def test_a_file_with_aliases_is_refused(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("a: &a {low: 1, high: 2}\nb: *a\n")
+    with pytest.raises(ValueError, match=r"mine\.yaml.*aliases \(\*name\) are not allowed"):
+        read_space(file)
+
+
 def test_a_whole_setting_has_whole_numbers_and_another_has_all():
     written = {
         "algo.n_epochs": {"low": 1, "high": 3},

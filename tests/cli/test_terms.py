@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from flyrl.cli.config import evaluation_config, evaluation_settings, training_config
 from flyrl.cli.terms import load_terms
@@ -19,6 +20,7 @@ from flyrl.training.run_folder import RunFolder
 from flyrl.training.runs import read_record
 from tests.tasks.test_terms import fly_state, task_state
 from tests.tiny import TINY_ARGUMENTS
+from tests.training.folders import make_run
 
 ROOT = Path(__file__).parents[2]
 DOCS = (ROOT / "docs" / "tasks.md").read_text()
@@ -120,6 +122,19 @@ def test_terms_that_cannot_be_had(my_terms, terms, message):
     (my_terms / "broken.py").write_text("1 / 0\n")
     with pytest.raises(ValueError, match=message):
         load_terms(terms)
+
+
+@pytest.mark.parametrize("command", [("train.py", "resume=run"), ("flyrl", "reproduce", "run")])
+def test_the_modules_of_a_strangers_run_need_consent(tmp_path, run_here, command):
+    folder = make_run(tmp_path / "run")
+    settings = read_record(folder)
+    settings["task"]["terms"] = ["stranger:TERM"]
+    (folder / "config.yaml").write_text(yaml.safe_dump(settings))
+    (tmp_path / "stranger.py").write_text("import pathlib\npathlib.Path('ran').touch()\n")
+    result = run_here(*command)
+    assert result.returncode == 2
+    assert "names code that would be run: stranger:TERM. Add" in result.stderr
+    assert not (tmp_path / "ran").exists()
 
 
 def test_weights_that_cannot_be_given():

@@ -46,11 +46,14 @@ def test_train_from_an_empty_folder(tmp_path, run_here):
     ("arguments", "message"),
     [
         (["terain=flat"], "error: there is no key 'terain'; did you mean 'terrain'?\n"),
+        (["resume="], "error: resume must be the path of a folder or file, got ''\n"),
+        (["runs_folder="], "error: runs_folder must be the path of a folder or file, got ''\n"),
+        (["evaluation.folder="], "error: folder must be the path of a folder or file, got ''\n"),
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
         (
             ["resume=runs/a", "seed=1"],
             "error: resume goes on with the run's own settings; 'seed' cannot be given with it "
-            "(allowed are evaluate_after, evaluation, video_after)\n",
+            "(allowed are trust, evaluate_after, evaluation, video_after)\n",
         ),
         (
             ["resume=runs/a"],

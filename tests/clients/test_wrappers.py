@@ -7,6 +7,7 @@ import gymnasium
 import imageio_ffmpeg
 import numpy as np
 import pytest
+import torch
 from gymnasium.wrappers import (
     NormalizeObservation,
     RecordEpisodeStatistics,
@@ -14,7 +15,10 @@ from gymnasium.wrappers import (
     TimeLimit,
     vector,
 )
+from stable_baselines3.common.vec_env import VecVideoRecorder
 
+from flyrl import OUTCOMES
+from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.rendering import RenderingUnavailableError
 
 ID = "flyrl:flyrl/Target-v0"
@@ -65,7 +69,7 @@ def test_time_limit_of_one_fly(by_make):
     limited = gymnasium.make(ID, max_episode_steps=5, **SETTINGS) if by_make else None
     _, results = walk(limited or TimeLimit(make(), max_episode_steps=5), 5)
     assert [result[3] for result in results] == [False] * 4 + [True]
-    assert results[-1][4]["outcome"] == "running"
+    assert results[-1][4]["outcome"] == OUTCOMES.index("running")
 
 
 def test_time_limit_of_many_flies_is_that_of_single_ones():
@@ -85,7 +89,7 @@ def test_time_limit_with_reset_in_the_same_step():
 
 
 def test_a_time_limit_of_zero_is_refused():
-    with pytest.raises(ValueError, match="max_episode_steps must be at least 1, got 0"):
+    with pytest.raises(ValueError, match="max_episode_steps must be a whole number from 1"):
         make_vec(max_episode_steps=0)
 
 
@@ -102,6 +106,14 @@ def test_normalised_observations_of_many_flies_are_those_of_single_ones():
     native, _ = walk(vector.NormalizeObservation(make_vec()), 10)
     single, _ = walk(vector.NormalizeObservation(make_vec("sync")), 10)
     np.testing.assert_array_equal(native, single)
+
+
+@pytest.mark.parametrize("mode", [None, "sync"])
+def test_many_flies_as_tensors(mode):
+    env = vector.NumpyToTorch(make_vec(mode))
+    _, info = env.reset(seed=3)
+    assert info["outcome"].tolist() == [OUTCOMES.index("running")] * 3
+    assert env.step(torch.zeros(3, 2))[-1]["is_success"].dtype == torch.bool
 
 
 def film(env):
@@ -133,6 +145,20 @@ def test_video_of_many_flies(tmp_path):
     env = make_vec(render_mode="rgb_array")
     film(vector.RecordVideo(env, str(tmp_path / "videos"), video_aspect_ratio=(4, 1)))
     assert frames(tmp_path / "videos" / "rl-video-episode-0.mp4") == (5, 480, 1920)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
+def test_sb3s_video_of_many_flies(tmp_path):
+    env = FlyrlVecEnv(num_envs=2, render_mode="rgb_array", **SETTINGS)
+    env = VecVideoRecorder(env, str(tmp_path), lambda step: step == 0, video_length=3)
+    try:
+        env.reset()
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    for _ in range(3):
+        env.step(np.zeros((2, 2)))
+    env.close()
+    assert frames(tmp_path / "rl-video-step-0-to-step-3.mp4") == (4, 960, 640)
 
 
 def test_pictures_of_many_flies_are_those_of_single_ones():

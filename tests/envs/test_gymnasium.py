@@ -1,8 +1,10 @@
 """The environments as users of Gymnasium and Stable-Baselines3 meet them."""
 
+import functools
 import subprocess
 import sys
 import warnings
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,7 +14,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import FlattenObservation
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
-import flyrl  # noqa: F401  (registers the ids)
+from flyrl import OUTCOMES
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.envs.single import FlyrlEnv, FlyrlGoalEnv
@@ -175,6 +177,50 @@ def test_the_vector_environment_equals_gymnasiums_over_single_ones() -> None:
     assert ends >= 3
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_info_of_the_vector_environment_is_gymnasiums_over_single_ones(mode: AutoresetMode) -> None:
+    settings = {
+        "decision_interval": 0.1,
+        "physics": "fast",
+        "terrain": "random_blocks",
+        "randomisation": "default",
+        "max_episode_steps": 3,
+    }
+    make = functools.partial(gymnasium.make_vec, "flyrl/TargetGoal-v0", 3, **settings)
+    native = make(autoreset_mode=mode)
+    plain = make(vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode})
+    infos = [(native.reset(seed=7)[1], plain.reset(seed=7)[1])]
+    actions = np.zeros((3, 2), dtype=np.float32)
+    for step in range(6):
+        if step == 1:  # so that the first ends apart from the others
+            native.reset(options={"reset_mask": np.array([True, False, False])})
+            plain.envs[0].reset()
+        infos.append((native.step(actions)[-1], plain.step(actions)[-1]))
+    for ours, theirs in infos:
+        assert_equal_info(ours, theirs)
+    ends = [ours["_final_info"].tolist() for ours, _ in infos if "final_info" in ours]
+    others_first = [[False, True, True], [True, False, False], [False, True, True]]
+    assert ends == (others_first if mode == AutoresetMode.SAME_STEP else [])
+
+
+def assert_equal_info(ours: dict[str, Any], theirs: dict[str, Any]) -> None:
+    assert ours.keys() == theirs.keys()
+    for key, mine in ours.items():
+        if isinstance(mine, dict):
+            assert_equal_info(mine, theirs[key])
+        elif mine.dtype == object:
+            np.testing.assert_equal(mine.tolist(), theirs[key].tolist())
+        else:
+            np.testing.assert_array_equal(mine, theirs[key], err_msg=key)
+            assert mine.dtype == theirs[key].dtype, key
+
+
+def test_info_has_the_same_keys_after_reset_and_step() -> None:
+    env = gymnasium.make("flyrl/Target-v0", terrain="random_blocks", randomisation="default")
+    _, first = env.reset(seed=0)
+    assert first.keys() == env.step(np.zeros(2, dtype=np.float32))[-1].keys()
+
+
 def test_same_step_autoreset_hands_over_the_final_observation() -> None:
     native = gymnasium.make_vec("flyrl/Target-v0", num_envs=2, autoreset_mode="SameStep")
     native.reset(seed=0)
@@ -184,7 +230,7 @@ def test_same_step_autoreset_hands_over_the_final_observation() -> None:
             i = int(np.flatnonzero(done)[0])
             assert info["final_obs"][i].shape == (46,)
             assert np.any(info["final_obs"][i] != observation[i])
-            assert info["final_info"]["outcome"][i] in ("timeout", "fall", "success")
+            assert OUTCOMES[info["final_info"]["outcome"][i]] in ("timeout", "fall", "success")
             return
     pytest.fail("no episode ended")
 
@@ -202,7 +248,7 @@ def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
         assert info["TimeLimit.truncated"]
         assert info["episode"]["l"] == 150
         assert info["episode"]["r"] == pytest.approx(total[i], abs=1e-4)
-        assert info["outcome"] == "timeout"
+        assert env.outcomes[info["outcome"]] == "timeout"
         assert info["difficulty"] == 1.0
         assert np.any(info["terminal_observation"] != observation[i])
 
@@ -236,7 +282,8 @@ def test_a_goal_env_tells_in_info_what_a_failure_costs() -> None:
     assert (info["is_failure"], info["decisions_lost"]) == (False, 0)
     upturn(env)
     observation, reward, terminated, truncated, info = env.step(np.zeros(2, dtype=np.float32))
-    assert (reward, terminated, truncated, info["outcome"]) == (-150, True, False, "fall")
+    assert (reward, terminated, truncated) == (-150, True, False)
+    assert env.outcomes[info["outcome"]] == "fall"
     assert (info["is_failure"], info["decisions_lost"]) == (True, 149)
     goals = observation["achieved_goal"], observation["desired_goal"]
     assert env.compute_reward(*goals, info) == reward
@@ -250,7 +297,7 @@ def test_an_sb3_vec_env_tells_in_infos_what_a_failure_costs() -> None:
     observation, rewards, dones, infos = env.step(np.zeros((2, 2)))
     assert dones.tolist() == [True, False]
     assert not infos[0]["TimeLimit.truncated"]
-    assert [info["outcome"] for info in infos] == ["fall", "running"]
+    assert [env.outcomes[info["outcome"]] for info in infos] == ["fall", "running"]
     assert [info["is_failure"] for info in infos] == [True, False]
     assert [info["decisions_lost"] for info in infos] == [149, 0]
     assert isinstance(observation, dict)

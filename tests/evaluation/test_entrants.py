@@ -121,9 +121,18 @@ def test_a_policy_of_a_users_own_term_enters_its_task(tmp_path):
     assert names(EvaluationConfig(policies=(path,), controllers=(), task=task)) == ["ppo"]
 
 
-def test_a_policy_on_legs_that_do_not_exist_is_refused(tmp_path):
-    path = save_policy(tmp_path / "a.safetensors", env={"controller": {"wheels": 4}})
-    with pytest.raises(PolicyFileError, match="leg controller"):
+@pytest.mark.parametrize(
+    ("legs", "message"),
+    [
+        ({"wheels": 4}, "leg controller"),
+        ({"name": "wheels"}, r"a\.safetensors: its leg controller.*'wheels'"),
+        ([], "leg controller"),
+        ({"name": "rule_based"}, r"a\.safetensors.*'rule_based', ignores the drive"),
+    ],
+)
+def test_a_policy_on_legs_that_it_cannot_steer_is_refused(tmp_path, legs, message):
+    path = save_policy(tmp_path / "a.safetensors", env={"controller": legs})
+    with pytest.raises(PolicyFileError, match=message):
         make_entrants(EvaluationConfig(policies=(path,)))
 
 

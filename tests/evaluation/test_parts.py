@@ -5,6 +5,7 @@ from pandas.testing import assert_frame_equal
 from flyrl.evaluation.parts import Parts, drop_parts
 from flyrl.evaluation.rows import episode_row, episode_table
 from flyrl.evaluation.trajectories import trajectory
+from flyrl.files import MANIFEST
 from tests.synthetic import make_record
 
 RECORDS = [make_record([(0, 0), (i, 1)], index=i) for i in range(3)]
@@ -52,4 +53,4 @@ def test_dropping_leaves_the_rest_of_the_folder(tmp_path):
     Parts(tmp_path, {}).write((0, 0), PART)
     (tmp_path / "results.json").write_text("{}")
     drop_parts(tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
+    assert {path.name for path in tmp_path.iterdir()} == {MANIFEST, "results.json"}

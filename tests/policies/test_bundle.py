@@ -151,6 +151,14 @@ def test_foreign_safetensors_file(tmp_path):
         load_policy(path)
 
 
+def test_many_tensors_are_refused_shortly(tmp_path):
+    path = tmp_path / "many.safetensors"
+    save_file({f"{i}.weight": np.zeros(1, np.float32) for i in range(20_000)}, path)
+    with pytest.raises(PolicyFileError, match="is no policy: a header of") as refused:
+        load_policy(path)
+    assert len(str(refused.value)) < 500
+
+
 def test_other_schema(file):
     record = {"schema": "flyrl.policy/99", "sha256": "0" * 64}
     save_file(load_file(file), file, {"flyrl": json.dumps(record)})
@@ -170,11 +178,25 @@ def test_other_schema(file):
             {"normaliser": {"mean": [0], "variance": [1], "epsilon": 1, "clip": 1}},
             r"normaliser\.mean has 1 values, the observation 3",
         ),
-        ({"architecture": {"lstm_sizes": [3, 3]}}, "tensors .*; allowed:"),
+        ({"architecture": {"lstm_sizes": [3, 3]}}, "tensors; allowed: .*; look at 'lstm"),
+        ({"training": {"algo": "\ud800"}}, r"policy\.safetensors .*record\.training\.algo must be"),
+        ({"training": {"algo": "\x1b[2J"}}, r"record\.training\.algo must be printable"),
+        (
+            {"training": {"algo": "a" * 10_001}},
+            r"record\.training\.algo must be printable text, at most",
+        ),
+        ({"training": {"\x07": 1}}, r"a key of the record\.training must be printable"),
+        ({"training": {"seed": [1, float("inf")]}}, r"training\.seed\[1\] must be a finite number"),
+        ({"env": {"task": {"reach": float("nan")}}}, r"env\.task\.reach must be a finite number"),
+        ({"env": {"seed": 10**400}}, r"env\.seed must be a finite number"),
+        ({"training": [["algo", "ppo"]]}, "training must be an object"),
         ({"architecture": {"lstm_sizes": [3, 3, 4]}}, r"lstm_sizes \[3, 3, 4\], but"),
         ({"architecture": {"lstm_sizes": 7}}, "incomplete or wrong record"),
         ({"architecture": {"kind": "gru"}}, "architecture: 'gru'; allowed: mlp, lstm"),
-        ({"action": {"low": [float("nan"), -1], "high": [1, 1]}}, "bounds: nan and 1.0; allowed"),
+        (
+            {"action": {"low": [float("nan"), -1], "high": [1, 1]}},
+            r"action\.low\[0\] must be a finite number",
+        ),
         ({"action": {"low": [-1, 2], "high": [1, 1]}}, "bounds: 2.0 and 1.0; allowed: finite"),
         ({"observation": [{"name": "all", "size": 3.0}]}, "size of 'all': 3.0; allowed: 1, 2"),
         ({"observation": [{"name": "all", "size": -1}]}, "size of 'all': -1; allowed: 1, 2"),
@@ -196,7 +218,10 @@ def test_a_record_that_does_not_fit(recurrent, tmp_path, changes, message):
         ({"action": {"low": [0], "high": [2, 1]}}, "of 1 and 2 values, the network gives 5"),
         ({"action": {"low": [0, -0.5], "high": [2, 0.5]}}, "-0.5; allowed with .*: whole numbers"),
         ({"action": {"low": [0, 2e9], "high": [2, 3e9]}}, "bounds: 3000000000.0; allowed with"),
-        ({"action": {"low": [0, 0], "high": [2, float("inf")]}}, "bounds: 0.0 and inf; allowed"),
+        (
+            {"action": {"low": [0, 0], "high": [2, float("inf")]}},
+            r"action\.high\[1\] must be a finite number",
+        ),
         ({"architecture": {"squashing": "clip"}}, "of 2 and 2 values, the network gives 5"),
     ],
 )

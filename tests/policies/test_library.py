@@ -1,8 +1,12 @@
+import numpy as np
 import pytest
 
+from flyrl.envs.core import EnvConfig
 from flyrl.policies import PolicyFileError, load_policy, named_policies, save_bundle
+from flyrl.policies.laws import FIXED
 from flyrl.policies.library import policies_folder, policy_name
 from flyrl.resources import assets_folder
+from flyrl.tasks import TASK_NAMES, TASKS, task_named
 
 
 def test_names_are_those_of_the_files():
@@ -16,8 +20,40 @@ def test_an_unknown_name_lists_what_there_is():
         load_policy("targt-flat")
     assert str(error.value) == (
         "no policy at targt-flat: there is no such file or folder, and no policy of that name; "
-        f"names: {', '.join(named_policies()) or 'none'}"
+        f"did you mean 'target-flat'?; names: {', '.join((*named_policies(), *FIXED))}"
     )
+
+
+@pytest.mark.parametrize("name", FIXED)
+def test_a_fixed_law_is_loaded_by_name_for_the_first_task_that_shows_what_it_needs(name):
+    env = EnvConfig(next(task for task in TASK_NAMES if FIXED[name].goes_with(task_named(task))))
+    task = env.resolved_task
+    observations = np.zeros((3, sum(term.size for term in task.observation)), np.float32)
+    actions, _ = load_policy(name).predict(observations)
+    assert actions.shape == (3, task.actions.size)
+    np.testing.assert_array_equal(actions, load_policy(name, task.name).predict(observations)[0])
+
+
+def test_a_fixed_law_is_made_for_the_task():
+    pursuit, constant = load_policy("pursuit", "path"), load_policy("constant(1.2, 0.4)")
+    observation = np.zeros((1, sum(term.size for term in TASKS["path"].observation)))
+    observation[0, TASKS["path"].slices()["target_direction"]] = (0, 1)  # to the left
+    drive = TASKS["path"].actions.commands(pursuit.predict(observation)[0])
+    np.testing.assert_allclose(drive, [[0.2, 1.2]], atol=1e-6)
+    drive = TASKS["target"].actions.commands(constant.predict(observation)[0])
+    np.testing.assert_allclose(drive, [[1.2, 0.4]], atol=1e-6)
+
+
+def test_a_law_is_the_closest_match_of_what_does_not_exist():
+    with pytest.raises(PolicyFileError, match="did you mean 'pursuit'"):
+        load_policy("pursiut")
+
+
+def test_a_policy_that_does_not_go_with_the_task_is_refused():
+    with pytest.raises(ValueError, match="'open_loop' needs a task for flies that shows command"):
+        load_policy("open_loop", "target")
+    with pytest.raises(PolicyFileError, match="trained on other observations"):
+        load_policy("target-flat", "velocity")
 
 
 def test_a_file_of_one_s_own_has_no_name(bundle, tmp_path):

@@ -19,6 +19,8 @@ TRAINING = {
     },
 }
 
+LEGGED = ("policy", "leg controller")
+
 
 @pytest.fixture(scope="module")
 def results():
@@ -40,8 +42,8 @@ def test_the_task_is_told_with_its_weights_and_limits(page):
     text = " ".join(" ".join(page.texts).split())
     assert "success thorax within 1 mm of the target" in text
     assert "failure fall, left arena, unstable" in text
-    assert "time limit 3.00 s" in text
-    assert "progress 0.20 mm closer to the target" in text
+    assert "time limit 3 s" in text
+    assert "progress 0.2 mm closer to the target" in text
     assert "target_direction 2 cos and sin of the target's bearing" in text
 
 
@@ -70,7 +72,10 @@ def test_drives_over_bearings_are_drawn(page):
 @pytest.mark.parametrize("training", [None, [], {"settings": 3}, {"settings": {"algo": "ppo"}}])
 def test_a_policy_file_without_settings_is_said_to_have_none(training):
     (row,) = trainings_section([{"name": "a", "kind": "learned", "training": training}])
-    assert row == {"name": "a", **dict.fromkeys(("algo", "decisions", "seed", "settings"), "not recorded")}
+    assert row == {
+        "name": "a",
+        **dict.fromkeys(("algo", "decisions", "seed", "settings"), "not recorded"),
+    }
 
 
 def test_long_settings_are_cut():
@@ -87,9 +92,9 @@ def test_results_without_a_table_of_their_task_are_reported(results):
 @pytest.mark.parametrize(
     ("actions", "body", "names"),
     [
-        ("drives", {}, ["policy", "leg controller", "servos", "body and ground"]),
-        ("drives", {"muscles": {}}, ["policy", "leg controller", "servos", "body and ground"]),
-        ("drives", {"muscles": {"strength": 1}}, ["policy", "leg controller", "muscles", "body and ground"]),
+        ("drives", {}, [*LEGGED, "servos", "body and ground"]),
+        ("drives", {"muscles": {}}, [*LEGGED, "servos", "body and ground"]),
+        ("drives", {"muscles": {"strength": 1}}, [*LEGGED, "muscles", "body and ground"]),
         ("neurons", {}, ["policy", "muscles", "body and ground"]),
     ],
 )  # fmt: skip

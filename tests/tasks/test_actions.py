@@ -30,8 +30,10 @@ def test_whole_numbers_are_the_neurons_themselves() -> None:
     np.testing.assert_array_equal(neurons.of([15, 4, 0]), [15, 4, 0])
 
 
-def test_whole_numbers_beyond_a_pool_are_clipped_to_its_ends() -> None:
-    np.testing.assert_array_equal(Neurons(POOLS).commands([99, -3, 2]), [15, 0, 0])
+@pytest.mark.parametrize("actions", [[16, 0, 0], [0, -1, 0], [0, 0, 1]])
+def test_whole_numbers_beyond_a_pool_are_refused(actions):
+    with pytest.raises(ValueError, match=r"from 0 to \[15, 4, 0\], got"):
+        Neurons((16, 5, 1)).commands(actions)
 
 
 @pytest.mark.parametrize("wrong", [0.5, np.nan, -1e-9])

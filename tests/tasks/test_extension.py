@@ -8,6 +8,7 @@ import pytest
 
 from flyrl.tasks import (
     FAILURES,
+    OUTCOMES,
     TASKS,
     MeanTerm,
     ObservationTerm,
@@ -120,6 +121,12 @@ def test_outcomes_of_the_environment_are_no_terminations(outcome):
 def test_only_the_outcome_success_is_one():
     assert Termination("success", _ones).is_success
     assert not COLLAPSE.is_success
+
+
+def test_codes_of_outcomes_stay_when_a_termination_is_added():
+    assert TARGET.outcomes == OUTCOMES
+    assert OUTCOMES == ("running", "success", "timeout", "fall", "left_arena", "unstable")
+    assert extended(TARGET, {"a:X": COLLAPSE}, {}).outcomes == (*OUTCOMES, "collapse")
 
 
 def test_a_mean_forgets_within_some_time():

@@ -12,6 +12,8 @@ from flyrl.training.runs import ResumeError
 STATE = {
     "learner": {"parameters": {"policy": {"weight": torch.ones(2, 3)}}, "attributes": {"n": 3}},
     "env": {"rows": np.arange(6.0).reshape(2, 3), "flags": np.array([True, False])},
+    "run": {"decisions": 3},
+    "settings": {"seed": 0},
     "generator": {"state": 2**127 + 1, "key": np.arange(3, dtype=np.uint32)},
     "scalar": np.float32(0.1),
     "nothing": None,
@@ -47,6 +49,14 @@ def test_a_checkpoint_of_another_format_is_refused(tmp_path):
     torch.save({"format": 99, "state": {}}, tmp_path / "c.pt")
     with pytest.raises(ResumeError, match="format 99"):
         load_checkpoint(tmp_path / "c.pt")
+
+
+@pytest.mark.parametrize("part", ["learner", "env", "run", "settings"])
+def test_a_checkpoint_without_a_part_is_an_error_that_names_it(tmp_path, part):
+    path = tmp_path / "c.pt"
+    save_checkpoint(path, {key: value for key, value in STATE.items() if key != part})
+    with pytest.raises(ResumeError, match=rf"c\.pt .*{part}"):
+        load_checkpoint(path)
 
 
 class _Touch:

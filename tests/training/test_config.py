@@ -110,6 +110,11 @@ def test_seed_outside_the_range():
         TrainingConfig(seed=2**31)
 
 
+def test_a_controller_that_ignores_the_drive_is_refused():
+    with pytest.raises(ValueError, match=r"controller must be hybrid or cpg.*'rule_based'.*drive"):
+        TrainingConfig(env=EnvConfig(controller="rule_based"))
+
+
 def test_dict_observations_without_goals_are_refused():
     with pytest.raises(ValueError, match="flat observation or goals, got 'hybrid_turning'"):
         TrainingConfig(env=EnvConfig(task="hybrid_turning"))

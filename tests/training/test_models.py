@@ -186,7 +186,7 @@ class _SaveAt(BaseCallback):
     def _on_rollout_start(self):
         if self.num_timesteps == self.decisions:
             state = {"learner": learner_state(self.model), "env": self.fly_env.snapshot()}
-            save_checkpoint(self.path, state)
+            save_checkpoint(self.path, {**state, "run": {"decisions": 0}, "settings": {}})
 
 
 def _same(a, b):

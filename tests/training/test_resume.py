@@ -1,17 +1,20 @@
 import multiprocessing
 import os
+import shutil
 import signal
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from flyrl.envs.core import EnvConfig
 from flyrl.tasks import task_named
 from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
 from flyrl.training.callback import RunCallback
-from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
+from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
@@ -208,6 +211,76 @@ def test_other_settings_are_not_resumed(tmp_path, monkeypatch):
     run = train(PPO_CONFIG, tmp_path)
     with pytest.raises(ResumeError, match="other settings"):
         resume(replace(PPO_CONFIG, seed=1), run.folder)
+
+
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory):
+    """Folder of a run that was interrupted at its third decision."""
+    with pytest.MonkeyPatch.context() as patch:
+        InterruptedAt(patch, decision=3)
+        return train(PPO_CONFIG, tmp_path_factory.mktemp("runs")).folder
+
+
+@pytest.fixture
+def folder(interrupted, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(interrupted, tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        (replace(PPO_CONFIG, seed=1), "seed was 0 when the run was interrupted, and is 1"),
+        (
+            replace(PPO_CONFIG, algo=replace(PPO_CONFIG.algo, learning_rate=0.1)),
+            r"algo\.learning_rate was .*, and is 0\.1 in its config\.yaml",
+        ),
+        (
+            replace(PPO_CONFIG, training=replace(PPO_CONFIG.training, num_envs=8)),
+            r"training\.num_envs was .*, and is 8",
+        ),
+    ],
+)
+def test_edited_settings_are_not_resumed(folder, config, message):
+    (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config)))
+    with pytest.raises(ResumeError, match=message):
+        resume(config, folder)
+
+
+def test_a_setting_without_effect_may_be_edited(folder):
+    config = replace(PPO_CONFIG, training=replace(PPO_CONFIG.training, num_threads=2))
+    (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config)))
+    assert resume(config, folder).interrupted_by is None
+
+
+@pytest.mark.parametrize("text", ["", "a word", "- a", "task: 1", "a: &a [1]\nb: [*a]", "\x00"])
+def test_damaged_settings_are_not_resumed(folder, text):
+    (folder / "config.yaml").write_text(text)
+    with pytest.raises(ResumeError, match=r"config\.yaml"):
+        resume(PPO_CONFIG, folder)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", "[" * 10**5])
+def test_a_damaged_status_is_not_resumed(folder, text):
+    (folder / "status.json").write_text(text)
+    with pytest.raises(ResumeError, match=r"status\.json cannot be read"):
+        resume(PPO_CONFIG, folder)
+
+
+def test_a_damaged_table_of_progress_is_not_resumed(folder):
+    (folder / "progress.csv").write_bytes(bytes(range(256)))
+    with pytest.raises(ResumeError, match=r"progress\.csv is no table"):
+        resume(PPO_CONFIG, folder)
+
+
+@pytest.mark.parametrize("part", ["learner", "env", "run"])
+def test_a_checkpoint_that_does_not_fit_is_not_resumed(folder, part):
+    path = max(folder.glob("checkpoints/*.pt"))
+    state = load_checkpoint(path)
+    state[part] = {"parameters": {}, "decisions": 0}
+    save_checkpoint(path, state)
+    with pytest.raises(ResumeError, match="does not fit the run"):
+        resume(PPO_CONFIG, folder)
 
 
 def test_a_run_that_another_process_trains_is_left_as_it_is(tmp_path):

@@ -84,10 +84,11 @@ def test_of_damaged_checkpoints_the_one_before_takes_the_place(tmp_path, capsys)
     folder = RunFolder(tmp_path)
     paths = [folder.checkpoint(decisions) for decisions in (1, 2, 3)]
     for i, path in enumerate(paths):
-        save_checkpoint(path, {"learner": {"parameters": {}}, "number": i})
+        learner, run = {"parameters": {}}, {"decisions": i}
+        save_checkpoint(path, {"learner": learner, "env": {}, "run": run, "settings": {}})
     for path in paths[1:]:
         path.write_bytes(path.read_bytes()[:-100])
-    assert folder.load_latest_checkpoint()["number"] == 0
+    assert folder.load_latest_checkpoint()["run"]["decisions"] == 0
     assert f"{paths[2]} cannot be read" in capsys.readouterr().err
     assert folder.checkpoints() == paths[:1]
     paths[0].write_bytes(b"")

@@ -1,0 +1,94 @@
+"""Errors of the user's: the one place where an exception becomes a message and an exit status."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
+
+_PARSERS = {"antlr4", "hydra", "omegaconf"}
+"""Packages whose errors are about the command line or a config file."""
+
+
+class Ended(SystemExit):
+    """The end of a command before it was done; all that there is to say has been printed."""
+
+
+class Failure(Ended):
+    """The end of a command that cannot do what it was asked to.
+
+    Attributes
+    ----------
+    message
+        Printed already.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(UNUSABLE)
+        self.message = message
+
+
+@contextmanager
+def reported() -> Iterator[None]:
+    """End the program with a message where the user can mend an error, without a traceback.
+
+    That is: a ValueError (settings, contents of files), an OSError (files, a full disk), what Hydra
+    and OmegaConf raise, and values that are nested without end. Other exceptions are bugs of
+    flyrl's and pass. With the environment variable HYDRA_FULL_ERROR all of them do.
+
+    Raises
+    ------
+    Failure
+        After such an error, with status 2.
+    Ended
+        After Ctrl-C, or if whoever reads the output wants no more of it.
+    """
+    try:
+        try:
+            yield
+        except SystemExit:
+            _flush()
+            raise
+        _flush()
+    except BrokenPipeError:
+        _drop_output()
+        raise Ended(PIPE_CLOSED) from None
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        raise Ended(INTERRUPTED) from None
+    except Exception as error:
+        if os.environ.get("HYDRA_FULL_ERROR") or not _is_users(error):
+            raise
+        _drop_output()
+        message = (
+            "a value is nested too deeply" if isinstance(error, RecursionError) else str(error)
+        )
+        message = message.partition("\nSee http")[0]
+        print(f"error: {message}", file=sys.stderr)
+        raise Failure(message) from None
+
+
+def _is_users(error: Exception) -> bool:
+    if isinstance(error, ValueError | OSError | RecursionError):
+        return True
+    return any(cls.__module__.partition(".")[0] in _PARSERS for cls in type(error).__mro__)
+
+
+def _flush() -> None:
+    """Write what is left to stdout; an error shows here, where it can be reported."""
+    if sys.stdout is not None:  # as where it was closed
+        sys.stdout.flush()
+
+
+def _drop_output() -> None:
+    """Let what cannot be written to stdout go nowhere, instead of to an error at the end."""
+    with suppress(AttributeError, ValueError):  # closed
+        try:
+            sys.stdout.flush()
+        except OSError:
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.stdout.fileno())
+            os.close(nowhere)

@@ -1,0 +1,196 @@
+"""The policies that were not learned, by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from flyrl.controllers.leg_controller import ControllerName
+from flyrl.controllers.reflexes import ReflexesName
+from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
+from flyrl.policies.worm import Relaxed, WormCPG, WormReflex
+from flyrl.tasks import (
+    ACHIEVED_GOAL,
+    DESIRED_GOAL,
+    DRIVE_HIGH,
+    DRIVE_LOW,
+    TASK_NAMES,
+    Drives,
+    Neurons,
+    Task,
+    task_named,
+)
+from flyrl.validation import within
+
+FixedPolicy = ConstantDrive | Pursuit | OpenLoop | WormCPG | WormReflex | Relaxed
+
+
+@dataclass(frozen=True)
+class FixedLaw:
+    """A law that steers, what it needs, and the legs that it is compared on.
+
+    Attributes
+    ----------
+    legs
+        The leg controller that evaluations give it; None of a worm.
+    text
+        What steers it, in words.
+    make
+        Makes that for a task.
+    sees
+        Observation terms that the task must show: all of one of these sets.
+    reflexes
+        Of the hybrid controller; None takes those that go with the body.
+    is_usual
+        Whether it takes part in evaluations unless others were asked for.
+    """
+
+    legs: ControllerName | None
+    text: str
+    make: Callable[[Task], FixedPolicy]
+    sees: tuple[tuple[str, ...], ...] = ()
+    reflexes: ReflexesName | None = None
+    is_usual: bool = True
+
+    def goes_with(self, task: Task) -> bool:
+        """Whether the task is for its creature, and shows what it needs."""
+        if isinstance(task.actions, Drives) != (self.legs is not None):
+            return False
+        shown = task.slices()
+        return not self.sees or any(shown.keys() >= set(terms) for terms in self.sees)
+
+
+_QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
+"""The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
+without a fall, at 0.81 s instead of 1.00; on a path the literature's turn keeps closer to it."""
+
+_GOALS: Final = (ACHIEVED_GOAL, DESIRED_GOAL, "compass")
+
+
+def _walk(task: Task) -> FixedPolicy:
+    return ConstantDrive(1.0, 1.0, task.actions.of)
+
+
+def _stand(task: Task) -> FixedPolicy:
+    return ConstantDrive(0.0, 0.0, task.actions.of)
+
+
+def _pursue(task: Task) -> FixedPolicy:
+    tuned = _QUICK_PURSUIT if task.name in ("target", "target_goal", "heading") else {}
+    shown = task.slices()
+    if "target_direction" in shown:
+        return Pursuit(shown["target_direction"], task.actions.of, **tuned)
+    achieved, desired, compass = (shown[name] for name in _GOALS)
+    return PursuitOfGoal(achieved, desired, compass, task.actions.of, **tuned)
+
+
+def _wave(task: Task) -> FixedPolicy:
+    actions, interval_s = _muscles(task)
+    return WormCPG(actions, interval_s)
+
+
+def _bend(task: Task) -> FixedPolicy:
+    actions, interval_s = _muscles(task)
+    return WormReflex(actions, interval_s, task.slices()["bend_error"])
+
+
+def _relax(task: Task) -> FixedPolicy:
+    actions, _ = _muscles(task)
+    return Relaxed(actions)
+
+
+def _muscles(task: Task) -> tuple[Neurons, float]:
+    """Actions of a task for worms, and s from one to the next."""
+    actions, interval_s = task.actions, task.decision_interval_s
+    assert isinstance(actions, Neurons) and interval_s is not None  # goes_with says so
+    return actions, interval_s
+
+
+def _follow_command(task: Task) -> FixedPolicy:
+    return OpenLoop(task.slices()["command"], task.actions.of)
+
+
+_AHEAD: Final = "constant drive (1, 1)"
+
+FIXED: Final[Mapping[str, FixedLaw]] = {
+    "cpg": FixedLaw("cpg", _AHEAD, _walk),
+    "rule_based": FixedLaw("rule_based", _AHEAD, _walk),
+    "hybrid": FixedLaw("hybrid", _AHEAD, _walk),
+    "hybrid_current": FixedLaw(
+        "hybrid", f"{_AHEAD}, current reflexes", _walk, reflexes="current", is_usual=False
+    ),
+    "hybrid_classic": FixedLaw(
+        "hybrid", f"{_AHEAD}, classic reflexes", _walk, reflexes="classic", is_usual=False
+    ),
+    "pursuit": FixedLaw(
+        "hybrid",
+        "proportional steering towards the target",
+        _pursue,
+        (("target_direction",), _GOALS),
+    ),
+    "open_loop": FixedLaw(
+        "hybrid", "drive that answers the command", _follow_command, (("command",),)
+    ),
+    "zero": FixedLaw("hybrid", "constant drive (0, 0)", _stand),
+    "worm_cpg": FixedLaw(None, "CPG that sends waves along the worm", _wave, (("heading",),)),
+    "worm_reflex": FixedLaw(
+        None, "reflex that recruits until the bend is right", _bend, (("bend_error",),)
+    ),
+    "relaxed": FixedLaw(None, "no muscle recruited", _relax),
+}
+"""Fixed laws by name. Besides, there is constant(left, right): any drive, held."""
+
+_CONSTANT: Final = re.compile(r"constant\(\s*([^,\s]+)\s*,\s*([^,\s]+)\s*\)")
+
+
+def is_law(name: str) -> bool:
+    """Whether a name is one in `FIXED`, or like constant(1.2, 0.4)."""
+    return name in FIXED or _CONSTANT.fullmatch(name) is not None
+
+
+def law_named(name: str) -> FixedLaw:
+    """Law of a name in `FIXED`, or like constant(1.2, 0.4).
+
+    Raises
+    ------
+    ValueError
+        No such law, or a constant drive that is out of range.
+    """
+    return FIXED[name] if name in FIXED else _constant(name)
+
+
+def fixed_policy(name: str, law: FixedLaw, task: Task | None = None) -> FixedPolicy:
+    """Policy that follows a law in a task; None takes the first task that the law goes with.
+
+    Raises
+    ------
+    ValueError
+        The task does not show what the law needs.
+    """
+    if task is None:
+        task = next(each for each in map(task_named, TASK_NAMES) if law.goes_with(each))
+    if not law.goes_with(task):
+        creature = "a worm" if law.legs is None else "flies"
+        needed = " or ".join(", ".join(terms) for terms in law.sees) or "anything"
+        raise ValueError(
+            f"{name!r} needs a task for {creature} that shows {needed}, got {task.name!r}"
+        )
+    return law.make(task)
+
+
+def _constant(name: str) -> FixedLaw:
+    """Law with the drive that a name like constant(1.2, 0.4) says."""
+    match = _CONSTANT.fullmatch(name)
+    try:
+        left, right = map(float, match.groups() if match else "")
+    except ValueError:
+        raise ValueError(f"{name!r} must hold two numbers, e.g. constant(1.2, 0.4)") from None
+    for side in (left, right):
+        within(f"drive of {name!r}", side, DRIVE_LOW, DRIVE_HIGH)
+    return FixedLaw(
+        "hybrid",
+        f"constant drive ({left:g}, {right:g})",
+        lambda task: ConstantDrive(left, right, task.actions.of),
+    )

@@ -1,0 +1,70 @@
+"""Errors of the user's end in one message; errors of ours keep their traceback."""
+
+import errno
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from omegaconf import OmegaConf
+
+from flyrl.cli.errors import Ended, Failure, reported
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize(
+    "error",
+    [ValueError("wrong"), FileNotFoundError(errno.ENOENT, "wrong"), RecursionError()],
+)
+def test_an_error_of_the_user_is_a_message_with_status_2(error, capsys):
+    with pytest.raises(Failure) as failure, reported():
+        raise error
+    assert failure.value.code == 2
+    told = capsys.readouterr().err
+    assert told == f"error: {failure.value.message}\n"
+
+
+def test_an_error_of_a_config_file_is_a_message(capsys):
+    with pytest.raises(Failure), reported():
+        OmegaConf.to_container(OmegaConf.create({"a": "${b}"}), resolve=True)
+    assert capsys.readouterr().err.startswith("error: Interpolation key 'b' not found")
+
+
+def test_a_bug_keeps_its_traceback():
+    with pytest.raises(ZeroDivisionError), reported():
+        raise ZeroDivisionError
+
+
+def test_every_error_keeps_its_traceback_if_asked(monkeypatch):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    with pytest.raises(ValueError, match="wrong"), reported():
+        raise ValueError("wrong")
+
+
+def test_ctrl_c_ends_with_130(capsys):
+    with pytest.raises(Ended) as end, reported():
+        raise KeyboardInterrupt
+    assert end.value.code == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_output_that_was_closed_is_no_error(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    with reported():
+        print("to nobody")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
+def test_output_that_is_full_is_an_error_in_one_line():
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-m", "flyrl", "completion", "bash"],
+            cwd=ROOT,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert ended.returncode == 2
+    assert ended.stderr == "error: [Errno 28] No space left on device\n"
