@@ -259,9 +259,10 @@ def test_videos_are_carried_along():
 
 def test_results_without_paths_give_a_report_without_them(results):
     bare = type(results)(results.protocol, results.episodes, results.summary)
-    assert (
-        Page(format_report(bare)).count("svg") == 2 + 2
-    )  # success, the control loop, distributions, pairs
+    text = format_report(bare)
+    # the control loop, success, distributions, pairs
+    assert Page(text).count("svg") == 4
+    assert "<h3>Paths</h3>" not in text
 
 
 def test_one_controller_alone_gives_a_report():
