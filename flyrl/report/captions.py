@@ -46,6 +46,20 @@ def clock_text(time_s: float, speed: float) -> str:
     return f"t = {time_s:.2f} s   {speed_text(speed)}"
 
 
+def ending_text(outcome: str, time_s: float, longest_s: float) -> str:
+    """How and when an episode ended; the time of the last picture before it, where that is earlier.
+
+    Parameters
+    ----------
+    outcome
+        Name of the outcome.
+    time_s, longest_s
+        When the episode ended, and up to when it is filmed at most, s.
+    """
+    text = f"{outcome.replace('_', ' ')} at {time_s:.2f} s"
+    return text if time_s <= longest_s + 1e-9 else f"t = {longest_s:.2f} s; {text}"
+
+
 def speed_text(speed: float) -> str:
     """How fast a video plays."""
     return "real time" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} real time"

@@ -18,7 +18,7 @@ from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv, build_simulation
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.progress import progress_bar
-from flyrl.report.captions import Picture, clock_text, titled, with_scale_bar
+from flyrl.report.captions import Picture, clock_text, ending_text, titled, with_scale_bar
 from flyrl.report.film import jpeg
 from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import FlyBatch
@@ -203,7 +203,7 @@ def record_video(
                 shown = clock_text(time_s, camera.pace.frame_s * FPS) if view.overlay.clock else ""
                 pictures.append(titled(picture, entrant.name, shown))
     time_s, outcome = ending
-    text = f"{outcome.replace('_', ' ')} at {time_s:.2f} s"
+    text = ending_text(outcome, time_s, camera.pace.longest_s)
     pictures += [titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
     return Video(
         entrant.name,

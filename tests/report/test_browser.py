@@ -9,7 +9,7 @@ from PIL import Image
 
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
-from flyrl.report.video import FPS, encode
+from flyrl.report.video import FPS, HOLD_FRAMES, encode
 from tests.chromium import chromium
 from tests.report.test_close_up import walked
 from tests.synthetic import STYLES, make_results
@@ -25,19 +25,28 @@ def browser():
         yield browser
 
 
+FILMED = 20
+"""Pictures of an episode's film, before its end stands still."""
+
+DARKEST, BRIGHTER = 40, 8
+
+
 def film(name, terrain):
-    """A video in which nothing happens."""
-    picture = np.full((48, 64, 3), 90, np.uint8)
+    """A video whose pictures get brighter one by one, until its end."""
+    pictures = [
+        np.full((48, 64, 3), DARKEST + BRIGHTER * min(number, FILMED - 1), np.uint8)
+        for number in range(FILMED + HOLD_FRAMES)
+    ]
     poster = io.BytesIO()
-    Image.fromarray(picture).save(poster, "JPEG")
+    Image.fromarray(pictures[-1]).save(poster, "JPEG")
     return Video(
         controller=name,
         terrain=terrain,
         episode=0,
         outcome="timeout",
-        num_frames=40,
+        num_frames=len(pictures),
         frame_s=0.01,
-        mp4=encode([picture] * 40),
+        mp4=encode(pictures),
         poster=poster.getvalue(),
     )
 
@@ -217,6 +226,31 @@ def test_nothing_is_wider_than_a_phone(visit):
     assert page.evaluate("document.documentElement.scrollWidth") == NARROW["width"]
 
 
+@pytest.mark.parametrize("width", [1280, 800, 400])
+def test_no_column_is_cut_without_a_sign(visit, width):
+    page = visit(viewport={"width": width, "height": 900})
+    for link in page.locator("nav a").all():
+        link.click()
+        if link.get_attribute("href") == "#episodes":
+            rows_shown(page)
+        cut = page.evaluate(
+            """() => [...document.querySelectorAll("body *:not(svg *)")].filter((one) => {
+                const box = one.getBoundingClientRect();
+                const scroller = one.closest(".scroll, figure, nav");
+                const isSigned = scroller && getComputedStyle(scroller).overflowX === "auto"
+                    && getComputedStyle(scroller).backgroundImage.includes("gradient");
+                return box.width > 0 && box.right > innerWidth + 1 && !isSigned;
+            }).map((one) => one.outerHTML.slice(0, 80))"""
+        )
+        assert cut == []
+        scrolled = page.evaluate(
+            """() => [...document.querySelectorAll(".page:not([hidden]) .scroll")]
+                .filter((one) => one.scrollWidth > one.clientWidth + 1)
+                .map((one) => one.querySelector("table").id || one.innerText.slice(0, 80))"""
+        )
+        assert width < 1280 or scrolled == []
+
+
 def test_text_is_readable_by_day_and_by_night(visit):
     page = visit()
     parts = dict.fromkeys(["h1", ".headline", ".caption", "nav a", ".rates td", "code"], "color")
@@ -290,6 +324,7 @@ def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
     player = on_flat(page)
     slider = player.get_by_role("slider")
     slider.focus()
+    slider.press("Home")
     places = []
     for _ in range(2):
         for _ in range(3):
@@ -303,6 +338,45 @@ def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
         places.append(player.locator(".run-along .cursor").first.bounding_box()["x"])
     assert frame == 6
     assert places[0] < places[1]
+
+
+def shown_number(page):
+    """Number of the picture that the first video shows, by its brightness."""
+    page.wait_for_function(
+        """() => [...document.querySelectorAll("#flat video")].every((video) => !video.seeking)"""
+    )
+    page.wait_for_timeout(100)  # until it is painted
+    picture = Image.open(io.BytesIO(page.locator("#flat video").first.screenshot())).convert("L")
+    level = picture.getpixel((picture.width // 2, picture.height // 2))
+    return round((level - DARKEST) / BRIGHTER)
+
+
+def told_number(page):
+    """Number of the picture of the time that the slider tells."""
+    return round(float(page.locator("#flat .clock output").inner_text().split()[0]) / 0.01)
+
+
+def test_the_time_told_is_that_of_the_picture(visit):
+    page = visit(reduced_motion="reduce")
+    player = on_flat(page)
+    assert told_number(page) == shown_number(page) == FILMED - 1  # the posters
+    player.get_by_role("button", name="Play").click()
+    page.wait_for_function(
+        """() => {
+            const {value} = document.querySelector("#flat .clock input");
+            return 3 < value && value < 12;
+        }"""
+    )
+    player.get_by_role("button", name="Pause").click()
+    assert told_number(page) == shown_number(page)
+    slider = player.get_by_role("slider")
+    slider.focus()
+    slider.press("Home")
+    for number in range(3):
+        assert told_number(page) == shown_number(page) == number
+        slider.press("ArrowRight")
+    slider.press("End")
+    assert told_number(page) == shown_number(page) == FILMED - 1
 
 
 def test_a_click_in_the_curves_moves_the_slider(visit):

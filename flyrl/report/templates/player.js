@@ -8,13 +8,16 @@ for (const player of document.querySelectorAll(".player")) {
   const frameS = Number(clock.dataset.frameS);
   const endS = Number(clock.dataset.endS);
   const last = Number(slider.max);
-  let frame = 0; // with fractions while playing
+  let frame = last; // with fractions while playing; at first the posters are shown, which are the last pictures
   let isPlaying = false;
   let isAwake = false;
   let before = 0;
   let place = () => {}; // puts the lines in the curves where a time is
 
   const lastOf = (video) => Number(video.dataset.frames) - 1;
+  const longest = videos.find((video) => lastOf(video) === last); // the clock is that of its pictures
+
+  const leads = () => !longest.paused && !longest.seeking && longest.readyState > 2;
 
   // Shows the frame of a video that stands still; where it is busy, once it is ready.
   const stand = (video) => {
@@ -27,6 +30,7 @@ for (const player of document.querySelectorAll(".player")) {
 
   // Keeps a video that plays in step with the clock: a little off, it runs faster or slower.
   const follow = (video) => {
+    if (video === longest && leads()) return;
     if (frame >= lastOf(video)) {
       stand(video);
       return;
@@ -72,7 +76,8 @@ for (const player of document.querySelectorAll(".player")) {
   const tick = (now) => {
     if (!isPlaying) return;
     // a page that was out of sight stood still
-    frame = Math.min(last, frame + (fps * Math.min(Math.max(now - before, 0), 200)) / 1000);
+    const elapsed = Math.min(Math.max(now - before, 0), 200) / 1000;
+    frame = Math.min(last, leads() ? longest.currentTime * fps : frame + fps * elapsed);
     before = now;
     if (frame >= last) {
       pause();
