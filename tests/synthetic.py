@@ -10,7 +10,7 @@ from flyrl.evaluation.rows import episode_row, episode_table
 from flyrl.evaluation.summary import summarise
 from flyrl.evaluation.trajectories import trajectory
 from flyrl.rollouts import EpisodeRecord
-from flyrl.tasks import Episode
+from flyrl.tasks import OUTCOMES, TASKS, Episode, task_table
 
 HORIZON_S = 3.0
 DECISION_S = 0.02
@@ -149,6 +149,8 @@ def make_results(
         "versions": {"flyrl": "0.1.0", "mujoco": "4.0.0", "numpy": "2.4.6", "python": "3.11.2"},
         "seed": 0,
         "task": "target",
+        "table": task_table(TASKS["target"]),
+        "outcomes": list(OUTCOMES[1:]),
         "horizon_s": HORIZON_S,
         "episodes_per_terrain": episodes,
         "reference": reference,

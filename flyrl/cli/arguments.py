@@ -129,6 +129,12 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
             else:
                 ours = compose(name, [*plain, *search], return_hydra_config=True).hydra
             if not (options.multirun or ours.mode == RunMode.MULTIRUN):
+                for override in overrides:
+                    if override.is_sweep_override():
+                        raise UsageError(
+                            f"{override.input_line} names several values: add -m to run each of "
+                            "them, or quotes if it is one value"
+                        )
                 return None
             return Sweep(
                 Path(ours.sweep.dir),

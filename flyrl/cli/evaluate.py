@@ -133,6 +133,7 @@ def compare(
         drop_parts,
         evaluate,
         measure_drive_map,
+        measure_steering,
         walk_examples,
         write_results,
     )
@@ -155,6 +156,9 @@ def compare(
         examples = walk_examples(config, results.examples) if settings.close_ups else []
         has_map = settings.close_ups and settings.drive_map and config.legs is not None
         drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
+        steering = (
+            measure_steering(config, config.terrain_configs[0]) if settings.close_ups else None
+        )
         bar.update()
         report = write_report(
             results,
@@ -162,6 +166,7 @@ def compare(
             videos=videos,
             examples=examples,
             drive_map=drive_map,
+            steering=steering,
             curves=training_evaluations(results.protocol["entrants"]),
             note=note,
         )

@@ -9,6 +9,7 @@ from flyrl.evaluation.learned import changed_terms
 from flyrl.evaluation.parts import drop_parts
 from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
 from flyrl.evaluation.run import evaluate
+from flyrl.evaluation.steering import measure_steering
 from flyrl.policies.laws import FIXED
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "load_results",
     "make_entrants",
     "measure_drive_map",
+    "measure_steering",
     "walk_examples",
     "write_results",
 ]

@@ -31,7 +31,7 @@ from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
 from flyrl.resources import version
 from flyrl.rollouts import EpisodeRecord, run_episodes
-from flyrl.tasks import Episode, task_record
+from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import TerrainConfig
 
 if TYPE_CHECKING:
@@ -227,6 +227,7 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
         "task": task.name,
         "terms": record["terms"],
         "weights": record["weights"],
+        "table": task_table(task),
         "outcomes": list(task.outcomes[1:]),
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from flyrl.anatomy import LEGS
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.gait import without_blips
+from flyrl.evaluation.steering import Steering
 from flyrl.report.palette import colours, marker
 from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, svg_text
 from flyrl.rollouts import EpisodeRecord
@@ -25,6 +26,11 @@ SHOWN_S: Final = 1.0
 
 MAX_VISITED: Final = 500
 """Drives of a policy that are drawn at most."""
+
+MAX_STEERING: Final = 12
+"""Policies whose steering is drawn at most."""
+
+_STEERING_COLUMNS: Final = 3
 
 _REFLEXES: Final = {"retraction": ("muted", 0.36), "stumbling": ("ink", -0.5)}
 """Colour, and place of its line beside the bar of a leg."""
@@ -131,4 +137,44 @@ def drive_map_figure(
         handles = figure.axes[0].get_legend_handles_labels()
         if handles[0]:
             figure.legend(*handles, loc="outside lower left", ncols=6, markerscale=3)
+        return svg_text(figure, name)
+
+
+def steering_figure(steering: Steering, name: str) -> str:
+    """Left and right drive over the bearing, a panel per policy: mean and range over the starts.
+
+    Parameters
+    ----------
+    name
+        Of the figure, for its ids.
+    """
+    shown = list(steering.drives.items())[:MAX_STEERING]
+    shade = colours(list(steering.drives))
+    columns = min(max(len(shown), 2), _STEERING_COLUMNS)
+    rows = -(-len(shown) // columns)
+    with mpl.rc_context(FRAMED_STYLE):
+        figure = Figure(figsize=(WIDTH_IN, 0.5 + 2.4 * rows), layout="constrained")
+        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes, (policy, drives) in zip(panels, shown, strict=False):
+            for side, (text, line) in enumerate({"left legs": "-", "right legs": "--"}.items()):
+                values, look = drives[..., side], {"color": marker(shade[policy])}
+                axes.plot(
+                    steering.bearings_deg, values.mean(axis=0), linestyle=line, label=text, **look
+                )
+                axes.fill_between(
+                    steering.bearings_deg,
+                    values.min(axis=0),
+                    values.max(axis=0),
+                    alpha=0.15,
+                    linewidth=0,
+                    **look,
+                )
+            axes.set_title(policy, loc="left", fontweight="bold")
+            axes.set_xticks([-180, -90, 0, 90, 180])
+            axes.grid(visible=True)
+        for axes in panels[len(shown) :]:
+            axes.set_axis_off()
+        panels[0].set_ylabel("drive")
+        figure.supxlabel("bearing (deg), left positive", fontsize=10, color=marker("muted"))
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
         return svg_text(figure, name)

@@ -15,9 +15,11 @@ from markupsafe import Markup
 
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.metrics import METRICS, compared_metrics, decisive_metrics
+from flyrl.evaluation.metrics import GAIT_METRICS, METRICS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
+from flyrl.evaluation.steering import Steering
 from flyrl.files import OutputFolder
+from flyrl.report.close_up import steering_figure
 from flyrl.report.curves import Evaluations
 from flyrl.report.episodes import episodes_section
 from flyrl.report.figures import METRIC_LABELS, success_figure
@@ -35,6 +37,7 @@ from flyrl.report.sections import (
     usual_leaders,
     usual_rows,
 )
+from flyrl.report.setup import control_loop, trainings_section
 from flyrl.report.standalone import named_figures, standalone
 from flyrl.report.tables import format_tables
 from flyrl.report.video import Video
@@ -44,12 +47,14 @@ from flyrl.report.wording import (
     headline,
     held_out_text,
     leader_cells,
+    outcome_name,
     rates,
     shared_text,
     title,
     training_note,
 )
-from flyrl.rollouts import EpisodeRecord
+from flyrl.rollouts import SUCCESS, EpisodeRecord
+from flyrl.tasks import TIMEOUT
 
 REPORT_FILE: Final = "report.html"
 FIGURES_FOLDER: Final = "figures"
@@ -67,6 +72,8 @@ class Additions(TypedDict, total=False):
         Episodes with a log of the gait, whose diagrams are shown on the page of their terrain.
     drive_map
         Shown with the drives that the learned policies chose on top.
+    steering
+        Drives of policies over the bearing.
     curves
         Evaluations during training, by the names of learned policies.
     note
@@ -76,6 +83,7 @@ class Additions(TypedDict, total=False):
     videos: Sequence[Video]
     examples: Sequence[EpisodeRecord]
     drive_map: DriveMap | None
+    steering: Steering | None
     curves: Mapping[str, Evaluations]
     note: str | None
 
@@ -152,6 +160,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     usual = usual_rows(results)
     leaders = usual_leaders(results)
     decisive = decisive_metrics(results.protocol["task"])
+    table, steering = results.protocol.get("table"), additions.get("steering")
     return {
         "title": title(results.protocol, results.summary),
         "headline": headline(
@@ -188,6 +197,21 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "note": additions.get("note"),
         "drive_map": Markup(drive_map_section(results, additions.get("drive_map"))),
         "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
+        "table": table,
+        "loop_parts": control_loop(results.protocol) if table else [],
+        "failures": [
+            outcome_name(each)
+            for each in results.protocol.get("outcomes", ())
+            if each not in (SUCCESS, TIMEOUT)
+        ],
+        "trainings": trainings_section(results.protocol["entrants"]),
+        "steering": Markup(steering_figure(steering, "steering")) if steering else "",
+        "steering_starts": len(next(iter(steering.drives.values()))) if steering else 0,
+        "gait_metrics": [
+            metric
+            for metric in (*GAIT_METRICS, "drive_variation")
+            if any(row["metrics"][metric]["n"] for row in results.summary)
+        ],
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],
         "study": study_section(results),

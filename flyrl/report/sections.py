@@ -113,6 +113,7 @@ def terrain_section(
     return {
         "name": terrain,
         "doses": [],
+        "rows": [table_row(row) for row in summary],
         "distributions": Markup(
             distributions_figure(
                 results.episodes, terrain, horizon_s, spread_metrics(results.protocol)

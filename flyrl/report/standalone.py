@@ -39,6 +39,7 @@ def named_figures(context: Mapping[str, Any]) -> dict[str, str]:
             figures[f"doses-{terrain['name']}-{dose['name']}"] = dose["figure"]
     figures["profiles"] = context["seeds"]["profiles"] if context["seeds"] else ""
     figures["drive-map"] = context["drive_map"]
+    figures["steering"] = context["steering"]
     figures["learning-curves"] = context["curves"]
     return {name: svg for name, svg in figures.items() if svg}
 

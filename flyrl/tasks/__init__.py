@@ -6,7 +6,7 @@ from typing import Final
 from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Actions, Drives, Neurons
 from flyrl.tasks.episode import Episode
-from flyrl.tasks.extension import Term, extended, task_record, term_digests
+from flyrl.tasks.extension import Term, extended, task_record, task_table, term_digests
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.heading import HEADING
 from flyrl.tasks.hybrid_turning import HYBRID_TURNING
@@ -104,5 +104,6 @@ __all__ = [
     "extended",
     "task_named",
     "task_record",
+    "task_table",
     "term_digests",
 ]

@@ -84,6 +84,24 @@ def task_record(task: Task) -> dict[str, Any]:
     }
 
 
+def task_table(task: Task) -> dict[str, Any]:
+    """A task as its reader sees it, as plain JSON values: terms with descriptions, limits."""
+    return {
+        "success": task.success,
+        "time_limit_s": task.time_limit_s,
+        "decision_interval_s": task.decision_interval_s,
+        "actions": type(task.actions).__name__.lower(),
+        "observation": [
+            {"name": term.name, "size": term.size, "description": term.description}
+            for term in task.observation
+        ],
+        "reward": [
+            {"name": term.name, "weight": term.weight, "description": term.description}
+            for term in task.reward
+        ],
+    }
+
+
 def term_digests(names: Iterable[str]) -> dict[str, str | None]:
     """SHA-256 of the modules that terms come from, by module; None where there is no file.
 

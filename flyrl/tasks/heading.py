@@ -58,6 +58,7 @@ HEADING: Final = Task(
         ObservationTerm(
             "target_direction", (2,), -1.0, 1.0, terms.commanded_direction_b,
             "cos and sin of the commanded heading from the fly's own, left positive",
+            is_bearing=True,
         ),
         *SENSES,
     ),
@@ -76,5 +77,6 @@ HEADING: Final = Task(
     sample_episode=sample_episode,
     difficulty="turn, from 0 to ±180°, and pushes, from none to 4-8 µN",
     succeeds_in_time=was_kept,
+    success=f"within {np.rad2deg(terms.ON_HEADING):.0f} degrees of the heading for {KEPT_S:g} s",
     errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_heading),),
 )  # fmt: skip

@@ -96,6 +96,7 @@ PATH: Final = Task(
         ObservationTerm(
             "target_direction", (2,), -1.0, 1.0, terms.path_direction_b,
             "cos and sin of the bearing of a point 4 mm ahead on the path, left positive",
+            is_bearing=True,
         ),
         ObservationTerm(
             "path_distance", (1,), 0.0, 4.0, terms.path_distance, "distance to the path, in 5 mm"
@@ -124,5 +125,7 @@ PATH: Final = Task(
     actions=Drives(),
     sample_episode=sample_episode,
     difficulty="first direction, from 0 to ±180°, curves, from none, length, from 12 to 24 mm",
+    success=f"thorax within {terms.REACH:g} mm of the path's end, having kept to the path within "
+    f"{TOLERATED_DEVIATION:g} mm on average",
     errors=(ErrorTerm("path_error_mm", LENGTH, terms.off_path),),
 )  # fmt: skip

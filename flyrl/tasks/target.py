@@ -55,7 +55,7 @@ TARGET: Final = Task(
     observation=(
         ObservationTerm(
             "target_direction", (2,), -1.0, 1.0, terms.target_direction_b,
-            "cos and sin of the target's bearing from the heading, left positive",
+            "cos and sin of the target's bearing from the heading, left positive", is_bearing=True,
         ),
         ObservationTerm(
             "target_distance", (1,), 0.0, 4.0, terms.target_distance,
@@ -80,5 +80,6 @@ TARGET: Final = Task(
     actions=Drives(),
     sample_episode=sample_episode,
     difficulty="distance of the target, from 5 mm to 5-15, and its bearing, from 0 to ±180°",
+    success=f"thorax within {terms.REACH:g} mm of the target",
     errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_target),),
 )  # fmt: skip

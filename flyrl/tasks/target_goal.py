@@ -135,4 +135,5 @@ TARGET_GOAL: Final = Task(
     difficulty=TARGET.difficulty,
     is_reached=is_reached,
     errors=TARGET.errors,
+    success=TARGET.success,
 )  # fmt: skip

@@ -112,7 +112,8 @@ class ObservationTerm:
     `compute` gives (n, *shape). `spread` says how far the values of a flat-ground walk lie apart
     (their standard deviation), as one number or one per row of the term: sensor noise is a share of
     it. What has none, 0, is known without noise: what the task asks for, and what the fly does not
-    measure but command.
+    measure but command. `is_bearing` marks cosine and sine of the bearing, left positive, of what
+    the task leads to.
     """
 
     name: str
@@ -122,6 +123,7 @@ class ObservationTerm:
     compute: Compute
     description: str
     spread: float | tuple[float, ...] = 0.0
+    is_bearing: bool = False
 
     def __post_init__(self) -> None:
         shape = self.shape
@@ -139,6 +141,8 @@ class ObservationTerm:
             )
         for row in rows:
             not_negative(f"spread of {self.name!r}", row)
+        if self.is_bearing and shape != (2,):
+            raise ValueError(f"shape of {self.name!r} must be (2,) for a bearing, got {shape}")
 
     @property
     def size(self) -> int:
@@ -289,6 +293,8 @@ class Task:
         Whether an episode that lasts until the time limit is a success then; without it, none is.
     means
         Running means that the other terms are computed from.
+    success
+        Definition of a success, in words; empty where there is none.
     added
         Where the terms come from that were added to the table (see `extended`): module:attribute.
     """
@@ -308,6 +314,7 @@ class Task:
     difficulty: str = ""
     is_reached: Callable[[ArrayLike, ArrayLike], Mask] | None = None
     errors: tuple[ErrorTerm, ...] = ()
+    success: str = ""
 
     def __post_init__(self) -> None:
         first = tuple(term.name for term in self.observation[:2])

@@ -15,6 +15,7 @@ TRAVERSE: Final = Task(
         ObservationTerm(
             "target_direction", (2,), -1.0, 1.0, terms.forward_direction_b,
             "cos and sin of the bearing of the world's x axis, left positive",
+            is_bearing=True,
         ),
         ObservationTerm(
             "finish_distance", (1,), -4.0, 4.0, terms.finish_distance,
@@ -38,5 +39,6 @@ TRAVERSE: Final = Task(
     decision_interval_s=0.02,
     actions=Drives(),
     sample_episode=sample_episode,
+    success=f"thorax beyond x = {terms.FINISH_LINE:g} mm",
     errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_finish),),
 )  # fmt: skip

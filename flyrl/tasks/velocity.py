@@ -85,6 +85,8 @@ VELOCITY: Final = Task(
             "forward speed, mm/s, and yaw rate, rad/s",
         ),
     ),
+    success=f"within {terms.TOLERATED_SPEED:g} mm/s and {terms.TOLERATED_YAW_RATE:g} rad/s of the "
+    f"command for {ON_COMMAND_S:g} s",
     errors=(
         ErrorTerm("speed_error_mm_s", SPEEDS[1], terms.off_speed),
         ErrorTerm("yaw_rate_error_deg_s", float(np.rad2deg(YAW_RATES[1])), terms.off_yaw_rate),

@@ -145,6 +145,7 @@ def crawling(name: str, worm: WormConfig, actions: Neurons) -> Task:
         actions=actions,
         sample_episode=partial(_crawling_episode, worm),
         succeeds_in_time=partial(terms.has_crawled, way=way),
+        success=f"{way:g} mm along +x, twice the worm's length",
         errors=(ErrorTerm("recruited_share", 1.0, recruited),),
     )  # fmt: skip
 
@@ -176,6 +177,7 @@ def hanging(name: str, worm: WormConfig, actions: Neurons) -> Task:
         actions=actions,
         sample_episode=partial(_hanging_episode, worm),
         succeeds_in_time=terms.has_bent,
+        success=f"within {terms.BENT_WITHIN:g} rad of the bend at the end",
         errors=(
             ErrorTerm("bend_error_deg", 180.0, terms.bend_error_deg),
             ErrorTerm("recruited_share", 1.0, recruited),

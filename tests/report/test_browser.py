@@ -178,7 +178,7 @@ def test_missing_values_stand_last_either_way(visit):
 def test_every_link_of_the_navigation_shows_its_page_alone(visit):
     page = visit()
     links = page.locator("nav a").all()
-    assert len(links) == 3 + len(TERRAINS)
+    assert len(links) == 4 + len(TERRAINS)
     for link in links:
         link.click()
         shown = [each for each in page.locator("main > .page").all() if each.is_visible()]

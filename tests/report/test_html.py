@@ -87,7 +87,7 @@ def test_every_controller_is_in_the_summary_table(page):
 
 def test_every_terrain_has_its_page(page):
     pages = [attrs.get("id") for tag, attrs in page.tags if attrs.get("class") == "page"]
-    assert pages == ["summary", "flat", "gapped", "episodes", "method"]
+    assert pages == ["summary", "flat", "gapped", "setup", "episodes", "method"]
 
 
 def test_every_link_has_its_target(page):
@@ -100,8 +100,8 @@ def test_every_link_has_its_target(page):
 
 
 def test_figures_stand_inside_the_page(page):
-    # success once, then distributions, pairs and paths per terrain
-    assert page.count("svg") == 1 + 3 * 2
+    # success and the control loop once, then distributions, pairs and paths per terrain
+    assert page.count("svg") == 2 + 3 * 2
     assert page.count("img") == 0
 
 
@@ -259,7 +259,10 @@ def test_videos_are_carried_along():
 
 def test_results_without_paths_give_a_report_without_them(results):
     bare = type(results)(results.protocol, results.episodes, results.summary)
-    assert Page(format_report(bare)).count("svg") == 1 + 2 * 2
+    text = format_report(bare)
+    # the control loop, success, distributions, pairs
+    assert Page(text).count("svg") == 4
+    assert "<h3>Paths</h3>" not in text
 
 
 def test_one_controller_alone_gives_a_report():
@@ -282,7 +285,7 @@ def test_figures_and_tables_lie_beside_the_report(alone, tmp_path):
     page = Page(write_report(alone, tmp_path).read_text(encoding="utf-8"))
     figures = {path.name for path in (tmp_path / "figures").iterdir()}
     assert figures == {"success.svg", "paths-flat.svg", "distributions-flat.svg"}
-    assert page.count("svg") == len(figures)
+    assert page.count("svg") == len(figures) + 1  # the control loop
     tables = {path.name for path in (tmp_path / "tables").iterdir()}
     assert tables == {
         "summary.csv", "summary.tex", "leaders.csv", "leaders.tex", "metrics-flat.tex"
@@ -332,7 +335,7 @@ def test_what_was_varied_is_drawn_dose_by_dose():
     results = make_results(NAMES, episodes=6, vary={"friction": (0.5, 1.0, 2.0), "push": (0, 8)})
     text = format_report(results)
     page = Page(text)
-    assert page.count("svg") == 3  # success, and a figure per quantity
+    assert page.count("svg") == 4  # the control loop, success, and a figure per quantity
     assert "friction=0.5" in text
     # spoken of first is where nothing is changed
     assert "of 6 targets on flat (friction=1):" in text

@@ -63,6 +63,7 @@ def test_doses_and_profiles_have_plain_names():
         "terrains": [{"name": "flat", "doses": [{"name": "push", "figure": "doses"}]}],
         "seeds": {"profiles": "profiles"},
         "drive_map": "",
+        "steering": "",
         "curves": "curves",
     }
     assert named_figures(context) == {
