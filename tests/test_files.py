@@ -2,9 +2,19 @@ import hashlib
 import json
 import resource
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from flyrl.files import MANIFEST, OutputFolder, replacing, usable_folder, write_text
+from flyrl.files import (
+    MANIFEST,
+    OutputFolder,
+    load_arrays,
+    replacing,
+    usable_folder,
+    write_text,
+)
 
 
 def test_writes_and_replaces(tmp_path):
@@ -93,3 +103,29 @@ def test_a_folder_that_files_can_be_written_to(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(FileExistsError, match="file"):
         usable_folder(tmp_path / "file")
+
+
+@settings(
+    max_examples=300,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(st.data())
+def test_a_damaged_file_of_arrays_is_a_value_error_or_read(tmp_path, data):
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, a=np.arange(40), b=np.frombuffer(b"flies" * 40, np.uint8))
+    contents = bytearray(path.read_bytes())
+    contents[data.draw(st.integers(0, len(contents) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(contents[: data.draw(st.sampled_from([None, len(contents) // 2, 0]))])
+    try:
+        load_arrays(path)
+    except ValueError as error:
+        assert str(error).startswith(f"{path} is no whole file of arrays: ")
+
+
+def test_a_single_array_is_no_file_of_arrays(tmp_path):
+    np.save(tmp_path / "a.npy", np.arange(3))
+    with pytest.raises(ValueError, match="is no whole file of arrays"):
+        load_arrays(tmp_path / "a.npy")

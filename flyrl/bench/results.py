@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.files import write_text
+from flyrl.validation import one_of
 
 Row = dict[str, Any]
 Part = dict[str, Any]
@@ -44,9 +45,15 @@ def read(path: Path) -> Results:
     if not path.exists():
         return {}
     try:
-        results: Results = json.loads(path.read_text())
-    except ValueError as error:
+        results: Results = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path} holds no results of flyrl bench: {error}") from error
+    if not isinstance(results, dict):
+        raise ValueError(f"{path} holds no results of flyrl bench, got {results!r:.60}")
+    for name, part in results.items():
+        one_of(f"{path}: a part", name, PARTS)
+        if not isinstance(part, dict) or not {"machine", "settings", "rows"} <= part.keys():
+            raise ValueError(f"{path}: {name!r} must hold machine, settings and rows")
     return results
 
 

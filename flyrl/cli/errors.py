@@ -37,7 +37,8 @@ def reported() -> Iterator[None]:
 
     That is: a ValueError (settings, contents of files), an OSError (files, a full disk), what Hydra
     and OmegaConf raise, values that are nested without end, and sizes beyond the memory. Other
-    exceptions are bugs of flyrl's and pass. With the environment variable HYDRA_FULL_ERROR all of them do.
+    exceptions are bugs of flyrl's and pass. With the environment variable HYDRA_FULL_ERROR all of
+    them do.
 
     Raises
     ------

@@ -106,9 +106,9 @@ def _episodes_differ(folder: Path, episodes: pd.DataFrame) -> list[str]:
     different = [(one, other) for one, other in zip(before, rows, strict=True) if one != other]
     lines = [f"{len(different)} of {len(rows)} episodes differ"]
     for one, other in different[:MAX_SHOWN]:
-        key = next(key for key in one if one[key] != other.get(key))
+        key = next(key for key in {**one, **other} if one.get(key) != other.get(key))
         lines.append(
             f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
-            f"{key} {one[key]}, in the repeat {other.get(key)}"
+            f"{key} {one.get(key)}, in the repeat {other.get(key)}"
         )
     return lines

@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from flyrl.cli.arguments import Sweep
 from flyrl.cli.errors import Failure
@@ -183,20 +183,39 @@ def read_jobs(folder: Path) -> list[tuple[Job, Note | None]]:
     ValueError
         There is no sweep in the folder.
     """
-    try:
-        record = json.loads((folder / SWEEP_FILE).read_text())
-        jobs = [tuple(map(str, job)) for job in record["jobs"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{folder} is not the folder of a sweep: {error}") from error
+    _, jobs = _read_sweep(folder)
     return [(job, _read_note(folder, job)) for job in jobs]
+
+
+def _read_sweep(folder: Path) -> tuple[list[str], list[Job]]:
+    """Commands and jobs of the sweep in a folder."""
+    file = folder / SWEEP_FILE
+    try:
+        record = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ValueError(f"{folder} is not the folder of a sweep: {error}") from error
+    record = record if isinstance(record, dict) else {}
+    commands, jobs = record.get("commands"), record.get("jobs")
+    if not _are_texts(commands):
+        raise ValueError(f"{file}: 'commands' must be a list of texts, got {commands!r:.60}")
+    if not isinstance(jobs, list) or not jobs or not all(map(_are_texts, jobs)):
+        raise ValueError(f"{file}: 'jobs' must be a list of lists of texts, got {jobs!r:.60}")
+    return commands, [tuple(job) for job in jobs]
+
+
+def _are_texts(values: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(value, str) for value in values)
 
 
 def _read_note(folder: Path, job: Job) -> Note | None:
     try:
         record = json.loads(_note_path(folder, job).read_text())
-        return Note(job, record["folder"], record["error"])
-    except (OSError, ValueError, KeyError, TypeError):
+        name, error = record["folder"], record["error"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
+    if not (isinstance(name, str | None) and isinstance(error, str | None)):
+        return None
+    return Note(job, name, error)
 
 
 def run_sweep(
@@ -270,10 +289,10 @@ def run_sweep(
 
 def _announce(folder: Path, jobs: Sequence[Job], command: Sequence[str]) -> None:
     """Write down what the sweep is to do, after what an earlier one in its folder did."""
-    known, commands = [], []
+    commands: list[str] = []
+    known: list[Job] = []
     if (folder / SWEEP_FILE).exists():
-        known = [job for job, _ in read_jobs(folder)]
-        commands = json.loads((folder / SWEEP_FILE).read_text())["commands"]
+        commands, known = _read_sweep(folder)
     for job in jobs:
         _note_path(folder, job).unlink(missing_ok=True)
     record = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +13,7 @@ import pandas as pd
 
 from flyrl.evaluation.rows import episode_table, plain_rows
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
-from flyrl.files import OutputFolder
+from flyrl.files import OutputFolder, load_arrays
 
 PARTS_FOLDER: Final = "parts"
 
@@ -49,13 +48,12 @@ class Parts:
         if self._folder is None:
             return None
         try:
-            path = self._folder.path / _name(place)
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                if not np.array_equal(arrays["settings"], self._digest):
-                    return None
-                rows = episode_table(json.loads(arrays["rows"].tobytes()))
-                return rows, unpack_trajectories(arrays)
-        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile):
+            arrays = load_arrays(self._folder.path / _name(place))
+            if not np.array_equal(arrays["settings"], self._digest):
+                return None
+            rows = episode_table(json.loads(arrays["rows"].tobytes()))
+            return rows, unpack_trajectories(arrays)
+        except (OSError, KeyError, TypeError, ValueError):
             return None
 
     def write(self, place: Sequence[int], part: Part) -> None:

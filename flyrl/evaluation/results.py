@@ -13,7 +13,6 @@ Each is written beside its place and then moved there, so that a crash leaves th
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -32,7 +31,7 @@ from flyrl.evaluation.rows import (
     plain_rows,
 )
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
-from flyrl.files import OutputFolder
+from flyrl.files import OutputFolder, load_arrays
 from flyrl.rollouts.records import EpisodeRecord
 from flyrl.tasks import OUTCOMES
 
@@ -163,7 +162,7 @@ def load_results(path: str | Path) -> Results:
         contents = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ResultsError(f"{path}: no such file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ResultsError(f"{path}: not JSON ({error})") from None
     try:
         validate(contents)
@@ -295,10 +294,9 @@ def _load_trajectories(folder: Path, table: pd.DataFrame) -> dict[int, Trajector
     if not path.exists():
         return {}
     try:
-        # Opened here: np.load would leave a file that is not whole open.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            if not np.array_equal(arrays["digest"], _digest(table)):
-                return {}
-            return dict(zip(arrays["rows"].tolist(), unpack_trajectories(arrays), strict=True))
-    except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        arrays = load_arrays(path)
+        if not np.array_equal(arrays["digest"], _digest(table)):
+            return {}
+        return dict(zip(arrays["rows"].tolist(), unpack_trajectories(arrays), strict=True))
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise ResultsError(f"{path}: not a whole trajectories file ({error})") from error

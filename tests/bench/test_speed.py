@@ -48,6 +48,13 @@ def test_results_are_read_back_and_none_where_there_is_no_file(tmp_path: Path) -
     assert results.read(path) == {"scale": part(flies=1)}
 
 
+@pytest.mark.parametrize("text", ["{", "[]", '{"scal": {}}', '{"scale": []}', '{"scale": {}}'])
+def test_a_file_of_other_contents_is_an_error_that_names_it(tmp_path: Path, text: str) -> None:
+    (tmp_path / "speed.json").write_text(text)
+    with pytest.raises(ValueError, match=r"speed\.json"):
+        results.read(tmp_path / "speed.json")
+
+
 def test_columns_are_aligned() -> None:
     text = aligned(["name", "n"], [["a", "1"], ["longer", "1,000"]])
     assert text.splitlines() == ["  name        n", "  a           1", "  longer  1,000"]

@@ -131,6 +131,33 @@ def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_h
     assert read_run(run).state == "finished"
 
 
+@pytest.mark.parametrize(
+    ("record", "key"),
+    [
+        ([], "commands"),
+        ({"commands": 5, "jobs": [["a=1"]]}, "commands"),
+        ({"commands": []}, "jobs"),
+        ({"commands": [], "jobs": []}, "jobs"),
+        ({"commands": [], "jobs": "abc"}, "jobs"),
+        ({"commands": [], "jobs": [["a=1"], "b=2"]}, "jobs"),
+        ({"commands": [], "jobs": [["a=1", None]]}, "jobs"),
+    ],
+)
+def test_a_damaged_sweep_file_names_file_and_key(tmp_path, record, key):
+    (tmp_path / "sweep.json").write_text(json.dumps(record))
+    with pytest.raises(ValueError, match=rf"sweep\.json: '{key}' must be a list"):
+        read_jobs(tmp_path)
+
+
+@pytest.mark.parametrize("note", ["{", "[]", '{"folder": 5, "error": null}'])
+def test_a_damaged_note_counts_as_none(tmp_path, note):
+    _sweep(tmp_path, [["a=1"]])
+    run_job(tmp_path, Path.cwd(), ("a=1",), "", lambda: tmp_path / "run")
+    (file,) = (tmp_path / "jobs").iterdir()
+    file.write_text(note)
+    assert read_jobs(tmp_path) == [(("a=1",), None)]
+
+
 def test_a_job_without_a_note_has_not_ended(tmp_path):
     _sweep(tmp_path, [["a=1"]])
     assert read_jobs(tmp_path) == [(("a=1",), None)]
