@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -57,6 +57,10 @@ class Run:
     interrupted_by: int | None
     is_pruned: bool = False
     signal: int | None = None
+
+
+_LARGEST_WEIGHT: Final = 1e5
+"""Networks that learn something have weights of about 1."""
 
 
 def _nothing(run: Run) -> None:
@@ -231,11 +235,24 @@ def _update(
                 log_interval=1 if isinstance(config.algo, OnPolicyConfig) else 4 * env.num_envs,
                 reset_num_timesteps=state is None,
             )
+        except (RuntimeError, ValueError) as error:  # as PyTorch raises at the next action
+            if _is_sane(model):
+                raise
+            raise ValueError(
+                f"the training in {folder.path} diverged after {model.num_timesteps} decisions: "
+                f"weights of the network lie beyond {_LARGEST_WEIGHT:g}; lower algo.learning_rate, "
+                "or the weights of the rewards"
+            ) from error
         finally:
             callback.close()
             model.logger.close()
             env.close()
     return Run(folder.path, callback.interrupted_by, callback.is_pruned, interrupted.signal)
+
+
+def _is_sane(model: BaseAlgorithm) -> bool:
+    weights = model.policy.parameters()
+    return all(bool((values.abs() <= _LARGEST_WEIGHT).all()) for values in weights)  # no NaN is
 
 
 def _restore(

@@ -49,6 +49,8 @@ from flyrl.training.curriculum import CurriculumConfig
         ("ppo", "n_steps", 0),
         ("ppo", "gae_lambda", 1.5),
         ("ppo", "clip_range", 0.0),
+        ("ppo", "clip_range", 1e308),
+        ("sac", "learning_rate", 1e9),
         ("ppo", "n_epochs", 0),
         ("ppo", "ent_coef", -1.0),
         ("ppo", "log_std_init", 3.0),

@@ -164,6 +164,13 @@ def test_sigterm_saves_the_policy(config, tmp_path):
     assert '"interrupted_by": "SIGTERM"' in (finished.folder / "status.json").read_text()
 
 
+@pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
+def test_a_training_that_diverges_says_so(config, tmp_path):
+    algo = replace(config.algo, learning_rate=1e6)
+    with pytest.raises(ValueError, match=r"diverged after \d+ decisions: .*algo\.learning_rate"):
+        train(replace(config, algo=algo), tmp_path)
+
+
 SHORT_GOAL = replace(TASKS["target_goal"], time_limit_s=0.2)
 
 

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Final
 from flyrl.policies.mlp import ACTIVATIONS, Activation
 from flyrl.validation import Within, check_fields, one_of, positive, within
 
+LARGEST_SETTING: Final = 1e6
 MOST_LAYERS: Final = 16
 MOST_UNITS: Final = 4096
 MOST_SAMPLES: Final = 10**7
@@ -50,6 +51,9 @@ class AlgorithmConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, "algo")
+        for name, value in vars(self).items():
+            if isinstance(value, float):
+                within(f"algo.{name}", value, -LARGEST_SETTING, LARGEST_SETTING)
         if len(self.hidden_layers) > MOST_LAYERS:
             raise ValueError(
                 f"algo.hidden_layers must be at most {MOST_LAYERS}, got {len(self.hidden_layers)}"
