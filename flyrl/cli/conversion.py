@@ -37,7 +37,7 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
     Raises
     ------
     ValueError
-        An unknown field, a value of the wrong type, or one that the dataclass refuses.
+        An unknown or missing field, a value of the wrong type, or one that the dataclass refuses.
     """
     if not isinstance(mapping, Mapping):
         raise ValueError(f"{key} must be a group of keys, got {mapping!r:.60}")
@@ -49,6 +49,10 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], key: str) -> T:
         if name not in fields:
             raise unknown_key(f"{prefix}{name}", [f"{prefix}{field}" for field in fields])
         values[name] = _value(hints[name], value, f"{prefix}{name}")
+    for field in dataclasses.fields(cls):  # type: ignore[arg-type]
+        is_needed = field.default is field.default_factory is dataclasses.MISSING and field.init
+        if is_needed and field.name not in values:
+            raise ValueError(f"{prefix}{field.name} is missing")
     return cls(**values)
 
 

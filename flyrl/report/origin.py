@@ -51,4 +51,6 @@ def read_origin(path: Path) -> Json:
     for key in ("settings", "versions", "policies"):
         if not isinstance(origin.get(key), dict):
             raise ValueError(f"{path}: {key!r} must be an object, got {origin.get(key)!r:.60}")
+    if not isinstance(digest := origin.get("episodes_sha256"), str):
+        raise ValueError(f"{path}: 'episodes_sha256' must be text, got {digest!r:.60}")
     return origin

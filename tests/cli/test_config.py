@@ -306,18 +306,28 @@ def test_bad_values(overrides, message):
 ODD = (None, True, 5, -1, 10**9, 10**400, 1e-12, 1e308, math.nan, math.inf, "", "abc", [], {}, [[]])
 
 
+def _paths(tree, start=()):
+    """Keys of every group and value."""
+    for key, value in tree.items():
+        yield (*start, key)
+        if isinstance(value, dict):
+            yield from _paths(value, (*start, key))
+
+
 @pytest.mark.parametrize("name", ["train", "evaluate"])
 def test_every_key_takes_an_odd_value_or_refuses_it(name):
     settings = _composed(name=name)
-    for key in flat(settings):
-        *groups, last = key.split(".")
-        for value in ODD:
+    for *groups, last in _paths(settings):
+        for value in (*ODD, "missing"):
             changed = copy.deepcopy(settings)
-            functools.reduce(dict.__getitem__, groups, changed)[last] = value
+            group = functools.reduce(dict.__getitem__, groups, changed)
+            group[last] = value
+            if value == "missing":
+                del group[last]
             # an error of another class would be a traceback
             with contextlib.suppress(ValueError):
                 if name == "train":
                     training_config(changed)
-                    evaluation_settings(changed["evaluation"], "evaluation")
+                    evaluation_settings(changed.get("evaluation"), "evaluation")
                 else:
                     evaluation_config(changed, own_settings(changed), "")

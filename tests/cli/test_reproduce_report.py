@@ -72,6 +72,12 @@ def test_code_that_a_report_names_is_not_run_without_trust(report, tmp_path, cap
     assert "names code that would be run: this:steady" in capsys.readouterr().err
 
 
+def test_a_report_without_its_digest_is_an_error_before_anything_walks(report, tmp_path, capsys):
+    other = changed(report, tmp_path, '"episodes_sha256": "', '"episodes": "')
+    assert main(["reproduce", str(other)]) == 2
+    assert capsys.readouterr().err.endswith("'episodes_sha256' must be text, got None\n")
+
+
 @pytest.mark.parametrize("text", ["", "<html></html>", json.dumps({"schema": "flyrl.report/1"})])
 def test_what_is_no_report(tmp_path, capsys, text):
     path = tmp_path / "other.html"
