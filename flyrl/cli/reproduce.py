@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -95,6 +96,9 @@ def run(options: argparse.Namespace) -> int:
         said = "; ".join(original.problems) or f"it is {original.state}"
         raise ValueError(f"{options.original} is no finished run to compare with: {said}")
     check_trust(options.original, original.settings, options.trust, "--trust")
+    from flyrl.policies.bundle import load_bundle  # noqa: PLC0415
+
+    load_bundle(_last(original))  # so that damage shows before hours of training
     if options.repeat is None:
         print("repeating the run", file=sys.stderr)
     again = _train(original, options)
@@ -145,12 +149,16 @@ def compare(original: RunSummary, repeat: RunSummary) -> Comparison:
     """
     from flyrl.policies.bundle import load_bundle  # noqa: PLC0415
 
-    bundles = [load_bundle(run.path / "last.safetensors") for run in (original, repeat)]
+    bundles = [load_bundle(_last(run)) for run in (original, repeat)]
     return Comparison(
         policy=difference(*bundles),
         evaluations=_evaluations_differ(original, repeat),
         origins=tuple(_origins_differ(original.provenance, repeat.provenance)),
     )
+
+
+def _last(run: RunSummary) -> Path:
+    return run.path / "last.safetensors"
 
 
 def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
@@ -206,10 +214,10 @@ def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
     pairs = zip(original.evaluations, repeat.evaluations, strict=False)
     for one, other in pairs:
         for key, value in one.items():
-            if value != other[key]:
+            if value != other.get(key):
                 return (
                     f"differ from decision {one['decisions']:.0f} on: {key} {value:.6g}, "
-                    f"in the repeat {other[key]:.6g}"
+                    f"in the repeat {other.get(key, math.nan):.6g}"
                 )
     counts = len(original.evaluations), len(repeat.evaluations)
     return None if counts[0] == counts[1] else "{}, in the repeat {}".format(*counts)

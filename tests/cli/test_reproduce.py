@@ -124,6 +124,15 @@ def test_fewer_evaluations_differ(tmp_path):
     assert compare(read_run(first), read_run(second)).evaluations == "2, in the repeat 1"
 
 
+def test_evaluations_of_other_columns_differ(tmp_path):
+    runs = [make_run(tmp_path / name, evaluations=[(100, 0.5, 1.0)]) for name in "ab"]
+    (runs[0] / "evaluations.csv").write_text(
+        "decisions,success_rate,mean_return,mean_duration_s,error\n100,0.5,1,1,2\n"
+    )
+    told = compare(*map(read_run, runs)).evaluations
+    assert told == "differ from decision 100 on: error 2, in the repeat nan"
+
+
 def test_where_they_come_from_is_told_but_is_no_difference_of_results(tmp_path):
     origins = [
         {"packages": {"numpy": "2.0"}, "cpu": {"flags": "sse avx"}},
@@ -186,3 +195,11 @@ def test_a_damaged_policy_is_an_error(tmp_path):
     (tmp_path / "b" / "last.safetensors").write_bytes(np.array(data).tobytes())
     with pytest.raises(PolicyFileError, match="was changed after it was written"):
         compare(*runs)
+
+
+def test_a_damaged_policy_is_found_before_the_run_is_repeated(tmp_path, capsys):
+    folder = make_run(tmp_path / "a")
+    (folder / "last.safetensors").write_bytes(b"damaged")
+    assert main(["reproduce", str(folder), "--runs-folder", str(tmp_path / "again")]) == 2
+    assert "last.safetensors is no safetensors file" in capsys.readouterr().err
+    assert not (tmp_path / "again").exists()
