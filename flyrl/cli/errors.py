@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 
 from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
 
@@ -47,30 +48,31 @@ def reported() -> Iterator[None]:
     Ended
         After Ctrl-C, or if whoever reads the output wants no more of it.
     """
-    try:
+    with _open_streams():
         try:
-            yield
-        except SystemExit:
-            _flush()
-            raise
-        _flush()
-    except BrokenPipeError:
-        _drop_output()
-        raise Ended(PIPE_CLOSED) from None
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        raise Ended(INTERRUPTED) from None
-    except Exception as error:
-        if os.environ.get("HYDRA_FULL_ERROR") or not _is_users(error):
-            raise
-        _drop_output()
-        message = str(error).partition("\nSee http")[0]
-        if isinstance(error, RecursionError):
-            message = "a value is nested too deeply"
-        elif isinstance(error, MemoryError):
-            message = f"there is not enough memory for these sizes. {message}".strip()
-        print(f"error: {message}", file=sys.stderr)
-        raise Failure(message) from None
+            try:
+                yield
+            except SystemExit:
+                sys.stdout.flush()  # an error shows here, where it can be reported
+                raise
+            sys.stdout.flush()
+        except BrokenPipeError:
+            _drop_output()
+            raise Ended(PIPE_CLOSED) from None
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            raise Ended(INTERRUPTED) from None
+        except Exception as error:
+            if os.environ.get("HYDRA_FULL_ERROR") or not _is_users(error):
+                raise
+            _drop_output()
+            message = str(error).partition("\nSee http")[0]
+            if isinstance(error, RecursionError):
+                message = "a value is nested too deeply"
+            elif isinstance(error, MemoryError):
+                message = f"there is not enough memory for these sizes. {message}".strip()
+            print(f"error: {message}", file=sys.stderr)
+            raise Failure(message) from None
 
 
 def _is_users(error: Exception) -> bool:
@@ -79,15 +81,23 @@ def _is_users(error: Exception) -> bool:
     return any(cls.__module__.partition(".")[0] in _PARSERS for cls in type(error).__mro__)
 
 
-def _flush() -> None:
-    """Write what is left to stdout; an error shows here, where it can be reported."""
-    if sys.stdout is not None:  # as where it was closed
-        sys.stdout.flush()
+@contextmanager
+def _open_streams() -> Iterator[None]:
+    """Let output that was closed (>&-) go nowhere, not into the file that is opened next."""
+    with Path(os.devnull).open("w") as nowhere:
+        closed = [name for name in ("stdout", "stderr") if getattr(sys, name) is None]
+        for name in closed:
+            setattr(sys, name, nowhere)
+        try:
+            yield
+        finally:
+            for name in closed:
+                setattr(sys, name, None)
 
 
 def _drop_output() -> None:
     """Let what cannot be written to stdout go nowhere, instead of to an error at the end."""
-    with suppress(AttributeError, ValueError):  # closed
+    with suppress(ValueError):  # closed
         try:
             sys.stdout.flush()
         except OSError:

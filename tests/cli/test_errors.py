@@ -54,10 +54,11 @@ def test_ctrl_c_ends_with_130(capsys):
     assert capsys.readouterr().err == "interrupted\n"
 
 
-def test_output_that_was_closed_is_no_error(monkeypatch):
-    monkeypatch.setattr(sys, "stdout", None)
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_output_that_was_closed_is_no_error(monkeypatch, stream):
+    monkeypatch.setattr(sys, stream, None)
     with reported():
-        print("to nobody")
+        getattr(sys, stream).write("to nobody")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
