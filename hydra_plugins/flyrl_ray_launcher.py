@@ -17,6 +17,8 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
+from flyrl.cli.errors import reported
+
 
 @dataclass
 class RayLauncherConf:
@@ -63,8 +65,9 @@ class RayLauncher(Launcher):
 
         Raises
         ------
-        ValueError
-            A job asks for more CPUs than this machine has.
+        Failure
+            A job asks for more CPUs than this machine has, or there is no cluster at the address;
+            reported here, since Hydra would print a traceback.
         ray.exceptions.RayError
             A worker was lost more often than `max_retries`.
         """
@@ -74,15 +77,17 @@ class RayLauncher(Launcher):
         import ray  # noqa: PLC0415
 
         at_sigterm = signal.getsignal(signal.SIGTERM)  # which Ray replaces
-        ray.init(self._address or "local", include_dashboard=False if not self._address else None)
         try:
+            with reported():
+                is_local = not self._address
+                ray.init(self._address or "local", include_dashboard=False if is_local else None)
+                available = ray.cluster_resources().get("CPU", 0)  # type: ignore[no-untyped-call]
+                if is_local and self._num_cpus > available:
+                    raise ValueError(
+                        f"hydra.launcher.num_cpus must be at most {available:g}, the CPUs of this "
+                        f"machine, got {self._num_cpus}"
+                    )
             signal.signal(signal.SIGTERM, at_sigterm)
-            available = ray.cluster_resources().get("CPU", 0)  # type: ignore[no-untyped-call]
-            if self._address is None and self._num_cpus > available:
-                raise ValueError(
-                    f"hydra.launcher.num_cpus must be at most {available:g}, the CPUs of this "
-                    f"machine, got {self._num_cpus}"
-                )
             run = ray.remote(num_cpus=self._num_cpus, max_retries=self._max_retries)(_run)
             common = ray.put((*self._common, Singleton.get_state()))
             tasks = [
