@@ -93,6 +93,12 @@ def test_control_characters_do_not_reach_the_terminal(runs, capsys):
     assert "p?[31mo" in output
 
 
+def test_names_of_runs_are_no_formulas_in_a_spreadsheet(tmp_path, capsys):
+    folders = [make_run(tmp_path / name, seed=seed) for seed, name in enumerate(["=1+1", "@\x1ba"])]
+    assert [row["name"] for row in _listed(capsys, tmp_path)] == ["'=1+1", "'@?a"]
+    assert set(_listed(capsys, *folders)[0]) == {"", "'=1+1", "'@?a"}
+
+
 def test_named_runs_are_compared(tmp_path):
     folders = [
         make_run(tmp_path / "a", seed=1, evaluations=[(100, 0.75, 2.0), (200, 0.5, 1.0)]),
