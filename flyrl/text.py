@@ -13,9 +13,11 @@ _FORMULA: Final = re.compile(r" *[=+\-@\uff1d\uff0b\uff0d\uff20]")
 """Start of a text that spreadsheets run, also in full width."""
 
 
-def printable(text: str) -> str:
-    """`text` in one line, with a question mark for every control character."""
-    return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
+def printable(text: str, keep: str = "") -> str:
+    """`text` in one line, with a question mark for every control character that is not kept."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in keep else " " if c.isspace() else "?" for c in text)
 
 
 def plain_name(text: str) -> str:

@@ -19,7 +19,7 @@ from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.sections import usual_condition
 from flyrl.report.wording import format_number, leader_cells, percent
-from flyrl.text import csv_table
+from flyrl.text import csv_table, plain_name
 
 LEAST_P: Final = 0.001
 """p-values below are only said to be so."""
@@ -69,9 +69,10 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
         files["differences.csv"] = csv_table(differences)
     for terrain in terrains:
         rows = [row for row in results.summary if row["terrain"] == terrain]
-        files[f"metrics-{terrain}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
+        name = plain_name(terrain)
+        files[f"metrics-{name}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
         if any(row["paired"] for row in rows):
-            files[f"differences-{terrain}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
+            files[f"differences-{name}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
     return files
 
 
