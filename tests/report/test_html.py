@@ -135,6 +135,10 @@ def lead(terrain, *names):
             [lead("flat", "a", "b"), lead("blocks", "a"), lead("mixed", "a")],
             "a and b are level at the top on flat; a is best on blocks and mixed.",
         ),
+        (
+            [lead("flat", "a", "b"), lead("mixed", "b", "a")],
+            "a and b are level at the top on flat and mixed.",
+        ),
         ([lead("flat", "a", "b", "c")], "No meaningful difference between controllers on flat."),
     ],
 )
@@ -151,7 +155,7 @@ def test_the_headline_names_its_condition():
 def test_training_seeds_are_counted_with_a_caution_at_one():
     entrant = {"kind": "learned", "policy": "learned with ppo", "training": {"settings": {}}}
     both = [{**entrant, "name": name} for name in ("a", "b")]
-    assert training_note({"entrants": both}) == "learned with ppo: 2 training seeds."
+    assert training_note({"entrants": both}) == "Learned with ppo: 2 training seeds."
     assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
 
 
