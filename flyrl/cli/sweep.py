@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, TypeGuard
 
 from flyrl.cli.arguments import Sweep
 from flyrl.cli.errors import Failure
@@ -204,7 +204,7 @@ def _read_sweep(folder: Path) -> tuple[list[str], list[Job]]:
     return commands, [tuple(job) for job in jobs]
 
 
-def _are_texts(values: Any) -> bool:
+def _are_texts(values: Any) -> TypeGuard[list[str]]:
     return isinstance(values, list) and all(isinstance(value, str) for value in values)
 
 
