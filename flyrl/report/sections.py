@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from flyrl.evaluation.conditions import QUANTITIES, Condition
+from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.leaders import Leader, find_leaders
 from flyrl.evaluation.metrics import compared_metrics
@@ -37,31 +37,23 @@ def spread_metrics(protocol: Json) -> list[str]:
     return [metric for metric in compared_metrics(protocol["task"]) if metric != "success"]
 
 
-def usual_condition(protocol: Json) -> str:
-    """Label of the condition that is closest to none, where quantities were varied; else empty."""
-    conditions = [
-        Condition(name, value) for name, values in protocol["vary"].items() for value in values
-    ]
-    unchanged = [each for each in conditions if each.is_usual]
-    return (unchanged or conditions or [Condition()])[0].label
-
-
 def usual_rows(results: Results) -> list[Json]:
     """Summary under the usual condition."""
-    label = usual_condition(results.protocol)
+    label = compared_conditions(results.protocol["vary"])[0].label
     return [row for row in results.summary if row["condition"] == label]
 
 
-def usual_leaders(results: Results) -> list[Leader]:
-    """The best on each terrain under the usual condition."""
+def all_leaders(results: Results) -> list[Leader]:
+    """The best on each terrain under each condition, the usual one first."""
     protocol, rows = results.protocol, results.episodes
-    own = rows[rows["condition"] == usual_condition(protocol)]
-    return find_leaders(
-        own,
+    labels = [condition.label for condition in compared_conditions(protocol["vary"])]
+    found = find_leaders(
+        rows[rows["condition"].isin(labels)],
         protocol["horizon_s"],
         np.random.default_rng(protocol["seed"]),
         protocol.get("smallest_effects", {}),
     )
+    return sorted(found, key=lambda leader: labels.index(leader.condition))
 
 
 def table_row(row: Json) -> Json:
@@ -109,6 +101,7 @@ def terrain_section(
             "name": terrain,
             "doses": _doses(results, terrain),
             "rows": [table_row(row) for row in summary],
+            "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
         }
     return {
         "name": terrain,

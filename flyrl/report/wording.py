@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import trainings
@@ -20,9 +21,9 @@ _TAUGHT: Final = ("learned", "entry_point")
 
 
 def headline(
-    leaders: Sequence[Leader], controllers: int, condition: str = "", note: str = ""
+    leaders: Sequence[Leader], controllers: int, condition: str = "", notes: Sequence[str] = ()
 ) -> str:
-    """Best controllers by terrain in one sentence, and a note on their training.
+    """Best controllers by terrain in one sentence, and notes on how far to trust it.
 
     Parameters
     ----------
@@ -32,8 +33,8 @@ def headline(
         How many took part.
     condition
         Under which the leaders were found; empty where nothing was varied.
-    note
-        See `training_note`.
+    notes
+        Sentences: see `changes_text`, `level_text` and `training_note`; empty ones are left out.
     """
     if controllers == 1:
         text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
@@ -47,7 +48,7 @@ def headline(
     text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
     text = f"N{text[1:]}" if text.startswith("no meaningful") else text
-    return f"{text}.{note and f' {note}'}"
+    return " ".join(filter(None, [f"{text}.", *notes]))
 
 
 def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) -> str:
@@ -59,16 +60,75 @@ def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) ->
     return f"{_listed(names)} are level at the top {where}"
 
 
+def condition_text(condition: Condition) -> str:
+    """Label of a condition, and that it changes nothing if so; empty where nothing is varied."""
+    if condition.name and condition.is_usual:
+        return f"nothing changed ({condition.label})"
+    return condition.label
+
+
+def changes_text(leaders: Sequence[Leader], usual: str) -> str:
+    """Sentence on how often other conditions have the same leaders; empty without others.
+
+    Parameters
+    ----------
+    leaders
+        The best on each terrain under each condition.
+    usual
+        Label of the usual condition.
+    """
+    same: dict[str, list[bool]] = {}
+    best = {each.terrain: set(each.names) for each in leaders if each.condition == usual}
+    for each in leaders:
+        if each.condition != usual and each.terrain in best:
+            same.setdefault(each.terrain, []).append(set(each.names) == best[each.terrain])
+    if not same:
+        return ""
+    counts = [f"{sum(found)} of {len(found)} on {terrain}" for terrain, found in same.items()]
+    return f"Under the other conditions the leaders are the same in {_listed(counts)}."
+
+
+def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple[Leader, str]]]:
+    """Condition -> terrain -> the best there, and by how much they lead, in words.
+
+    Parameters
+    ----------
+    leaders
+        The best on each terrain under each condition.
+    """
+    table: dict[str, dict[str, tuple[Leader, str]]] = {}
+    for leader in leaders:
+        cells = leader_cells(leader)
+        text = f"mean {cells['value']}"
+        if leader.next_name:
+            text += f"; {cells['difference']} to {leader.next_name}"
+        table.setdefault(leader.condition, {})[leader.terrain] = (leader, text)
+    return table
+
+
 def effects_text(metrics: Sequence[str], labels: Mapping[str, str], protocol: Json) -> str:
     """Smallest effects of interest of some metrics, in words; empty without any on record."""
     effects = protocol.get("smallest_effects", {})
-    return ", ".join(
-        f"{100 * effects[metric]:g}\u00a0% in success"
-        if metric == "success"
-        else f"{effects[metric]:g} in {labels[metric]}"
-        for metric in metrics
-        if effects.get(metric)
-    )
+    parts = []
+    for metric in metrics:
+        if effects.get(metric):
+            scale, (name, unit) = 1, _name_and_unit(labels[metric])
+            if metric == "success":
+                scale, unit = 100, "%"
+            amount = f"{scale * effects[metric]:g}\u00a0{unit}".rstrip("\u00a0")
+            parts.append(f"{amount} in {name}")
+    return " or ".join(parts)
+
+
+def _name_and_unit(label: str) -> tuple[str, str]:
+    """`("speed", "mm/s")` of the label `speed (mm/s)`."""
+    name, _, unit = label.partition(" (")
+    return name, unit.removesuffix(")")
+
+
+def level_text(effects: str) -> str:
+    """Sentence on the smallest effects in force, from `effects_text`; empty without any."""
+    return effects and f"Differences under {effects} count as none."
 
 
 def training_note(protocol: Json) -> str:

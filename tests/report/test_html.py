@@ -8,13 +8,18 @@ import pytest
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.statistics import Interval
+from flyrl.evaluation.summary import summarise
 from flyrl.report import Video, write_report
+from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.html import format_report
 from flyrl.report.wording import (
+    changes_text,
+    effects_text,
     format_number,
     headline,
     held_out_text,
     leader_cells,
+    level_text,
     rates,
     shared_text,
     signed,
@@ -144,6 +149,66 @@ def test_the_headline_names_its_condition():
     assert headline([lead("flat", "a")], 2, "missing_legs=none").startswith(
         "With missing_legs=none"
     )
+
+
+def test_the_headline_says_how_often_other_conditions_agree():
+    leaders = [
+        replace(lead(terrain, *names), condition=condition)
+        for terrain, condition, *names in (
+            ("blocks", "push=8", "a", "b"), ("blocks", "push=0", "a"), ("blocks", "push=4", "a"),
+            ("flat", "push=0", "a", "b"), ("flat", "push=8", "b", "a"),
+        )
+    ]  # fmt: skip
+    assert changes_text(leaders, "push=0") == (
+        "Under the other conditions the leaders are the same in 1 of 2 on blocks and 1 of 1 on "
+        "flat."
+    )
+    assert changes_text(leaders[1:2], "push=0") == ""
+
+
+def test_the_headline_names_the_smallest_effects_in_force():
+    protocol = {"smallest_effects": {"success": 0.05, "time_to_goal_s": 0.1, "recruited_share": 0}}
+    metrics = ("success", "time_to_goal_s", "recruited_share")
+    assert level_text(effects_text(metrics, METRIC_LABELS, protocol)) == (
+        "Differences under 5\u00a0% in success or 0.1\u00a0s in time to goal count as none."
+    )
+    assert level_text("") == ""
+
+
+@pytest.fixture(scope="module")
+def varied():
+    """Results in which the better one is no better with a push, since nobody gets anywhere."""
+    vary = {"push": (0, 8)}
+    results = make_results(("cpg", "target-ppo"), episodes=6, vary=vary, reference="cpg")
+    rows = results.episodes.copy()
+    is_pushed = rows["condition"] == "push=8"
+    rows["outcome"] = rows["outcome"].astype(str).mask(is_pushed, "fall").astype("category")
+    rows["success"] &= ~is_pushed
+    rows["time_to_goal_s"] = rows["time_to_goal_s"].mask(is_pushed)
+    summary = summarise(rows, "cpg", 3.0, np.random.default_rng(0), vary)
+    return replace(results, episodes=rows, summary=summary)
+
+
+def test_a_report_with_conditions_names_them_wherever_it_ranks(varied):
+    text = format_report(varied)
+    words = " ".join(Page(text).texts)
+    assert "With nothing changed (push=0): target-ppo is best on flat." in words
+    assert "the leaders are the same in 0 of 1 on flat" in words
+    table = text[text.index('<table id="conditions">') :]
+    usual, pushed = re.findall(r"<tr><td>(push=\d.*?)</tr>", table, re.DOTALL)[:2]
+    assert ("target-ppo" in usual, "cpg" in usual.split("range")[0]) == (True, False)
+    assert "target-ppo" in pushed and "cpg" in pushed and "success: mean 0" in pushed
+    (figure,) = re.findall(r"<figure>\s*(<svg.*?</svg>)", text, re.DOTALL)[:1]
+    assert "nothing changed (push=0)" in figure
+
+
+def test_a_report_with_conditions_holds_the_interactions(varied):
+    text = format_report(varied)
+    table = text[text.index('id="interactions-flat"') :]
+    cells = re.findall(r"<td.*?</td>", table[: table.index("</table>")], re.DOTALL)
+    rate = varied.summary[1]["success_rate"]["value"]
+    assert "push=8" in cells[1]
+    assert f'data-value="{-rate}"' in cells[2]  # all that it was better by is lost
 
 
 def test_training_seeds_are_counted_with_a_caution_at_one():
