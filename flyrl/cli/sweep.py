@@ -30,6 +30,7 @@ from flyrl.cli.arguments import Sweep
 from flyrl.cli.errors import Failure
 from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.progress import progress_bar
+from flyrl.text import printable
 
 SWEEP_FILE: Final = "sweep.json"
 _NOTES: Final = "jobs"
@@ -309,7 +310,7 @@ def _tell_failures(jobs: Sequence[Job], ended: Sequence[Note | None]) -> int:
         error = "not started, killed, or still running" if note is None else note.error
         if error is not None:
             failures += 1
-            print(f"failed: {title[job]}: {error}", file=sys.stderr)
+            print(printable(f"failed: {title[job]}: {error}"), file=sys.stderr)
     return failures
 
 

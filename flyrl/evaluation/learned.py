@@ -121,8 +121,8 @@ def _hydra_list(names: Sequence[str]) -> str:
 def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
     text = "learned"
     if "algo" in training:
-        text += f" with {training['algo']}"
+        text += f" with {training['algo']!s:.60}"
     terrain = env.get("terrain")
     if isinstance(terrain, dict) and "name" in terrain:
-        return f"{text} on {terrain_label(terrain['name'], terrain.get('random'))}"
+        return f"{text} on {terrain_label(terrain['name'], terrain.get('random')):.60}"
     return f"{text} on unknown ground"

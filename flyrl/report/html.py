@@ -65,6 +65,7 @@ from flyrl.report.wording import (
 )
 from flyrl.rollouts import SUCCESS, EpisodeRecord
 from flyrl.tasks import TIMEOUT
+from flyrl.text import plain_name, printable
 
 REPORT_FILE: Final = "report.html"
 FIGURES_FOLDER: Final = "figures"
@@ -120,7 +121,7 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     context = report_context(results, **additions)
     output.write_text(REPORT_FILE, format_page(context))
     figures = {
-        f"{FIGURES_FOLDER}/{name}.svg": standalone(svg)
+        f"{FIGURES_FOLDER}/{plain_name(name)}.svg": standalone(svg)
         for name, svg in named_figures(context).items()
     }
     tables = {
@@ -147,6 +148,7 @@ def format_page(context: Mapping[str, Any]) -> str:
     environment = Environment(
         loader=PackageLoader("flyrl.report"),
         autoescape=True,
+        finalize=_shown,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -154,6 +156,12 @@ def format_page(context: Mapping[str, Any]) -> str:
     environment.filters["number"] = format_number
     environment.filters["script_hash"] = script_hash
     return environment.get_template("report.html.j2").render(context)
+
+
+def _shown(value: Any) -> Any:
+    """Value as it stands in the page: texts of others cannot turn the reading direction round."""
+    is_text = isinstance(value, str) and not isinstance(value, Markup)
+    return printable(value, keep="\n\t\u00a0") if is_text else value
 
 
 def script_hash(script: str) -> str:

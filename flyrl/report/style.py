@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from flyrl.report.palette import marker, themed
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT
+from flyrl.text import plain_name
 
 WIDTH_IN: Final = 9.6
 """Width of a figure, inches; pages scale it."""
@@ -78,7 +79,7 @@ def svg_text(figure: Figure, name: str) -> str:
         buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type"))
     )
     svg = buffer.getvalue()
-    return themed(_inline(svg[svg.index("<svg") :], name))
+    return themed(_inline(svg[svg.index("<svg") :], plain_name(name)))
 
 
 def _inline(svg: str, name: str) -> str:

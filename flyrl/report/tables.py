@@ -5,6 +5,7 @@ The LaTeX files hold a `tabular` each, which needs nothing but `\usepackage{book
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -17,6 +18,7 @@ from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.wording import format_number, leader_cells, percent
+from flyrl.text import csv_table, plain_name
 
 LEAST_P: Final = 0.001
 """p-values below are only said to be so."""
@@ -60,25 +62,24 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
     compared = compared_metrics(results.protocol["task"])
     terrains = list(dict.fromkeys(row["terrain"] for row in results.summary))
     files = {
-        "summary.csv": _csv(summary_table(results.summary)),
+        "summary.csv": csv_table(summary_table(results.summary)),
         "summary.tex": _latex(_printed_summary(results.summary, compared), _SPREADS),
-        "leaders.csv": _csv(leaders_table(leaders)),
+        "leaders.csv": csv_table(leaders_table(leaders)),
         "leaders.tex": _latex(_printed_leaders(leaders), _LEADS),
     }
     differences = differences_table(results.summary)
     if not differences.empty:
-        files["differences.csv"] = _csv(differences)
+        files["differences.csv"] = csv_table(differences)
     for terrain in terrains:
         rows = [row for row in results.summary if row["terrain"] == terrain]
-        files[f"metrics-{terrain}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
+        name = plain_name(terrain)
+        files[f"metrics-{name}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
         if any(row["paired"] for row in rows):
-            files[f"differences-{terrain}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
+            files[f"differences-{name}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
         if _interacting(rows):
-            files[f"interactions-{terrain}.tex"] = _latex(
-                _printed_interactions(rows), _INTERACTIONS
-            )
+            files[f"interactions-{name}.tex"] = _latex(_printed_interactions(rows), _INTERACTIONS)
     if _interacting(results.summary):
-        files["interactions.csv"] = _csv(interactions_table(results.summary))
+        files["interactions.csv"] = csv_table(interactions_table(results.summary))
     return files
 
 
@@ -313,12 +314,11 @@ def _p(value: float | None) -> str:
     return f"<{LEAST_P}" if value < LEAST_P else f"{value:.3f}"
 
 
-def _csv(table: pd.DataFrame) -> str:
-    return table.to_csv(index=False, lineterminator="\n")
-
-
 def _latex(table: pd.DataFrame, caption: str) -> str:
-    text = table.to_latex(index=False, escape=True)
+    """A `tabular` below a comment; no text in the table is LaTeX."""
+    text = table.replace(r"\s*[\r\n]+\s*", " ", regex=True).to_latex(index=False, escape=True)
+    # at the start of a row these would be arguments of the command before
+    text = re.sub(r"(?m)^([*\[])", r"{\1}", text)
     for character, formula in _NOT_IN_TEXT.items():
         text = text.replace(character, formula)
     return f"% {caption}\n{text}"

@@ -1,6 +1,7 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from flyrl.report.wording import (
     signed,
     training_note,
 )
+from tests.report.hostile import hostile_results
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
@@ -294,6 +296,32 @@ def test_names_are_escaped():
     assert evil in Page(text).texts
 
 
+@pytest.fixture(scope="module")
+def hostile_report(tmp_path_factory):
+    return write_report(hostile_results(), tmp_path_factory.mktemp("hostile") / "report")
+
+
+def test_no_text_of_a_stranger_becomes_an_element(hostile_report):
+    text = hostile_report.read_text(encoding="utf-8")
+    page, plain = Page(text), Page(format_report(make_results(NAMES[:3], episodes=2)))
+    shown = {tag for tag, _ in page.tags}
+    assert shown - {tag for tag, _ in plain.tags} <= {"ul", "li"}  # those of a crash
+    assert page.count("script") == plain.count("script")
+    attributes = {name for _, attrs in page.tags for name in attrs}
+    assert not [name for name in attributes if name.startswith("on")]
+    assert any("{{ 7 * 7 }}" in each for each in page.texts)
+    assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\ud800-\udfff]", text)
+
+
+def test_files_beside_a_report_stay_in_their_folders(hostile_report):
+    files = {path.relative_to(hostile_report.parent.parent) for path in
+             hostile_report.parent.parent.rglob("*") if path.is_file()}  # fmt: skip
+    assert {str(path.parent) for path in files} == {"report", "report/figures", "report/tables"}
+    for path in (hostile_report.parent / "figures").iterdir():
+        tags = {element.tag for element in ElementTree.parse(path).iter()}
+        assert not [tag for tag in tags if tag.endswith(("script", "img"))]
+
+
 def test_policies_are_named_with_their_hashes(page):
     titles = [attrs.get("title") for tag, attrs in page.tags if tag == "code"]
     assert "0123456789abcdef" * 4 in titles
@@ -325,8 +353,8 @@ def test_videos_are_carried_along():
 def test_results_without_paths_give_a_report_without_them(results):
     bare = type(results)(results.protocol, results.episodes, results.summary)
     text = format_report(bare)
-    # the control loop, success, distributions, pairs
-    assert Page(text).count("svg") == 4
+    # the control loop, success; distributions and pairs of two terrains
+    assert Page(text).count("svg") == 2 + 2 * 2
     assert "<h3>Paths</h3>" not in text
 
 

@@ -112,6 +112,22 @@ def test_names_are_escaped():
     assert r"50\%\_a\&b$<$c & 0" in text
 
 
+@pytest.mark.parametrize("terrain", ["[1em]", "*"])
+def test_no_name_is_latex_or_a_formula(terrain):
+    results = make_results(("cpg", "hybrid"), episodes=2)
+    name = "=\\input{a}\n\n$x^2$~"
+    for row in results.summary:
+        row["terrain"] = terrain
+        row["controller"] = row["controller"].replace("cpg", name)
+    files = format_tables(results, usual_leaders(results))
+    latex = files["summary.tex"]
+    start = f"{{{terrain[0]}}}{terrain[1:]} &"
+    assert [line.startswith(start) for line in latex.splitlines()].count(True) == 2
+    assert r"=\textbackslash input\{a\} \$x\textasciicircum 2\$\textasciitilde " in latex
+    rows = list(csv.DictReader(io.StringIO(files["summary.csv"])))
+    assert rows[0]["controller"] == "'=\\input{a}  $x^2$~"
+
+
 def test_every_metric_has_a_label():
     assert set(METRICS) <= set(METRIC_LABELS)
 
