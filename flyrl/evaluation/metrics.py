@@ -17,16 +17,15 @@ from typing import Final
 import numpy as np
 
 from flyrl.evaluation.gait import (
-    ARM_MM,
     drive_variation,
     duty_factor,
-    is_moving,
+    moved_mm,
     reflex_activity,
     step_raster,
     stride_frequency_hz,
     tripod_coordination,
 )
-from flyrl.rollouts.records import EpisodeRecord, FloatArray
+from flyrl.rollouts.records import BoolArray, EpisodeRecord, FloatArray
 from flyrl.tasks import ERRORS
 
 PATH_SAMPLING_S: Final = 0.1
@@ -36,8 +35,8 @@ The thorax sways with every stride (1/12 s); measured more finely, straight walk
 than the way it covers.
 """
 
-LEAST_WAY_MM: Final = 1.0
-"""What a way costs per mm is told of ways at least this long, mm: about one stride."""
+LEAST_WAY_MM: Final = 1.5
+"""A body that gets less far from its start has not walked, mm; standing, it slides by up to 1.2."""
 
 METRICS: Final[dict[str, str]] = {
     "return": "sum of rewards",
@@ -165,14 +164,10 @@ def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float |
     gait = record.gait
     if gait is None:
         return dict.fromkeys(GAIT_METRICS)
-    sampled_s = gait.interval_s * np.arange(len(gait.stance), dtype=np.float64)
-    moves = is_moving(record.time_s, record.position_w[:, :2], record.yaw, sampled_s)
-    turned = ARM_MM * abs(float(record.yaw[-1] - record.yaw[0]))
-    if path_length + turned < LEAST_WAY_MM:  # a fly that lands and stands
-        moves[:] = False
-    stance = step_raster(gait.stance, moves, gait.interval_s)
+    stance = counted_stance(record)
     frequency = stride_frequency_hz(stance, gait.interval_s)
-    has_way = path_length >= LEAST_WAY_MM
+    way = np.linalg.norm(record.position_w[:, :2] - record.position_w[0, :2], axis=1)
+    has_way = way.max() >= LEAST_WAY_MM
     walked_s = len(stance) * gait.interval_s
     return {
         "work_nj_per_mm": gait.work_nj / path_length if has_way else None,
@@ -183,6 +178,18 @@ def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float |
         "tripod_coordination": tripod_coordination(stance),
         "reflex_activity": reflex_activity(gait.retraction, gait.stumbling),
     }
+
+
+def counted_stance(record: EpisodeRecord) -> BoolArray:
+    """Stance of each leg (S, 6) as strides are counted in it; all of it of a body that stands."""
+    gait = record.gait
+    assert gait is not None
+    places = np.column_stack([record.position_w[:, :2], record.yaw])
+    if moved_mm(places[:1], places).max() < LEAST_WAY_MM:
+        return np.ones_like(gait.stance)
+    sampled_s = gait.interval_s * np.arange(len(gait.stance))
+    sampled = [np.interp(sampled_s, record.time_s, column) for column in places.T]
+    return step_raster(gait.stance, np.stack(sampled, axis=1), gait.interval_s)
 
 
 def displacement_mm(position: FloatArray) -> float:

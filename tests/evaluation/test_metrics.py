@@ -156,7 +156,7 @@ def test_strides_make_the_way():
 
 
 def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
-    # 0.2 mm in 0.3 s is slower than 1 mm/s
+    # 0.2 mm in 3 strides
     gait = make_gait("..######....######....######..")
     metrics = episode_metrics(make_record([(0, 0), (0.2, 0)], interval_s=0.3, gait=gait))
     names = ("stride_frequency_hz", "stride_length_mm", "duty_factor", "tripod_coordination")
@@ -165,8 +165,17 @@ def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
 
 def test_a_turn_on_the_spot_has_strides():
     gait = make_gait("..######....######....######..")
-    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 1.0], gait=gait)
+    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 2.0], gait=gait)
     assert episode_metrics(record)["stride_frequency_hz"] == pytest.approx(10)
+
+
+def test_a_body_that_sways_takes_no_strides():
+    # a path of 4 mm that leads nowhere
+    gait = make_gait("..######....######....######..")
+    record = make_record([(0, 0), (1, 0)] * 2 + [(0, 0)], interval_s=0.1, gait=gait)
+    metrics = episode_metrics(record)
+    assert metrics["path_length_mm"] == 4
+    assert metrics["stride_frequency_hz"] is metrics["work_nj_per_mm"] is None
 
 
 def test_work_and_slip_are_told_per_way():
