@@ -35,8 +35,8 @@ The thorax sways with every stride (1/12 s); measured more finely, straight walk
 than the way it covers.
 """
 
-LEAST_WAY_MM: Final = 1.5
-"""A body that gets less far from its start has not walked, mm; standing, it slides by up to 1.2."""
+LEAST_WAY_MM: Final = 2.0
+"""A body that gets less far from its start has not walked, mm; standing, it slides by up to 1.8."""
 
 METRICS: Final[dict[str, str]] = {
     "return": "sum of rewards",
@@ -44,7 +44,7 @@ METRICS: Final[dict[str, str]] = {
     "time_to_goal_s": "time until success, s; none without success",
     "displacement_mm": "straight distance from start to end, mm",
     "advance_mm": "way along the world's x axis, which traverse and worm_crawl ask for, mm",
-    "path_length_mm": "length of the path walked, from point to point every 0.1 s, mm",
+    "path_length_mm": "length of the path, from point to point every 0.1 s, mm",
     "path_efficiency": "displacement ÷ path length",
     "speed_mm_s": "displacement ÷ time, mm/s; failures over the full horizon",
     "drift_deg": "direction of displacement against the heading at the start, deg, left positive",

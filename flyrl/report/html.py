@@ -45,6 +45,7 @@ from flyrl.report.sections import (
 )
 from flyrl.report.setup import control_loop, trainings_section
 from flyrl.report.standalone import named_figures, standalone
+from flyrl.report.style import outcome_shapes
 from flyrl.report.tables import format_tables
 from flyrl.report.video import Video
 from flyrl.report.wording import (
@@ -179,13 +180,20 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     usual_condition = compared_conditions(results.protocol["vary"])[0]
     leaders = all_leaders(results)
     usual_leaders = [each for each in leaders if each.condition == usual_condition.label]
+    table, steering = results.protocol.get("table"), additions.get("steering")
     decisive = decisive_metrics(results.protocol["task"])
     effects = effects_text(decisive, METRIC_LABELS, results.protocol)
+    failures = dict.fromkeys(
+        [
+            *(table or {}).get("failures", ()),
+            *(name for row in results.summary for name, count in row["outcomes"].items() if count),
+        ]
+    )
+    failures = [each for each in failures if each not in (SUCCESS, TIMEOUT)]
     controllers = len({row["controller"] for row in usual})
     comparing = [changes_text(leaders, usual_condition.label), level_text(effects)]
     if controllers < 2:
         comparing.clear()
-    table, steering = results.protocol.get("table"), additions.get("steering")
     return {
         "title": title(results.protocol, results.summary),
         "headline": headline(
@@ -208,7 +216,11 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
         "stylesheet": Markup(stylesheet()),
         "colours": colours(names),
-        "metrics": METRICS,
+        "metrics": {
+            metric: text
+            for metric, text in METRICS.items()
+            if any(row["metrics"][metric]["n"] for row in results.summary)
+        },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
         "compared": compared_metrics(results.protocol["task"]),
         "labels": METRIC_LABELS,
@@ -227,11 +239,9 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
         "table": table,
         "loop_parts": control_loop(results.protocol) if table else [],
-        "failures": [
-            outcome_name(each)
-            for each in results.protocol.get("outcomes", ())
-            if each not in (SUCCESS, TIMEOUT)
-        ],
+        "failures": [outcome_name(each) for each in failures],
+        "shapes": outcome_shapes([SUCCESS, TIMEOUT, *failures]),
+        "has_goals": any(drawn and drawn[0]["goal"] for drawn in results.drawn.values()),
         "trainings": trainings_section(results.protocol["entrants"]),
         "steering": Markup(steering_figure(steering, "steering")) if steering else "",
         "steering_starts": len(next(iter(steering.drives.values()))) if steering else 0,

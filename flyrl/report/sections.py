@@ -118,7 +118,7 @@ def terrain_section(
             next(each for each in results.protocol["terrains"] if each["name"] == terrain),
             results.drawn.get(terrain, ()),
         ),
-        "gait": Markup(_gait(terrain, examples)),
+        **_gait(terrain, examples),
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),
         "reasons": _reasons(summary),
@@ -175,7 +175,11 @@ def study_section(results: Results) -> Json | None:
 
 def _doses(results: Results, terrain: str) -> list[Json]:
     """What each quantity that was varied does on a terrain."""
-    metrics = ["success", *spread_metrics(results.protocol)]
+    metrics = [
+        metric
+        for metric in spread_metrics(results.protocol)
+        if any(row["metrics"][metric]["n"] for row in results.summary)
+    ]
     return [
         {
             "name": name,
@@ -186,7 +190,7 @@ def _doses(results: Results, terrain: str) -> list[Json]:
                     terrain,
                     name,
                     [Condition(name, value).label for value in values],
-                    metrics,
+                    ["success", *metrics],
                 )
             ),
         }
@@ -194,10 +198,15 @@ def _doses(results: Results, terrain: str) -> list[Json]:
     ]
 
 
-def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> str:
+def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> Json:
+    """Gait diagram of the first episode, and whether reflexes are drawn in it."""
     walked = [record for record in examples if record.terrain == terrain and record.gait]
     first = [record for record in walked if record.index == walked[0].index]
-    return gait_figure(first, f"gait-{terrain}") if first else ""
+    logs = [record.gait for record in first if record.gait]
+    return {
+        "gait": Markup(gait_figure(first, f"gait-{terrain}") if first else ""),
+        "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
+    }
 
 
 def _differences(summary: Sequence[Json]) -> list[Json]:

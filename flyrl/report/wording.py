@@ -13,7 +13,7 @@ from flyrl.evaluation.seeds import trainings
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are told as 0."""
 
-_SHARED: Final = {"goal": "target", "command": "command", "pushes": "pushes"}
+_SHARED: Final = {"goal": "goal", "command": "command", "pushes": "pushes"}
 """Fields of an episode that are named where they hold something."""
 
 _TAUGHT: Final = ("learned", "entry_point")
@@ -89,7 +89,7 @@ def changes_text(leaders: Sequence[Leader], usual: str) -> str:
 
 
 def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple[Leader, str]]]:
-    """Condition -> terrain -> the best there, and by how much they lead, in words.
+    """Condition -> terrain -> the best there, with their mean and lead in words.
 
     Parameters
     ----------
@@ -99,9 +99,8 @@ def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple
     table: dict[str, dict[str, tuple[Leader, str]]] = {}
     for leader in leaders:
         cells = leader_cells(leader)
-        text = f"mean {cells['value']}"
-        if leader.next_name:
-            text += f"; {cells['difference']} to {leader.next_name}"
+        ahead = f"{cells['difference']} to {leader.next_name}" if leader.next_name else "all level"
+        text = f"{cells['value']}; {ahead}"
         table.setdefault(leader.condition, {})[leader.terrain] = (leader, text)
     return table
 
@@ -139,7 +138,8 @@ def training_note(protocol: Json) -> str:
     ]
     single = any(len(names) == 1 for names in trainings(protocol["entrants"]).values())
     caution = " (other seeds may do better or worse)" if single else ""
-    return f"{'; '.join(parts)}{caution}." if parts else ""
+    text = f"{'; '.join(parts)}{caution}." if parts else ""
+    return text[:1].upper() + text[1:]
 
 
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
@@ -151,15 +151,18 @@ def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
 
 
 def held_out_text(protocol: Json) -> str:
-    """Statement on whether policies were trained on the evaluation's episodes, where known."""
+    """Statement on whether policies were trained on the evaluation's episodes, where known.
+
+    flyrl trains on seeds below those of evaluations; only its own trainings record their settings.
+    """
     learned = [each for each in protocol["entrants"] if each.get("kind") in _TAUGHT]
     known = [each["name"] for each in learned if (each.get("training") or {}).get("settings")]
     unknown = [each["name"] for each in learned if each["name"] not in known]
     parts = []
     if known:
-        parts.append(f"{_listed(known)} trained on episodes from other seeds.")
+        parts.append(f"As recorded, {_listed(known)} trained in flyrl, on episodes of other seeds.")
     if unknown:
-        parts.append(f"No record says which episodes {_listed(unknown)} trained on.")
+        parts.append(f"Nothing is recorded of the episodes that {_listed(unknown)} may know.")
     return " ".join(parts)
 
 
@@ -173,10 +176,9 @@ def rates(summary: Sequence[Json], protocol: Json) -> str:
     learned = [name for name in names if kinds.get(name) == "learned"]
     first = max(learned or names, key=lambda name: _share(summary, name))
     others = [name for name in names if name != first and name not in learned]
-    verb, noun = ("reaches", "targets") if protocol["task"] == "target" else ("solves", "episodes")
     rows = [row for row in summary if row["controller"] == first]
-    parts = [f"{row['successes']} of {row['episodes']} {noun} on {_place(row)}" for row in rows]
-    text = f"{first} {verb} {_listed(parts)}: {_rates(rows)}."
+    parts = [f"{row['successes']} of {row['episodes']} episodes on {_place(row)}" for row in rows]
+    text = f"{first} succeeds in {_listed(parts)}: {_rates(rows)}."
     if others:
         best = max(others, key=lambda name: _share(summary, name))
         text += f" Best of the others, {best}: "

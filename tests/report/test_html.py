@@ -199,7 +199,7 @@ def test_a_report_with_conditions_names_them_wherever_it_ranks(varied):
     table = text[text.index('<table id="conditions">') :]
     usual, pushed = re.findall(r"<tr><td>(push=\d.*?)</tr>", table, re.DOTALL)[:2]
     assert ("target-ppo" in usual, "cpg" in usual.split("range")[0]) == (True, False)
-    assert "target-ppo" in pushed and "cpg" in pushed and "success: mean 0" in pushed
+    assert "target-ppo" in pushed and "cpg" in pushed and "success: 0" in pushed
     (figure,) = re.findall(r"<figure>\s*(<svg.*?</svg>)", text, re.DOTALL)[:1]
     assert "nothing changed (push=0)" in figure
 
@@ -216,7 +216,7 @@ def test_a_report_with_conditions_holds_the_interactions(varied):
 def test_training_seeds_are_counted_with_a_caution_at_one():
     entrant = {"kind": "learned", "policy": "learned with ppo", "training": {"settings": {}}}
     both = [{**entrant, "name": name} for name in ("a", "b")]
-    assert training_note({"entrants": both}) == "learned with ppo: 2 training seeds."
+    assert training_note({"entrants": both}) == "Learned with ppo: 2 training seeds."
     assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
 
 
@@ -224,7 +224,8 @@ def test_nothing_is_claimed_of_an_unknown_training():
     known = {"name": "a", "kind": "learned", "training": {"settings": {"seed": 1}}}
     unknown = {"name": "b", "kind": "entry_point"}
     assert held_out_text({"entrants": [known, unknown]}) == (
-        "a trained on episodes from other seeds. No record says which episodes b trained on."
+        "As recorded, a trained in flyrl, on episodes of other seeds. Nothing is recorded of the "
+        "episodes that b may know."
     )
 
 
@@ -253,7 +254,7 @@ def test_a_lead_in_success_is_told_in_per_cent():
     }  # fmt: skip
 
 
-def test_rates_count_targets(results):
+def test_rates_count_episodes(results):
     text = rates(results.summary, results.protocol)
     flat, gapped = (
         next(
@@ -264,8 +265,8 @@ def test_rates_count_targets(results):
         for terrain in ("flat", "gapped")
     )
     assert text.startswith(
-        f"target-ppo reaches {flat['successes']} of 8 targets on flat "
-        f"and {gapped['successes']} of 8 targets on gapped:"
+        f"target-ppo succeeds in {flat['successes']} of 8 episodes on flat "
+        f"and {gapped['successes']} of 8 episodes on gapped:"
     )
     assert "95\u00a0% interval" in text
     assert "Best of the others, pursuit" in text
@@ -273,7 +274,7 @@ def test_rates_count_targets(results):
 
 def test_without_a_learned_policy_the_best_controller_is_spoken_of():
     results = make_results(("cpg", "hybrid", "pursuit"), episodes=8)
-    assert rates(results.summary, results.protocol).startswith("pursuit reaches")
+    assert rates(results.summary, results.protocol).startswith("pursuit succeeds")
 
 
 def test_the_command_is_shown_and_escaped(page, text):
@@ -431,7 +432,7 @@ def test_what_was_varied_is_drawn_dose_by_dose():
     assert page.count("svg") == 4  # the control loop, success, and a figure per quantity
     assert "friction=0.5" in text
     # spoken of first is where nothing is changed
-    assert "of 6 targets on flat (friction=1):" in text
+    assert "of 6 episodes on flat (friction=1):" in text
     assert "Factor on the friction of the legs" in text
     assert "Force sideways after 1 s, µN" in text
     rows = [attributes for tag, attributes in page.tags if tag == "tr"]
