@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -207,10 +208,10 @@ def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
     pairs = zip(original.evaluations, repeat.evaluations, strict=False)
     for one, other in pairs:
         for key, value in one.items():
-            if value != other[key]:
+            if value != other.get(key):
                 return (
                     f"differ from decision {one['decisions']:.0f} on: {key} {value:.6g}, "
-                    f"in the repeat {other[key]:.6g}"
+                    f"in the repeat {other.get(key, math.nan):.6g}"
                 )
     counts = len(original.evaluations), len(repeat.evaluations)
     return None if counts[0] == counts[1] else "{}, in the repeat {}".format(*counts)

@@ -123,7 +123,9 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
             "crashes": crashes,
         },
         episodes=rows,
-        summary=summarise(rows, reference, config.horizon_s, np.random.default_rng(config.seed)),
+        summary=summarise(
+            rows, reference, config.horizon_s, np.random.default_rng(config.seed), config.vary
+        ),
         drawn={
             terrain.label: _plain_episodes(config.draw_episodes(terrain))
             for terrain in config.terrain_configs

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from typing import Any, Final
 
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from flyrl.report.palette import marker, themed
+from flyrl.report.wording import outcome_name
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT
 from flyrl.text import plain_name
@@ -58,6 +60,22 @@ _DOTS: Final[dict[str, dict[str, Any]]] = {
     "unstable": {"marker": "+", "s": 22, "linewidths": 1.1},
 }
 """How an episode's dot shows its outcome; one of a user's own is a diamond."""
+
+
+_SHAPES: Final = {
+    SUCCESS: "filled dot",
+    TIMEOUT: "ring",
+    "fall": "cross",
+    "left_arena": "triangle",
+    "unstable": "plus",
+}
+
+
+def outcome_shapes(outcomes: Iterable[str]) -> str:
+    """Shape of the dot of each outcome, in words."""
+    return "; ".join(
+        f"{_SHAPES.get(outcome, 'diamond')}: {outcome_name(outcome)}" for outcome in outcomes
+    )
 
 
 def outcome_dot(outcome: str, shade: str) -> dict[str, Any]:

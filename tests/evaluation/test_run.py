@@ -32,6 +32,14 @@ def test_everyone_walks_the_same_episodes(results):
     assert of("cpg") == of("zero") == list(enumerate(CONFIG.seeds()))
 
 
+def test_the_reference_is_the_one_that_was_asked_for(results):
+    # the best is cpg
+    assert results.protocol["reference"] == "zero"
+    compared = {row["controller"]: row["paired"] for row in results.summary}
+    assert compared["zero"] is None
+    assert compared["cpg"]["reference"] == "zero"
+
+
 def test_everyone_starts_at_the_same_place(results):
     starts = np.array([path.position_w[0] for path in results.trajectories.values()])
     np.testing.assert_array_equal(starts[:3], starts[3:])
@@ -85,7 +93,7 @@ def test_randomised_flies_are_the_same_for_everyone_and_on_record(tmp_path):
     assert len(set(masses)) == 3
     report = write_report(results, tmp_path).read_text()
     assert "<pre>mass=[0.5, 1.5]</pre>" in report
-    assert "same fly, which is another in every episode" in report
+    assert "same randomisation, drawn anew for every episode" in report
 
 
 def test_walking_beats_standing(results):
