@@ -183,13 +183,11 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     table, steering = results.protocol.get("table"), additions.get("steering")
     decisive = decisive_metrics(results.protocol["task"])
     effects = effects_text(decisive, METRIC_LABELS, results.protocol)
-    failures = dict.fromkeys(
-        [
-            *(table or {}).get("failures", ()),
-            *(name for row in results.summary for name, count in row["outcomes"].items() if count),
-        ]
-    )
-    failures = [each for each in failures if each not in (SUCCESS, TIMEOUT)]
+    outcomes = [
+        *(table or {}).get("failures", ()),
+        *(name for row in results.summary for name, count in row["outcomes"].items() if count),
+    ]
+    failures = [each for each in dict.fromkeys(outcomes) if each not in (SUCCESS, TIMEOUT)]
     controllers = len({row["controller"] for row in usual})
     comparing = [changes_text(leaders, usual_condition.label), level_text(effects)]
     if controllers < 2:
