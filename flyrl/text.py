@@ -60,6 +60,6 @@ def csv_table(table: "DataFrame", **options: Any) -> str:
         As for `pandas.DataFrame.to_csv`.
     """
     text = table.select_dtypes(exclude=["number", "bool"])
-    safe = table.assign(**{column: text[column].map(csv_cell) for column in text})
-    safe = safe.rename(columns=csv_cell)
-    return safe.to_csv(index=False, lineterminator="\n", **options)
+    safe = table.assign(**{str(column): text[column].map(csv_cell) for column in text})
+    rows: str = safe.rename(columns=csv_cell).to_csv(index=False, lineterminator="\n", **options)
+    return rows

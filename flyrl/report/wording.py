@@ -39,11 +39,12 @@ def headline(
     if controllers == 1:
         text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
     else:
-        winners: dict[tuple[str, ...], list[str]] = {}
+        winners: dict[frozenset[str], list[Leader]] = {}
         for leader in leaders:
-            winners.setdefault(leader.names, []).append(leader.terrain)
+            winners.setdefault(frozenset(leader.names), []).append(leader)
         text = "; ".join(
-            _verdict(names, terrains, controllers) for names, terrains in winners.items()
+            _verdict(own[0].names, [leader.terrain for leader in own], controllers)
+            for own in winners.values()
         )
     text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
@@ -138,8 +139,8 @@ def training_note(protocol: Json) -> str:
     ]
     single = any(len(names) == 1 for names in trainings(protocol["entrants"]).values())
     caution = " (other seeds may do better or worse)" if single else ""
-    text = f"{'; '.join(parts)}{caution}." if parts else ""
-    return text[:1].upper() + text[1:]
+    text = "; ".join(parts)
+    return f"{text[0].upper()}{text[1:]}{caution}." if parts else ""
 
 
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:

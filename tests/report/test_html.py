@@ -140,6 +140,10 @@ def lead(terrain, *names):
             [lead("flat", "a", "b"), lead("blocks", "a"), lead("mixed", "a")],
             "a and b are level at the top on flat; a is best on blocks and mixed.",
         ),
+        (
+            [lead("flat", "a", "b"), lead("mixed", "b", "a")],
+            "a and b are level at the top on flat and mixed.",
+        ),
         ([lead("flat", "a", "b", "c")], "No meaningful difference between controllers on flat."),
     ],
 )
