@@ -183,6 +183,9 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     table, steering = results.protocol.get("table"), additions.get("steering")
     decisive = decisive_metrics(results.protocol["task"])
     effects = effects_text(decisive, METRIC_LABELS, results.protocol)
+    labels: dict[str, str] = dict(METRIC_LABELS)
+    if (table or {}).get("actions") == "neurons":
+        labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
         *(table or {}).get("failures", ()),
         *(name for row in results.summary for name, count in row["outcomes"].items() if count),
@@ -221,7 +224,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
         "compared": compared_metrics(results.protocol["task"]),
-        "labels": METRIC_LABELS,
+        "labels": labels,
         "success_svg": Markup(success_figure(usual, condition_text(usual_condition))),
         "rows": [table_row(row) for row in usual],
         "episodes": episodes_section(

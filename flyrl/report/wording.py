@@ -86,7 +86,7 @@ def changes_text(leaders: Sequence[Leader], usual: str) -> str:
     if not same:
         return ""
     counts = [f"{sum(found)} of {len(found)} on {terrain}" for terrain, found in same.items()]
-    return f"Under the other conditions the leaders are the same in {_listed(counts)}."
+    return f"Of the other conditions, the leaders are the same under {_listed(counts)}."
 
 
 def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple[Leader, str]]]:

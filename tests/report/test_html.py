@@ -166,7 +166,7 @@ def test_the_headline_says_how_often_other_conditions_agree():
         )
     ]  # fmt: skip
     assert changes_text(leaders, "push=0") == (
-        "Under the other conditions the leaders are the same in 1 of 2 on blocks and 1 of 1 on "
+        "Of the other conditions, the leaders are the same under 1 of 2 on blocks and 1 of 1 on "
         "flat."
     )
     assert changes_text(leaders[1:2], "push=0") == ""
@@ -199,7 +199,7 @@ def test_a_report_with_conditions_names_them_wherever_it_ranks(varied):
     text = format_report(varied)
     words = " ".join(Page(text).texts)
     assert "With nothing changed (push=0): target-ppo is best on flat." in words
-    assert "the leaders are the same in 0 of 1 on flat" in words
+    assert "the leaders are the same under 0 of 1 on flat" in words
     table = text[text.index('<table id="conditions">') :]
     usual, pushed = re.findall(r"<tr><td>(push=\d.*?)</tr>", table, re.DOTALL)[:2]
     assert ("target-ppo" in usual, "cpg" in usual.split("range")[0]) == (True, False)

@@ -26,6 +26,7 @@ def test_a_report_on_worms_does_not_speak_of_legs(task):
     text = shown(format_report(evaluate(config), examples=walk_examples(config)))
     assert OF_FLIES.findall(text) == []
     assert "Failures: unstable" in text
+    assert "change of drive" not in text
     assert "goal" not in text.replace("time to goal", "")
 
 
