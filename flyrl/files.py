@@ -69,6 +69,11 @@ class OutputFolder:
     ----------
     path
         Of the folder; it need not exist yet.
+
+    Raises
+    ------
+    OSError
+        Its `manifest.json` is somebody else's, or cannot be read.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -80,12 +85,7 @@ class OutputFolder:
         for name in names:
             file = self.path / name
             if name not in self._digests and (file.exists() or file.is_symlink()):
-                raise FileExistsError(
-                    errno.EEXIST,
-                    f"flyrl did not write this file (it is not in {MANIFEST}); move it away, or "
-                    "choose another folder",
-                    str(file),
-                )
+                raise _foreign(file, f"it is not in {MANIFEST}")
 
     @contextmanager
     def replacing(self, name: str) -> Iterator[Path]:
@@ -134,15 +134,26 @@ class OutputFolder:
 
     def _read_manifest(self) -> dict[str, str]:
         """Digests by name; of names that lead out of the folder, none."""
+        file = self.path / MANIFEST
         try:
-            files = json.loads((self.path / MANIFEST).read_text(encoding="utf-8"))["files"]
+            files = json.loads(file.read_text(encoding="utf-8"))["files"]
             names = [name for name in files if self._is_inside(name)]
             return {name: str(files[name]) for name in names}
-        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        except (FileNotFoundError, NotADirectoryError):
             return {}
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            raise _foreign(file, "it lists no files of results") from error
 
     def _is_inside(self, name: str) -> bool:
         return (self.path / name).parent.resolve().is_relative_to(self.path.resolve())
+
+
+def _foreign(file: Path, reason: str) -> FileExistsError:
+    return FileExistsError(
+        errno.EEXIST,
+        f"flyrl did not write this file ({reason}); move it away, or choose another folder",
+        str(file),
+    )
 
 
 class _PlainLoader(yaml.SafeLoader):

@@ -91,10 +91,14 @@ def test_a_manifest_leads_to_nothing_outside_of_its_folder(tmp_path, name):
     assert outside.read_text() == "a user's"
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"files": 3}', '{"files": [1]}', "[" * 10**5])
-def test_a_damaged_manifest_names_nothing(tmp_path, text):
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"files": 3}', '{"files": [1]}', '{"icons": []}', "[" * 10**5]
+)
+def test_a_manifest_of_others_is_not_written_over(tmp_path, text):
     (tmp_path / MANIFEST).write_text(text)
-    assert OutputFolder(tmp_path).files("") == []
+    with pytest.raises(FileExistsError, match=r"flyrl did not write this file .*manifest\.json"):
+        OutputFolder(tmp_path)
+    assert (tmp_path / MANIFEST).read_text() == text
 
 
 def test_a_folder_that_files_can_be_written_to(tmp_path):

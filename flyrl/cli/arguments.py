@@ -13,13 +13,13 @@ from hydra._internal.utils import get_args_parser
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, Override
-from hydra.errors import HydraException
+from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from flyrl.cli.groups import config_groups
-from flyrl.files import load_yaml
+from flyrl.files import load_yaml, usable_folder
 from flyrl.resources import configs_folder, install_command
 from flyrl.validation import did_you_mean, one_of
 
@@ -106,6 +106,8 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
     folder = str(Path(options.config_path or configs_folder()).resolve())
     name = options.config_name or config_name
     more = options.config_dir
+    if more and not Path(more).is_dir():
+        raise UsageError(f"--config-dir must be a folder, got {more!r}")
     search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
     for own in filter(None, (options.config_path, more)):
         for file in sorted(Path(own).rglob("*.yaml")):
@@ -129,12 +131,8 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
             else:
                 ours = compose(name, [*plain, *search], return_hydra_config=True).hydra
             if not (options.multirun or ours.mode == RunMode.MULTIRUN):
-                for override in overrides:
-                    if override.is_sweep_override():
-                        raise UsageError(
-                            f"{override.input_line} names several values: add -m to run each of "
-                            "them, or quotes if it is one value"
-                        )
+                usable_folder(Path(ours.run.dir))  # Hydra makes it, too, with a traceback if not
+                _check_single(overrides)
                 return None
             return Sweep(
                 Path(ours.sweep.dir),
@@ -142,8 +140,26 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
                 tuple(own_overrides(job) for job in jobs),
                 "basic_launcher" not in ours.launcher._target_,
             )
+    except OverrideParseException as error:
+        raise UsageError(
+            f"{error.override!r} cannot be read; write unusual values in quotes of their own: "
+            "\"key='a value'\""
+        ) from error
     except (HydraException, OmegaConfBaseException, ValueError) as error:
-        raise UsageError(str(error).partition("\nSee http")[0]) from error
+        text = str(error).partition("\nSee http")[0]
+        if text.startswith("Error merging override"):  # without the reason
+            text += f": {error.__cause__}".partition("\n")[0]
+        raise UsageError(text) from error
+
+
+def _check_single(overrides: Sequence[Override]) -> None:
+    """Raise UsageError if one of the overrides of a single run names several values."""
+    for override in overrides:
+        if override.is_sweep_override():
+            raise UsageError(
+                f"{override.input_line} names several values: add -m to run each of them, or "
+                "quotes if it is one value"
+            )
 
 
 def _check_words(words: Sequence[str]) -> None:
@@ -169,13 +185,15 @@ def _check_overrides(
     -------
     What was composed, with Hydra's own: for each of these combinations the first job with it.
     """
-    groups = config_groups()
+    taken = _groups_of(config_name)
+    groups = {name: choices for name, choices in config_groups().items() if name in taken}
     if any(override.key_or_group == "experiment" for override in overrides):
         groups["experiment"] = _experiments(config_name, groups["experiment"])
     for override in overrides:
         if override.key_or_group in groups:
             _check_choice(override, groups[override.key_or_group])
-    _check_launcher(overrides)
+    if "launcher" in groups:
+        _check_launcher(overrides)
     composed: dict[tuple[str, ...], DictConfig] = {}
     checked = set()
     for job in jobs:
@@ -189,7 +207,24 @@ def _check_overrides(
             _explain(config_name, job, choices, groups)
             raise
         _check_taken(overrides, composed[job])
+    _check_added(config_name, overrides, groups)
     return composed
+
+
+def _groups_of(config_name: str) -> set[str]:
+    """Groups that the defaults of a command's config choose from."""
+    defaults = load_yaml(configs_folder() / f"{config_name}.yaml")["defaults"]
+    entries = [entry for entry in defaults if isinstance(entry, Mapping)]
+    return {key.split()[-1].partition("@")[0] for entry in entries for key in entry}
+
+
+def _check_added(config_name: str, overrides: Sequence[Override], groups: Iterable[str]) -> None:
+    """Raise UsageError if a key that is added with "+" stands where nothing would read it."""
+    for override in overrides:
+        if override.is_add() or override.is_force_add():
+            keys = [*map(str, compose(config_name)), *groups, "hydra"]
+            if override.key_or_group.partition(".")[0] not in keys:
+                raise unknown_key(override.key_or_group, keys)
 
 
 def _check_taken(overrides: Sequence[Override], config: DictConfig) -> None:

@@ -131,7 +131,7 @@ class EvaluationSettings:
     seed: int = EvaluationConfig.seed
     vary: dict[str, Any] | None = None
     reference: str | None = EvaluationConfig.reference
-    smallest_effects: Any = None
+    smallest_effects: dict[str, float] | None = None
     trust_pickles: bool = EvaluationConfig.trust_pickles
     study: str | None = EvaluationConfig.study
     paths: int = EvaluationConfig.paths

@@ -4,6 +4,7 @@ import dataclasses
 import types
 import typing
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Final, Literal, TypeVar, cast, get_args, get_origin
 
 from flyrl.cli.arguments import unknown_key
@@ -80,9 +81,10 @@ _NAMES: Final = {int: "a whole number", float: "a number", str: "text", bool: "t
 
 def _scalar(hint: type, value: Any, key: str) -> Any:
     if hint is float and type(value) is int:
-        return float(value)
+        with suppress(OverflowError):
+            return float(value)
     if type(value) is not hint:
-        raise ValueError(f"{key} must be {_NAMES[hint]}, got {value!r}")
+        raise ValueError(f"{key} must be {_NAMES[hint]}, got {value!r:.60}")
     return value
 
 

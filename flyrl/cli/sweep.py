@@ -251,7 +251,10 @@ def run_sweep(
         usable_folder(folder)
     else:
         folder = new_folder(folder.parent, folder.name)
-        sys.argv.append("hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'")))
+        place = "hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'"))
+        words = [i for i, text in enumerate(sys.argv) if i and "=" in text and text[0] != "-"]
+        # beside the others: Hydra takes no overrides on both sides of an option
+        sys.argv.insert(words[0] if words else len(sys.argv), place)
     _announce(folder, asked.jobs, command)
     os.environ[_PARENT] = str(os.getpid())
     code: int | str | None = 0

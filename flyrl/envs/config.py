@@ -18,7 +18,7 @@ from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Episode, Neurons, Task, task_named
 from flyrl.terrains import TERRAINS, TerrainConfig
-from flyrl.validation import did_you_mean, from_keys, one_of, positive
+from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -28,6 +28,9 @@ Config = TypeVar("Config")
 
 Fields = Mapping[str, Any]
 """Fields of a config, from which it is made."""
+
+LONGEST_DECISION_S: Final = 10.0
+"""The engine cannot be interrupted within a decision."""
 
 _CONFIGS: Final[Mapping[str, tuple[type[Any], ...]]] = {
     "body": (FlyConfig, WormConfig),
@@ -56,7 +59,8 @@ class EnvConfig:
     physics
         Settings, or the name of a preset; None takes "balanced" for a fly and "worm" for a worm.
     decision_interval
-        s for which a decision is held; None takes the task's. A multiple of the physics step.
+        s for which a decision is held, at most 10; None takes the task's. A multiple of the
+        physics step.
     randomisation
         Ranges that the fly of every episode is drawn from, or the name of some.
     log_gait
@@ -81,11 +85,12 @@ class EnvConfig:
     def __post_init__(self) -> None:
         for name, kinds in _CONFIGS.items():
             given = getattr(self, name)
-            if isinstance(given, Mapping):  # as JSON gives them
+            if given and isinstance(given, Mapping):  # as JSON gives them
                 object.__setattr__(self, name, _from_fields(name, given, kinds))
         one_of("log_gait", self.log_gait, (False, True))
         if self.decision_interval is not None:
             positive("decision_interval", self.decision_interval)
+            within("decision_interval", self.decision_interval, 0, LONGEST_DECISION_S)
         task = self.task
         if not isinstance(task, str | Task):
             raise ValueError(f"task must be a Task or one of {_list(TASK_NAMES)}, got {task!r}")

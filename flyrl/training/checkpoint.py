@@ -6,6 +6,7 @@ file is PyTorch's, read with `weights_only=True`: tensors, numbers, text, lists 
 
 import io
 import random
+import zipfile
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
@@ -216,22 +217,30 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
 
     Raises
     ------
+    OSError
+        The file cannot be opened.
     ResumeError
-        The file is damaged, or no checkpoint of flyrl.
+        It is damaged, or no checkpoint of flyrl.
     """
-    try:
-        record = torch.load(path, weights_only=True)
-        if record["format"] != _FORMAT:
-            raise ResumeError(f"{path} has format {record['format']!r}, known is {_FORMAT}")
-        state: dict[str, Any] = record["state"]
-        parameters = state["learner"].pop("parameters")
-        if missing := _PARTS - state.keys():
-            raise ResumeError(f"{path} lacks {', '.join(sorted(missing))}")
-        int(state["run"]["decisions"])
-    except (OSError, ResumeError):
-        raise
-    except Exception as error:  # torch names no common class for what a damaged file may raise
-        raise ResumeError(f"{path} is damaged, or no checkpoint: {error}") from error
+    with path.open("rb") as file:
+        try:
+            with zipfile.ZipFile(file) as archive:
+                if damaged := archive.testzip():  # torch.load compares no checksums
+                    raise ResumeError(f"{path} is damaged: its {damaged} is not as it was written")
+            file.seek(0)
+            record = torch.load(file, weights_only=True)
+            if record["format"] != _FORMAT:
+                raise ResumeError(f"{path} has format {record['format']!r}, known is {_FORMAT}")
+            state: dict[str, Any] = record["state"]
+            parameters = state["learner"].pop("parameters")
+            if missing := _PARTS - state.keys():
+                raise ResumeError(f"{path} lacks {', '.join(sorted(missing))}")
+            int(state["run"]["decisions"])
+        except ResumeError:
+            raise
+        except Exception as error:
+            # torch names no common class for what a damaged file may raise: OSError, too
+            raise ResumeError(f"{path} is damaged, or no checkpoint: {error}") from error
     restored: dict[str, Any] = _map(state, _to_array)
     restored["learner"]["parameters"] = parameters
     return restored

@@ -38,6 +38,10 @@ from flyrl.resources import configs_folder
         ("algo.device=cuda", r"no key 'algo\.device': training runs on the CPU"),
         ("hydra.run.dri=x", r"hydra\.run\.dri"),
         ("launcher=jolib", "launcher must be one of 'joblib', .*; did you mean 'joblib'"),
+        ("+nmu_envs=3", "there is no key 'nmu_envs'"),
+        ("++sed=3", "there is no key 'sed'; did you mean 'seed'"),
+        ("runs_folder=é", "'runs_folder=é' cannot be read; write unusual values in quotes"),
+        ("--config-dir=nowhere", "--config-dir must be a folder, got 'nowhere'"),
     ],
 )
 def test_what_cannot_be_meant(argument, message):
@@ -65,8 +69,29 @@ def test_what_cannot_be_meant(argument, message):
         ["-m", "algo=sac", "algo.tau=0.01,0.02"],
     ],
 )
-def test_what_is_fine(arguments):
+def test_what_is_fine(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     check_arguments("train", arguments)
+
+
+@pytest.mark.parametrize(
+    ("argument", "message"),
+    [
+        ("terrain=flat", "there is no key 'terrain'; did you mean 'terrains'"),
+        ("terain=flat", "there is no key 'terain'; did you mean 'terrains'"),
+        ("algo=ppo", "there is no key 'algo'"),
+        ("launcher=nowhere", "there is no key 'launcher'"),
+        ("terrains={}", "terrains={}: .*ListConfig"),
+    ],
+)
+def test_choices_of_another_command_are_unknown(argument, message):
+    with pytest.raises(UsageError, match=message):
+        check_arguments("evaluate", [argument])
+
+
+def test_a_folder_that_hydra_cannot_make_is_an_error_of_the_user():
+    with pytest.raises(OSError, match="Not a directory"):
+        check_arguments("train", ["hydra.run.dir=/dev/null/x"])
 
 
 def test_keys_of_a_choice_that_was_not_made():
@@ -77,7 +102,7 @@ def test_keys_of_a_choice_that_was_not_made():
 def test_a_key_of_other_choices_names_them():
     with pytest.raises(UsageError, match=r"'algo\.her' here, only with algo=ddpg,sac,td3,tqc$"):
         check_arguments("train", ["algo=ppo", "algo.her=true"])
-    with pytest.raises(UsageError, match=r"there is no key 'algo\.her'; did you mean"):
+    with pytest.raises(UsageError, match=r"there is no key 'algo\.her' \(--cfg job"):
         check_arguments("evaluate", ["algo.her=true"])
 
 

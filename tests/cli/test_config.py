@@ -1,5 +1,10 @@
 """The YAML files and the dataclasses say the same."""
 
+import contextlib
+import copy
+import functools
+import math
+
 import pytest
 import yaml
 from hydra import compose, initialize_config_dir
@@ -12,6 +17,7 @@ from flyrl.cli.arguments import EXTRAS
 from flyrl.cli.config import (
     env_config,
     evaluation_config,
+    evaluation_settings,
     own_settings,
     training_config,
 )
@@ -295,3 +301,23 @@ def test_a_config_from_before_randomisation_has_none():
 def test_bad_values(overrides, message):
     with pytest.raises(ValueError, match=message):
         training_config(_composed(*overrides))
+
+
+ODD = (None, True, 5, -1, 10**9, 10**400, 1e-12, 1e308, math.nan, math.inf, "", "abc", [], {}, [[]])
+
+
+@pytest.mark.parametrize("name", ["train", "evaluate"])
+def test_every_key_takes_an_odd_value_or_refuses_it(name):
+    settings = _composed(name=name)
+    for key in flat(settings):
+        *groups, last = key.split(".")
+        for value in ODD:
+            changed = copy.deepcopy(settings)
+            functools.reduce(dict.__getitem__, groups, changed)[last] = value
+            # an error of another class would be a traceback
+            with contextlib.suppress(ValueError):
+                if name == "train":
+                    training_config(changed)
+                    evaluation_settings(changed["evaluation"], "evaluation")
+                else:
+                    evaluation_config(changed, own_settings(changed), "")

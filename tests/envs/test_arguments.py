@@ -11,6 +11,7 @@ import flyrl  # noqa: F401
     [
         ({"terrain": 5}, "terrain must be a TerrainConfig or one of 'flat', .* got 5"),
         ({"terrain": None}, "terrain must be a TerrainConfig or one of .* got None"),
+        ({"terrain": {}}, "terrain must be a TerrainConfig or one of .* got {}"),
         ({"terrain": {"nam": "flat"}}, "terrain has no 'nam'; did you mean 'name'"),
         ({"terrain": "gaped"}, "terrain must be one of .* did you mean 'gapped'"),
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
@@ -19,6 +20,8 @@ import flyrl  # noqa: F401
         ({"controller": 5}, "controller must be a ControllerConfig or one of 'cpg', .* got 5"),
         ({"task": 5}, "task must be a Task or one of 'target', .* got 5"),
         ({"decision_interval": "2"}, "decision_interval must be a finite number .* got '2'"),
+        ({"decision_interval": 1e308}, "decision_interval must lie within 0 and 10.0"),
+        ({"task": "hybrid_turning", "decision_interval": 1e6}, "decision_interval must lie within"),
         ({"log_gait": "yes"}, "log_gait must be one of False, True, got 'yes'"),
         ({"terain": "flat"}, "unexpected keyword argument 'terain'; did you mean 'terrain'"),
     ],

@@ -1,3 +1,4 @@
+import os
 import pickle
 import resource
 from pathlib import Path
@@ -37,10 +38,21 @@ def test_a_checkpoint_comes_back_as_it_was(tmp_path):
     assert loaded["pair"] == (1, [2.5, "text"])
 
 
-def test_a_damaged_checkpoint_is_an_error_that_names_it(tmp_path):
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.9])
+def test_a_damaged_checkpoint_is_an_error_that_names_it(tmp_path, share):
     path = tmp_path / "c.pt"
-    save_checkpoint(path, STATE)
-    path.write_bytes(path.read_bytes()[:-100])
+    save_checkpoint(path, {**STATE, "more": [np.full(1000, i) for i in range(60)]})
+    os.truncate(path, round(share * path.stat().st_size))
+    with pytest.raises(ResumeError, match=r"c\.pt is damaged"):
+        load_checkpoint(path)
+
+
+def test_a_number_that_changed_in_a_checkpoint_is_an_error(tmp_path):
+    path = tmp_path / "c.pt"
+    save_checkpoint(path, {**STATE, "more": np.full(1000, 7.0)})
+    data = path.read_bytes()
+    assert data.count(np.full(1000, 7.0).tobytes()) == 1
+    path.write_bytes(data.replace(np.full(2, 7.0).tobytes(), np.full(2, 8.0).tobytes(), 1))
     with pytest.raises(ResumeError, match=r"c\.pt is damaged"):
         load_checkpoint(path)
 
