@@ -131,8 +131,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
             else:
                 ours = compose(name, [*plain, *search], return_hydra_config=True).hydra
             if not (options.multirun or ours.mode == RunMode.MULTIRUN):
-                usable_folder(Path(ours.run.dir))  # Hydra makes it, too, with a traceback if not
-                _check_single(overrides)
+                _check_single(overrides, Path(ours.run.dir))
                 return None
             return Sweep(
                 Path(ours.sweep.dir),
@@ -152,14 +151,15 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
         raise UsageError(text) from error
 
 
-def _check_single(overrides: Sequence[Override]) -> None:
-    """Raise UsageError if one of the overrides of a single run names several values."""
+def _check_single(overrides: Sequence[Override], folder: Path) -> None:
+    """Check what only a run that is no sweep needs: one value per key, and Hydra's folder."""
     for override in overrides:
         if override.is_sweep_override():
             raise UsageError(
                 f"{override.input_line} names several values: add -m to run each of them, or "
                 "quotes if it is one value"
             )
+    usable_folder(folder)  # Hydra makes it, too, with a traceback where it cannot
 
 
 def _check_words(words: Sequence[str]) -> None:

@@ -60,9 +60,11 @@ def run(record: dict[str, Any], start: Start) -> Path:
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, training_config  # noqa: PLC0415
     from flyrl.cli.evaluate import comparison, results_folder  # noqa: PLC0415
-    from flyrl.validation import file_path  # noqa: PLC0415
+    from flyrl.validation import file_path, one_of  # noqa: PLC0415
 
-    is_compared, shares = bool(record["evaluate_after"]), {}
+    for key in ("evaluate_after", "video_after", "trust"):
+        one_of(key, record[key], (False, True))
+    is_compared, shares = record["evaluate_after"], {}
     runs = start.sweep or file_path("runs_folder", record["runs_folder"])
     asked = record["resume"]
     interrupted = None if asked is None else file_path("resume", asked)
@@ -71,7 +73,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
         from flyrl.training.runs import read_record  # noqa: PLC0415
 
         settings_of_run = read_record(interrupted)
-        check_trust(interrupted, settings_of_run, record["trust"] is True, "trust=true")
+        check_trust(interrupted, settings_of_run, record["trust"], "trust=true")
         record = {**record, **settings_of_run}
     config = training_config(record)
     if config.logger is not None:
@@ -88,7 +90,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
             return earlier.path
         interrupted = earlier.path
         config = training_config({**record, **earlier.settings})
-    show = partial(illustrate, config, with_video=bool(record["video_after"]))
+    show = partial(illustrate, config, with_video=record["video_after"])
     report, is_complete = None, True
     with whole_job(shares):
         finished = _learn(config, start, interrupted, runs, show)

@@ -49,6 +49,9 @@ def test_train_from_an_empty_folder(tmp_path, run_here):
         (["resume="], "error: resume must be the path of a folder or file, got ''\n"),
         (["runs_folder="], "error: runs_folder must be the path of a folder or file, got ''\n"),
         (["evaluation.folder="], "error: folder must be the path of a folder or file, got ''\n"),
+        (["trust=yes"], "error: trust must be one of False, True, got 'yes'\n"),
+        (["evaluate_after=[]"], "error: evaluate_after must be one of False, True, got []\n"),
+        (["video_after=null"], "error: video_after must be one of False, True, got None\n"),
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
         (
             ["resume=runs/a", "seed=1"],
