@@ -177,7 +177,7 @@ def make_results(
         "crashes": [],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},
     }
-    summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0))
+    summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0), vary)
     protocol = json.loads(json.dumps(protocol))
     drawn = json.loads(json.dumps([asdict(record.episode) for record in records[:episodes]]))
     paths = {row: trajectory(record) for row, record in enumerate(records)}

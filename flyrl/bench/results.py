@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.files import write_text
-from flyrl.validation import one_of
 
 Row = dict[str, Any]
 Part = dict[str, Any]
@@ -42,6 +41,8 @@ def read(path: Path) -> Results:
     ValueError
         The file holds something else.
     """
+    from flyrl.validation import one_of  # noqa: PLC0415  (loads NumPy, which shells need not wait for)
+
     if not path.exists():
         return {}
     try:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.bench.results import PARTS
 from flyrl.cli.program import path_argument
+from flyrl.text import printable
 
 if TYPE_CHECKING:
     from flyrl.bench.results import Row
@@ -140,7 +141,7 @@ def measure(options: argparse.Namespace, more: Mapping[str, Callable[[], list[Ro
             measured = {"machine": machine(), "settings": settings, "rows": measures[part]()}
             stored = results.read(options.output)
             results.write(options.output, results.merged(stored, {part: measured}))
-    print(table(results.read(options.output)))
+    print(printable(table(results.read(options.output)), keep="\n"))
     return 0
 
 

@@ -10,11 +10,12 @@ from typing import Any, Final
 
 from flyrl.cli.runs import names_of
 from flyrl.cli.sweep import Job, Note, by_key, read_jobs, swept_keys
-from flyrl.cli.tables import NOTHING, csv_text, print_table, printable
+from flyrl.cli.tables import NOTHING, print_table
 from flyrl.evaluation.metrics import LOWER_IS_BETTER, decisive_metrics
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
+from flyrl.text import csv_text, printable
 from flyrl.training.config import WITHOUT_EFFECT
 from flyrl.training.runs import RunSummary, find_runs, flat, read_run
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
+from flyrl.text import printable
 
 _PARSERS = {"antlr4", "hydra", "omegaconf"}
 """Packages whose errors are about the command line or a config file."""
@@ -71,6 +72,7 @@ def reported() -> Iterator[None]:
                 message = "a value is nested too deeply"
             elif isinstance(error, MemoryError):
                 message = f"there is not enough memory for these sizes. {message}".strip()
+            message = printable(message, keep="\n\t")  # it may quote a file of somebody else's
             print(f"error: {message}", file=sys.stderr)
             raise Failure(message) from None
 

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 
 _PORT: Final = 8080
 
+_PILOT: Final = "target-flat"
+"""Who steers the fly at first."""
+
+_NONE: Final = "none"
+"""Value of --policy: a person."""
+
 NAMES: Final = ("fly", "worm")
 
 _OF_THE_FLY: Final = ("terrain", "controller", "physics", "body", "policy", "seed")
@@ -31,7 +37,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="open a live page in the browser",
         description="Play with a simulation, live in the browser. The page is served to this "
         "computer alone. Ctrl-C ends it.",
-        epilog="fly: steered by sliders and arrow keys, or by a policy. worm: the literature's "
+        epilog="fly: a policy steers it, until arrow keys or sliders do. worm: the literature's "
         "worm in mid air; key h recruits 20 more motor neurons, n 20 fewer. "
         "Examples: flyrl play; flyrl play fly --terrain blocks --controller hybrid; "
         "flyrl play worm --port 9000",
@@ -48,7 +54,11 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     fly.add_argument("--controller", metavar="NAME", help="what moves its legs")
     fly.add_argument("--physics", metavar="NAME", help="preset of the physics")
     fly.add_argument("--body", metavar="NAME", help="which fly")
-    fly.add_argument("--policy", metavar="POLICY", help="what steers it, instead of a person")
+    fly.add_argument(
+        "--policy",
+        metavar="POLICY",
+        help=f"what steers it to targets at first (default: {_PILOT}); {_NONE!r}: a person",
+    )
     fly.add_argument("--seed", type=int, metavar="N", help="of its first reset")
     page = parser.add_argument_group("the page")
     page.add_argument(
@@ -95,6 +105,8 @@ def run(options: argparse.Namespace) -> int:
     given = {name: value for name, value in given.items() if value is not None}
     if options.name != "fly" and given:
         raise ValueError(f"--{next(iter(given))} goes with the fly only, got {options.name!r}")
+    if options.name == "fly":
+        given["policy"] = None if options.policy == _NONE else options.policy or _PILOT
     return serve(lambda: _make(options.name, given), options)
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from flyrl.cli.program import path_argument, program
 from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
 from flyrl.entry_points import check_trust
+from flyrl.text import printable
 from flyrl.training.runs import RunSummary, read_run
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ def run(options: argparse.Namespace) -> int:
     repeat = read_run(options.repeat if again is None else again.folder)
     result = compare(original, repeat)
     print(f"policy: {result.policy or 'identical, bit for bit'}")
-    print(f"evaluations: {result.evaluations or 'identical'}")
+    print(f"evaluations: {printable(result.evaluations or 'identical')}")
     for line in result.origins or ("same code, packages and CPU",):
         print(f"where from: {line}")
     print(f"repeat: {repeat.path}")

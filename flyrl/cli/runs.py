@@ -61,7 +61,8 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """List or compare."""
-    from flyrl.cli.tables import csv_text, print_table  # noqa: PLC0415
+    from flyrl.cli.tables import print_table  # noqa: PLC0415
+    from flyrl.text import csv_text  # noqa: PLC0415
 
     missing = [str(path) for path in options.paths if not path.is_dir()]
     if missing:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.study import ERROR, RUN, Plan
-from flyrl.cli.tables import csv_text, print_table
+from flyrl.cli.tables import print_table
 from flyrl.files import write_text
+from flyrl.text import csv_text
 
 if TYPE_CHECKING:
     from optuna import Study

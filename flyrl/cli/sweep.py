@@ -24,12 +24,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, TypeGuard
 
 from flyrl.cli.arguments import Sweep
 from flyrl.cli.errors import Failure
 from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.progress import progress_bar
+from flyrl.text import printable
 
 SWEEP_FILE: Final = "sweep.json"
 _NOTES: Final = "jobs"
@@ -203,7 +204,7 @@ def _read_sweep(folder: Path) -> tuple[list[str], list[Job]]:
     return commands, [tuple(job) for job in jobs]
 
 
-def _are_texts(values: Any) -> bool:
+def _are_texts(values: Any) -> TypeGuard[list[str]]:
     return isinstance(values, list) and all(isinstance(value, str) for value in values)
 
 
@@ -312,7 +313,7 @@ def _tell_failures(jobs: Sequence[Job], ended: Sequence[Note | None]) -> int:
         error = "not started, killed, or still running" if note is None else note.error
         if error is not None:
             failures += 1
-            print(f"failed: {title[job]}: {error}", file=sys.stderr)
+            print(printable(f"failed: {title[job]}: {error}"), file=sys.stderr)
     return failures
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -11,6 +9,8 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
+
+from flyrl.text import printable
 
 NOTHING: Final = "-"
 _PIPE_WIDTH: Final = 1000
@@ -33,15 +33,6 @@ def print_table(columns: Sequence[str], rows: Sequence[Row]) -> None:
     console.print(table)
 
 
-def csv_text(columns: Sequence[str], rows: Sequence[Row]) -> str:
-    """The same as CSV: a header, then a line per row; None is an empty cell."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(columns), extrasaction="ignore", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
-
-
 def _text(value: Any) -> Text:
     """A cell; what a stranger's file holds cannot move the cursor or colour the terminal."""
     if value is None:
@@ -49,8 +40,3 @@ def _text(value: Any) -> Text:
     if isinstance(value, float):
         return Text(f"{value:.4g}")
     return Text(printable(str(value)))
-
-
-def printable(text: str) -> str:
-    """What a stranger's file holds, with a question mark for every control character."""
-    return "".join(c if c.isprintable() else "?" for c in text)

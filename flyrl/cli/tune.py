@@ -150,13 +150,13 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
     )
     from flyrl.resources import configs_folder  # noqa: PLC0415
 
-    is_sweep = check_arguments("train", overrides) is not None
-    for override in OverridesParser.create().parse_overrides(list(overrides)):
-        if is_sweep or override.is_sweep_override():
-            raise ValueError(
-                "flyrl tune trains one after the other, and searches what the search space "
-                f"says; it takes no sweep, got {override.input_line if not is_sweep else overrides}"
-            )
+    parsed = OverridesParser.create().parse_overrides(list(overrides))
+    swept = [str(each.input_line) for each in parsed if each.is_sweep_override()]
+    if swept or check_arguments("train", overrides) is not None:
+        raise ValueError(
+            "flyrl tune trains one after the other, and searches what the search space says; it "
+            f"takes no sweep, got {' '.join(swept or overrides)}"
+        )
     folder = str(configs_folder().resolve())
     with initialize_config_dir(folder, job_name="train", version_base=HYDRA_VERSION):
         return plain_values(compose("train", list(overrides)))

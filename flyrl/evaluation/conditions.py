@@ -169,6 +169,24 @@ class Condition:
         return self._quantity.episode(episode, self.value) if self.name else episode
 
 
+def all_conditions(vary: Mapping[str, Sequence[Any]]) -> tuple[Condition, ...]:
+    """Conditions of quantities and their values; without quantities, one that changes nothing."""
+    if not vary:
+        return (Condition(),)
+    return tuple(Condition(name, value) for name, values in vary.items() for value in values)
+
+
+def compared_conditions(vary: Mapping[str, Sequence[Any]]) -> tuple[Condition, ...]:
+    """The usual condition, then every one that changes something.
+
+    The usual condition is the first that changes nothing; without any, the first of all. Others
+    that change nothing are left out: they are the same episodes again.
+    """
+    conditions = all_conditions(vary)
+    usual = next((each for each in conditions if each.is_usual), conditions[0])
+    return (usual, *(each for each in conditions if each != usual and not each.is_usual))
+
+
 def value_text(value: Any) -> str:
     """A value as it stands in tables: a number without needless digits, names after one another."""
     if isinstance(value, bool):

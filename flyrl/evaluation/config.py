@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.config import BodyConfig, EnvConfig
-from flyrl.evaluation.conditions import Condition
+from flyrl.evaluation.conditions import Condition, all_conditions
 from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS
 from flyrl.evaluation.studies import STUDIES
@@ -191,11 +191,7 @@ class EvaluationConfig:
     @property
     def conditions(self) -> tuple[Condition, ...]:
         """What everyone walks under, one after the other."""
-        if not self.vary:
-            return (Condition(),)
-        return tuple(
-            Condition(name, value) for name, values in self.vary.items() for value in values
-        )
+        return all_conditions(self.vary)
 
     def draw_episodes(
         self, terrain: TerrainConfig, condition: Condition | None = None

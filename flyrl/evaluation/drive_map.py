@@ -100,14 +100,20 @@ def measure_drive_map(
     way = np.linalg.norm((env.state.position_w - begin.position_w)[:, :2], axis=1)
     has_walked = ~has_failed.reshape(size, size, starts)
     (speed, speed_error), (yaw_rate, yaw_rate_error) = (
-        _mean_and_error(values.reshape(has_walked.shape) / duration, has_walked)
+        mean_and_error(values.reshape(has_walked.shape) / duration, has_walked)
         for values in (way, np.rad2deg(turned))
     )
     return DriveMap(drives, speed, yaw_rate, starts, speed_error, yaw_rate_error)
 
 
-def _mean_and_error(values: FloatArray, has_walked: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Mean over the starts and its standard error; NaN where at least half of the flies failed."""
+def mean_and_error(values: FloatArray, has_walked: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Mean over the starts and its standard error; NaN where at least half of the flies failed.
+
+    Parameters
+    ----------
+    values, has_walked
+        Of each fly, starts along the last axis.
+    """
     count = has_walked.sum(axis=-1)
     is_known = 2 * count > values.shape[-1]
     mean = np.sum(values, axis=-1, where=has_walked) / np.where(is_known, count, np.nan)

@@ -18,14 +18,11 @@ from flyrl.rollouts.records import BoolArray, FloatArray
 BLIP_S: Final = 0.01
 """Stance and swing phases shorter than half of this are filtered out, s."""
 
-STANDING_MM_S: Final = 1.0
-"""A body slower than this stands, mm/s: at drive 0.3 a fly walks at 4, at drive 0 it sinks at 0.2.
+LEAST_STRIDE_MM: Final = 0.15
+"""Least movement of the body from touchdown to touchdown of a leg, mm: half of that at drive 0.3.
 
-Legs that lose and regain the ground, or their grip, under a standing body take no strides.
+Legs that lose and regain the ground, or their grip, take no stride with less.
 """
-
-STANDING_OVER_S: Final = 0.1
-"""Time over which that speed is taken, s: about a stride."""
 
 ARM_MM: Final = 1.0
 """Distance from the thorax at which a turn on the spot counts as movement, mm: about a leg."""
@@ -33,29 +30,28 @@ ARM_MM: Final = 1.0
 Interval = tuple[int, int]
 
 
-def is_moving(
-    time_s: FloatArray, position_w: FloatArray, yaw: FloatArray, sampled_s: FloatArray
-) -> BoolArray:
-    """Whether the body walks or turns at each of the times `sampled_s` (S,), shape (S,).
+def moved_mm(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Movement of the body between places (..., 3): x and y in mm, yaw in rad; mm, shape (...)."""
+    dx, dy, turn = np.moveaxis(end - start, -1, 0)
+    return np.asarray(np.hypot(dx, dy) + ARM_MM * np.abs(turn))
+
+
+def step_raster(stance: BoolArray, places: FloatArray, interval_s: float) -> BoolArray:
+    """Stance (S, 6) without blips, and without swings that do not end a stride.
 
     Parameters
     ----------
-    time_s, position_w, yaw
-        Of the thorax: s, shape (T,); mm, shape (T, 2); rad, shape (T,).
+    places
+        Of the body: x and y in mm, yaw in rad, shape (S, 3).
     """
-    start = np.clip(sampled_s - STANDING_OVER_S / 2, time_s[0], time_s[-1])
-    end = np.clip(sampled_s + STANDING_OVER_S / 2, time_s[0], time_s[-1])
-    dx, dy, turn = (
-        np.interp(end, time_s, column) - np.interp(start, time_s, column)
-        for column in (*position_w.T, yaw)
-    )
-    moved = np.hypot(dx, dy) + ARM_MM * np.abs(turn)
-    return np.asarray(moved >= STANDING_MM_S * (end - start), dtype=bool)
-
-
-def step_raster(stance: BoolArray, moves: BoolArray, interval_s: float) -> BoolArray:
-    """Stance (S, 6) without swings of a standing body, shape of `moves` (S,), and without blips."""
-    return without_blips(stance | ~moves[:, np.newaxis], interval_s)
+    raster = without_blips(stance, interval_s)
+    for leg, found in enumerate(swings(raster)):
+        before = 0
+        for start, end in found:
+            if moved_mm(places[before], places[end]) < LEAST_STRIDE_MM:
+                raster[start:end, leg] = True
+            before = end
+    return raster
 
 
 def without_blips(stance: BoolArray, interval_s: float) -> BoolArray:

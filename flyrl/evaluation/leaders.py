@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ from flyrl.evaluation.summary import metric_values, paired_values
 
 @dataclass(frozen=True)
 class Leader:
-    """Who is best on a terrain.
+    """Who is best on a terrain under a condition.
 
     Attributes
     ----------
@@ -31,6 +31,8 @@ class Leader:
         Who comes next, and its mean; None where all are the best.
     difference
         The best minus the next on the same episodes, with its interval; None without a next.
+    condition
+        Label of the condition; empty where nothing is varied.
     """
 
     terrain: str
@@ -40,6 +42,7 @@ class Leader:
     next_name: str | None = None
     next_value: float | None = None
     difference: Interval | None = None
+    condition: str = ""
 
     @property
     def is_alone(self) -> bool:
@@ -53,7 +56,7 @@ def find_leaders(
     rng: np.random.Generator,
     effects: Mapping[str, float] = SMALLEST_EFFECTS,
 ) -> list[Leader]:
-    """The best on each terrain, in order of first appearance.
+    """The best on each terrain under each condition, in order of first appearance.
 
     They are ranked by what the task is about (see `decisive_metrics`). Those who are not worse than
     the best (the interval of the mean difference includes 0, the difference is smaller than the
@@ -62,7 +65,7 @@ def find_leaders(
     Parameters
     ----------
     rows
-        Episodes under one condition; see `flyrl.evaluation.rows`.
+        Episodes; see `flyrl.evaluation.rows`.
     horizon_s
         Stands in for the time to goal of an episode without success, s.
     rng
@@ -71,18 +74,23 @@ def find_leaders(
         Smallest effect of interest by metric; 0 of others.
     """
     return [
-        _leader(
-            str(terrain),
-            {
-                str(name): own
-                for name, own in walked.groupby("controller", sort=False, observed=True)
-            },
-            decisive_metrics(walked["task"].iloc[0]),
-            horizon_s,
-            rng,
-            effects,
+        replace(
+            _leader(
+                str(terrain),
+                {
+                    str(name): own
+                    for name, own in walked.groupby("controller", sort=False, observed=True)
+                },
+                decisive_metrics(walked["task"].iloc[0]),
+                horizon_s,
+                rng,
+                effects,
+            ),
+            condition=str(condition),
         )
-        for terrain, walked in rows.groupby("terrain", sort=False, observed=True)
+        for (terrain, condition), walked in rows.groupby(
+            ["terrain", "condition"], sort=False, observed=True
+        )
     ]
 
 

@@ -49,7 +49,7 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     """
     file, policy = _load(path, config)
     env, training = policy.bundle.env, policy.bundle.training
-    _check_observations(policy, config.resolved_task)
+    _check_observations(file, policy, config.resolved_task)
     try:
         legs = env.get("controller")
         controller = ControllerConfig(**legs) if legs is not None else config.legs
@@ -99,7 +99,7 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
     return Path(model), LearnedPolicy(dataclasses.replace(bundle, env={}))
 
 
-def _check_observations(policy: LearnedPolicy, task: Task) -> None:
+def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
     """Raise PolicyFileError unless the policy sees what the task shows; say what would help."""
     try:
         policy.check_task(task)
@@ -107,9 +107,9 @@ def _check_observations(policy: LearnedPolicy, task: Task) -> None:
         trained_in = policy.bundle.env.get("task")
         terms = trained_in.get("terms", []) if isinstance(trained_in, dict) else []
         if terms == list(task.added):
-            raise
+            raise PolicyFileError(f"{file}: {error}") from error
         raise PolicyFileError(
-            f"{error}; it was trained with task.terms={_hydra_list(terms)}, "
+            f"{file}: {error}; it was trained with task.terms={_hydra_list(terms)}, "
             f"here they are {_hydra_list(task.added)}"
         ) from error
 
@@ -121,8 +121,8 @@ def _hydra_list(names: Sequence[str]) -> str:
 def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
     text = "learned"
     if "algo" in training:
-        text += f" with {training['algo']}"
+        text += f" with {training['algo']!s:.60}"
     terrain = env.get("terrain")
     if isinstance(terrain, dict) and "name" in terrain:
-        return f"{text} on {terrain_label(terrain['name'], terrain.get('random'))}"
+        return f"{text} on {terrain_label(terrain['name'], terrain.get('random')):.60}"
     return f"{text} on unknown ground"

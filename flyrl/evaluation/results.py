@@ -43,6 +43,7 @@ RESULTS_FILES: Final = (RESULTS_FILE, EPISODES_FILE, TRAJECTORIES_FILE)
 
 _TEXT: Final = (str,)
 _NUMBER: Final = (int, float)
+_NAME_LENGTH: Final = 1000
 
 PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
     "command": _TEXT,
@@ -195,8 +196,10 @@ def validate(contents: object) -> None:
     outcomes = _check_protocol(contents["protocol"])
     for index, row in enumerate(contents["episodes"]):
         _check_row(row, index, outcomes)
+        _check_names(row, f"episodes[{index}]")
     for index, row in enumerate(contents["summary"]):
         _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
+        _check_names(row, f"summary[{index}]")
 
 
 _CONTENTS: Final = {"protocol": (dict,), "drawn": (dict,), "episodes": (list,), "summary": (list,)}
@@ -232,6 +235,17 @@ def _check_keys(given: object, expected: Mapping[str, tuple[type, ...]], where: 
         if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
             names = " or ".join("null" if t is type(None) else t.__name__ for t in types)
             raise ResultsError(f"{where}.{key}: {value!r}; expected {names}")
+
+
+def _check_names(row: Json, where: str) -> None:
+    """Names reach figures, tables and terminals."""
+    for key in ("controller", "task", "terrain", "condition", "outcome"):
+        name = row.get(key, "")
+        if not name.isprintable() or len(name) > _NAME_LENGTH:
+            raise ResultsError(
+                f"{where}.{key}: {name!a:.60}; expected printable text of at most "
+                f"{_NAME_LENGTH} characters"
+            )
 
 
 def results_text(results: Results) -> Iterator[str]:

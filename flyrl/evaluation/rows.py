@@ -11,6 +11,7 @@ import pandas as pd
 
 from flyrl.evaluation.metrics import METRICS, episode_metrics
 from flyrl.rollouts.records import EpisodeRecord
+from flyrl.text import csv_table
 
 Json = dict[str, Any]
 
@@ -89,9 +90,9 @@ def plain_rows(table: pd.DataFrame) -> Iterator[Json]:
 
 def csv_text(table: pd.DataFrame) -> Iterator[str]:
     """Text of `episodes.csv`, piece by piece: a header, then a line per row; None is empty."""
-    yield table.head(0).to_csv(index=False, lineterminator="\n")
+    yield csv_table(table.head(0))
     for chunk in _chunks(table):
-        yield chunk.to_csv(index=False, header=False, lineterminator="\n")
+        yield csv_table(chunk, header=False)
 
 
 def episodes_digest(table: pd.DataFrame) -> str:

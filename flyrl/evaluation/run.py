@@ -33,6 +33,7 @@ from flyrl.resources import version
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import TerrainConfig
+from flyrl.text import printable
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -122,7 +123,9 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
             "crashes": crashes,
         },
         episodes=rows,
-        summary=summarise(rows, reference, config.horizon_s, np.random.default_rng(config.seed)),
+        summary=summarise(
+            rows, reference, config.horizon_s, np.random.default_rng(config.seed), config.vary
+        ),
         drawn={
             terrain.label: _plain_episodes(config.draw_episodes(terrain))
             for terrain in config.terrain_configs
@@ -209,7 +212,7 @@ class _Walk:
             "controller": self.entrant.name,
             "terrain": self.terrain.label,
             "condition": self.condition.label,
-            "error": f"{type(error).__name__}: {error}",
+            "error": printable(f"{type(error).__name__}: {error!s:.1000}"),
             "traceback": "".join(traceback.format_exception(error)),
         }
 

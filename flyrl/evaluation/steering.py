@@ -66,6 +66,7 @@ def measure_steering(config: EvaluationConfig, terrain: TerrainConfig) -> Steeri
     episodes = config.draw_episodes(terrain)[:STARTS]
     env = BatchedEnv(config.env(terrain), len(episodes), config.num_threads)
     starts = env.reset(episodes=episodes)
+    assert not isinstance(starts, dict)  # the task is flat
     bearings = np.radians(BEARINGS_DEG)
     views = np.repeat(starts, len(bearings), axis=0)
     views[:, task.slices()[shown]] = np.tile(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -11,7 +11,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flyrl.evaluation.metrics import LOWER_IS_BETTER, METRICS, compared_metrics
+from flyrl.evaluation.conditions import compared_conditions
+from flyrl.evaluation.metrics import (
+    LOWER_IS_BETTER,
+    METRICS,
+    compared_metrics,
+    decisive_metrics,
+)
 from flyrl.evaluation.statistics import (
     adjusted,
     distribution,
@@ -25,9 +31,16 @@ from flyrl.tasks import OUTCOMES
 
 
 def summarise(
-    rows: pd.DataFrame, reference: str, horizon_s: float, rng: np.random.Generator
+    rows: pd.DataFrame,
+    reference: str,
+    horizon_s: float,
+    rng: np.random.Generator,
+    vary: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[dict[str, Any]]:
     """One summary per terrain, condition and controller, in order of first appearance.
+
+    Where quantities were varied, "paired" holds `interactions` under each condition that changes
+    something.
 
     Parameters
     ----------
@@ -39,6 +52,8 @@ def summarise(
         Time limit of an episode, s: the time to goal of an episode without success, in pairs only.
     rng
         Source of the resampling.
+    vary
+        Quantities that were varied, and their values.
 
     Raises
     ------
@@ -71,6 +86,17 @@ def summarise(
                 }
             summary.append(row)
     _adjust(summary)
+    usual, *changed = (condition.label for condition in compared_conditions(vary or {}))
+    for row in summary:
+        if row["paired"] and row["condition"] in changed:
+            walked = rows[rows["terrain"] == row["terrain"]]
+            row["paired"]["interactions"] = interactions(
+                walked[walked["condition"] == row["condition"]],
+                walked[walked["condition"] == usual],
+                (row["controller"], reference),
+                horizon_s,
+                rng,
+            )
     return summary
 
 
@@ -119,6 +145,46 @@ def paired_differences(
             "improvement": asdict(probability_of_improvement(gains, rng)),
         }
     return found
+
+
+def interactions(
+    changed: pd.DataFrame,
+    usual: pd.DataFrame,
+    names: tuple[str, str],
+    horizon_s: float,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Mean differences of differences with their intervals, by decisive metric of the task.
+
+    (own under the condition - own usually) - (other under the condition - other usually), over
+    the episodes that both walked under both.
+
+    Parameters
+    ----------
+    changed, usual
+        Rows on one terrain under the condition and under the usual one.
+    names
+        The controller and the one that it is compared with.
+    horizon_s
+        Stands in for the time to goal of an episode without success, s.
+    rng
+        Source of the resampling.
+    """
+
+    def change(name: str, metric: str) -> pd.Series[float]:
+        after, before = (
+            metric_values(rows[rows["controller"] == name], metric, horizon_s)
+            for rows in (changed, usual)
+        )
+        return after - before  # by episode; NaN of one that was walked once
+
+    own, other = names
+    return {
+        metric: asdict(
+            paired_difference((change(own, metric) - change(other, metric)).dropna(), rng)
+        )
+        for metric in decisive_metrics(changed["task"].iloc[0])
+    }
 
 
 def paired_values(

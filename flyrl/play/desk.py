@@ -77,9 +77,10 @@ class CameraSnapshot(messages.Snapshot):
 
 @dataclasses.dataclass(frozen=True)
 class PanelSnapshot(messages.Snapshot):
-    """What the panel shows, with the number of the latest change that it takes into account."""
+    """Sections of the panel and the line beside it, up to the change of a number."""
 
     sections: tuple[Section, ...]
+    hint: str
     latest_change: int
 
 
@@ -96,7 +97,9 @@ class LeaveEvent(messages.Event):
 
 
 class Desk(plugin.ViewerPlugin):
-    """Draws the panel at the right of the page; sends what a person does.
+    """Draws the panel at the left of the page; sends what a person does.
+
+    At the left, since the width of the page is only known some pictures after it was opened.
 
     Parameters
     ----------
@@ -124,6 +127,7 @@ class Desk(plugin.ViewerPlugin):
             ),
         )
         self._sections: tuple[Section, ...] = ()
+        self._hint = ""
         self._latest_change = 0
         self._awaited: dict[str, tuple[int, Setting]] = {}
         self._camera_told: tuple[Any, ...] = ()
@@ -140,7 +144,7 @@ class Desk(plugin.ViewerPlugin):
             for name, (number, value) in self._awaited.items()
             if number > snapshot.latest_change
         }
-        self._sections = snapshot.sections
+        self._sections, self._hint = snapshot.sections, snapshot.hint
 
     @messages.handler
     def on_aim(self, event: AimEvent) -> None:
@@ -183,7 +187,7 @@ class Desk(plugin.ViewerPlugin):
             imgui.SetNextWindowCollapsed(is_narrow or self._is_closed, always)
             self._is_narrow = is_narrow
         width, height = min(_WIDTH, page.x - 2 * _MARGIN), page.y - 2 * _MARGIN
-        imgui.SetNextWindowPos(imgui.Vec2(page.x - _MARGIN - width, _MARGIN), always)
+        imgui.SetNextWindowPos(imgui.Vec2(_MARGIN, _MARGIN), always)
         imgui.SetNextWindowSize(imgui.Vec2(width, min(height, self._height)), always)
         flags = imgui.WindowFlags
         fixed = (flags.NoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
@@ -197,6 +201,19 @@ class Desk(plugin.ViewerPlugin):
             self._height = imgui.GetCursorPosY() + _MARGIN
         # closed it would not come back: then it is folded
         self._is_closed = not is_open
+        imgui.End()
+        if not is_narrow:
+            self._draw_hint(width + 2 * _MARGIN, _MARGIN)
+        elif not is_unfolded:
+            self._draw_hint(_MARGIN, 2 * _MARGIN + imgui.GetFrameHeight())
+
+    def _draw_hint(self, x: float, y: float) -> None:
+        imgui.SetNextWindowPos(imgui.Vec2(x, y), int(imgui.Cond.Always))
+        flags = imgui.WindowFlags
+        plain = (flags.NoDecoration, flags.NoInputs, flags.NoNav, flags.NoDocking)
+        more = (flags.AlwaysAutoResize, flags.NoSavedSettings, flags.NoFocusOnAppearing)
+        imgui.Begin("hint", None, sum(map(int, (*plain, *more))))
+        imgui.Text(self._hint)
         imgui.End()
 
     def _change(self, name: str, value: Setting) -> None:

@@ -16,8 +16,8 @@ from flyrl.play.fly_walk import FlyWalk
 from flyrl.play.panel import Section, Setting
 from flyrl.rollouts import Policy
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
-from flyrl.tasks.target import BOUNDS_MARGIN
-from flyrl.terrains import terrain_bounds
+from flyrl.tasks.target import is_inside
+from flyrl.tasks.terms import REACH
 from flyrl.validation import one_of, random_seed, within
 
 KEY_STEP: Final = 0.1
@@ -39,7 +39,8 @@ class PlayedFly:
     A slider or an arrow key takes the steering from a policy, at the drive that is on. Another leg
     controller, physics preset, reflex or adhesion leaves the fly where it is, in the midst of its
     episode; another body or terrain starts the episode of the same seed, as does any change after
-    the end. Who steers, and the drive, stay.
+    the end. Who steers, and the drive, stay. A policy that has reached the target gets another one.
+    On flat ground there is no edge.
 
     Parameters
     ----------
@@ -106,6 +107,8 @@ class PlayedFly:
             if self._policy is not None:
                 self._drive = self._decision(self._policy)
             self._walk.decide(self._drive)
+            if self._policy is not None and self._walk.distance_mm < REACH:
+                self._walk.draw_goal()
         self._show()
 
     def reset(self, seed: int) -> None:
@@ -124,7 +127,7 @@ class PlayedFly:
     def press(self, key: str) -> None:
         """Change the drive, by hand from now on: arrows by `KEY_STEP`, "s" to a halt."""
         if one_of("key", key, (*_ARROWS, "s")) == "s":
-            self.relax()
+            self._stop()
             return
         left, right = _ARROWS[key]
         before_left, before_right = self._drive
@@ -140,7 +143,7 @@ class PlayedFly:
         """
         one_of("widget", name, (LEFT, RIGHT, STEERING, STOP, *CHOICES, *SWITCHES))
         if name == STOP:
-            self.relax()
+            self._stop()
         elif name == STEERING:
             self._steer(str(value))
         elif name in (LEFT, RIGHT):
@@ -152,19 +155,30 @@ class PlayedFly:
 
     def point(self, x_w: float, y_w: float) -> None:
         """Move the target, mm; nothing happens beside the terrain, or too close to its edge."""
-        bounds = terrain_bounds(self.env.config.scene.terrain)
-        is_inside = (
-            bounds.x_min + BOUNDS_MARGIN <= x_w <= bounds.x_max - BOUNDS_MARGIN
-            and bounds.y_min + BOUNDS_MARGIN <= y_w <= bounds.y_max - BOUNDS_MARGIN
-        )
-        if is_inside:
+        if is_inside(x_w, y_w, self._walk.bounds):
             self._walk.lead_to(x_w, y_w)
             self._show()
 
     def relax(self) -> None:
-        """Stop driving: by hand, both drives at 0."""
+        """Let go of the drive, if a person has it; a policy steers on when the page is back."""
+        if self._policy is None:
+            self._stop()
+
+    def _stop(self) -> None:
+        """Steer by hand, both drives at 0."""
         self._steer(BY_HAND)
         self._drive = (0.0, 0.0)
+
+    @property
+    def hint(self) -> str:
+        """Keys that matter now."""
+        if self.outcome != RUNNING:
+            return "Reset starts again"
+        if self.config.controller == "rule_based":
+            return "rule-based legs walk straight ahead, whoever steers"
+        if self._policy is None:
+            return "arrow keys: steer     s: stop"
+        return f"{self.steering} steers to the target     arrow keys: take over"
 
     def sections(self) -> tuple[Section, ...]:
         """How it fares, steering, legs, scene, reward, muscles."""

@@ -6,7 +6,7 @@ import mujoco
 
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
-from flyrl.terrains import base_height
+from flyrl.terrains import FLAT_GROUND, base_height
 
 AZIMUTH_DEG, ELEVATION_DEG, DISTANCE_MM = 25.0, -28.0, 9.0
 """From behind a fly that walks along +x, from its right and from above."""
@@ -32,6 +32,8 @@ class Scenery:
         self.model = build_scene(config, visual=True).model
         # without its mark the model is not taken for a fly that walks, whoever steps it
         self.model.numeric_data[0] = 0.0
+        if config.terrain.name == "flat":
+            self.model.geom(FLAT_GROUND).size[:2] = 0.0  # drawn without an end
         self.data = mujoco.MjData(self.model)
         self.camera = mujoco.MjvCamera()
         self.camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING

@@ -9,7 +9,7 @@ from flyrl.envs.config import EnvConfig
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.scene import STEPS_OF_BODY
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
-from flyrl.terrains import TERRAIN_NAMES
+from flyrl.terrains import TERRAIN_NAMES, Bounds
 from flyrl.validation import FloatArray, one_of, random_seed
 
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
@@ -69,7 +69,7 @@ class PlayedFlyConfig:
         """The environment that the fly walks in."""
         body = FLIES[self.body]
         return EnvConfig(
-            task=PLAY_TASK,
+            task=ENDLESS_TASK if self.terrain == "flat" else PLAY_TASK,
             body=body if self.adhesion else replace(body, adhesion_gain=0.0),
             terrain=self.terrain,
             controller=ControllerConfig(
@@ -102,6 +102,14 @@ def _play_task(task: Task) -> Task:
 PLAY_TASK: Final = _play_task(TASKS["target"])
 """The task `target`, without an end but failure: what is observed, and what a decision does, is the
 same, so that its policies fit."""
+
+ENDLESS_TASK: Final = replace(
+    PLAY_TASK, terminations=tuple(end for end in FAILURES if end.outcome != "left_arena")
+)
+"""The same on flat ground, which has no edge in play."""
+
+ENDLESS: Final = Bounds(-1e6, 1e6, -1e6, 1e6)
+"""Where targets may be on flat ground, mm: 1 km is more than a fly walks in a day."""
 
 INTERVAL_S: Final = cast(float, PLAY_TASK.decision_interval_s)
 """How long a decision is held, s."""

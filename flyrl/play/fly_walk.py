@@ -10,16 +10,21 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.controllers.leg_controller import initial_state
 from flyrl.envs.core import BatchedEnv, Observation
-from flyrl.play.fly_setting import INTERVAL_S, PlayedFlyConfig
+from flyrl.play.fly_setting import ENDLESS, INTERVAL_S, PlayedFlyConfig
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, RewardTerm
+from flyrl.tasks.target import draw_target
 from flyrl.tasks.terms import goal_distance
+from flyrl.terrains import Bounds, terrain_bounds
 
 GAIT_SPAN_S: Final = 1.0
 """For how long the gait is remembered, s."""
 
 SPEED_SPAN_S: Final = 0.2
 """Over how long the speed is averaged: it sways with every step that the fly takes."""
+
+_GOALS: Final = 20_261_123
+"""Sets the generator of later targets apart from the episode's, which has the same seed."""
 
 _OSCILLATORS: Final = ("phases", "magnitudes")
 _RULES: Final = ("has_started", "is_stepping", "rule1_scores", "rule2_scores", "rule3_scores")
@@ -69,6 +74,12 @@ class FlyWalk:
         return float(x), float(y)
 
     @property
+    def bounds(self) -> Bounds:
+        """Extent of the ground, mm."""
+        terrain = self.env.config.scene.terrain
+        return ENDLESS if terrain.name == "flat" else terrain_bounds(terrain)
+
+    @property
     def distance_mm(self) -> float:
         """Horizontal distance from the thorax to the target, mm."""
         return float(goal_distance(self.state.position_w, np.array([self.goal]))[0])
@@ -97,6 +108,7 @@ class FlyWalk:
     def reset(self, seed: int) -> None:
         """Start the episode of a seed."""
         self.env.reset(seeds=[seed])
+        self._goals = np.random.default_rng([_GOALS, seed])
         self.outcome = RUNNING
         self.rewards = {term.name: 0.0 for term in self._terms}
         self._samples.clear()
@@ -121,6 +133,11 @@ class FlyWalk:
         """What a policy sees, (1, size)."""
         return self.env.observe()
 
+    def draw_goal(self) -> None:
+        """Put the target somewhere else: the next one of the episode."""
+        x, y, _ = self.state.position_w[0]
+        self.lead_to(*draw_target(self._goals, (float(x), float(y)), self.bounds))
+
     def lead_to(self, x_w: float, y_w: float) -> None:
         """Move the target, mm."""
         self.env.lead_to(np.array([[x_w, y_w]]))
@@ -142,6 +159,7 @@ class FlyWalk:
         """Take over everything from a walk of the same body on the same ground."""
         self.env.restore(walk.env.snapshot())
         self.rewards = walk.rewards
+        self._goals = walk._goals
         self._samples.extend(walk._samples)
         self._num_samples = walk._num_samples
         self._trail.clear()

@@ -104,7 +104,7 @@ def show(session: Session, listening: socket.socket, *, opens_browser: bool = Fa
             handle.sync(model, data)
             if began_s >= next_panel_s:
                 next_panel_s = began_s + _PANEL_S
-                panel = PanelSnapshot(session.sections(), inbox.latest_change)
+                panel = PanelSnapshot(session.sections(), playable.hint, inbox.latest_change)
                 if panel != shown:
                     handle.send_to_viewer(panel)
                     shown = panel

@@ -70,6 +70,11 @@ class Playable(Protocol):
         """What the panel shows at the moment."""
         ...
 
+    @property
+    def hint(self) -> str:
+        """A line that stands in the picture: the keys that matter at the moment."""
+        ...
+
     def figures(self) -> Mapping[str, float | str | bool]:
         """What the log says at the moment, rounded to what is worth a line."""
         ...

@@ -69,6 +69,11 @@ class PlayedWorm:
         """Recruit more neurons, or fewer."""
         self._activate(after_press(self.n, key, self._last))
 
+    @property
+    def hint(self) -> str:
+        """Keys that matter."""
+        return f"h: recruit {STEP} more motor neurons     n: {STEP} fewer"
+
     def relax(self) -> None:
         """Recruit the first neuron alone."""
         self._activate(0)

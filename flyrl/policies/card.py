@@ -1,5 +1,6 @@
 """Model cards: what a policy is, how it came about and what it can do, from its own record."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Final
@@ -8,6 +9,7 @@ from flyrl.envs.record import plain, randomisation_text
 from flyrl.policies.bundle import PolicyBundle
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.terrains import terrain_label
+from flyrl.text import printable
 
 _UNKNOWN: Final = "not recorded"
 
@@ -37,7 +39,7 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
     return f"""\
 # {name}
 
-Moves the body in the task {_name(env, "task")} on {_terrain(env)} terrain. Loads with
+Moves the body in the task {_cell(_name(env, "task"))} on {_cell(_terrain(env))} terrain. Loads with
 `flyrl.load_policy("{name}")` and enters an evaluation as `policies=[{name}]`.
 
 ## Trained in
@@ -127,9 +129,10 @@ def _figures(held_out: Mapping[str, Any]) -> str:
             )
         )
     header = ("who", "success", "95 % interval", *(f"median {metric}" for metric in metrics))
+    asked = _cell(f"`episodes={held_out['episodes']} seed={held_out['seed']}`")
     return (
-        f"The same {held_out['episodes']} episodes for everybody, none of them trained or chosen "
-        f"on (`episodes={held_out['episodes']} seed={held_out['seed']}`):\n\n{_table(header, rows)}"
+        f"The same {_cell(held_out['episodes'])} episodes for everybody, none of them trained or "
+        f"chosen on ({asked}):\n\n{_table(header, rows)}"
     )
 
 
@@ -143,7 +146,11 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
 
 
 def _cell(value: Any) -> str:
-    return " ".join(str(value).split()).replace("|", "\\|")
+    """Text in one line that is no Markdown or HTML, but for code in backticks."""
+    text = printable(" ".join(str(value).split()))
+    if re.fullmatch("`[^`]+`", text):
+        return text.replace("|", r"\|")
+    return re.sub(r"([\\`*|]|(?<=\])\()", r"\\\1", text).replace("<", "&lt;")
 
 
 def _body(env: Mapping[str, Any]) -> list[tuple[str, Any]]:

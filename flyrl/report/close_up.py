@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flyrl.anatomy import LEGS
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.gait import without_blips
+from flyrl.evaluation.metrics import counted_stance
 from flyrl.evaluation.steering import Steering
 from flyrl.report.palette import colours, marker
 from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, svg_text
@@ -59,7 +59,7 @@ def gait_figure(records: Sequence[EpisodeRecord], name: str) -> str:
 def _raster(axes: Axes, record: EpisodeRecord, shade: str) -> None:
     gait = record.gait
     assert gait is not None
-    stance = without_blips(gait.stance, gait.interval_s)
+    stance = counted_stance(record)
     for leg in range(len(LEGS)):
         bars = spans(stance[:, leg], gait.interval_s)
         axes.broken_barh(bars, (leg - 0.32, 0.64), facecolor=shade, linewidth=0)

@@ -81,8 +81,16 @@ _REACH: Final = 0.32
 _ROW_HEIGHT: Final = 0.36
 
 
-def success_figure(summary: Sequence[Json]) -> str:
-    """Success rate of every controller with its interval, a panel per terrain."""
+def success_figure(summary: Sequence[Json], condition: str = "") -> str:
+    """Success rate of every controller with its interval, a panel per terrain.
+
+    Parameters
+    ----------
+    summary
+        Rows of one condition.
+    condition
+        Its name, as a title; empty where nothing is varied.
+    """
     names, terrains = _names(summary), _terrains(summary)
     colour = colours(names)
     with mpl.rc_context(FIGURE_STYLE):
@@ -114,6 +122,8 @@ def success_figure(summary: Sequence[Json]) -> str:
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("success (%)")
             axes.set_title(terrain, loc="left", fontweight="bold")
+        if condition:
+            figure.suptitle(condition, x=0, ha="left", fontsize=10, color=marker("muted"))
         return svg_text(figure, "success")
 
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from flyrl.files import write_bytes, write_text
 from flyrl.report.captions import Picture
+from flyrl.text import csv_table
 
 
 @dataclass(frozen=True)
@@ -50,4 +51,4 @@ def write_film(film: Film, folder: Path, name: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_bytes(folder / f"{name}.mp4", film.mp4)
     write_bytes(folder / f"{name}.jpg", film.poster)
-    write_text(folder / f"{name}.csv", film.table.to_csv(index=False, float_format="%.6g"))
+    write_text(folder / f"{name}.csv", csv_table(film.table, float_format="%.6g"))

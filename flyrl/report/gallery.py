@@ -18,6 +18,7 @@ from flyrl.report.scene_figures import terrains_plot
 from flyrl.report.walk_videos import WALKS, film_walk
 from flyrl.report.worm_video import film_worm
 from flyrl.resources import assets_folder
+from flyrl.text import csv_table
 
 Draw = Callable[[Path, str], None]
 """Writes the files of a figure into a folder; their names begin with the figure's."""
@@ -29,7 +30,7 @@ def _files(plot: Callable[[], Plot]) -> Draw:
     def write(folder: Path, name: str) -> None:
         figure, table = plot()
         save_figure(figure, folder, name)
-        write_text(folder / f"{name}.csv", table.to_csv(index=False, float_format="%.6g"))
+        write_text(folder / f"{name}.csv", csv_table(table, float_format="%.6g"))
 
     return write
 

@@ -14,8 +14,15 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from flyrl.envs.record import randomisation_text
+from flyrl.evaluation.conditions import compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.metrics import GAIT_METRICS, METRICS, compared_metrics, decisive_metrics
+from flyrl.evaluation.metrics import (
+    GAIT_METRICS,
+    LOWER_IS_BETTER,
+    METRICS,
+    compared_metrics,
+    decisive_metrics,
+)
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.steering import Steering
 from flyrl.files import OutputFolder
@@ -27,26 +34,30 @@ from flyrl.report.learning import curves_section, generalisation_section
 from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
 from flyrl.report.sections import (
+    all_leaders,
     drive_map_section,
     seeds_section,
     spread_metrics,
     study_section,
     table_row,
     terrain_section,
-    usual_condition,
-    usual_leaders,
     usual_rows,
 )
 from flyrl.report.setup import control_loop, trainings_section
 from flyrl.report.standalone import named_figures, standalone
+from flyrl.report.style import outcome_shapes
 from flyrl.report.tables import format_tables
 from flyrl.report.video import Video
 from flyrl.report.wording import (
+    changes_text,
+    condition_text,
     effects_text,
     format_number,
     headline,
     held_out_text,
     leader_cells,
+    leaders_by_condition,
+    level_text,
     outcome_name,
     rates,
     shared_text,
@@ -55,6 +66,7 @@ from flyrl.report.wording import (
 )
 from flyrl.rollouts import SUCCESS, EpisodeRecord
 from flyrl.tasks import TIMEOUT
+from flyrl.text import plain_name, printable
 
 REPORT_FILE: Final = "report.html"
 FIGURES_FOLDER: Final = "figures"
@@ -108,14 +120,14 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     """
     output = OutputFolder(folder)
     context = report_context(results, **additions)
-    leaders = [leader for leader, _ in context["leaders"]]
     output.write_text(REPORT_FILE, format_page(context))
     figures = {
-        f"{FIGURES_FOLDER}/{name}.svg": standalone(svg)
+        f"{FIGURES_FOLDER}/{plain_name(name)}.svg": standalone(svg)
         for name, svg in named_figures(context).items()
     }
     tables = {
-        f"{TABLES_FOLDER}/{name}": text for name, text in format_tables(results, leaders).items()
+        f"{TABLES_FOLDER}/{name}": text
+        for name, text in format_tables(results, context["all_leaders"]).items()
     }
     earlier = {*output.files(FIGURES_FOLDER), *output.files(TABLES_FOLDER)}
     output.remove(*(earlier - figures.keys() - tables.keys()))
@@ -137,6 +149,7 @@ def format_page(context: Mapping[str, Any]) -> str:
     environment = Environment(
         loader=PackageLoader("flyrl.report"),
         autoescape=True,
+        finalize=_shown,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -144,6 +157,12 @@ def format_page(context: Mapping[str, Any]) -> str:
     environment.filters["number"] = format_number
     environment.filters["script_hash"] = script_hash
     return environment.get_template("report.html.j2").render(context)
+
+
+def _shown(value: Any) -> Any:
+    """Value as it stands in the page: texts of others cannot turn the reading direction round."""
+    is_text = isinstance(value, str) and not isinstance(value, Markup)
+    return printable(value, keep="\n\t\u00a0") if is_text else value
 
 
 def script_hash(script: str) -> str:
@@ -158,33 +177,55 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     entered = [entrant["name"] for entrant in results.protocol["entrants"]]
     names = list(dict.fromkeys([*walked, *entered]))
     usual = usual_rows(results)
-    leaders = usual_leaders(results)
-    decisive = decisive_metrics(results.protocol["task"])
+    usual_condition = compared_conditions(results.protocol["vary"])[0]
+    leaders = all_leaders(results)
+    usual_leaders = [each for each in leaders if each.condition == usual_condition.label]
     table, steering = results.protocol.get("table"), additions.get("steering")
+    decisive = decisive_metrics(results.protocol["task"])
+    effects = effects_text(decisive, METRIC_LABELS, results.protocol)
+    labels: dict[str, str] = dict(METRIC_LABELS)
+    if (table or {}).get("actions") == "neurons":
+        labels["drive_variation"] = "change of tensions (1/s)"
+    outcomes = [
+        *(table or {}).get("failures", ()),
+        *(name for row in results.summary for name, count in row["outcomes"].items() if count),
+    ]
+    failures = [each for each in dict.fromkeys(outcomes) if each not in (SUCCESS, TIMEOUT)]
+    controllers = len({row["controller"] for row in usual})
+    comparing = [changes_text(leaders, usual_condition.label), level_text(effects)]
+    if controllers < 2:
+        comparing.clear()
     return {
         "title": title(results.protocol, results.summary),
         "headline": headline(
-            leaders,
-            len({row["controller"] for row in usual}),
-            usual_condition(results.protocol),
-            training_note(results.protocol),
+            usual_leaders,
+            controllers,
+            condition_text(usual_condition),
+            [*comparing, training_note(results.protocol)],
         ),
-        "condition": usual_condition(results.protocol),
+        "condition": condition_text(usual_condition),
         "shared": shared_text(results.protocol, results.drawn),
         "held_out": held_out_text(results.protocol),
-        "effects": effects_text(decisive, METRIC_LABELS | {"success": "success"}, results.protocol),
+        "effects": effects,
         "detail": rates(usual, results.protocol) if decisive[0] == "success" else "",
-        "leaders": [(leader, leader_cells(leader)) for leader in leaders],
-        "decisive": [METRIC_LABELS[metric] for metric in decisive],
+        "leaders": [(leader, leader_cells(leader)) for leader in usual_leaders],
+        "all_leaders": leaders,
+        "leaders_by_condition": leaders_by_condition(leaders),
+        "decisive": decisive,
+        "lower_is_better": LOWER_IS_BETTER,
         "protocol": results.protocol,
         "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
         "stylesheet": Markup(stylesheet()),
         "colours": colours(names),
-        "metrics": METRICS,
+        "metrics": {
+            metric: text
+            for metric, text in METRICS.items()
+            if any(row["metrics"][metric]["n"] for row in results.summary)
+        },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
         "compared": compared_metrics(results.protocol["task"]),
-        "labels": METRIC_LABELS,
-        "success_svg": Markup(success_figure(usual)),
+        "labels": labels,
+        "success_svg": Markup(success_figure(usual, condition_text(usual_condition))),
         "rows": [table_row(row) for row in usual],
         "episodes": episodes_section(
             results, [*spread_metrics(results.protocol), "path_efficiency"]
@@ -199,11 +240,9 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
         "table": table,
         "loop_parts": control_loop(results.protocol) if table else [],
-        "failures": [
-            outcome_name(each)
-            for each in results.protocol.get("outcomes", ())
-            if each not in (SUCCESS, TIMEOUT)
-        ],
+        "failures": [outcome_name(each) for each in failures],
+        "shapes": outcome_shapes([SUCCESS, TIMEOUT, *failures]),
+        "has_goals": any(drawn and drawn[0]["goal"] for drawn in results.drawn.values()),
         "trainings": trainings_section(results.protocol["entrants"]),
         "steering": Markup(steering_figure(steering, "steering")) if steering else "",
         "steering_starts": len(next(iter(steering.drives.values()))) if steering else 0,

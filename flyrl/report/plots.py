@@ -16,6 +16,7 @@ _STYLE: Final[Any] = {
     "figure.constrained_layout.use": True,
     "svg.fonttype": "none",
     "svg.hashsalt": "flyrl",
+    "text.parse_math": False,
 }
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from flyrl.evaluation.conditions import QUANTITIES, Condition
+from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.leaders import Leader, find_leaders
 from flyrl.evaluation.metrics import compared_metrics
@@ -37,31 +37,23 @@ def spread_metrics(protocol: Json) -> list[str]:
     return [metric for metric in compared_metrics(protocol["task"]) if metric != "success"]
 
 
-def usual_condition(protocol: Json) -> str:
-    """Label of the condition that is closest to none, where quantities were varied; else empty."""
-    conditions = [
-        Condition(name, value) for name, values in protocol["vary"].items() for value in values
-    ]
-    unchanged = [each for each in conditions if each.is_usual]
-    return (unchanged or conditions or [Condition()])[0].label
-
-
 def usual_rows(results: Results) -> list[Json]:
     """Summary under the usual condition."""
-    label = usual_condition(results.protocol)
+    label = compared_conditions(results.protocol["vary"])[0].label
     return [row for row in results.summary if row["condition"] == label]
 
 
-def usual_leaders(results: Results) -> list[Leader]:
-    """The best on each terrain under the usual condition."""
+def all_leaders(results: Results) -> list[Leader]:
+    """The best on each terrain under each condition, the usual one first."""
     protocol, rows = results.protocol, results.episodes
-    own = rows[rows["condition"] == usual_condition(protocol)]
-    return find_leaders(
-        own,
+    labels = [condition.label for condition in compared_conditions(protocol["vary"])]
+    found = find_leaders(
+        rows[rows["condition"].isin(labels)],
         protocol["horizon_s"],
         np.random.default_rng(protocol["seed"]),
         protocol.get("smallest_effects", {}),
     )
+    return sorted(found, key=lambda leader: labels.index(leader.condition))
 
 
 def table_row(row: Json) -> Json:
@@ -109,6 +101,7 @@ def terrain_section(
             "name": terrain,
             "doses": _doses(results, terrain),
             "rows": [table_row(row) for row in summary],
+            "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
         }
     return {
         "name": terrain,
@@ -125,7 +118,7 @@ def terrain_section(
             next(each for each in results.protocol["terrains"] if each["name"] == terrain),
             results.drawn.get(terrain, ()),
         ),
-        "gait": Markup(_gait(terrain, examples)),
+        **_gait(terrain, examples),
         "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
         "differences": _differences(summary),
         "reasons": _reasons(summary),
@@ -182,7 +175,11 @@ def study_section(results: Results) -> Json | None:
 
 def _doses(results: Results, terrain: str) -> list[Json]:
     """What each quantity that was varied does on a terrain."""
-    metrics = ["success", *spread_metrics(results.protocol)]
+    metrics = [
+        metric
+        for metric in spread_metrics(results.protocol)
+        if any(row["metrics"][metric]["n"] for row in results.summary)
+    ]
     return [
         {
             "name": name,
@@ -193,7 +190,7 @@ def _doses(results: Results, terrain: str) -> list[Json]:
                     terrain,
                     name,
                     [Condition(name, value).label for value in values],
-                    metrics,
+                    ["success", *metrics],
                 )
             ),
         }
@@ -201,10 +198,15 @@ def _doses(results: Results, terrain: str) -> list[Json]:
     ]
 
 
-def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> str:
+def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> Json:
+    """Gait diagram of the first episode, and whether reflexes are drawn in it."""
     walked = [record for record in examples if record.terrain == terrain and record.gait]
     first = [record for record in walked if record.index == walked[0].index]
-    return gait_figure(first, f"gait-{terrain}") if first else ""
+    logs = [record.gait for record in first if record.gait]
+    return {
+        "gait": Markup(gait_figure(first, f"gait-{terrain}") if first else ""),
+        "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
+    }
 
 
 def _differences(summary: Sequence[Json]) -> list[Json]:

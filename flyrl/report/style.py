@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from typing import Any, Final
 
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from flyrl.report.palette import marker, themed
+from flyrl.report.wording import outcome_name
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import TIMEOUT
+from flyrl.text import plain_name
 
 WIDTH_IN: Final = 9.6
 """Width of a figure, inches; pages scale it."""
@@ -59,6 +62,22 @@ _DOTS: Final[dict[str, dict[str, Any]]] = {
 """How an episode's dot shows its outcome; one of a user's own is a diamond."""
 
 
+_SHAPES: Final = {
+    SUCCESS: "filled dot",
+    TIMEOUT: "ring",
+    "fall": "cross",
+    "left_arena": "triangle",
+    "unstable": "plus",
+}
+
+
+def outcome_shapes(outcomes: Iterable[str]) -> str:
+    """Shape of the dot of each outcome, in words."""
+    return "; ".join(
+        f"{_SHAPES.get(outcome, 'diamond')}: {outcome_name(outcome)}" for outcome in outcomes
+    )
+
+
 def outcome_dot(outcome: str, shade: str) -> dict[str, Any]:
     """Arguments of `Axes.scatter` for episodes that ended so, in a colour."""
     style = _DOTS.get(outcome, {"marker": "D", "s": 12, "linewidths": 0})
@@ -78,7 +97,7 @@ def svg_text(figure: Figure, name: str) -> str:
         buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type"))
     )
     svg = buffer.getvalue()
-    return themed(_inline(svg[svg.index("<svg") :], name))
+    return themed(_inline(svg[svg.index("<svg") :], plain_name(name)))
 
 
 def _inline(svg: str, name: str) -> str:

@@ -5,6 +5,7 @@ The LaTeX files hold a `tabular` each, which needs nothing but `\usepackage{book
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -16,8 +17,8 @@ from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import METRIC_LABELS
-from flyrl.report.sections import usual_condition
 from flyrl.report.wording import format_number, leader_cells, percent
+from flyrl.text import csv_table, plain_name
 
 LEAST_P: Final = 0.001
 """p-values below are only said to be so."""
@@ -31,6 +32,10 @@ _DIFFERENCES: Final = (
     "sign-flip test, corrected after Benjamini and Hochberg; share of episodes in which it is the "
     "better one, ties counting half, with its interval; effect size d_z."
 )
+_INTERACTIONS: Final = (
+    "Differences of differences: the change from the usual condition, less that of the reference, "
+    "on the same episodes; mean with its 95 % bootstrap interval (BCa)."
+)
 _LEADS: Final = (
     "Who wins where: means, and the mean difference to the next on the same episodes with its "
     "95 % interval, success in %; several names where no difference is meaningful."
@@ -43,33 +48,38 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
     """Name of each file -> its text.
 
     `summary` has success rates, and means and quartiles; `leaders` who wins where; `differences`
-    the paired comparisons with the reference, where there are any. As CSV each is one
-    file with all metrics and terrains. In LaTeX `summary.tex` has the metrics that the task is
-    compared by, `metrics-<terrain>.tex` all of them, and `differences-<terrain>.tex` the
-    comparisons on a terrain.
+    the paired comparisons with the reference, where there are any; `interactions` what conditions
+    change in these, where quantities were varied. As CSV each is one file with all metrics and
+    terrains. In LaTeX `summary.tex` has the metrics that the task is compared by,
+    `metrics-<terrain>.tex` all of them, `differences-<terrain>.tex` and
+    `interactions-<terrain>.tex` the comparisons on a terrain.
 
     Parameters
     ----------
     leaders
-        The best on each terrain under the usual condition.
+        The best on each terrain under each condition.
     """
-    condition = usual_condition(results.protocol)
     compared = compared_metrics(results.protocol["task"])
     terrains = list(dict.fromkeys(row["terrain"] for row in results.summary))
     files = {
-        "summary.csv": _csv(summary_table(results.summary)),
+        "summary.csv": csv_table(summary_table(results.summary)),
         "summary.tex": _latex(_printed_summary(results.summary, compared), _SPREADS),
-        "leaders.csv": _csv(leaders_table(leaders, condition)),
-        "leaders.tex": _latex(_printed_leaders(leaders, condition), _LEADS),
+        "leaders.csv": csv_table(leaders_table(leaders)),
+        "leaders.tex": _latex(_printed_leaders(leaders), _LEADS),
     }
     differences = differences_table(results.summary)
     if not differences.empty:
-        files["differences.csv"] = _csv(differences)
+        files["differences.csv"] = csv_table(differences)
     for terrain in terrains:
         rows = [row for row in results.summary if row["terrain"] == terrain]
-        files[f"metrics-{terrain}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
+        name = plain_name(terrain)
+        files[f"metrics-{name}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
         if any(row["paired"] for row in rows):
-            files[f"differences-{terrain}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
+            files[f"differences-{name}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
+        if _interacting(rows):
+            files[f"interactions-{name}.tex"] = _latex(_printed_interactions(rows), _INTERACTIONS)
+    if _interacting(results.summary):
+        files["interactions.csv"] = csv_table(interactions_table(results.summary))
     return files
 
 
@@ -97,8 +107,8 @@ def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
     )
 
 
-def leaders_table(leaders: Sequence[Leader], condition: str) -> pd.DataFrame:
-    """A row per terrain: who is best, by which metric, and how far ahead of the next.
+def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
+    """A row per condition and terrain: who is best, by which metric, and how far ahead of the next.
 
     Means of the metric, and the mean difference with its interval; empty where nobody comes next.
     Several of the best, whom nothing tells apart, stand with a comma in between.
@@ -109,7 +119,7 @@ def leaders_table(leaders: Sequence[Leader], condition: str) -> pd.DataFrame:
         rows.append(
             {
                 "terrain": leader.terrain,
-                "condition": condition,
+                "condition": leader.condition,
                 "best": ", ".join(leader.names),
                 "metric": leader.metric,
                 "mean": leader.value,
@@ -149,6 +159,35 @@ def differences_table(summary: Sequence[Json]) -> pd.DataFrame:
         }
         for row, metric, difference in _compared(summary)
     )
+
+
+def interactions_table(summary: Sequence[Json]) -> pd.DataFrame:
+    """A row per terrain, condition, controller and metric: difference of differences.
+
+    The controller's change from the usual condition less that of the reference, with its interval,
+    or the reason why it has none.
+    """
+    return pd.DataFrame(
+        {
+            **_who(row),
+            "reference": row["paired"]["reference"],
+            "metric": metric,
+            "episodes": interaction["n"],
+            "interaction": interaction["value"],
+            "low": interaction["low"],
+            "high": interaction["high"],
+            "no_interval": interaction["reason"],
+        }
+        for row, metric, interaction in _interacting(summary)
+    )
+
+
+def _interacting(summary: Sequence[Json]) -> list[tuple[Json, str, Json]]:
+    return [
+        (row, metric, interaction)
+        for row in summary
+        for metric, interaction in ((row["paired"] or {}).get("interactions") or {}).items()
+    ]
 
 
 def _compared(summary: Sequence[Json]) -> list[tuple[Json, str, Json]]:
@@ -191,14 +230,14 @@ def _printed_metrics(summary: Sequence[Json]) -> pd.DataFrame:
     return _without_empty(pd.DataFrame(list(cells.values())).fillna(""))
 
 
-def _printed_leaders(leaders: Sequence[Leader], condition: str) -> pd.DataFrame:
+def _printed_leaders(leaders: Sequence[Leader]) -> pd.DataFrame:
     rows = []
     for leader in leaders:
         cells = leader_cells(leader)
         rows.append(
             {
                 "terrain": leader.terrain,
-                "condition": condition,
+                "condition": leader.condition,
                 "best": ", ".join(leader.names),
                 "by": METRIC_LABELS[leader.metric],
                 "mean": cells["value"],
@@ -225,6 +264,18 @@ def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
             }
             for row, metric, difference in _compared(summary)
         )
+    )
+
+
+def _printed_interactions(summary: Sequence[Json]) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "condition": row["condition"],
+            f"controller, less {row['paired']['reference']}": row["controller"],
+            "metric": METRIC_LABELS[metric],
+            "difference of differences": _interval(interaction),
+        }
+        for row, metric, interaction in _interacting(summary)
     )
 
 
@@ -263,12 +314,11 @@ def _p(value: float | None) -> str:
     return f"<{LEAST_P}" if value < LEAST_P else f"{value:.3f}"
 
 
-def _csv(table: pd.DataFrame) -> str:
-    return table.to_csv(index=False, lineterminator="\n")
-
-
 def _latex(table: pd.DataFrame, caption: str) -> str:
-    text = table.to_latex(index=False, escape=True)
+    """A `tabular` below a comment; no text in the table is LaTeX."""
+    text = table.replace(r"\s*[\r\n]+\s*", " ", regex=True).to_latex(index=False, escape=True)
+    # at the start of a row these would be arguments of the command before
+    text = re.sub(r"(?m)^([*\[])", r"{\1}", text)
     for character, formula in _NOT_IN_TEXT.items():
         text = text.replace(character, formula)
     return f"% {caption}\n{text}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import trainings
@@ -12,7 +13,7 @@ from flyrl.evaluation.seeds import trainings
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are told as 0."""
 
-_SHARED: Final = {"goal": "target", "command": "command", "pushes": "pushes"}
+_SHARED: Final = {"goal": "goal", "command": "command", "pushes": "pushes"}
 """Fields of an episode that are named where they hold something."""
 
 _TAUGHT: Final = ("learned", "entry_point")
@@ -20,9 +21,9 @@ _TAUGHT: Final = ("learned", "entry_point")
 
 
 def headline(
-    leaders: Sequence[Leader], controllers: int, condition: str = "", note: str = ""
+    leaders: Sequence[Leader], controllers: int, condition: str = "", notes: Sequence[str] = ()
 ) -> str:
-    """Best controllers by terrain in one sentence, and a note on their training.
+    """Best controllers by terrain in one sentence, and notes on how far to trust it.
 
     Parameters
     ----------
@@ -32,22 +33,23 @@ def headline(
         How many took part.
     condition
         Under which the leaders were found; empty where nothing was varied.
-    note
-        See `training_note`.
+    notes
+        Sentences: see `changes_text`, `level_text` and `training_note`; empty ones are left out.
     """
     if controllers == 1:
         text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
     else:
-        winners: dict[tuple[str, ...], list[str]] = {}
+        winners: dict[frozenset[str], list[Leader]] = {}
         for leader in leaders:
-            winners.setdefault(leader.names, []).append(leader.terrain)
+            winners.setdefault(frozenset(leader.names), []).append(leader)
         text = "; ".join(
-            _verdict(names, terrains, controllers) for names, terrains in winners.items()
+            _verdict(own[0].names, [leader.terrain for leader in own], controllers)
+            for own in winners.values()
         )
     text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
     text = f"N{text[1:]}" if text.startswith("no meaningful") else text
-    return f"{text}.{note and f' {note}'}"
+    return " ".join(filter(None, [f"{text}.", *notes]))
 
 
 def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) -> str:
@@ -59,16 +61,74 @@ def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) ->
     return f"{_listed(names)} are level at the top {where}"
 
 
+def condition_text(condition: Condition) -> str:
+    """Label of a condition, and that it changes nothing if so; empty where nothing is varied."""
+    if condition.name and condition.is_usual:
+        return f"nothing changed ({condition.label})"
+    return condition.label
+
+
+def changes_text(leaders: Sequence[Leader], usual: str) -> str:
+    """Sentence on how often other conditions have the same leaders; empty without others.
+
+    Parameters
+    ----------
+    leaders
+        The best on each terrain under each condition.
+    usual
+        Label of the usual condition.
+    """
+    same: dict[str, list[bool]] = {}
+    best = {each.terrain: set(each.names) for each in leaders if each.condition == usual}
+    for each in leaders:
+        if each.condition != usual and each.terrain in best:
+            same.setdefault(each.terrain, []).append(set(each.names) == best[each.terrain])
+    if not same:
+        return ""
+    counts = [f"{sum(found)} of {len(found)} on {terrain}" for terrain, found in same.items()]
+    return f"Of the other conditions, the leaders are the same under {_listed(counts)}."
+
+
+def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple[Leader, str]]]:
+    """Condition -> terrain -> the best there, with their mean and lead in words.
+
+    Parameters
+    ----------
+    leaders
+        The best on each terrain under each condition.
+    """
+    table: dict[str, dict[str, tuple[Leader, str]]] = {}
+    for leader in leaders:
+        cells = leader_cells(leader)
+        ahead = f"{cells['difference']} to {leader.next_name}" if leader.next_name else "all level"
+        text = f"{cells['value']}; {ahead}"
+        table.setdefault(leader.condition, {})[leader.terrain] = (leader, text)
+    return table
+
+
 def effects_text(metrics: Sequence[str], labels: Mapping[str, str], protocol: Json) -> str:
     """Smallest effects of interest of some metrics, in words; empty without any on record."""
     effects = protocol.get("smallest_effects", {})
-    return ", ".join(
-        f"{100 * effects[metric]:g}\u00a0% in success"
-        if metric == "success"
-        else f"{effects[metric]:g} in {labels[metric]}"
-        for metric in metrics
-        if effects.get(metric)
-    )
+    parts = []
+    for metric in metrics:
+        if effects.get(metric):
+            scale, (name, unit) = 1, _name_and_unit(labels[metric])
+            if metric == "success":
+                scale, unit = 100, "%"
+            amount = f"{scale * effects[metric]:g}\u00a0{unit}".rstrip("\u00a0")
+            parts.append(f"{amount} in {name}")
+    return " or ".join(parts)
+
+
+def _name_and_unit(label: str) -> tuple[str, str]:
+    """`("speed", "mm/s")` of the label `speed (mm/s)`."""
+    name, _, unit = label.partition(" (")
+    return name, unit.removesuffix(")")
+
+
+def level_text(effects: str) -> str:
+    """Sentence on the smallest effects in force, from `effects_text`; empty without any."""
+    return effects and f"Differences under {effects} count as none."
 
 
 def training_note(protocol: Json) -> str:
@@ -79,7 +139,8 @@ def training_note(protocol: Json) -> str:
     ]
     single = any(len(names) == 1 for names in trainings(protocol["entrants"]).values())
     caution = " (other seeds may do better or worse)" if single else ""
-    return f"{'; '.join(parts)}{caution}." if parts else ""
+    text = f"{'; '.join(parts)}{caution}." if parts else ""
+    return text[:1].upper() + text[1:]
 
 
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
@@ -91,15 +152,18 @@ def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
 
 
 def held_out_text(protocol: Json) -> str:
-    """Statement on whether policies were trained on the evaluation's episodes, where known."""
+    """Statement on whether policies were trained on the evaluation's episodes, where known.
+
+    flyrl trains on seeds below those of evaluations; only its own trainings record their settings.
+    """
     learned = [each for each in protocol["entrants"] if each.get("kind") in _TAUGHT]
     known = [each["name"] for each in learned if (each.get("training") or {}).get("settings")]
     unknown = [each["name"] for each in learned if each["name"] not in known]
     parts = []
     if known:
-        parts.append(f"{_listed(known)} trained on episodes from other seeds.")
+        parts.append(f"As recorded, {_listed(known)} trained in flyrl, on episodes of other seeds.")
     if unknown:
-        parts.append(f"No record says which episodes {_listed(unknown)} trained on.")
+        parts.append(f"Nothing is recorded of the episodes that {_listed(unknown)} may know.")
     return " ".join(parts)
 
 
@@ -113,10 +177,9 @@ def rates(summary: Sequence[Json], protocol: Json) -> str:
     learned = [name for name in names if kinds.get(name) == "learned"]
     first = max(learned or names, key=lambda name: _share(summary, name))
     others = [name for name in names if name != first and name not in learned]
-    verb, noun = ("reaches", "targets") if protocol["task"] == "target" else ("solves", "episodes")
     rows = [row for row in summary if row["controller"] == first]
-    parts = [f"{row['successes']} of {row['episodes']} {noun} on {_place(row)}" for row in rows]
-    text = f"{first} {verb} {_listed(parts)}: {_rates(rows)}."
+    parts = [f"{row['successes']} of {row['episodes']} episodes on {_place(row)}" for row in rows]
+    text = f"{first} succeeds in {_listed(parts)}: {_rates(rows)}."
     if others:
         best = max(others, key=lambda name: _share(summary, name))
         text += f" Best of the others, {best}: "

@@ -9,7 +9,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.files import file_digest
-from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.task import (
+    SUCCESS,
+    UNSTABLE,
+    MeanTerm,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    Termination,
+)
 from flyrl.validation import number, one_of, positive
 
 Term = ObservationTerm | RewardTerm | MeanTerm | Termination
@@ -88,6 +96,10 @@ def task_table(task: Task) -> dict[str, Any]:
     """A task as its reader sees it, as plain JSON values: terms with descriptions, limits."""
     return {
         "success": task.success,
+        "failures": [
+            *(end.outcome for end in task.terminations if end.outcome != SUCCESS),
+            UNSTABLE,
+        ],
         "time_limit_s": task.time_limit_s,
         "decision_interval_s": task.decision_interval_s,
         "actions": type(task.actions).__name__.lower(),

@@ -19,7 +19,8 @@ BOUNDS_MARGIN: Final = 1.5
 """mm; no target lies closer to the terrain's edge."""
 
 
-def _is_inside(x: float, y: float, bounds: Bounds) -> bool:
+def is_inside(x: float, y: float, bounds: Bounds) -> bool:
+    """Whether a target may lie there: on the terrain, and not too close to its edge."""
     margin = BOUNDS_MARGIN
     return (
         bounds.x_min + margin <= x <= bounds.x_max - margin
@@ -39,15 +40,35 @@ def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -
     rng = np.random.default_rng(seed)
     spawn = draw_spawn(terrain, rng)
     bounds = terrain_bounds(terrain)
-    while True:
-        distance, bearing = rng.uniform(nearest, farthest), rng.uniform(-widest, widest)
-        x = spawn[0] + distance * np.cos(bearing)
-        y = spawn[1] + distance * np.sin(bearing)
-        if _is_inside(x, y, bounds):
-            break
+    goal = draw_target(rng, spawn[:2], bounds, (nearest, farthest), widest)
     phases, magnitudes = draw_oscillators(seed)
-    goal = (float(x), float(y))
     return Episode(seed, spawn, 0.0, goal, phases, magnitudes, difficulty=difficulty)
+
+
+def draw_target(
+    rng: np.random.Generator,
+    start: tuple[float, float],
+    bounds: Bounds,
+    distances: tuple[float, float] = TARGET_DISTANCE,
+    widest: float = np.pi,
+) -> tuple[float, float]:
+    """Draw a target on a terrain: x and y, mm.
+
+    Parameters
+    ----------
+    start
+        From where distance and bearing are drawn, mm.
+    distances
+        Nearest and farthest, mm.
+    widest
+        Largest bearing to either side of the x axis, rad.
+    """
+    while True:
+        distance, bearing = rng.uniform(*distances), rng.uniform(-widest, widest)
+        x = start[0] + distance * np.cos(bearing)
+        y = start[1] + distance * np.sin(bearing)
+        if is_inside(x, y, bounds):
+            return float(x), float(y)
 
 
 TARGET: Final = Task(

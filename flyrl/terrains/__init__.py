@@ -1,6 +1,7 @@
 """Ground to walk on."""
 
 from flyrl.terrains.terrain import (
+    FLAT_GROUND,
     SPAWN_CLEARANCE,
     TERRAIN_NAMES,
     TERRAINS,
@@ -18,6 +19,7 @@ from flyrl.terrains.terrain import (
 )
 
 __all__ = [
+    "FLAT_GROUND",
     "SPAWN_CLEARANCE",
     "TERRAINS",
     "TERRAIN_NAMES",

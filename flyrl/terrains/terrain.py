@@ -30,6 +30,8 @@ GROUND_FRICTION: Final = (1.0, 0.005, 0.0001)
 
 X_RANGE: Final = (-10.0, 25.0)
 HALF_WIDTH: Final = 20.0
+FLAT_GROUND: Final = "ground"
+"""Name of the plane on flat terrain."""
 FLAT_HALF_SIZE: Final = 100.0
 
 SLAB_WIDTH: Final = 1.0
@@ -237,7 +239,8 @@ def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
     _add_sky(spec)
     if config.name == "flat":
         _add_grid_material(spec)
-        _add_plane(spec, "ground", (0, 0, 0), (FLAT_HALF_SIZE, FLAT_HALF_SIZE), "ground_grid")
+        size = (FLAT_HALF_SIZE, FLAT_HALF_SIZE)
+        _add_plane(spec, FLAT_GROUND, (0, 0, 0), size, "ground_grid")
         return
     boxes = terrain_boxes(config)
     spec.add_material(name="ground_block", specular=0.05, shininess=0.1)

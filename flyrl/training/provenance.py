@@ -14,6 +14,7 @@ import flyrl
 from flyrl.files import file_digest
 from flyrl.resources import version
 from flyrl.tasks import term_digests
+from flyrl.text import printable
 from flyrl.training.runs import flat
 
 _PACKAGES: Final = (
@@ -87,7 +88,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], when: str) ->
             lines.append("the code has other changes beyond its commit: see code.diff")
         else:
             lines.append(f"{key}: {first.get(key)}, {when} {second.get(key)}")
-    return lines
+    return list(map(printable, lines))
 
 
 def _set_difference(before: Any, now: Any) -> tuple[str, str]:

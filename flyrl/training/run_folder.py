@@ -21,9 +21,7 @@ learning_curve.svg   success and return over the decisions, and the same as .png
 best.mp4             the best policy on a held-out episode, where a video can be made
 """
 
-import csv
 import datetime
-import io
 import json
 import shlex
 import sys
@@ -35,6 +33,7 @@ from typing import Any
 import yaml
 
 from flyrl.files import new_folder, write_bytes, write_text
+from flyrl.text import csv_text
 from flyrl.training.checkpoint import load_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.provenance import code_changes, differences, provenance
@@ -232,8 +231,4 @@ class RunFolder:
 
     def write_rows(self, name: str, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write a small CSV file; the columns are the keys of the first row."""
-        text = io.StringIO()
-        writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        write_text(self.path / name, text.getvalue())
+        write_text(self.path / name, csv_text(list(rows[0]), rows))

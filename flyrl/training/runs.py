@@ -17,6 +17,7 @@ from typing import Any, Final, Literal, TypeVar
 from filelock import lock_descriptor
 
 from flyrl.files import load_yaml
+from flyrl.text import printable
 
 CONFIG_FILE: Final = "config.yaml"
 STATUS_FILE: Final = "status.json"
@@ -342,4 +343,4 @@ def _how_far(
 
 def _one_line(error: Exception) -> str:
     is_key = isinstance(error, KeyError)
-    return f"{error} is missing" if is_key else " ".join(str(error).split())
+    return printable(f"{error} is missing" if is_key else " ".join(str(error).split()))

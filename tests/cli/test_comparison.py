@@ -268,6 +268,17 @@ def test_control_characters_do_not_reach_the_figure(tmp_path):
     assert _labels(groups) == ["algo=ppo", "algo=p?[31mo"]
 
 
+def test_settings_of_runs_are_no_formulas_in_a_spreadsheet(tmp_path):
+    folders = [
+        _run(tmp_path / "a"),
+        _run(tmp_path / "b", {"algo.name": "=1+1", "terrain.@x": -1.5}),
+    ]
+    assert main(["sweep", *map(str, folders), "--output", str(tmp_path / "out")]) == 0
+    rows = _rows(tmp_path / "out")
+    assert {row["algo"] for row in rows} == {"ppo", "'=1+1"}
+    assert {row["terrain.@x"] for row in rows} == {"", "-1.5"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -30,6 +30,12 @@ def test_an_error_of_the_user_is_a_message_with_status_2(error, capsys):
     assert told == f"error: {failure.value.message}\n"
 
 
+def test_an_error_that_quotes_a_file_does_not_steer_the_terminal(capsys):
+    with pytest.raises(Failure), reported():
+        raise ValueError("two lines\nwith \x1b[2J\u202e")
+    assert capsys.readouterr().err == "error: two lines\nwith ?[2J?\n"
+
+
 def test_an_error_of_a_config_file_is_a_message(capsys):
     with pytest.raises(Failure), reported():
         OmegaConf.to_container(OmegaConf.create({"a": "${b}"}), resolve=True)

@@ -93,6 +93,25 @@ def test_control_characters_do_not_reach_the_terminal(runs, capsys):
     assert "p?[31mo" in output
 
 
+def test_brackets_are_text_and_no_colours(runs, capsys):
+    (runs / "a").rename(runs / "[red]a")
+    assert main(["runs", str(runs)]) == 0
+    assert "[red]a" in capsys.readouterr().out
+
+
+def test_what_is_wrong_is_told_without_control_characters(runs, capsys):
+    (runs / "a" / "status.json").write_text(r'{"decisions": "\u001b[2J"}')
+    assert main(["runs", str(runs)]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+    assert read_run(runs / "a").problems[0].isprintable()
+
+
+def test_names_of_runs_are_no_formulas_in_a_spreadsheet(tmp_path, capsys):
+    folders = [make_run(tmp_path / name, seed=seed) for seed, name in enumerate(["=1+1", "@\x1ba"])]
+    assert [row["name"] for row in _listed(capsys, tmp_path)] == ["'=1+1", "'@?a"]
+    assert set(_listed(capsys, *folders)[0]) == {"", "'=1+1", "'@?a"}
+
+
 def test_named_runs_are_compared(tmp_path):
     folders = [
         make_run(tmp_path / "a", seed=1, evaluations=[(100, 0.75, 2.0), (200, 0.5, 1.0)]),

@@ -132,14 +132,14 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
     return found
 
 
-def trained(overrides: tuple[str, ...], folder: Path) -> Run | None:
+def trained(command: str, overrides: tuple[str, ...], folder: Path) -> Run | None:
     """Train as the command does, but for `SHORT`; of a sweep, its first run.
 
     None if it is not, since it needs more than is there; then its arguments are checked.
     """
     keys = {each.partition("=")[0] for each in overrides}
     if keys & NEEDS_MORE:
-        check_arguments("train", overrides)
+        check_arguments("train", words(command)[1:])
         return None
     single = [re.sub(r"^([\w.]+=[\w-]+)(,[\w-]+)+$", r"\1", each) for each in overrides]
     algorithm = _values("train", [each for each in single if not each.startswith("hydra.")])["algo"]

@@ -56,7 +56,7 @@ def test_every_training_runs_and_every_evaluation_too(folder_of, subtests):
     for overrides, (page, command) in composed("train").items():
         if command not in FAILING:
             with subtests.test(f"{page}: {command}"):
-                run = trained(overrides, folder / "runs")
+                run = trained(command, overrides, folder / "runs")
                 if run is not None:
                     assert (run.folder / "last.safetensors").exists()
                     learned[_terms(overrides)] = run.folder

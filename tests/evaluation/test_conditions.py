@@ -5,7 +5,7 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation import EvaluationConfig, evaluate
-from flyrl.evaluation.conditions import QUANTITIES, Condition, value_text
+from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions, value_text
 from flyrl.tasks import TASKS
 
 SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
@@ -115,3 +115,17 @@ def test_conditions_start_from_the_same_place(results):
         6, 3, 3
     )
     np.testing.assert_allclose(starts, np.broadcast_to(starts[0], starts.shape), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("vary", "labels"),
+    [
+        ({}, [""]),
+        ({"friction": (0.5, 1, 2)}, ["friction=1", "friction=0.5", "friction=2"]),
+        ({"missing_legs": ((), ("LF",)), "push": (0, 8)},
+         ["missing_legs=none", "missing_legs=LF", "push=8"]),
+        ({"push": (4, 8)}, ["push=4", "push=8"]),
+    ],
+)  # fmt: skip
+def test_the_usual_condition_comes_first_and_once(vary, labels):
+    assert [condition.label for condition in compared_conditions(vary)] == labels

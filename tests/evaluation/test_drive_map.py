@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation import EvaluationConfig, measure_drive_map
-from flyrl.evaluation.drive_map import _mean_and_error
+from flyrl.evaluation.drive_map import mean_and_error
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_every_drive_has_its_standard_error(drive_map):
 
 def test_mean_and_standard_error_of_the_flies_that_walked():
     values = np.array([[[1.0, 3.0, 5.0, 99.0]]])
-    mean, error = _mean_and_error(values, values < 90)
+    mean, error = mean_and_error(values, values < 90)
     assert mean[0, 0] == 3
     assert error[0, 0] == pytest.approx(2 / np.sqrt(3))
-    assert np.isnan(_mean_and_error(values, values < 4)[0]).all()
+    assert np.isnan(mean_and_error(values, values < 4)[0]).all()

@@ -95,7 +95,7 @@ def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
 
 def test_a_policy_for_other_observations_is_refused(tmp_path):
     path = save_policy(tmp_path / "a.safetensors", observation=observation_layout(TARGET)[1:])
-    with pytest.raises(PolicyFileError, match="other observations"):
+    with pytest.raises(PolicyFileError, match=r"a\.safetensors: .*other observations"):
         make_entrants(EvaluationConfig(policies=(path,)))
 
 

@@ -31,6 +31,16 @@ def test_nothing_has_no_blips():
     assert gait.without_blips(np.empty((0, 6), bool), 0.001).shape == (0, 6)
 
 
+def test_a_swing_that_does_not_carry_the_body_on_is_no_step():
+    drawn = raster("##..##..##..##..##")
+    places = np.zeros((18, 3))
+    # mm; touchdowns at samples 4, 8, 12, 16: 0.2, 0.1, 0.1 and 0.16 since the one before
+    places[[4, 8, 12, 16], 0] = 0.2, 0.3, 0.4, 0.5
+    places[16, 2] = 0.06  # rad, 1 mm from the thorax
+    kept = raster("##..##########..##")
+    np.testing.assert_array_equal(gait.step_raster(drawn, places, 0.02), kept)
+
+
 def test_a_swing_goes_from_lift_off_to_touchdown_and_only_whole_ones_count():
     found = gait.swings(raster("..##...#..##.."))
     assert found == [[(4, 7), (8, 10)]] * 6

@@ -77,6 +77,19 @@ def test_each_terrain_has_its_own():
     ]  # fmt: skip
 
 
+def test_each_condition_has_its_own():
+    usual = [*rows("one", [1.0] * 5), *rows("other", [None] * 5)]
+    table = [
+        *({**row, "condition": "push=0"} for row in usual),
+        *({**row, "condition": "push=8"} for row in rows("one", [None] * 5)),
+        *({**row, "condition": "push=8"} for row in rows("other", [None] * 5)),
+    ]
+    found = leaders(table)
+    assert [(leader.condition, leader.names) for leader in found] == [
+        ("push=0", ("one",)), ("push=8", ("one", "other")),
+    ]  # fmt: skip
+
+
 def test_one_alone_is_the_best_without_a_next():
     (leader,) = leaders(rows("one", [1.0] * 5))
     assert (leader.names, leader.next_name) == (("one",), None)

@@ -3,10 +3,19 @@ import math
 import numpy as np
 import pytest
 
-from flyrl.evaluation.metrics import GAIT_METRICS, METRICS, compared_metrics, episode_metrics
+from flyrl.evaluation.metrics import (
+    GAIT_METRICS,
+    METRICS,
+    SMALLEST_EFFECTS,
+    compared_metrics,
+    decisive_metrics,
+    episode_metrics,
+)
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.rollouts.records import Gait
-from flyrl.tasks import TASKS
+from flyrl.tasks import TASK_NAMES, TASKS, terms
+from flyrl.tasks.path import TOLERATED_DEVIATION
+from flyrl.tasks.worm_terms import BENT_WITHIN
 from tests.synthetic import make_record
 
 
@@ -48,6 +57,23 @@ def test_tasks_are_compared_by_metrics_that_there_are(task):
     assert success == "success"
     assert set(others) <= set(METRICS)
     assert set(others) <= set(METRIC_LABELS)
+
+
+@pytest.mark.parametrize("task", TASK_NAMES)
+def test_what_decides_a_task_has_a_smallest_effect(task):
+    assert all(SMALLEST_EFFECTS[metric] > 0 for metric in decisive_metrics(task))
+
+
+def test_the_smallest_effect_of_an_error_is_a_quarter_of_what_is_tolerated():
+    tolerated = {
+        "heading_error_deg": np.degrees(terms.ON_HEADING),
+        "path_error_mm": TOLERATED_DEVIATION,
+        "speed_error_mm_s": terms.TOLERATED_SPEED,
+        "yaw_rate_error_deg_s": np.degrees(terms.TOLERATED_YAW_RATE),
+        "bend_error_deg": np.degrees(BENT_WITHIN),
+    }
+    for metric, tolerance in tolerated.items():
+        assert SMALLEST_EFFECTS[metric] == pytest.approx(tolerance / 4, rel=0.1)
 
 
 def test_height_does_not_count():
@@ -156,7 +182,7 @@ def test_strides_make_the_way():
 
 
 def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
-    # 0.2 mm in 0.3 s is slower than 1 mm/s
+    # 0.2 mm in 3 strides
     gait = make_gait("..######....######....######..")
     metrics = episode_metrics(make_record([(0, 0), (0.2, 0)], interval_s=0.3, gait=gait))
     names = ("stride_frequency_hz", "stride_length_mm", "duty_factor", "tripod_coordination")
@@ -165,8 +191,17 @@ def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
 
 def test_a_turn_on_the_spot_has_strides():
     gait = make_gait("..######....######....######..")
-    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 1.0], gait=gait)
+    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 2.0], gait=gait)
     assert episode_metrics(record)["stride_frequency_hz"] == pytest.approx(10)
+
+
+def test_a_body_that_sways_takes_no_strides():
+    # a path of 4 mm that leads nowhere
+    gait = make_gait("..######....######....######..")
+    record = make_record([(0, 0), (1, 0)] * 2 + [(0, 0)], interval_s=0.1, gait=gait)
+    metrics = episode_metrics(record)
+    assert metrics["path_length_mm"] == 4
+    assert metrics["stride_frequency_hz"] is metrics["work_nj_per_mm"] is None
 
 
 def test_work_and_slip_are_told_per_way():

@@ -167,6 +167,14 @@ def test_not_even_an_object():
         (lambda c: c["episodes"][0].update(seed=True), r"episodes\[0\]\.seed: True; expected int"),
         (lambda c: c["episodes"][1].update(outcome="won"), r"episodes\[1\]\.outcome: 'won'"),
         (lambda c: c["summary"][1].pop("paired"), r"summary\[1\]\.paired: missing"),
+        (
+            lambda c: c["episodes"][1].update(terrain="\u202etalf"),
+            r"episodes\[1\]\.terrain: '.u202etalf'; expected printable text",
+        ),
+        (
+            lambda c: c["summary"][0].update(controller="a" * 1001),
+            r"summary\[0\]\.controller: 'a*; expected printable text of at most 1000",
+        ),
         (lambda c: c.update(episodes={}), r"results\.episodes: \{\}; expected list"),
     ],
 )

@@ -60,6 +60,12 @@ def test_csv_holds_every_digit_and_nothing_for_none():
     assert second["time_to_goal_s"] == ""
 
 
+def test_no_text_is_a_formula_in_a_spreadsheet():
+    table = episode_table([{**ROWS[0], "controller": "=1+1", "return": -1.5}])
+    (row,) = csv.DictReader(io.StringIO("".join(csv_text(table))))
+    assert (row["controller"], row["return"]) == ("'=1+1", "-1.5")
+
+
 def test_the_digest_changes_with_the_last_bit():
     changed = {**ROWS[0], "return": np.nextafter(ROWS[0]["return"], 1).item()}
     assert episodes_digest(episode_table(ROWS)) == episodes_digest(episode_table(ROWS))

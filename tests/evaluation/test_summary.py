@@ -133,3 +133,41 @@ def test_p_values_are_corrected_over_all_terrains_and_controllers():
     # all four alike in signs: 16 sets of 4 signs, of which 2 + 8 have a mean as far from 0
     assert {entry["p_value"] for entry in family} == {family[0]["p_value"]}
     assert all(entry["p_adjusted"] == entry["p_value"] for entry in family)
+
+
+def test_an_interaction_is_the_difference_of_differences():
+    """Episode by episode, in mm along +x: (own changed - own usual) - (the same of the other)."""
+    ways = {
+        ("cpg", "push=0"): [10, 20, 30, 40, 50, 60],
+        ("cpg", "push=8"): [8, 17, 26, 35, 44, 53],  # -2, -3, -4, -5, -6, -7
+        ("hybrid", "push=0"): [11, 21, 31, 41, 51, 61],
+        ("hybrid", "push=8"): [10, 19, 30, 37, 50, 55],  # -1, -2, -1, -4, -1, -6
+    }
+    given = [
+        {**row, "task": "traverse", "condition": condition, "advance_mm": float(way)}
+        for (name, condition), own in ways.items()
+        for row, way in zip(rows([1] * 6, name), own, strict=True)
+    ]
+    # walked under one condition alone: no pair
+    lone = {**given[-1], "episode": 99, "advance_mm": 1000.0}
+    vary = {"push": (0, 8)}
+    random = np.random.default_rng(0)
+    summary = summarise(episode_table([*given[::-1], lone]), "cpg", 3.0, random, vary)
+    found = {(row["controller"], row["condition"]): row["paired"] for row in summary}
+    assert "interactions" not in found["hybrid", "push=0"]
+    (interaction,) = found["hybrid", "push=8"]["interactions"].items()
+    metric, told = interaction
+    # 1, 1, 3, 1, 5, 1
+    assert (metric, told["n"], told["value"]) == ("advance_mm", 6, 2.0)
+    assert 1.0 <= told["low"] < 2.0 < told["high"] <= 5.0
+
+
+def test_an_interaction_without_pairs_has_none():
+    given = [
+        {**row, "condition": condition}
+        for name, condition in (("cpg", "push=0"), ("cpg", "push=8"), ("hybrid", "push=8"))
+        for row in rows([1] * 6, name)
+    ]
+    random = np.random.default_rng(0)
+    *_, hybrid = summarise(episode_table(given), "cpg", 3.0, random, {"push": (0, 8)})
+    assert hybrid["paired"]["interactions"]["success"]["reason"] == "no pairs"

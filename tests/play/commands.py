@@ -8,7 +8,7 @@ import sys
 import time
 from contextlib import contextmanager
 
-FLY = ("-m", "flyrl", "play", "--physics=fast", "fly")
+FLY = ("-m", "flyrl", "play", "--physics=fast", "--policy=none", "fly")
 WORM = ("-m", "flyrl", "play", "worm")
 TOY = ("-m", "tests.play.toy")
 

@@ -14,6 +14,8 @@ from flyrl.play.fly_setting import PlayedFlyConfig
 from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
+from flyrl.tasks.target import TARGET_DISTANCE
+from flyrl.terrains import FLAT_GROUND
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
 MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
@@ -38,7 +40,7 @@ def strong():
 
 
 def started(fly, drive=(0.0, 0.0), seed=3):
-    fly.relax()
+    fly.press("s")
     fly.reset(seed)
     fly.change("left", drive[0])
     fly.change("right", drive[1])
@@ -148,13 +150,52 @@ def test_a_key_takes_the_steering_from_a_policy_at_its_drive(fly):
     assert figures["drive_right"] == pytest.approx(right - 0.1)
 
 
-def test_letting_go_stops_a_policy(fly):
-    started(fly)
+def steered(fly):
+    """Who steers, and the drive."""
+    return tuple(fly.figures()[name] for name in ("steering", "drive_left", "drive_right"))
+
+
+def test_letting_go_stops_a_person_and_no_policy(fly):
+    started(fly, (1.0, 0.5))
+    fly.relax()
+    assert steered(fly) == ("by hand", 0, 0)
     fly.change("steering", "pursuit")
     fly.step(1)
+    before = steered(fly)
     fly.relax()
-    figures = fly.figures()
-    assert (figures["steering"], figures["drive_left"], figures["drive_right"]) == ("by hand", 0, 0)
+    assert steered(fly) == before != ("pursuit", 0, 0)
+    fly.press("s")
+    assert steered(fly) == ("by hand", 0, 0)
+
+
+def test_a_policy_that_arrives_gets_another_target(fly):
+    targets = []
+    for _ in range(2):
+        started(fly)
+        fly.change("steering", "pursuit")
+        fly.point(fly.data.qpos[0] + 1.005, fly.data.qpos[1])
+        fly.step(8)
+        targets.append([fly.figures()[f"target_{axis}_mm"] for axis in "xy"])
+        distance = values(fly)["to the target, mm"]
+        assert TARGET_DISTANCE[0] - 2 < distance < TARGET_DISTANCE[1] + 2
+    assert targets[0] == targets[1]
+
+
+def test_flat_ground_has_no_edge(fly):
+    started(fly, (1.0, 1.0))
+    fly.env.flies._qpos[0, 0] = 1000.0
+    fly.point(1020.0, 3.0)
+    fly.step(3)
+    assert fly.outcome == "running"
+    assert fly.figures()["target_x_mm"] == 1020.0
+    assert fly.model.geom(FLAT_GROUND).size[:2].tolist() == [0, 0]  # MuJoCo's endless plane
+
+
+def test_the_hint_names_the_keys_that_matter(fly):
+    started(fly)
+    assert fly.hint == "arrow keys: steer     s: stop"
+    fly.change("steering", "target-flat")
+    assert fly.hint == "target-flat steers to the target     arrow keys: take over"
 
 
 def test_reaching_the_target_pays_once_and_ends_nothing(fly):
@@ -175,7 +216,6 @@ def test_what_fell_stays_with_its_reason_until_it_is_reset(fly):
     for spoil, outcome in (
         (lambda flies: flies._qpos[0, 3:7].__setitem__(slice(None), [0, 1, 0, 0]), "fall"),
         (lambda flies: flies._qvel.__setitem__((0, 20), 1e13), "unstable"),
-        (lambda flies: flies._qpos.__setitem__((0, 0), 101.0), "left_arena"),
     ):
         started(fly, (1.0, 1.0))
         before = fly.data.qpos.copy()
@@ -190,6 +230,15 @@ def test_what_fell_stays_with_its_reason_until_it_is_reset(fly):
     fly.reset(3)
     fly.step(1)
     assert fly.outcome == "running"
+
+
+def test_rough_ground_ends(changed):
+    changed.change("terrain", "blocks")
+    changed.reset(3)
+    changed.env.flies._qpos[0, 0] = 26.0
+    changed.step(1)
+    assert changed.outcome == "left_arena"
+    changed.change("terrain", "flat")
 
 
 def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed):

@@ -27,8 +27,8 @@ COARSE = 0.2
 SCENE_HEIGHT = HEIGHT - 32
 """px; below is the viewer's own bar."""
 
-LEFT = WIDTH - 342
-"""px; where the panel begins."""
+LEFT, RIGHT = 12, 342
+"""px; where the panel begins and ends."""
 
 # Places on the page, as the panel is laid out.
 PAUSE, STEP, RESET = ((LEFT + x, 100) for x in (28, 73, 117))
@@ -37,7 +37,7 @@ RECORD = (LEFT + 18, 178)
 SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 222, 234), (LEFT + 285, 234)
 SHAPE = (LEFT + 200, 260)
 SHAPES = {"box": (LEFT + 200, 285), "ball": (LEFT + 200, 305), "cube": (LEFT + 200, 325)}
-GROUND = (140, 300)
+GROUND = (640, 300)
 
 
 def frames(page, number):
@@ -80,6 +80,11 @@ def picture(page):
     shot = page.screenshot(timeout=120_000, scale="device")
     seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
     return seen[: int(SCENE_HEIGHT * SCALE)]
+
+
+def scene_of(seen):
+    """What is seen beside the panel."""
+    return seen[:, int(RIGHT * SCALE) :]
 
 
 def strong(colours, channel):
@@ -183,11 +188,11 @@ class TestToy:
         played.until(lambda entry: entry["target_x"] != 3)
 
         def shows(seen):
-            green, blue = (strong(seen[:, : int(LEFT * SCALE)], channel) for channel in (1, 2))
+            green, blue = (strong(scene_of(seen), channel) for channel in (1, 2))
             if not green.any() or not blue.any():
                 return False  # the ball, which was a box, is not there yet
-            place = np.mean(np.nonzero(blue), axis=1)[::-1]
-            return np.abs(place / SCALE - GROUND).max() < 12
+            place = np.mean(np.nonzero(blue), axis=1)[::-1] / SCALE + (RIGHT, 0)
+            return np.abs(place - GROUND).max() < 12
 
         await_picture(page, shows)
 
@@ -213,7 +218,7 @@ class TestToy:
         assert left["speed_x"] == 0
         again = open_page(browser, played)
         # what is pressed while a page is still loading counts as held from before
-        await_picture(again, lambda seen: strong(seen, 2).any())
+        await_picture(again, lambda seen: strong(scene_of(seen), 2).any())
         frames(again, 5)
         assert played.entries()[-1]["speed_x"] == 0
         entry = press(again, "ArrowUp", lambda entry: entry["speed_x"] != 0, played)
@@ -270,8 +275,10 @@ def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks
         # the fly may be there before anybody looks: when it was moved, it was away
         moved = next(entry for entry in played.entries() if target_of(entry) != target)
         assert distance_to_target(moved) > 1
-        arrived = played.until(lambda entry: distance_to_target(entry) < 1)
+        put = target_of(moved)
+        arrived = played.until(lambda entry: target_of(entry) not in (target, put))
         assert (arrived["outcome"], arrived["steering"]) == ("running", "target-flat")
+        press(page, "ArrowDown", lambda entry: entry["steering"] == "by hand", played)
         page.close()
         left = played.until(lambda entry: not entry["is_watched"])
         assert (left["drive_left"], left["drive_right"], left["steering"]) == (0, 0, "by hand")
@@ -285,7 +292,7 @@ def tension(n):
 
 def red_rows(seen):
     """In how many rows of the page the panel shows the bar's red."""
-    red, green, blue = np.moveaxis(seen[:, int(LEFT * SCALE) :], -1, 0)
+    red, green, blue = np.moveaxis(seen[:, : int(RIGHT * SCALE)], -1, 0)
     return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum() / SCALE
 
 

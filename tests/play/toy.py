@@ -53,6 +53,7 @@ class Toy:
 
     title = "toy"
     interval_s = 0.002
+    hint = "arrow keys: drive"
 
     def __init__(self):
         self.keys = {"up": "faster", "down": "slower", "h": "hop", CLICK: "move the target"}

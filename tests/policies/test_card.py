@@ -1,6 +1,8 @@
+import re
 from dataclasses import replace
 
 import pytest
+from markdown_it import MarkdownIt
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
@@ -102,3 +104,31 @@ def test_what_is_missing_is_said_to_be(bundle):
         "Figures are not recorded.",
     ):
         assert line in text.splitlines()
+
+
+def elements(bundle, text):
+    """Tags of the card of a policy whose record holds this text everywhere, as a page."""
+    held_out = {"episodes": text, "seed": text, "compared": ["success"], "results": []}
+    training = dict.fromkeys(("algo", "decisions", "seed", "command"), text)
+    env = {key: {"name": text} for key in ("task", "terrain", "body", "controller")}
+    record = replace(bundle, env=env, training=training | {"held_out": held_out})
+    page = MarkdownIt("gfm-like", {"linkify": False}).render(model_card("a-policy", record))
+    return set(re.findall("<[^>]*>", page))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<img src=x>",
+        "[a](http://b.c)",
+        "`",
+        "a\n\n#### b",
+        "**b**",
+        "a | b",
+        "![x](y)",
+        "\\<b>",
+        "`<b>`",
+    ],
+)
+def test_no_text_of_a_record_is_markdown_or_html(bundle, text):
+    assert elements(bundle, text) <= elements(bundle, "text")

@@ -11,8 +11,9 @@ from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
 from flyrl.report.video import FPS, HOLD_FRAMES, encode
 from tests.chromium import chromium
+from tests.report.hostile import HOSTILE, hostile_results
 from tests.report.test_close_up import walked
-from tests.synthetic import STYLES, make_results
+from tests.synthetic import make_results
 
 NAMES = ("target-ppo", "cpg", "hybrid")
 TERRAINS = ("flat", "gapped")
@@ -236,17 +237,21 @@ def test_no_column_is_cut_without_a_sign(visit, width):
         cut = page.evaluate(
             """() => [...document.querySelectorAll("body *:not(svg *)")].filter((one) => {
                 const box = one.getBoundingClientRect();
-                const scroller = one.closest(".scroll, figure, nav");
+                let scroller = one;
+                while (scroller && getComputedStyle(scroller).overflowX === "visible") {
+                    scroller = scroller.parentElement;
+                }
                 const isSigned = scroller && getComputedStyle(scroller).overflowX === "auto"
                     && getComputedStyle(scroller).backgroundImage.includes("gradient");
-                return box.width > 0 && box.right > innerWidth + 1 && !isSigned;
+                const end = scroller?.getBoundingClientRect().right ?? innerWidth;
+                return box.width > 0 && box.right > end + 1 && !isSigned;
             }).map((one) => one.outerHTML.slice(0, 80))"""
         )
         assert cut == []
         scrolled = page.evaluate(
-            """() => [...document.querySelectorAll(".page:not([hidden]) .scroll")]
+            """() => [...document.querySelectorAll(".page:not([hidden]) :has(table)")]
                 .filter((one) => one.scrollWidth > one.clientWidth + 1)
-                .map((one) => one.querySelector("table").id || one.innerText.slice(0, 80))"""
+                .map((one) => one.className + one.querySelector("table").id)"""
         )
         assert width < 1280 or scrolled == []
 
@@ -459,18 +464,45 @@ def test_rows_are_filtered_by_a_column(visit, report):
     assert {row[2] for row in rows_shown(page)} == {"cpg"}
 
 
-def test_names_of_strangers_run_no_script(visit, tmp_path, monkeypatch):
-    hostile = "<img src=x onerror='document.title=666'>"
-    monkeypatch.setitem(STYLES, hostile, STYLES["cpg"])
-    path = write_report(make_results((hostile, "cpg"), episodes=5, reference="cpg"), tmp_path)
+def test_texts_of_strangers_run_no_script(visit, tmp_path):
+    path = write_report(hostile_results(), tmp_path)
     page = visit(path, bypass_csp=True)  # the text alone must be harmless
     page.goto(f"{path.as_uri()}#episodes")
+    hostile = HOSTILE[0]
     assert hostile in {row[2] for row in rows_shown(page)}
+    page.locator("#rows th", has_text="controller").locator(".dt-column-title").click()
+    page.wait_for_function(
+        """() => {
+            const names = [...document.querySelectorAll("#rows tbody td:nth-child(3)")]
+                .map((cell) => cell.innerText);
+            return names.every((name, i) => i === 0 || names[i - 1] <= name);
+        }"""
+    )
     page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
-    page.locator(".dtcc-dropdown").get_by_role("button", name="onerror").click()
-    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 5")
+    page.locator(".dtcc-dropdown").get_by_role("button", name="/script").click()
+    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 6")
     assert {row[2] for row in rows_shown(page)} == {hostile}
-    assert "666" not in page.title()
+    assert page.title() != "666"
+    assert page.locator("img").count() == 0
+
+
+def test_a_script_that_got_into_the_page_does_not_run(browser, report, tmp_path):
+    bad = tmp_path / "report.html"
+    inline = "<script>document.title = 666</script><img src=x onerror='document.title = 666'>"
+    text = report.read_text(encoding="utf-8")
+    bad.write_text(text.replace("</footer>", f"</footer>{inline}"), encoding="utf-8")
+    titles, complaints = {}, []
+    for bypass_csp in (False, True):
+        context, heard = browser.new_context(offline=True, bypass_csp=bypass_csp), Heard()
+        page = context.new_page()
+        heard.listen(page)
+        page.goto(bad.as_uri())
+        titles[bypass_csp] = page.title()
+        complaints.append(heard.complaints)
+        context.close()
+    assert titles[False].endswith("flyrl report")
+    assert titles[True] == "666"
+    assert sum("Content Security Policy" in each for each in complaints[0]) == 3
 
 
 def test_rows_are_sorted_with_missing_values_last(visit, report):

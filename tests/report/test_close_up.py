@@ -10,14 +10,14 @@ from flyrl.rollouts.records import Gait
 from tests.synthetic import make_record
 
 
-def walked(controller):
-    """An episode of 1 s with strides of 100 ms, of which legs stand for 60."""
+def walked(controller, way=10):
+    """An episode of 1 s and `way` mm with strides of 100 ms, of which legs stand for 60."""
     stance = np.repeat(((np.arange(1000) // 10) % 10 < 6)[:, np.newaxis], 6, axis=1)
     none = np.zeros_like(stance)
     return make_record(
-        [(0, 0), (10, 0)],
+        [(0, 0), (way, 0)],
         controller=controller,
-        duration_s=1.0,
+        interval_s=1.0,
         gait=Gait(1e-3, stance, stance, none, none, 0.0, np.zeros(6)),
     )
 
@@ -44,6 +44,12 @@ def test_bars_are_where_legs_stand():
     few, many = (gait_figure([walked(name)] * n, "gait") for name, n in (("cpg", 1), ("cpg", 2)))
     # 10 strides of 6 legs
     assert many.count("<path") - few.count("<path") >= 60
+
+
+def test_a_body_that_stands_is_drawn_in_stance():
+    walking, standing = (gait_figure([walked("cpg", way)], "gait") for way in (10, 1))
+    # a bar per leg instead of 10
+    assert walking.count("<path") - standing.count("<path") == 9 * 6
 
 
 @pytest.fixture

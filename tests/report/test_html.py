@@ -1,6 +1,7 @@
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -8,18 +9,24 @@ import pytest
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.statistics import Interval
+from flyrl.evaluation.summary import summarise
 from flyrl.report import Video, write_report
+from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.html import format_report
 from flyrl.report.wording import (
+    changes_text,
+    effects_text,
     format_number,
     headline,
     held_out_text,
     leader_cells,
+    level_text,
     rates,
     shared_text,
     signed,
     training_note,
 )
+from tests.report.hostile import hostile_results
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 
@@ -133,6 +140,10 @@ def lead(terrain, *names):
             [lead("flat", "a", "b"), lead("blocks", "a"), lead("mixed", "a")],
             "a and b are level at the top on flat; a is best on blocks and mixed.",
         ),
+        (
+            [lead("flat", "a", "b"), lead("mixed", "b", "a")],
+            "a and b are level at the top on flat and mixed.",
+        ),
         ([lead("flat", "a", "b", "c")], "No meaningful difference between controllers on flat."),
     ],
 )
@@ -146,10 +157,70 @@ def test_the_headline_names_its_condition():
     )
 
 
+def test_the_headline_says_how_often_other_conditions_agree():
+    leaders = [
+        replace(lead(terrain, *names), condition=condition)
+        for terrain, condition, *names in (
+            ("blocks", "push=8", "a", "b"), ("blocks", "push=0", "a"), ("blocks", "push=4", "a"),
+            ("flat", "push=0", "a", "b"), ("flat", "push=8", "b", "a"),
+        )
+    ]  # fmt: skip
+    assert changes_text(leaders, "push=0") == (
+        "Of the other conditions, the leaders are the same under 1 of 2 on blocks and 1 of 1 on "
+        "flat."
+    )
+    assert changes_text(leaders[1:2], "push=0") == ""
+
+
+def test_the_headline_names_the_smallest_effects_in_force():
+    protocol = {"smallest_effects": {"success": 0.05, "time_to_goal_s": 0.1, "recruited_share": 0}}
+    metrics = ("success", "time_to_goal_s", "recruited_share")
+    assert level_text(effects_text(metrics, METRIC_LABELS, protocol)) == (
+        "Differences under 5\u00a0% in success or 0.1\u00a0s in time to goal count as none."
+    )
+    assert level_text("") == ""
+
+
+@pytest.fixture(scope="module")
+def varied():
+    """Results in which the better one is no better with a push, since nobody gets anywhere."""
+    vary = {"push": (0, 8)}
+    results = make_results(("cpg", "target-ppo"), episodes=6, vary=vary, reference="cpg")
+    rows = results.episodes.copy()
+    is_pushed = rows["condition"] == "push=8"
+    rows["outcome"] = rows["outcome"].astype(str).mask(is_pushed, "fall").astype("category")
+    rows["success"] &= ~is_pushed
+    rows["time_to_goal_s"] = rows["time_to_goal_s"].mask(is_pushed)
+    summary = summarise(rows, "cpg", 3.0, np.random.default_rng(0), vary)
+    return replace(results, episodes=rows, summary=summary)
+
+
+def test_a_report_with_conditions_names_them_wherever_it_ranks(varied):
+    text = format_report(varied)
+    words = " ".join(Page(text).texts)
+    assert "With nothing changed (push=0): target-ppo is best on flat." in words
+    assert "the leaders are the same under 0 of 1 on flat" in words
+    table = text[text.index('<table id="conditions">') :]
+    usual, pushed = re.findall(r"<tr><td>(push=\d.*?)</tr>", table, re.DOTALL)[:2]
+    assert ("target-ppo" in usual, "cpg" in usual.split("range")[0]) == (True, False)
+    assert "target-ppo" in pushed and "cpg" in pushed and "success: 0" in pushed
+    (figure,) = re.findall(r"<figure>\s*(<svg.*?</svg>)", text, re.DOTALL)[:1]
+    assert "nothing changed (push=0)" in figure
+
+
+def test_a_report_with_conditions_holds_the_interactions(varied):
+    text = format_report(varied)
+    table = text[text.index('id="interactions-flat"') :]
+    cells = re.findall(r"<td.*?</td>", table[: table.index("</table>")], re.DOTALL)
+    rate = varied.summary[1]["success_rate"]["value"]
+    assert "push=8" in cells[1]
+    assert f'data-value="{-rate}"' in cells[2]  # all that it was better by is lost
+
+
 def test_training_seeds_are_counted_with_a_caution_at_one():
     entrant = {"kind": "learned", "policy": "learned with ppo", "training": {"settings": {}}}
     both = [{**entrant, "name": name} for name in ("a", "b")]
-    assert training_note({"entrants": both}) == "learned with ppo: 2 training seeds."
+    assert training_note({"entrants": both}) == "Learned with ppo: 2 training seeds."
     assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
 
 
@@ -157,7 +228,8 @@ def test_nothing_is_claimed_of_an_unknown_training():
     known = {"name": "a", "kind": "learned", "training": {"settings": {"seed": 1}}}
     unknown = {"name": "b", "kind": "entry_point"}
     assert held_out_text({"entrants": [known, unknown]}) == (
-        "a trained on episodes from other seeds. No record says which episodes b trained on."
+        "As recorded, a trained in flyrl, on episodes of other seeds. Nothing is recorded of the "
+        "episodes that b may know."
     )
 
 
@@ -186,7 +258,7 @@ def test_a_lead_in_success_is_told_in_per_cent():
     }  # fmt: skip
 
 
-def test_rates_count_targets(results):
+def test_rates_count_episodes(results):
     text = rates(results.summary, results.protocol)
     flat, gapped = (
         next(
@@ -197,8 +269,8 @@ def test_rates_count_targets(results):
         for terrain in ("flat", "gapped")
     )
     assert text.startswith(
-        f"target-ppo reaches {flat['successes']} of 8 targets on flat "
-        f"and {gapped['successes']} of 8 targets on gapped:"
+        f"target-ppo succeeds in {flat['successes']} of 8 episodes on flat "
+        f"and {gapped['successes']} of 8 episodes on gapped:"
     )
     assert "95\u00a0% interval" in text
     assert "Best of the others, pursuit" in text
@@ -206,7 +278,7 @@ def test_rates_count_targets(results):
 
 def test_without_a_learned_policy_the_best_controller_is_spoken_of():
     results = make_results(("cpg", "hybrid", "pursuit"), episodes=8)
-    assert rates(results.summary, results.protocol).startswith("pursuit reaches")
+    assert rates(results.summary, results.protocol).startswith("pursuit succeeds")
 
 
 def test_the_command_is_shown_and_escaped(page, text):
@@ -227,6 +299,32 @@ def test_names_are_escaped():
     text = format_report(results)
     assert evil not in text
     assert evil in Page(text).texts
+
+
+@pytest.fixture(scope="module")
+def hostile_report(tmp_path_factory):
+    return write_report(hostile_results(), tmp_path_factory.mktemp("hostile") / "report")
+
+
+def test_no_text_of_a_stranger_becomes_an_element(hostile_report):
+    text = hostile_report.read_text(encoding="utf-8")
+    page, plain = Page(text), Page(format_report(make_results(NAMES[:3], episodes=2)))
+    shown = {tag for tag, _ in page.tags}
+    assert shown - {tag for tag, _ in plain.tags} <= {"ul", "li"}  # those of a crash
+    assert page.count("script") == plain.count("script")
+    attributes = {name for _, attrs in page.tags for name in attrs}
+    assert not [name for name in attributes if name.startswith("on")]
+    assert any("{{ 7 * 7 }}" in each for each in page.texts)
+    assert not re.search("[\x00-\x08\x0b-\x1f\u202a-\u202e\ud800-\udfff]", text)
+
+
+def test_files_beside_a_report_stay_in_their_folders(hostile_report):
+    files = {path.relative_to(hostile_report.parent.parent) for path in
+             hostile_report.parent.parent.rglob("*") if path.is_file()}  # fmt: skip
+    assert {str(path.parent) for path in files} == {"report", "report/figures", "report/tables"}
+    for path in (hostile_report.parent / "figures").iterdir():
+        tags = {element.tag for element in ElementTree.parse(path).iter()}
+        assert not [tag for tag in tags if tag.endswith(("script", "img"))]
 
 
 def test_policies_are_named_with_their_hashes(page):
@@ -260,8 +358,8 @@ def test_videos_are_carried_along():
 def test_results_without_paths_give_a_report_without_them(results):
     bare = type(results)(results.protocol, results.episodes, results.summary)
     text = format_report(bare)
-    # the control loop, success, distributions, pairs
-    assert Page(text).count("svg") == 4
+    # the control loop, success; distributions and pairs of two terrains
+    assert Page(text).count("svg") == 2 + 2 * 2
     assert "<h3>Paths</h3>" not in text
 
 
@@ -338,7 +436,7 @@ def test_what_was_varied_is_drawn_dose_by_dose():
     assert page.count("svg") == 4  # the control loop, success, and a figure per quantity
     assert "friction=0.5" in text
     # spoken of first is where nothing is changed
-    assert "of 6 targets on flat (friction=1):" in text
+    assert "of 6 episodes on flat (friction=1):" in text
     assert "Factor on the friction of the legs" in text
     assert "Force sideways after 1 s, µN" in text
     rows = [attributes for tag, attributes in page.tags if tag == "tr"]

@@ -9,7 +9,7 @@ from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.metrics import METRICS
 from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import METRIC_LABELS
-from flyrl.report.sections import usual_leaders
+from flyrl.report.sections import all_leaders
 from flyrl.report.tables import differences_table, format_tables, summary_table
 from tests.synthetic import make_results
 
@@ -26,7 +26,7 @@ def files(results):
 
 
 def tables(results):
-    return format_tables(results, usual_leaders(results))
+    return format_tables(results, all_leaders(results))
 
 
 def rows(text):
@@ -112,6 +112,22 @@ def test_names_are_escaped():
     assert r"50\%\_a\&b$<$c & 0" in text
 
 
+@pytest.mark.parametrize("terrain", ["[1em]", "*"])
+def test_no_name_is_latex_or_a_formula(terrain):
+    results = make_results(("cpg", "hybrid"), episodes=2)
+    name = "=\\input{a}\n\n$x^2$~"
+    for row in results.summary:
+        row["terrain"] = terrain
+        row["controller"] = row["controller"].replace("cpg", name)
+    files = format_tables(results, all_leaders(results))
+    latex = files["summary.tex"]
+    start = f"{{{terrain[0]}}}{terrain[1:]} &"
+    assert [line.startswith(start) for line in latex.splitlines()].count(True) == 2
+    assert r"=\textbackslash input\{a\} \$x\textasciicircum 2\$\textasciitilde " in latex
+    rows = list(csv.DictReader(io.StringIO(files["summary.csv"])))
+    assert rows[0]["controller"] == "'=\\input{a}  $x^2$~"
+
+
 def test_every_metric_has_a_label():
     assert set(METRICS) <= set(METRIC_LABELS)
 
@@ -148,7 +164,9 @@ def test_conditions_have_their_column(results, files):
         assert "condition" in rows(told[name])[0]
         assert "push=8" in told[name]
         assert "condition" not in rows(files[name])[0]
-    assert rows(told["leaders.tex"])[1][:2] == ["flat", "push=0"]  # as in the report
+    assert [row[:2] for row in rows(told["leaders.tex"])[1:]] == [
+        ["flat", "push=0"], ["flat", "push=8"]
+    ]  # fmt: skip
     assert len(summary_table(varied.summary)) == 2 * 2
 
 
@@ -160,3 +178,17 @@ def test_one_controller_alone_has_no_differences():
         "leaders.tex",
         "metrics-flat.tex",
     }
+
+
+def test_interactions_stand_beside_the_differences():
+    varied = make_results(("cpg", "hybrid"), episodes=6, vary={"push": (0, 8), "mass": (1, 2)})
+    told = tables(varied)
+    found = list(csv.DictReader(io.StringIO(told["interactions.csv"])))
+    # of the conditions that change nothing there are none
+    assert [(row["condition"], row["controller"], row["metric"]) for row in found] == [
+        (condition, "cpg", metric)
+        for condition in ("push=8", "mass=2")
+        for metric in ("success", "time_to_goal_s")
+    ]
+    assert {row["interaction"] for row in found} == {"0.0"}  # the walks are the same
+    assert rows(told["interactions-flat.tex"])[1] == ["push=8", "cpg", "success", "0"]

@@ -69,6 +69,11 @@ def test_other_code_of_a_term_is_told(tmp_path, monkeypatch):
     assert told.startswith("terms.some_terms: ")
 
 
+def test_what_differs_is_a_line_each_without_control_characters():
+    told = differences({"packages": {"torch": "2\x1b[2J\n3"}}, {"packages": {"torch": "2"}}, "now")
+    assert told == ["packages.torch: 2?[2J 3, now 2"]
+
+
 @pytest.mark.parametrize("key", ["flags", "Features"], ids=["x86", "arm"])
 def test_instruction_sets_of_the_first_cpu(key):
     info = f"model name\t: A\n{key}\t\t: fp asimd\n\nmodel name\t: B\n{key}\t\t: fp\n"
