@@ -1,9 +1,11 @@
 """Pictures of a fly, without a screen."""
 
+import importlib
 import math
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, Final, Literal, get_args
 
 import mujoco
@@ -257,6 +259,10 @@ def _gl_context(width: int, height: int) -> Any:
     """
     if not hasattr(mujoco, "GLContext"):
         raise RuntimeError("MUJOCO_GL switches pictures off")
+    with suppress(ImportError):
+        # PyTorch's optimisers load it, where it is, and each brings an LLVM, as Mesa does: loaded
+        # after Mesa's, Triton's crashes the process
+        importlib.import_module("triton")
     screen = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in screen):
         from mujoco.egl import GLContext  # noqa: PLC0415 - loads libEGL, which may be missing

@@ -358,19 +358,19 @@ def test_a_run_whose_worker_is_killed_is_not_lost_to_ray(tmp_path, train_here):
         "training.evaluation_interval=1024",
     ]
     command = [*_tiny("launcher=ray", *asked), "hydra.sweep.dir=on_ray"]
-    driver = subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, str(ROOT / "train.py"), *command],
         cwd=tmp_path,
         env=ENVIRONMENT,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-    )
-    try:
-        _worker_at_work(driver, tmp_path / "on_ray").kill()
-        output, _ = driver.communicate(timeout=120)
-    finally:
-        driver.terminate()
+    ) as driver:
+        try:
+            _worker_at_work(driver, tmp_path / "on_ray").kill()
+            output, _ = driver.communicate(timeout=300)
+        finally:
+            driver.terminate()
     assert driver.returncode == 0, output
     runs = [read_run(run) for run in (tmp_path / "on_ray").glob("*_target_flat_ppo_?")]
     assert [run.state for run in runs] == ["finished"] * 2

@@ -1,5 +1,8 @@
 """Where things are in pictures of a fly: by hand, and in one picture."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -83,3 +86,24 @@ def test_pictures_have_coloured_legs_where_they_are_asked_for(flies, from_above)
     assert changed.any(axis=2).sum() > 20
     flies.controllers["adhesion"] = 0.0
     np.testing.assert_array_equal(marked.render(flies), usual)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="neither is on other systems")
+def test_triton_is_loaded_before_the_graphics_library(tmp_path):
+    """PyTorch's optimisers load it; after Mesa, which brings another LLVM, that crashes."""
+    (tmp_path / "triton.py").write_text(
+        "import pathlib\n"
+        "libraries = pathlib.Path('/proc/self/maps').read_text()\n"
+        "print('after' if 'libEGL' in libraries or 'libGL' in libraries else 'before')\n"
+    )
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from contextlib import suppress\n"
+        "from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError\n"
+        "from flyrl.simulation.scene import SceneConfig\n"
+        "with suppress(RenderingUnavailableError): FlyRenderer(SceneConfig())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "before\n"
