@@ -1,10 +1,12 @@
 """How a command starts: the command line is checked, Hydra composes, plain values are handed on."""
 
+import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -16,6 +18,8 @@ from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, own_overrides, p
 from flyrl.cli.errors import reported
 from flyrl.cli.program import program
 from flyrl.resources import configs_folder
+
+_FULL_ERRORS: Final = "HYDRA_FULL_ERROR"
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,13 @@ def _run(
     titles = sweep.titles(asked.jobs) if asked else {}
     labels = sweep.folder_labels(asked.jobs) if asked else {}
 
+    full_errors = os.environ.get(_FULL_ERRORS)
+
     def job(config: DictConfig) -> None:
+        with _variable(_FULL_ERRORS, full_errors):
+            run_job(config)
+
+    def run_job(config: DictConfig) -> None:
         settings = HydraConfig.get()
         overrides = own_overrides(settings.overrides.task)
         if settings.mode is not RunMode.MULTIRUN:
@@ -104,7 +114,23 @@ def _run(
         config_path=str(configs_folder().resolve()),
         config_name=config_name,
     )(job)
-    if asked is None:
-        start_hydra()
-    else:
-        sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)
+    # Hydra raises its own errors then, instead of printing their tracebacks
+    with _variable(_FULL_ERRORS, "1"):
+        if asked is None:
+            start_hydra()
+        else:
+            sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)
+
+
+@contextmanager
+def _variable(name: str, value: str | None) -> Iterator[None]:
+    """Set an environment variable for a while; None unsets it."""
+    before = os.environ.pop(name, None)
+    if value is not None:
+        os.environ[name] = value
+    try:
+        yield
+    finally:
+        os.environ.pop(name, None)
+        if before is not None:
+            os.environ[name] = before

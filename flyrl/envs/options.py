@@ -30,6 +30,8 @@ def episode_with_options(episode: Episode, options: dict[str, Any] | None) -> Ep
     ValueError
         If an option is unknown, has the wrong number of values, or one that is not allowed.
     """
+    if options is not None and not isinstance(options, Mapping):
+        raise ValueError(f"options must be a mapping or None, got {options!r}")
     if not options:
         return episode
     allowed = (*_FIELDS, "spawn_yaw", "ground", "randomisation", "episode")

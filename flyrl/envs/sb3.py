@@ -15,6 +15,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.rendering import RENDERING, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
+from flyrl.validation import random_seed
 
 
 class FlyrlVecEnv(VecEnv):
@@ -70,6 +71,10 @@ class FlyrlVecEnv(VecEnv):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), self._arguments
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Seed the next reset: environment i with `seed + i`."""
+        return super().seed(seed if seed is None else random_seed(seed))
 
     @property
     def outcomes(self) -> tuple[str, ...]:

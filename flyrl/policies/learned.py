@@ -22,6 +22,7 @@ from flyrl.policies.lstm import LSTM, advance
 from flyrl.policies.mlp import evaluate
 from flyrl.policies.vectors import vectors
 from flyrl.tasks import Task, task_named
+from flyrl.validation import file_path
 
 
 class LearnedPolicy:
@@ -189,8 +190,9 @@ def load_policy(
     """
     if isinstance(task, str):
         task = task_named(task)
-    name = os.fspath(path)
-    if is_law(name) and not Path(path).exists():
+    path = file_path("path of a policy", Path(path) if isinstance(path, os.PathLike) else path)
+    name = str(path)
+    if is_law(name) and not path.exists():
         return fixed_policy(name, law_named(name), task)
     policy = LearnedPolicy(load_bundle(policy_file(path, FIXED)))
     if task is not None:

@@ -68,10 +68,11 @@ def test_output_that_was_closed_is_no_error(monkeypatch, stream):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
-def test_output_that_is_full_is_an_error_in_one_line():
+@pytest.mark.parametrize("arguments", [("completion", "bash"), ("train", "--cfg", "all")])
+def test_output_that_is_full_is_an_error_in_one_line(arguments):
     with Path("/dev/full").open("w") as full:
         ended = subprocess.run(
-            [sys.executable, "-m", "flyrl", "completion", "bash"],
+            [sys.executable, "-m", "flyrl", *arguments],
             cwd=ROOT,
             stdout=full,
             stderr=subprocess.PIPE,

@@ -3,7 +3,8 @@
 import gymnasium
 import pytest
 
-import flyrl  # noqa: F401
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.sb3 import FlyrlVecEnv
 
 
 @pytest.mark.parametrize(
@@ -56,3 +57,13 @@ def test_a_seed_that_is_not_allowed_is_named(seed):
     ):
         with pytest.raises(ValueError, match="seed must be an integer from 0"):
             env.reset(seed=seed)
+
+
+def test_a_seed_of_the_environment_of_sb3_is_named():
+    with pytest.raises(ValueError, match="seed must be an integer from 0"):
+        FlyrlVecEnv(EnvConfig(), 1, seed="abc")
+
+
+def test_options_that_are_no_mapping_are_refused():
+    with pytest.raises(ValueError, match="options must be a mapping or None, got 5"):
+        gymnasium.make("flyrl/Target-v0").unwrapped.reset(options=5)

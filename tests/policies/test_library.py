@@ -44,6 +44,12 @@ def test_a_fixed_law_is_made_for_the_task():
     np.testing.assert_allclose(drive, [[1.2, 0.4]], atol=1e-6)
 
 
+@pytest.mark.parametrize("path", ["", 5, None])
+def test_what_is_no_path_is_refused(path):
+    with pytest.raises(ValueError, match="path of a policy must be the path of a folder or file"):
+        load_policy(path)
+
+
 def test_a_law_is_the_closest_match_of_what_does_not_exist():
     with pytest.raises(PolicyFileError, match="did you mean 'pursuit'"):
         load_policy("pursiut")
