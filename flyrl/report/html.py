@@ -197,12 +197,8 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         comparing.clear()
     return {
         "title": title(results.protocol, results.summary),
-        "headline": headline(
-            usual_leaders,
-            controllers,
-            condition_text(usual_condition),
-            [*comparing, training_note(results.protocol)],
-        ),
+        "headline": headline(usual_leaders, controllers, condition_text(usual_condition)),
+        "notes": list(filter(None, [*comparing, training_note(results.protocol)])),
         "condition": condition_text(usual_condition),
         "shared": shared_text(results.protocol, results.drawn),
         "held_out": held_out_text(results.protocol),

@@ -20,10 +20,8 @@ _TAUGHT: Final = ("learned", "entry_point")
 """Kinds of entrants that may have been trained."""
 
 
-def headline(
-    leaders: Sequence[Leader], controllers: int, condition: str = "", notes: Sequence[str] = ()
-) -> str:
-    """Best controllers by terrain in one sentence, and notes on how far to trust it.
+def headline(leaders: Sequence[Leader], controllers: int, condition: str = "") -> str:
+    """Best controllers by terrain in one sentence.
 
     Parameters
     ----------
@@ -33,8 +31,6 @@ def headline(
         How many took part.
     condition
         Under which the leaders were found; empty where nothing was varied.
-    notes
-        Sentences: see `changes_text`, `level_text` and `training_note`; empty ones are left out.
     """
     if controllers == 1:
         text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
@@ -49,7 +45,7 @@ def headline(
     text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
     text = f"N{text[1:]}" if text.startswith("no meaningful") else text
-    return " ".join(filter(None, [f"{text}.", *notes]))
+    return f"{text}."
 
 
 def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) -> str:
@@ -178,11 +174,10 @@ def rates(summary: Sequence[Json], protocol: Json) -> str:
     first = max(learned or names, key=lambda name: _share(summary, name))
     others = [name for name in names if name != first and name not in learned]
     rows = [row for row in summary if row["controller"] == first]
-    parts = [f"{row['successes']} of {row['episodes']} episodes on {_place(row)}" for row in rows]
-    text = f"{first} succeeds in {_listed(parts)}: {_rates(rows)}."
+    text = f"{first} succeeds in {_rates(rows)}."
     if others:
         best = max(others, key=lambda name: _share(summary, name))
-        text += f" Best of the others, {best}: "
+        text += f" Best of the others is {best}, in "
         text += f"{_rates([row for row in summary if row['controller'] == best])}."
     return text
 
@@ -214,10 +209,13 @@ def _share(summary: Sequence[Json], name: str) -> float:
 
 
 def _rates(rows: Sequence[Json]) -> str:
-    return ", ".join(
-        f"{percent(row['success_rate']['value'])}\u00a0% on {_place(row)} "
-        f"(95\u00a0% interval {interval_text(row['success_rate'])}\u00a0%)"
-        for row in rows
+    return _listed(
+        [
+            f"{row['successes']} of {row['episodes']} episodes on {_place(row)} "
+            f"({percent(row['success_rate']['value'])}\u00a0%, 95\u00a0% interval "
+            f"{interval_text(row['success_rate'])}\u00a0%)"
+            for row in rows
+        ]
     )
 
 

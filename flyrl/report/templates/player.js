@@ -21,11 +21,11 @@ for (const player of document.querySelectorAll(".player")) {
 
   // Shows the frame of a video that stands still; where it is busy, once it is ready.
   const stand = (video) => {
+    const ran = !video.paused; // its picture may be ahead of the time that it tells
     video.pause();
+    if (video.readyState === 0 || video.seeking) return;
     const time = (Math.min(Math.floor(frame), lastOf(video)) + 0.5) / fps;
-    if (video.readyState > 0 && !video.seeking && Math.abs(video.currentTime - time) > 0.25 / fps) {
-      video.currentTime = time;
-    }
+    if (ran || Math.abs(video.currentTime - time) > 0.25 / fps) video.currentTime = time;
   };
 
   // Keeps a video that plays in step with the clock: a little off, it runs faster or slower.
