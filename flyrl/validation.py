@@ -227,15 +227,18 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
     if origin is Annotated:
         return _checked(name, value, options[0], options[1])
     if origin in (typing.Union, types.UnionType):
-        # a None or a class of values: flyrl has no other unions of checked fields
         if value is None and types.NoneType in options:
             return None
-        (hint,) = (option for option in options if option is not types.NoneType)
-        return _checked(name, value, hint, within)
+        kinds = tuple(option for option in options if option is not types.NoneType)
+        if len(kinds) == 1:
+            return _checked(name, value, kinds[0], within)
+        return _one_of_kinds(name, value, kinds)
     if origin is Literal:
         return one_of(name, value, options)
     if origin is tuple:
         return _checked_tuple(name, value, options, within)
+    if origin is Mapping:
+        return _one_of_kinds(name, value, (Mapping,))
     if hint in _NUMBERS:
         low, high = within or (-sys.float_info.max, sys.float_info.max)
         is_number = isinstance(value, _NUMBERS[hint]) and not isinstance(value, bool)
@@ -245,8 +248,12 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
         return hint(value)
     if dataclasses.is_dataclass(hint) and isinstance(value, Mapping):
         return from_keys(name, value, typing.cast(type, hint))
-    if not isinstance(value, hint):
-        words = _WORDS.get(hint, f"a {hint.__name__}")
+    return _one_of_kinds(name, value, (hint,))
+
+
+def _one_of_kinds(name: str, value: Any, kinds: tuple[type, ...]) -> Any:
+    if not isinstance(value, kinds):
+        words = " or ".join(_WORDS.get(kind, f"a {kind.__name__}") for kind in kinds)
         raise ValueError(f"{name} must be {words}, got {value!r}")
     return value
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Annotated, Any, Final
 
 from flyrl.controllers import ControllerConfig
 from flyrl.envs.config import BodyConfig, EnvConfig
@@ -17,7 +17,7 @@ from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
 from flyrl.terrains import TerrainConfig
-from flyrl.validation import at_least, not_negative, one_of, whole_number, within
+from flyrl.validation import Within, check_fields, not_negative, one_of, within
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -98,8 +98,8 @@ class EvaluationConfig:
     controllers: tuple[str, ...] | None = None
     task: str | Task = "target"
     terrains: tuple[str | TerrainConfig, ...] = ("flat",)
-    episodes: int = 50
-    seed: int = 0
+    episodes: Annotated[int, Within(1, MAX_EPISODES)] = 50
+    seed: Annotated[int, Within(0, MAX_SEED)] = 0
     body: str | BodyConfig | None = None
     physics: str | PhysicsConfig | None = None
     randomisation: str | RandomisationConfig = "none"
@@ -108,32 +108,28 @@ class EvaluationConfig:
     smallest_effects: Mapping[str, float] = field(default_factory=dict)
     trust_pickles: bool = False
     study: str | None = None
-    paths: int = 60
+    paths: Annotated[int, Within(0, MAX_EPISODES)] = 60
     film: tuple[int, ...] = (0,)
-    num_envs: int = 64
-    num_threads: int = 0
+    num_envs: Annotated[int, Within(1, MOST_SIMS)] = 64
+    num_threads: Annotated[int, Within(0, MOST_THREADS)] = 0
     progress: bool = False
     command: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.policies and self.controllers == ():
             raise ValueError("policies or controllers must name at least one, got none")
         if not self.terrains:
             raise ValueError("terrains must name at least one, got none")
-        within("episodes", self.episodes, 1, MAX_EPISODES)
-        within("seed", self.seed, 0, MAX_SEED)
         for metric, effect in self.smallest_effects.items():
             one_of("smallest_effects", metric, SMALLEST_EFFECTS)
             not_negative(f"smallest_effects.{metric}", effect)
         one_of("study", self.study, (None, *STUDIES))
-        at_least("paths", self.paths, 0)
         for i, episode in enumerate(self.film):
             within(f"film[{i}]", episode, 0, self.episodes - 1)
         if len(set(self.film)) < len(self.film):
             raise ValueError(f"film must name every episode once, got {list(self.film)}")
-        whole_number("num_envs", self.num_envs, 1, MOST_SIMS)
-        whole_number("num_threads", self.num_threads, 0, MOST_THREADS)
         task = self.resolved_task
         if not task.has_vectors:
             raise ValueError(

@@ -59,6 +59,13 @@ def test_terrains_by_name_and_by_config():
         ({"task": "hybrid_turning"}, "flat observation"),
         ({"task": dataclasses.replace(TASKS["target"], time_limit_s=None)}, "time limit"),
         ({"physics": "balancd"}, "balanced"),
+        ({"episodes": 2.5}, "episodes must be a whole number"),
+        ({"controllers": "hybrid"}, "controllers must be a tuple"),
+        ({"policies": (5,)}, r"policies\[0\] must be text"),
+        ({"terrains": (5,)}, r"terrains\[0\] must be text or a TerrainConfig"),
+        ({"film": (0.5,)}, r"film\[0\] must be a whole number"),
+        ({"trust_pickles": "no"}, "trust_pickles must be True or False"),
+        ({"vary": ["push"]}, "vary must be a Mapping"),
     ],
 )
 def test_what_is_not_allowed_is_named(changes, message):
