@@ -16,6 +16,7 @@ def test_episodes_become_a_dataset_that_knows_its_environment(tmp_path, monkeypa
     collector = minari.DataCollector(env, record_infos=True)
     for seed in range(2):
         collector.reset(seed=seed)
+        env.action_space.seed(seed)
         ends = False
         while not ends:
             _, _, terminated, truncated, _ = collector.step(env.action_space.sample())

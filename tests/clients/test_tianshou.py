@@ -1,5 +1,7 @@
 """Tianshou's collector, in processes of its own, given the id and nothing else."""
 
+import functools
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,8 +9,10 @@ import pytest
 pytestmark = pytest.mark.slow  # to import Tianshou takes seconds
 
 
-def _make():
-    return gymnasium.make("flyrl:flyrl/Target-v0", physics="fast", decision_interval=0.1)
+def _make(seed):
+    env = gymnasium.make("flyrl:flyrl/Target-v0", physics="fast", decision_interval=0.1)
+    env.action_space.seed(seed)
+    return env
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -17,7 +21,8 @@ def test_a_collector_walks_two_flies_in_processes():
     from tianshou.env import SubprocVectorEnv
     from tianshou.policy import RandomPolicy
 
-    envs = SubprocVectorEnv([_make, _make])
+    envs = SubprocVectorEnv([functools.partial(_make, seed) for seed in range(2)])
+    envs.seed(0)
     collector = Collector(RandomPolicy(), envs, VectorReplayBuffer(128, 2))
     result = collector.collect(n_step=60, random=True)
     batch = collector.buffer.sample(0)[0]

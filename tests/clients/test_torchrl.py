@@ -1,6 +1,7 @@
 """TorchRL's environments, given the id and nothing else."""
 
 import pytest
+import torch
 
 from flyrl.tasks import TASKS
 
@@ -17,6 +18,8 @@ def test_a_rollout_of_one_fly():
     from torchrl.envs import GymEnv
 
     env = GymEnv(ID, **SETTINGS)
+    env.set_seed(0)
+    torch.manual_seed(0)  # which the drives of a rollout are drawn with
     rollout = env.rollout(LIMIT + 1)
     env.close()
     assert rollout["next", "observation"].shape == (LIMIT, SIZE)
@@ -28,6 +31,8 @@ def test_a_rollout_of_two_flies():
     from torchrl.envs import GymEnv
 
     env = GymEnv(ID, num_envs=2, **SETTINGS)
+    env.set_seed(0)
+    torch.manual_seed(0)
     rollout = env.rollout(LIMIT, break_when_any_done=False)
     env.close()
     assert rollout["next", "observation"].shape == (2, LIMIT, SIZE)
