@@ -9,6 +9,7 @@ import hashlib
 import json
 import math
 import os
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -24,7 +25,9 @@ from flyrl.policies.library import named_policies
 from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
 from flyrl.policies.normaliser import Normaliser
+from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion, preset_version
 from flyrl.tasks import Neurons, Task
+from flyrl.text import printable
 from flyrl.validation import did_you_mean, plain_record
 
 SCHEMA: Final = "flyrl.policy/1"
@@ -286,6 +289,8 @@ def policy_file(path: str | os.PathLike[str], others: Iterable[str] = ()) -> Pat
 def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
     """Read and check a policy file.
 
+    Warns of a policy that was trained with another version of a preset of the physics.
+
     Parameters
     ----------
     path
@@ -330,9 +335,29 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
         raise PolicyFileError(f"{file} was changed after it was written: its sha256 does not match")
     try:
         plain_record("the record", record)
-        return _bundle(record, tensors)
+        bundle = _bundle(record, tensors)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
+    preset = trained_with_preset(bundle)
+    if preset is not None and preset.version != (now := PRESET_VERSIONS[preset.name]):
+        warnings.warn(
+            f"{printable(str(file))} was trained with version {preset.version} of the physics "
+            f"preset {preset.name!r}, which is now at version {now}: flies walk "
+            "differently in it, so earlier figures do not compare",
+            stacklevel=2,
+        )
+    return bundle
+
+
+def trained_with_preset(bundle: PolicyBundle) -> PresetVersion | None:
+    """Preset of the physics that a policy was trained with; None: of none, or not known."""
+    noted = bundle.training.get("physics_preset")
+    if isinstance(noted, dict):
+        name, version = noted.get("name"), noted.get("version")
+        if name in tuple(PRESET_VERSIONS) and type(version) is int:
+            return PresetVersion(name, version)
+    settings = bundle.env.get("physics")
+    return preset_version(settings) if isinstance(settings, dict) else None
 
 
 def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> PolicyBundle:

@@ -2,12 +2,10 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, Final
 
-from flyrl.envs.record import plain, randomisation_text
-from flyrl.policies.bundle import PolicyBundle
-from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.envs.record import randomisation_text
+from flyrl.policies.bundle import PolicyBundle, trained_with_preset
 from flyrl.terrains import terrain_label
 from flyrl.text import printable
 
@@ -44,7 +42,7 @@ Moves the body in the task {_cell(_name(env, "task"))} on {_cell(_terrain(env))}
 
 ## Trained in
 
-{_table(("what", "which"), _setting(env))}
+{_table(("what", "which"), _setting(bundle))}
 
 ## Trained with
 
@@ -79,18 +77,17 @@ def _action(bundle: PolicyBundle) -> str:
     return f"The action is {len(low)} {kind}, from {low} to\n{high}."
 
 
-def _setting(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
+def _setting(bundle: PolicyBundle) -> list[tuple[str, Any]]:
+    env = bundle.env
     interval = _mapping(env.get("task")).get("decision_interval", _UNKNOWN)
-    presets = [
-        name for name, preset in PHYSICS_PRESETS.items() if plain(asdict(preset)) == _physics(env)
-    ]
+    preset = trained_with_preset(bundle)
     drawn = randomisation_text(env["randomisation"]) if "randomisation" in env else _UNKNOWN
     return [
         ("task", _name(env, "task")),
         ("decision interval, s", interval),
         ("terrain", _terrain(env)),
         *_body(env),
-        ("physics", presets[0] if presets else "of its own: " + str(_physics(env))),
+        ("physics", f"{preset.name}, version {preset.version}" if preset else _own_physics(env)),
         ("randomisation", drawn),
     ]
 
@@ -169,8 +166,8 @@ def _terrain(env: Mapping[str, Any]) -> str:
     return terrain_label(_name(env, "terrain"), _mapping(env.get("terrain")).get("random"))
 
 
-def _physics(env: Mapping[str, Any]) -> Any:
-    return env.get("physics", _UNKNOWN)
+def _own_physics(env: Mapping[str, Any]) -> str:
+    return f"of its own: {env.get('physics', _UNKNOWN)}"
 
 
 def _mapping(value: Any) -> Mapping[str, Any]:

@@ -4,7 +4,8 @@ config.yaml          every setting, resolved
 command.txt          the command, if there was one
 code.diff            what the code had beyond its commit, if anything; code_2.diff: what it had
                      when the run went on, if that was something else
-provenance.json      commit, package versions, CPU; the same of every time that the run went on
+provenance.json      commit, preset of the physics, package versions, CPU; the same of every
+                     time that the run went on
 progress.csv         metrics, one row per update
 tensorboard/         the same for TensorBoard
 evaluations.csv      success, return, errors and unweighted reward terms on the held-out episodes
@@ -26,13 +27,14 @@ import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from flyrl.files import new_folder, write_bytes, write_text
+from flyrl.simulation.physics import preset_version
 from flyrl.text import csv_text
 from flyrl.training.checkpoint import load_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
@@ -148,7 +150,12 @@ class RunFolder:
     @staticmethod
     def _origin(config: TrainingConfig, started: datetime.datetime) -> dict[str, Any]:
         terms = config.env.resolved_task.added
-        return {"started": started.isoformat(), **provenance(terms)}
+        preset = preset_version(asdict(config.env.scene.physics))
+        return {
+            "started": started.isoformat(),
+            "physics_preset": preset and preset._asdict(),
+            **provenance(terms),
+        }
 
     def _write_changes(self, name: str) -> None:
         if changes := code_changes():
