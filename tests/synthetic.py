@@ -176,6 +176,7 @@ def make_results(
         "vary": vary,
         "crashes": [],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},
+        "physics_preset": {"name": "balanced", "version": 2},
     }
     summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0), vary)
     protocol = json.loads(json.dumps(protocol))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -49,7 +50,7 @@ def reported() -> Iterator[None]:
     Ended
         After Ctrl-C, or if whoever reads the output wants no more of it.
     """
-    with _open_streams():
+    with _open_streams(), _plain_warnings():
         try:
             try:
                 yield
@@ -81,6 +82,18 @@ def _is_users(error: Exception) -> bool:
     if isinstance(error, ValueError | OSError | RecursionError | MemoryError):
         return True
     return any(cls.__module__.partition(".")[0] in _PARSERS for cls in type(error).__mro__)
+
+
+@contextmanager
+def _plain_warnings() -> Iterator[None]:
+    """Print warnings as a line without the place in the code, each once."""
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        yield
+
+
+def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
+    print(f"warning: {printable(str(message))}", file=sys.stderr)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ reach 100, though not without brushing the ground: by contact alone, some would 
 """
 
 SAMPLING_S: Final = 1e-3
-"""Time from one sample of the legs to the next, s."""
+"""Time from one sample of the legs to the next, s, as nearly as physics steps allow."""
 
 _NUM_LEGS: Final = 6
 _NUM_SERVOS: Final = 42

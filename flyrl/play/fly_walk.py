@@ -98,7 +98,10 @@ class FlyWalk:
 
     @property
     def gait(self) -> NDArray[np.uint32]:
-        """Samples of `flyrl.controllers.gait_log` over the latest `GAIT_SPAN_S`, oldest first."""
+        """Samples of `flyrl.controllers.gait_log` over the latest `GAIT_SPAN_S`, oldest first.
+
+        They are `SAMPLING_S` apart, (T,).
+        """
         return np.array(self._samples, dtype=np.uint32)
 
     @property
@@ -183,6 +186,9 @@ class FlyWalk:
         flies = self.env.flies
         fresh = flies.gait_samples(0, self._num_samples)
         self._num_samples += len(fresh)
-        self._samples.extend(fresh.tolist())
+        # the log's are not exactly so far apart
+        count = round(len(fresh) * self.env.config.fly_scene.gait_sampling_s / SAMPLING_S)
+        nearest = ((np.arange(count) + 0.5) * len(fresh) / count).astype(np.intp)
+        self._samples.extend(fresh[nearest].tolist())
         x, y, _ = self.state.position_w[0]
         self._trail.append((float(x), float(y)))

@@ -149,9 +149,8 @@ class _Path:
         """How the fly walked."""
         if env.gait_logs is None:
             return None
-        scene = env.config.fly_scene
         return Gait(
-            interval_s=scene.steps_per_gait_sample * scene.physics.timestep,
+            interval_s=env.config.fly_scene.gait_sampling_s,
             **unpack(np.concatenate([np.empty(0, np.uint32), *self.gait_samples])),
             work_nj=self.work_nj,
             slip_mm=self.slip_mm,

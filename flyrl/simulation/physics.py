@@ -57,7 +57,12 @@ _FAST_CONTACT: Final = ContactConfig(
     plane_segments=_BALANCED_CONTACT.plane_segments,
     plane_friction_across=1.35,
     # at this step even boxes have to let a foot slip at first, or the hybrid gets stuck too
-    box=SurfaceContact(solref=(-6e4, -1e3), solimp=(0.7, 0.99, 0.03, 0.5, 2.0)),
+    box=SurfaceContact(
+        friction=(0.7, 0.005, 0.0001),
+        solref=(-6e4, -1e3),
+        solimp=(0.75, 0.99, 0.03, 0.5, 2.0),
+        margin=0.01,
+    ),
 )
 
 

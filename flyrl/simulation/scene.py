@@ -53,8 +53,8 @@ class SceneConfig:
         How many drives may be on their way to the legs at the same time, where these are to come
         with latency.
     gait_places
-        How many samples of the legs a simulation keeps, one per ms or physics step, whichever is
-        longer; 0 logs no gait.
+        How many samples of the legs a simulation keeps, as near 1 ms apart as physics steps allow;
+        0 logs no gait.
 
     Raises
     ------
@@ -83,6 +83,11 @@ class SceneConfig:
     def steps_per_gait_sample(self) -> int:
         """Physics steps from one sample of the legs to the next."""
         return max(1, round(SAMPLING_S / self.physics.timestep))
+
+    @property
+    def gait_sampling_s(self) -> float:
+        """Time from one sample of the legs to the next, s."""
+        return self.steps_per_gait_sample * self.physics.timestep
 
 
 @dataclass(frozen=True)

@@ -230,7 +230,7 @@ def test_what_differs_beside_the_labels_is_said_and_written(tmp_path, capsys):
     folders = [str(tmp_path / name) for name in "ab"]
     assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
     assert "they differ also in physics.timestep: see " in capsys.readouterr().out
-    assert [row["physics.timestep"] for row in _rows(tmp_path / "out")] == ["0.0005", "0.001"]
+    assert [row["physics.timestep"] for row in _rows(tmp_path / "out")] == ["0.0004", "0.001"]
     assert "algo=sac, n = 1" in _texts(tmp_path / "out")
 
 

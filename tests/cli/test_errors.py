@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,13 @@ def test_an_error_that_quotes_a_file_does_not_steer_the_terminal(capsys):
     with pytest.raises(Failure), reported():
         raise ValueError("two lines\nwith \x1b[2J\u202e")
     assert capsys.readouterr().err == "error: two lines\nwith ?[2J?\n"
+
+
+def test_a_warning_is_one_line_without_code(capsys):
+    with reported():
+        warnings.simplefilter("default")
+        warnings.warn("an old policy", stacklevel=1)
+    assert capsys.readouterr().err == "warning: an old policy\n"
 
 
 def test_an_error_of_a_config_file_is_a_message(capsys):

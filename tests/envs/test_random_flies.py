@@ -159,7 +159,7 @@ def test_reset_options_fix_what_they_name_and_leave_the_rest_as_drawn() -> None:
     core = env.unwrapped.core
     friction = core.flies._batch.get_model(0).pair_friction
     np.testing.assert_array_equal(friction, core.scene.model.pair_friction / 2)
-    assert core.flies.controllers["latency"][0] == 20  # steps of 0.5 ms
+    assert core.flies.controllers["latency"][0] == 25  # steps of 0.4 ms
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from pandas.testing import assert_frame_equal
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
 from flyrl.report import write_report
+from flyrl.simulation.physics import PRESET_VERSIONS
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS, Termination, extended
 
@@ -38,6 +39,11 @@ def test_the_reference_is_the_one_that_was_asked_for(results):
     compared = {row["controller"]: row["paired"] for row in results.summary}
     assert compared["zero"] is None
     assert compared["cpg"]["reference"] == "zero"
+
+
+def test_the_protocol_says_which_preset_of_the_physics(results):
+    expected = {"name": "balanced", "version": PRESET_VERSIONS["balanced"]}
+    assert results.protocol["physics_preset"] == expected
 
 
 def test_everyone_starts_at_the_same_place(results):

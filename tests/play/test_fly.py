@@ -264,7 +264,7 @@ def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed)
         assert not np.array_equal(fly.data.qpos, before)
     scene = fly.env.config.fly_scene
     assert (scene.controller.retraction, scene.controller.stumbling) == (0.0, 0.0)
-    assert (scene.body.adhesion_gain, scene.physics.timestep) == (0.0, 5e-4)
+    assert (scene.body.adhesion_gain, scene.physics.timestep) == (0.0, 4e-4)
     assert fly.model is model
 
 

@@ -1,6 +1,8 @@
+import dataclasses
 import hashlib
 import json
 import pickle
+import warnings
 import zipfile
 
 import numpy as np
@@ -9,7 +11,9 @@ from safetensors import safe_open
 from safetensors.numpy import load_file, save, save_file
 
 from flyrl.policies import PolicyFileError, load_policy
-from flyrl.policies.bundle import load_bundle, save_bundle
+from flyrl.policies.bundle import load_bundle, save_bundle, trained_with_preset
+from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion
+from tests.simulation.test_physics import BALANCED_1
 
 
 @pytest.fixture
@@ -72,6 +76,40 @@ def test_run_folder_gives_best_else_last(bundle, tmp_path):
     (tmp_path / "best.safetensors").write_bytes(b"x" * 100)
     with pytest.raises(PolicyFileError, match=r"best\.safetensors"):
         load_bundle(tmp_path)
+
+
+def test_a_policy_of_an_earlier_preset_is_told_of_once(bundle, tmp_path):
+    path = tmp_path / "policy.safetensors"
+    save_bundle(dataclasses.replace(bundle, env={"physics": BALANCED_1}), path)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("default")
+        for _ in range(2):
+            load_bundle(path)
+    (warning,) = told
+    assert "was trained with version 1 of the physics preset 'balanced'" in str(warning.message)
+
+
+@pytest.mark.parametrize(
+    ("noted", "preset"),
+    [
+        ({"name": "fast", "version": 1}, PresetVersion("fast", 1)),
+        ({"name": "fast", "version": "1"}, PresetVersion("balanced", 1)),
+        ({"name": ["fast"], "version": 1}, PresetVersion("balanced", 1)),
+        ("fast", PresetVersion("balanced", 1)),
+        (None, PresetVersion("balanced", 1)),
+    ],
+)
+def test_what_a_policy_notes_of_its_preset_comes_before_its_settings(bundle, noted, preset):
+    env, training = {"physics": BALANCED_1}, {"physics_preset": noted}
+    bundle = dataclasses.replace(bundle, env=env, training=training)
+    assert trained_with_preset(bundle) == preset
+
+
+def test_nothing_is_told_of_a_policy_of_a_preset_as_it_is(bundle, tmp_path):
+    path = tmp_path / "policy.safetensors"
+    noted = {"name": "balanced", "version": PRESET_VERSIONS["balanced"]}
+    save_bundle(dataclasses.replace(bundle, training={"physics_preset": noted}), path)
+    load_bundle(path)  # a warning would be an error
 
 
 def test_missing_path(tmp_path):

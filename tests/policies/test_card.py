@@ -55,7 +55,7 @@ def card(bundle):
         "| terrain | random_mixed |",
         "| body | current |",
         "| leg controller | hybrid |",
-        "| physics | fast |",
+        "| physics | fast, version 2 |",
         "| randomisation | none |",
         "| algorithm | ppo |",
         "| decisions | 60000 |",

@@ -78,6 +78,10 @@ def text(results):
     return format_report(results, note="Videos are left out: no GL.")
 
 
+def test_the_report_says_which_preset_of_the_physics(text):
+    assert "Preset balanced, version 2" in text
+
+
 @pytest.fixture(scope="module")
 def page(text):
     return Page(text)

@@ -23,7 +23,7 @@ def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: 
     """20 ms at 12 Hz; magnitudes approach 1 by Euler steps, so they tell the number of steps."""
     env = BatchedEnv(EnvConfig(task="target", physics=physics), 2, num_threads=1)
     timestep = PHYSICS_PRESETS[physics].timestep
-    steps = {"reference": 200, "balanced": 40, "fast": 20}[physics]
+    steps = {"reference": 200, "balanced": 50, "fast": 20}[physics]
     assert env.config.steps_per_decision == steps
     episode = Episode(0, (0.0, 0.0, 0.5), 0.0, (5.0, 0.0), TRIPOD, (0.0,) * 6)
     env.reset(episodes=[episode] * 2)

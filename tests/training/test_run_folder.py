@@ -7,6 +7,7 @@ import yaml
 
 import flyrl
 from flyrl.files import replacing
+from flyrl.simulation.physics import PRESET_VERSIONS
 from flyrl.training.checkpoint import save_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.run_folder import RunFolder
@@ -23,6 +24,8 @@ def test_what_a_new_folder_says(tmp_path):
     provenance = json.loads((folder.path / "provenance.json").read_text())
     assert provenance["packages"]["mujoco"].startswith("4.")
     assert provenance["num_cpus"] >= 1
+    version = PRESET_VERSIONS["balanced"]
+    assert provenance["physics_preset"] == {"name": "balanced", "version": version}
 
 
 def test_runs_of_the_same_second_get_their_own_folders(tmp_path):
