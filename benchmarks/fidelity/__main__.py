@@ -1,6 +1,6 @@
-"""Is it true? Walking beside flygym-gymnasium, turning of the presets, and whether they blow up.
+"""Is it true? Walking beside flygym-gymnasium, steering and turning, and whether presets blow up.
 
-Run `python -m benchmarks.fidelity walking|turning|stability` from the root of the repository.
+From the root of the repository: `python -m benchmarks.fidelity walking|steering|turning|stability`.
 """
 
 import argparse
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.fidelity import results, stability, turning
+from benchmarks.fidelity import results, stability, steering, steering_table, turning
 from benchmarks.fidelity.compare import table
 from benchmarks.fidelity.flyrl_runs import config, walk_straight
 from benchmarks.fidelity.statistics import STATISTICS
@@ -17,6 +17,9 @@ from benchmarks.fidelity.verdict import verdict
 from benchmarks.machine import machine
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import TIMEOUT, UNSTABLE
+
+JUDGING_SEED = 1000
+"""Presets are chosen with seeds below, and judged with those from here on."""
 
 
 def _arguments() -> argparse.Namespace:
@@ -31,6 +34,7 @@ def _arguments() -> argparse.Namespace:
         "--terrains", nargs="+", choices=results.TERRAINS, default=results.TERRAINS
     )
     studies = parser.add_subparsers(dest="study", required=True)
+    seed_help = f"seed of the first; the presets were chosen with seeds below {JUDGING_SEED}"
 
     walking = studies.add_parser(
         "walking", parents=[common, grounds], help="straight ahead, beside flygym-gymnasium"
@@ -41,10 +45,7 @@ def _arguments() -> argparse.Namespace:
     walking.add_argument(
         "--conditions", type=int, default=20, help="initial conditions, a seed each"
     )
-    walking.add_argument(
-        "--first-seed", type=int, default=0,
-        help="seed of the first; the presets were chosen with seeds 0 to 49",
-    )  # fmt: skip
+    walking.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
     walking.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
     walking.add_argument(
         "--output", type=Path, default=Path("runs/fidelity.json"), help="where the runs are written"
@@ -62,7 +63,28 @@ def _arguments() -> argparse.Namespace:
     )
     turn.add_argument("--size", type=int, default=9, help="levels of drive of each side")
     turn.add_argument("--conditions", type=int, default=8, help="flies per pair of drives")
+    turn.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
     turn.add_argument("--seconds", type=float, default=1.3, help="simulated time, 0.3 s to settle")
+
+    steered = studies.add_parser("steering", parents=[common], help="falls and tilt while steered")
+    steered.add_argument(
+        "--terrains", nargs="+", choices=steering.TERRAINS, default=steering.TERRAINS
+    )
+    steered.add_argument(
+        "--drives", nargs="+", choices=steering.ALL_KINDS, default=steering.ALL_KINDS
+    )
+    steered.add_argument("--conditions", type=int, default=200, help="starts, a seed each")
+    steered.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
+    steered.add_argument(
+        "--output", type=Path, default=Path("runs/steering.json"), help="where the runs are written"
+    )
+    steered.add_argument(
+        "--show", type=Path, nargs="+", metavar="FILE", help="run nothing, print what these hold"
+    )
+    steered.add_argument(
+        "--collect", type=Path, metavar="FOLDER",
+        help="run nothing, add the runs of reference.py in FOLDER to reference_steering.json",
+    )  # fmt: skip
 
     stable = studies.add_parser(
         "stability", parents=[common, grounds], help="random drives until a fall or time is up"
@@ -109,7 +131,12 @@ def _turn(chosen: argparse.Namespace) -> None:
     levels = turning.drives(chosen.size)
     for physics in chosen.physics:
         rates, falls = turning.yaw_rates(
-            physics, chosen.size, chosen.conditions, chosen.seconds, chosen.threads
+            physics,
+            chosen.size,
+            chosen.conditions,
+            chosen.seconds,
+            chosen.threads,
+            chosen.first_seed,
         )
         print(f"{physics}: yaw rate (deg/s); rows: left drive, columns: right drive")
         print("        " + "".join(f"{level:8.2f}" for level in levels))
@@ -127,6 +154,24 @@ def _turn(chosen: argparse.Namespace) -> None:
         )
 
 
+def _steer(chosen: argparse.Namespace) -> None:
+    if chosen.collect is not None:
+        published = results.read(steering.REFERENCE)
+        results.write(steering.REFERENCE, steering.collect(chosen.collect, published))
+        return
+    if chosen.show:
+        rows = [row for path in chosen.show for row in results.read(path)["runs"]]
+    else:
+        rows = []
+        seeds = range(chosen.first_seed, chosen.first_seed + chosen.conditions)
+        for terrain in chosen.terrains:
+            for kind in chosen.drives:
+                for physics in chosen.physics:
+                    rows += steering.steer(physics, terrain, kind, seeds, chosen.threads)
+                    results.write(chosen.output, {"machines": [machine()], "runs": rows})
+    print(steering_table.table(rows, results.read(steering.REFERENCE)["runs"]))
+
+
 def _stay_stable(chosen: argparse.Namespace) -> None:
     for physics in chosen.physics:
         for terrain in chosen.terrains:
@@ -140,7 +185,8 @@ def _stay_stable(chosen: argparse.Namespace) -> None:
 def main() -> None:
     """Run a study, or read it, and print it."""
     chosen = _arguments()
-    {"walking": _walk, "turning": _turn, "stability": _stay_stable}[chosen.study](chosen)
+    studies = {"walking": _walk, "turning": _turn, "steering": _steer, "stability": _stay_stable}
+    studies[chosen.study](chosen)
 
 
 if __name__ == "__main__":

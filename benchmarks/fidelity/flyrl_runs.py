@@ -7,11 +7,12 @@ import numpy as np
 
 from benchmarks.fidelity.statistics import Trajectory, trajectory
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.tasks import TaskState
 from flyrl.tasks.terms import leg_contacts
 
 SAMPLING_S: Final = 1e-3
-"""s; a multiple of every preset's time step, and as in `reference.py`."""
+"""s, as in `reference.py`; as near as physics steps allow."""
 
 
 def walk_straight(
@@ -42,14 +43,15 @@ def walk_straight(
     ]
 
 
-def config(controller: str, terrain: str, physics: str) -> EnvConfig:
+def config(controller: str, terrain: str, physics: str | PhysicsConfig) -> EnvConfig:
     """Environment of one cell of the comparison: the current body, sampled every `SAMPLING_S`."""
+    settings = PHYSICS_PRESETS[physics] if isinstance(physics, str) else physics
     return EnvConfig(
         task="hybrid_turning",
         controller=controller,
         terrain=terrain,
         physics=physics,
-        decision_interval=SAMPLING_S,
+        decision_interval=round(SAMPLING_S / settings.timestep) * settings.timestep,
     )
 
 

@@ -9,7 +9,9 @@ For an interpreter of its own, in which flyrl is not installed, from the root of
 
 One file per run, `TERRAIN-CONTROLLER-SEED.npz`, of half a minute to some minutes; what is there is
 not run again. `python -m benchmarks.fidelity walking --collect runs/flygym` then makes
-`reference.json`.
+`reference.json`. With `--drives smooth abrupt turn` the hybrid controller is steered by the
+sequences of `drives.py` (`TERRAIN-DRIVES-SEED.npz`), and `python -m benchmarks.fidelity steering
+--collect` makes `reference_steering.json` of a folder of those alone.
 """
 
 import argparse
@@ -38,6 +40,7 @@ from flygym_gymnasium.examples.locomotion import (
 from flygym_gymnasium.examples.locomotion.rule_based_controller import construct_rules_graph
 from numpy.typing import NDArray
 
+from benchmarks.fidelity.drives import HOLD_S, KINDS, sequence
 from benchmarks.machine import machine
 
 TERRAINS: Final[dict[str, type[BaseArena]]] = {
@@ -53,6 +56,9 @@ TIMESTEP_S: Final = 1e-4
 SAMPLING_S: Final = 1e-3
 CONTACT_THRESHOLD: Final = 1.0
 """µN; as flyrl's."""
+
+STRAIGHT: Final = np.ones((1, 2))
+"""Drives (left, right) straight ahead, one pair that is held on."""
 
 RULE_BASED_STEP_DURATION_S: Final = 1.0 / 12.0
 RULE_WEIGHTS: Final = {
@@ -108,12 +114,25 @@ class RuleBased:
         return _leg_action(self.steps, self.rules.leg_phases, np.ones(6))
 
 
-class Straight:
-    """The drive for walking straight ahead, for the controller that is its own simulation."""
+class Driven:
+    """A sequence of drives, for the controller that is its own simulation.
+
+    Parameters
+    ----------
+    drives
+        Pairs (left, right), each held for `HOLD_S`, (k, 2); the last one is held on.
+    """
+
+    def __init__(self, drives: NDArray[np.float64]) -> None:
+        self.drives = drives
+        self.steps_taken = 0
 
     def action(self) -> NDArray[np.float64]:
         """Drive (left, right)."""
-        return np.ones(2)
+        index = self.steps_taken // round(HOLD_S / TIMESTEP_S)
+        self.steps_taken += 1
+        drive: NDArray[np.float64] = self.drives[min(index, len(self.drives) - 1)]
+        return drive
 
 
 def _leg_action(
@@ -129,7 +148,9 @@ def _leg_action(
     return {"joints": np.concatenate(angles), "adhesion": np.array(adhesion, dtype=int)}
 
 
-def start(terrain: str, controller: str, seed: int) -> tuple[Any, Any, Any]:
+def start(
+    terrain: str, controller: str, seed: int, drives: NDArray[np.float64] = STRAIGHT
+) -> tuple[Any, Any, Any]:
     """Start a run from the spawn and phases that flyrl's `hybrid_turning` draws for a seed.
 
     The oscillators start at magnitude 0, as the package lets them.
@@ -151,7 +172,7 @@ def start(terrain: str, controller: str, seed: int) -> tuple[Any, Any, Any]:
     if controller == "hybrid":
         hybrid = HybridTurningController(**world)
         observation, _ = hybrid.reset(seed=seed, init_phases=phases.copy())
-        return hybrid, Straight(), observation
+        return hybrid, Driven(drives), observation
     sim = SingleFlySimulation(**world)
     observation, _ = sim.reset(seed=seed)
     driver = Cpg(phases) if controller == "cpg" else RuleBased(seed)
@@ -176,9 +197,12 @@ def sample(sim: Any, observation: dict[str, NDArray[np.float32]]) -> dict[str, A
     }
 
 
-def run(terrain: str, controller: str, seed: int, seconds: float) -> dict[str, Any]:
-    """Walk straight for some seconds; samples by name, and how it went."""
-    sim, driver, observation = start(terrain, controller, seed)
+def run(
+    terrain: str, controller: str, seed: int, seconds: float, drives: str | None = None
+) -> dict[str, Any]:
+    """Walk for some seconds, straight or with drives; samples by name, and how it went."""
+    driven = STRAIGHT if drives is None else sequence(drives, seed, seconds)
+    sim, driver, observation = start(terrain, controller, seed, driven)
     samples = [sample(sim, observation)]
     outcome = "timeout"
     every = round(SAMPLING_S / TIMESTEP_S)
@@ -193,6 +217,7 @@ def run(terrain: str, controller: str, seed: int, seconds: float) -> dict[str, A
     about = {
         "terrain": terrain,
         "controller": controller,
+        **({"drives": drives} if drives else {}),
         "seed": seed,
         "outcome": outcome,
         "wall_s": round(time.perf_counter() - began, 1),
@@ -208,16 +233,20 @@ def main() -> None:
     parser.add_argument("--terrains", nargs="+", choices=TERRAINS, default=list(TERRAINS))
     parser.add_argument("--controllers", nargs="+", choices=CONTROLLERS, default=CONTROLLERS)
     parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2, 3])
+    parser.add_argument(
+        "--drives", nargs="+", choices=KINDS, help="steer the hybrid controller, and no other"
+    )
     parser.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
     chosen = parser.parse_args()
     chosen.folder.mkdir(parents=True, exist_ok=True)
     for seed in chosen.seeds:
         for terrain in chosen.terrains:
-            for controller in chosen.controllers:
-                path = chosen.folder / f"{terrain}-{controller}-{seed}.npz"
+            for name in chosen.drives or chosen.controllers:
+                path = chosen.folder / f"{terrain}-{name}-{seed}.npz"
                 if path.exists():
                     continue
-                result = run(terrain, controller, seed, chosen.seconds)
+                how = ("hybrid", name) if chosen.drives else (name, None)
+                result = run(terrain, how[0], seed, chosen.seconds, how[1])
                 result["about"] = json.dumps(result["about"] | {"machine": machine(PACKAGES)})
                 partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
                 np.savez_compressed(partial, **result)

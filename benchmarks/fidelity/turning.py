@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW
 
 Array = NDArray[np.float64]
@@ -21,7 +22,12 @@ def drives(size: int) -> Array:
 
 
 def yaw_rates(
-    physics: str, size: int, conditions: int, seconds: float, threads: int = 0
+    physics: str | PhysicsConfig,
+    size: int,
+    conditions: int,
+    seconds: float,
+    threads: int = 0,
+    first_seed: int = 0,
 ) -> tuple[Array, Array]:
     """Turn on flat ground under every pair of drives.
 
@@ -39,7 +45,7 @@ def yaw_rates(
         count,
         threads,
     )
-    seeds = np.tile(np.arange(conditions), size * size)
+    seeds = np.tile(first_seed + np.arange(conditions), size * size)
     episodes = [env.draw_episode(i, int(seed)) for i, seed in enumerate(seeds)]
     env.reset(episodes=[replace(episode, init_magnitudes=(0.0,) * 6) for episode in episodes])
     levels = drives(size)

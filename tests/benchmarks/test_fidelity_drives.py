@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from benchmarks.fidelity.drives import HIGH, HOLD_S, KINDS, LOW, sequence
+from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW
+
+
+def jumps(kind: str) -> float:
+    """Mean change of a side's drive from one pair to the next."""
+    return float(
+        np.mean([np.abs(np.diff(sequence(kind, k, 1.5), axis=0)).mean() for k in range(9)])
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_seed_has_the_same_drives_whatever_their_number(kind: str) -> None:
+    long, short = sequence(kind, 7, 1.5), sequence(kind, 7, 0.5)
+    assert long.shape == (75, 2)
+    np.testing.assert_array_equal(long[:25], short)
+    assert not np.array_equal(long, sequence(kind, 8, 1.5))
+
+
+def test_drives_fill_the_range_of_the_tasks_and_keep_within() -> None:
+    assert (LOW, HIGH) == (DRIVE_LOW, DRIVE_HIGH)
+    for kind in KINDS:
+        drives = np.concatenate([sequence(kind, seed, 1.5) for seed in range(50)])
+        assert LOW <= drives.min() < LOW + 0.05
+        assert HIGH - 0.05 < drives.max() <= HIGH
+
+
+def test_a_turn_is_held_a_smooth_drive_changes_little_at_a_time_and_an_abrupt_one_jumps() -> None:
+    assert jumps("turn") == 0.0
+    # a jump of two uniform numbers is a third of the range, in one pair of five
+    assert jumps("abrupt") == pytest.approx((HIGH - LOW) / 3 / 5, rel=0.2)
+    steps = np.abs(np.diff(sequence("smooth", 3, 1.5), axis=0))
+    assert 0 < steps.max() < 4 * (HIGH - LOW) / 4 * 2 * np.pi * 2.0 * HOLD_S
+
+
+def test_turns_go_both_ways() -> None:
+    pairs = np.array([sequence("turn", seed, 0.1)[0] for seed in range(40)])
+    is_left = pairs[:, 0] < pairs[:, 1]
+    assert 10 < is_left.sum() < 30
+    assert pairs.max(axis=1).min() >= 0.9
+    assert pairs.min(axis=1).max() <= 0.8
