@@ -159,7 +159,8 @@ def figures(series: dict[str, Array], outcome: str) -> Row:
 def collect(folder: Path, known: Mapping[str, Any]) -> dict[str, Any]:
     """Add the steered runs that `reference.py` has finished in `folder` to those that are known.
 
-    Rows are as in `steer`. A run ends where flyrl's does: at the first sample with the thorax tilted beyond 75 degrees.
+    Rows are as in `steer`. A run ends where flyrl's does, at the first sample with a thorax tilted
+    beyond 75 degrees.
 
     Raises
     ------

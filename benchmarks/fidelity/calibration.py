@@ -1,0 +1,263 @@
+"""What a preset of the physics has to be true to, measured and summed up in one number.
+
+Every figure has a range that it should lie in. The objective is the sum over the figures of the
+squared distance from that range, each in units of its own tolerance: 0 where all lie within.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from benchmarks.fidelity import results, steering
+from benchmarks.fidelity.drives import HOLD_S
+from benchmarks.fidelity.steering_table import fall_ratio, paired_falls, tilt_ratio
+from benchmarks.fidelity.turning import relative_difference, yaw_rates
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
+
+CHOOSING_SEEDS: Final = range(1000)
+"""Presets are chosen with these starts and drives, and judged with others."""
+
+CREEP_S: Final = 0.5
+_SIZE: Final = 5
+_TURN_S: Final = 1.3
+
+
+class Aim(NamedTuple):
+    """Range that a figure should lie in, and the distance from it that counts as 1."""
+
+    low: float
+    high: float
+    tolerance: float
+
+
+AIMS: Final[dict[str, Aim]] = {
+    "speed over flygym's": Aim(0.8, 1.2, 0.05),
+    "CPG over hybrid": Aim(0.0, 0.65, 0.05),
+    "hybrid - CPG, mm/s": Aim(0.5, np.inf, 0.5),
+    "hybrid - rules, mm/s": Aim(0.5, np.inf, 0.5),
+    "turning, rms": Aim(0.0, 0.1, 0.01),
+    "pursuit, falls - reference": Aim(-0.05, 0.05, 0.02),
+    "abrupt, falls / reference": Aim(1 / 1.5, 1.5, 0.2),
+    "tilt 95 % / reference": Aim(0.85, 1.15, 0.05),
+    "creep, mm": Aim(0.0, 0.1, 0.02),
+    "asymmetry, mm": Aim(0.0, 1e-6, 1e-6),
+}
+"""By the first part of a figure's name; what follows a ": " says where it was measured."""
+
+_SPEEDS_ALONE: Final = {
+    ("gapped", "cpg"): (13.8, 4.2, 4.0, 2.9),
+    ("gapped", "rule_based"): (7.1, 0.7, 8.9, 8.3),
+    ("gapped", "hybrid"): (13.2, 11.1, 10.7, 11.7),
+}
+"""Runs of flygym-gymnasium of which nothing but the speed was kept, mm/s."""
+
+Figures = dict[str, float]
+
+
+def distance(name: str, value: float) -> float:
+    """How far a figure is from its range, in tolerances; one that is not finite is 10 off."""
+    low, high, tolerance = AIMS[name.partition(":")[0]]
+    if not np.isfinite(value):
+        return 10.0
+    return max(low - value, value - high, 0.0) / tolerance
+
+
+def objective(figures: Mapping[str, float]) -> float:
+    """Sum of the squared distances of all figures from their ranges."""
+    return sum(distance(name, value) ** 2 for name, value in figures.items())
+
+
+class Yardstick:
+    """What `reference` does from the same starts, measured once for many candidates.
+
+    Parameters
+    ----------
+    walks, steered, turns
+        How many starts: straight ahead, steered, and per pair of drives.
+    num_threads
+        0 takes one per CPU.
+    preset
+        Another to be measured against.
+    """
+
+    def __init__(
+        self,
+        walks: int,
+        steered: int,
+        turns: int,
+        num_threads: int = 0,
+        preset: str = "reference",
+    ) -> None:
+        for name, count in (("walks", walks), ("steered", steered), ("turns", turns)):
+            if count > len(CHOOSING_SEEDS):
+                raise ValueError(f"{name} is {count}; allowed: up to {len(CHOOSING_SEEDS)}")
+        self.walks, self.steered, self.turns = walks, steered, turns
+        self.num_threads = num_threads
+        self._rates = self._turn(preset) if turns else np.empty(0)
+        kinds = (steering.PURSUIT, "abrupt") if steered else ()
+        self._steered = {
+            (terrain, kind): self._steer(preset, terrain, kind)
+            for terrain in steering.TERRAINS
+            for kind in kinds
+        }
+        self._published = published_speeds()
+
+    def measure(self, physics: PhysicsConfig) -> tuple[Figures, float]:
+        """All figures of a candidate, and simulated seconds per second of the CPU."""
+        figures, speed = self._straight(physics)
+        if self.turns:
+            figures["turning, rms"] = relative_difference(self._turn(physics), self._rates)
+        for (terrain, kind), reference in self._steered.items():
+            rows = self._steer(physics, terrain, kind)
+            where = f"{terrain} {kind}"
+            if kind == steering.PURSUIT:
+                difference = paired_falls(rows, reference).value
+                figures[f"pursuit, falls - reference: {terrain}"] = difference
+            else:
+                figures[f"abrupt, falls / reference: {terrain}"] = fall_ratio(rows, reference).value
+            figures[f"tilt 95 % / reference: {where}"] = tilt_ratio(rows, reference).value
+        return {**figures, "creep, mm": creep(physics), "asymmetry, mm": asymmetry(physics)}, speed
+
+    def _straight(self, physics: PhysicsConfig) -> tuple[Figures, float]:
+        figures: Figures = {}
+        began = time.process_time()
+        for terrain in results.TERRAINS:
+            speeds = {
+                name: straight_speed(physics, terrain, name, self.walks, self.num_threads)
+                for name in results.CONTROLLERS
+            }
+            for name, speed in speeds.items():
+                ratio = speed / self._published[terrain, name]
+                figures[f"speed over flygym's: {terrain} {name}"] = ratio
+            if terrain != "flat":
+                hybrid, cpg, rules = (speeds[name] for name in ("hybrid", "cpg", "rule_based"))
+                figures[f"CPG over hybrid: {terrain}"] = cpg / hybrid
+                figures[f"hybrid - CPG, mm/s: {terrain}"] = hybrid - cpg
+                figures[f"hybrid - rules, mm/s: {terrain}"] = hybrid - rules
+        spent = time.process_time() - began
+        simulated = self.walks * steering.SECONDS * len(results.TERRAINS) * len(results.CONTROLLERS)
+        return figures, simulated / spent
+
+    def _turn(self, physics: str | PhysicsConfig) -> steering.Array:
+        return yaw_rates(physics, _SIZE, self.turns, _TURN_S, self.num_threads)[0]
+
+    def _steer(
+        self, physics: str | PhysicsConfig, terrain: str, kind: str
+    ) -> Sequence[steering.Row]:
+        seeds = CHOOSING_SEEDS[: self.steered]
+        return steering.steer(physics, terrain, kind, seeds, self.num_threads)
+
+
+def published_speeds() -> dict[tuple[str, str], float]:
+    """Median speed of flygym-gymnasium straight ahead by terrain and controller, mm/s."""
+    runs = results.read(results.REFERENCE)["runs"]
+    speeds = {place: list(given) for place, given in _SPEEDS_ALONE.items()}
+    for run in runs:
+        place = run["terrain"], run["controller"]
+        speeds.setdefault(place, []).append(run["statistics"]["speed"])
+    return {place: float(np.median(given)) for place, given in speeds.items()}
+
+
+def straight_speed(
+    physics: PhysicsConfig, terrain: str, controller: str, walks: int, num_threads: int = 0
+) -> float:
+    """Median over the starts of the distance from start to end over time, drive (1, 1), mm/s."""
+    seeds = CHOOSING_SEEDS[:walks]
+    env = _started(physics, terrain, controller, seeds, num_threads)
+    start = env.state.position_w[:, :2].copy()
+    for _ in range(round(steering.SECONDS / HOLD_S)):
+        env.step(np.ones((walks, 2)))
+    way = np.linalg.norm(env.state.position_w[:, :2] - start, axis=1)
+    return float(np.median(way) / steering.SECONDS)
+
+
+def creep(physics: PhysicsConfig) -> float:
+    """Median way in `CREEP_S` of flies that should stand, after 0.2 s to settle, mm."""
+    env = _started(physics, "flat", "hybrid", CHOOSING_SEEDS[:8], 1)
+    standing = np.zeros((8, 2))
+    for _ in range(round(0.2 / HOLD_S)):
+        env.step(standing)
+    start = env.state.position_w[:, :2].copy()
+    for _ in range(round(CREEP_S / HOLD_S)):
+        env.step(standing)
+    return float(np.median(np.linalg.norm(env.state.position_w[:, :2] - start, axis=1)))
+
+
+def asymmetry(physics: PhysicsConfig) -> float:
+    """Largest distance between a turn to the left and its mirror image over 0.1 s, mm."""
+    env = _started(physics, "flat", "hybrid", [0, 0], 1)
+    episode = env.draw_episode(0, 0)
+    episode = replace(
+        episode, spawn_position_w=(0.0, 0.0, 0.5), spawn_yaw=0.0, init_magnitudes=(0.0,) * 6
+    )
+    phases = episode.init_phases
+    twins = [episode, replace(episode, init_phases=(*phases[3:], *phases[:3]))]
+    env.reset(episodes=twins)
+    for _ in range(round(0.1 / HOLD_S)):
+        env.step(np.array([[0.4, 1.2], [1.2, 0.4]]))
+    place, twin = env.state.position_w
+    return float(np.abs(place * [1, -1, 1] - twin).max())
+
+
+def _started(
+    physics: PhysicsConfig, terrain: str, controller: str, seeds: Sequence[int], num_threads: int
+) -> BatchedEnv:
+    config = EnvConfig(
+        task="hybrid_turning",
+        controller=controller,
+        terrain=terrain,
+        physics=physics,
+        decision_interval=HOLD_S,
+    )
+    env = BatchedEnv(config, len(seeds), num_threads)
+    episodes = [env.draw_episode(i, seed) for i, seed in enumerate(seeds)]
+    env.reset(episodes=[replace(episode, init_magnitudes=(0.0,) * 6) for episode in episodes])
+    return env
+
+
+def candidate(base: str, changes: Mapping[str, float]) -> PhysicsConfig:
+    """Preset `base` with changes of its step and contacts.
+
+    Parameters
+    ----------
+    base
+        Name of the preset.
+    changes
+        "timestep", s; and, each of "box" and "plane" before a dot: "friction", "push_out", 1/s,
+        "damping", in units of 1 / step, "first" and "last", impedance at the surface and deep in,
+        "width", mm, over which it grows, "margin", mm; "plane.across", friction across a foot.
+    """
+    physics = PHYSICS_PRESETS[base]
+    contact = physics.contact
+    timestep = changes.get("timestep", physics.timestep)
+    for surface in ("box", "plane"):
+        given = {
+            name.partition(".")[2]: value
+            for name, value in changes.items()
+            if name.startswith(f"{surface}.")
+        }
+        before = getattr(contact, surface)
+        stiffness, damping = (-value for value in before.solref)
+        damping_per_step = given.get("damping", damping * physics.timestep)
+        push_out = given.get("push_out", stiffness / damping)
+        first, last, width, *rest = before.solimp
+        after = replace(
+            before,
+            friction=(given.get("friction", before.friction[0]), *before.friction[1:]),
+            solref=(-push_out * damping_per_step / timestep, -damping_per_step / timestep),
+            solimp=(
+                given.get("first", first),
+                given.get("last", last),
+                given.get("width", width),
+                *rest,
+            ),
+            margin=given.get("margin", before.margin),
+        )
+        contact = replace(contact, **{surface: after})
+        if "across" in given:
+            contact = replace(contact, plane_friction_across=given["across"])
+    return replace(physics, timestep=timestep, contact=contact)
