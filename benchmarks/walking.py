@@ -20,6 +20,9 @@ from flyrl.terrains import TERRAIN_NAMES
 
 FIRST_SEED = 0
 
+SAMPLING_S = 4e-3
+"""A multiple of every preset's step."""
+
 PUBLISHED = replace(PHYSICS_PRESETS["reference"], noslip_iterations=100, contact=ContactConfig())
 """As the published models, which have 100 no-slip iterations. Capsules on planes come closer to
 flygym 0.2.5 than the preset's hulls (rules, a middle leg first: 3.26, 3.51; flygym 3.32 mm)."""
@@ -48,10 +51,10 @@ def walk(
 
     Returns
     -------
-    Thorax positions, mm, (t, n, 3), and yaws, rad, (t, n), every 5 ms.
+    Thorax positions, mm, (t, n, 3), and yaws, rad, (t, n), every `SAMPLING_S`.
     """
     env = BatchedEnv(
-        EnvConfig(task="hybrid_turning", decision_interval=0.005, **config), conditions
+        EnvConfig(task="hybrid_turning", decision_interval=SAMPLING_S, **config), conditions
     )
     terrain = env.config.scene.terrain
     episodes = [
@@ -60,11 +63,11 @@ def walk(
     if magnitude is not None:
         episodes = [replace(episode, init_magnitudes=(magnitude,) * 6) for episode in episodes]
     env.reset(episodes=episodes)
-    for _ in range(round(settle / 0.005)):
+    for _ in range(round(settle / SAMPLING_S)):
         env.step(np.zeros((conditions, 2)))
     action = np.tile(drive, (conditions, 1))
     positions, yaws = [env.state.position_w], [env.state.yaw]
-    for _ in range(round(seconds / 0.005)):
+    for _ in range(round(seconds / SAMPLING_S)):
         env.step(action)
         positions.append(env.state.position_w)
         yaws.append(env.state.yaw)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
+from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.controllers.leg_controller import CONTROLLERS, ControllerConfig, ControllerName
 from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
@@ -163,7 +164,9 @@ class EnvConfig:
         places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
         scene = SceneConfig(body, terrain, controller, physics, places)
         if self.log_gait:  # all samples of a decision are kept until its end
-            scene = replace(scene, gait_places=1 + steps // scene.steps_per_gait_sample)
+            # at any step they are more than two thirds of SAMPLING_S apart: as many places in all
+            seconds = steps * physics.timestep
+            scene = replace(scene, gait_places=1 + math.ceil(1.5 * seconds / SAMPLING_S))
         return scene
 
     def _worm_scene(

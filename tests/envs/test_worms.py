@@ -398,7 +398,7 @@ def test_a_worm_has_its_usual_body_and_physics_and_takes_others():
     assert EnvConfig("worm_hang_box").scene.body == HANGER
     assert EnvConfig("worm_crawl").steps_per_decision == 50
     finer = EnvConfig("worm_crawl", physics="balanced", body=replace(CRAWLER, segments=4))
-    assert finer.steps_per_decision == 100
+    assert finer.steps_per_decision == 125
     assert finer.resolved_task.actions.size == 6
 
 

@@ -26,4 +26,4 @@ def test_examples_are_the_episodes_that_were_evaluated():
     paths = [results.trajectories[row] for row in (2, 5, 0, 3)]
     for record, path in zip(examples, paths, strict=True):
         np.testing.assert_array_equal(record.position_w.astype(np.float32), path.position_w)
-        assert len(record.gait.stance) == 200
+        assert len(record.gait.stance) == 250

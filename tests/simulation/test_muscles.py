@@ -93,9 +93,9 @@ def test_the_log_of_the_gait_lies_behind_the_tensions():
     env = BatchedEnv(EnvConfig(task="traverse", body="fly_muscles", log_gait=True), 1, 1)
     env.reset(seeds=[0])
     env.step(np.ones((1, 2)))
-    # 20 ms, one sample per ms and one at the start
-    assert env.flies.gait_logs["num_samples"][0] in (20, 21)
-    assert env.flies.gait_logs["num_steps"][0] == 40
+    # 20 ms, one sample every two steps of 0.4 ms
+    assert env.flies.gait_logs["num_samples"][0] == 25
+    assert env.flies.gait_logs["num_steps"][0] == 50
     assert 0 < env.state.muscle_tensions.max() <= 1
 
 
