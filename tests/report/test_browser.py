@@ -1,11 +1,13 @@
 """The report in a real browser, driven as a reader would."""
 
 import io
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 from PIL import Image
+from playwright.sync_api import expect
 
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report import Video, write_report
@@ -107,6 +109,14 @@ def visit(browser, report):
     assert elsewhere == []
 
 
+def wait_until(page, script, argument=None):
+    """Wait until a script is true; how Playwright itself waits, the page's policy forbids."""
+    end = time.monotonic() + 30.0
+    while not page.evaluate(script, argument):
+        assert time.monotonic() < end, f"never so: {script}"
+        page.wait_for_timeout(20)
+
+
 def column(page, table, heading):
     """What a table shows below a heading, row by row, as it sorts by."""
     return page.eval_on_selector(
@@ -158,7 +168,7 @@ def test_a_page_that_complains_is_heard(browser, tmp_path):
 def test_it_opens_offline_without_a_word(visit):
     page = visit()
     assert page.title() == "target on flat, gapped · flyrl report"
-    assert page.locator("h1").is_visible()
+    expect(page.locator("h1")).to_be_visible()
     # visit() checks that nothing was said
 
 
@@ -191,6 +201,7 @@ def test_every_link_of_the_navigation_shows_its_page_alone(visit):
     assert len(links) == 4 + len(TERRAINS)
     for link in links:
         link.click()
+        expect(page.locator(link.get_attribute("href"))).to_be_visible()
         shown = [each for each in page.locator("main > .page").all() if each.is_visible()]
         assert ["#" + each.get_attribute("id") for each in shown] == [link.get_attribute("href")]
         assert link.get_attribute("aria-current") == "page"
@@ -199,16 +210,16 @@ def test_every_link_of_the_navigation_shows_its_page_alone(visit):
 def test_a_link_from_the_summary_leads_to_the_page_of_a_terrain(visit):
     page = visit()
     page.locator("#leaders a", has_text="gapped").click()
-    assert page.locator("#gapped h2").is_visible()
+    expect(page.locator("#gapped h2")).to_be_visible()
     page.go_back()
-    assert page.locator("#leaders").is_visible()
+    expect(page.locator("#leaders")).to_be_visible()
 
 
 def test_a_section_of_a_page_can_be_addressed(visit, report):
     page = visit()
     page.goto(f"{report.as_uri()}#provenance")
-    assert page.locator("#provenance").is_visible()
-    assert not page.locator("#summary").is_visible()
+    expect(page.locator("#provenance")).to_be_visible()
+    expect(page.locator("#summary")).to_be_hidden()
 
 
 def test_the_navigation_stays_in_sight_and_leads_to_the_top_of_a_page(visit):
@@ -274,6 +285,7 @@ def test_paper_has_no_controls_and_is_white(visit):
     page = visit(color_scheme="dark")
     page.locator("nav a", has_text="Flat").click()
     controls = page.locator("nav, #flat .clock")
+    expect(controls.last).to_be_visible()
     assert all(control.is_visible() for control in controls.all())
     page.emulate_media(media="print")
     assert not any(control.is_visible() for control in controls.all())
@@ -293,12 +305,13 @@ def times(page):
 def test_videos_play_together(visit):
     page = visit()
     on_flat(page).get_by_role("button", name="Play").click()
-    page.wait_for_function(
+    wait_until(
+        page,
         """(count) => {
             const videos = [...document.querySelectorAll("#flat video")];
             return videos.length === count && videos.every((video) => video.currentTime > 0);
         }""",
-        arg=len(NAMES),
+        len(NAMES),
     )
 
 
@@ -335,10 +348,11 @@ def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
         for _ in range(3):
             slider.press("ArrowRight")
         frame = int(slider.input_value())
-        page.wait_for_function(
+        wait_until(
+            page,
             """(time) => [...document.querySelectorAll("#flat video")].every(
                 (video) => Math.abs(video.currentTime - time) < 0.021)""",
-            arg=(frame + 0.5) / FPS,
+            (frame + 0.5) / FPS,
         )
         places.append(player.locator(".run-along .cursor").first.bounding_box()["x"])
     assert frame == 6
@@ -347,8 +361,9 @@ def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
 
 def shown_number(page):
     """Number of the picture that the first video shows, by its brightness."""
-    page.wait_for_function(
-        """() => [...document.querySelectorAll("#flat video")].every((video) => !video.seeking)"""
+    wait_until(
+        page,
+        """() => [...document.querySelectorAll("#flat video")].every((video) => !video.seeking)""",
     )
     page.wait_for_timeout(100)  # until it is painted
     picture = Image.open(io.BytesIO(page.locator("#flat video").first.screenshot())).convert("L")
@@ -366,11 +381,12 @@ def test_the_time_told_is_that_of_the_picture(visit):
     player = on_flat(page)
     assert told_number(page) == shown_number(page) == FILMED - 1  # the posters
     player.get_by_role("button", name="Play").click()
-    page.wait_for_function(
+    wait_until(
+        page,
         """() => {
             const {value} = document.querySelector("#flat .clock input");
             return 3 < value && value < 12;
-        }"""
+        }""",
     )
     player.get_by_role("button", name="Pause").click()
     assert told_number(page) == shown_number(page)
@@ -401,6 +417,7 @@ def rows_shown(page):
 def test_a_dot_leads_to_what_everybody_did_in_its_episode(visit):
     page = visit(reduced_motion="reduce")
     page.locator("nav a", has_text="Gapped").click()
+    page.locator("#gapped").wait_for()
     # one that no other lies upon
     dot = page.evaluate(
         """() => {
@@ -421,15 +438,15 @@ def test_a_dot_leads_to_what_everybody_did_in_its_episode(visit):
     assert [row[:3] for row in shown] == [["gapped", "3", name] for name in NAMES]
     assert f"seed {2**31 + 3}" in page.locator("#episode .which").inner_text()
     page.locator("#episode a", has_text="Show all").click()
-    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length > 20")
-    assert not page.locator("#episode").is_visible()
+    page.locator("#rows tbody tr").nth(20).wait_for()
+    expect(page.locator("#episode")).to_be_hidden()
 
 
 def test_an_episode_that_was_filmed_leads_to_its_videos(visit, report):
     page = visit()
     page.goto(f"{report.as_uri()}#episode=flat/0")
     page.get_by_role("link", name="Watch it").click()
-    assert page.locator("#videos-flat-0").is_visible()
+    expect(page.locator("#videos-flat-0")).to_be_visible()
     page.goto(f"{report.as_uri()}#episode=flat/1")
     page.locator("#episode", has_text="film=[1]").wait_for()
 
@@ -450,7 +467,7 @@ def test_a_long_table_is_filled_bit_by_bit(visit, report, tmp_path):
     rows = len(NAMES) * len(TERRAINS) * 5
     page.locator("#episodes", has_text=f"Showing 1 to 25 of {rows} entries").wait_for()
     page.goto(f"{short.as_uri()}#episode=gapped/4")  # the last ones
-    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 3")
+    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 3")
     assert [row[:3] for row in rows_shown(page)] == [["gapped", "4", name] for name in NAMES]
 
 
@@ -460,7 +477,7 @@ def test_rows_are_filtered_by_a_column(visit, report):
     assert {row[2] for row in rows_shown(page)} > {"cpg"}
     page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
     page.locator(".dtcc-dropdown").get_by_role("button", name="cpg").click()
-    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 10")
+    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 10")
     assert {row[2] for row in rows_shown(page)} == {"cpg"}
 
 
@@ -471,16 +488,17 @@ def test_texts_of_strangers_run_no_script(visit, tmp_path):
     hostile = HOSTILE[0]
     assert hostile in {row[2] for row in rows_shown(page)}
     page.locator("#rows th", has_text="controller").locator(".dt-column-title").click()
-    page.wait_for_function(
+    wait_until(
+        page,
         """() => {
             const names = [...document.querySelectorAll("#rows tbody td:nth-child(3)")]
                 .map((cell) => cell.innerText);
             return names.every((name, i) => i === 0 || names[i - 1] <= name);
-        }"""
+        }""",
     )
     page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
     page.locator(".dtcc-dropdown").get_by_role("button", name="/script").click()
-    page.wait_for_function("document.querySelectorAll('#rows tbody tr').length === 6")
+    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 6")
     assert {row[2] for row in rows_shown(page)} == {hostile}
     assert page.title() != "666"
     assert page.locator("img").count() == 0
@@ -510,14 +528,15 @@ def test_rows_are_sorted_with_missing_values_last(visit, report):
     page.goto(f"{report.as_uri()}#episodes")
     rows_shown(page)
     page.locator("#rows th", has_text="time to goal").locator(".dt-column-title").click()
-    page.wait_for_function(
+    wait_until(
+        page,
         """() => {
             const cells = [...document.querySelectorAll("#rows tbody td:nth-child(5)")];
             const values = cells.map((cell) =>
                 cell.innerText === "\u2013" ? Infinity : Number(cell.innerText));
             const isSorted = values.every((value, i) => i === 0 || values[i - 1] <= value);
             return isSorted && values.includes(Infinity);
-        }"""
+        }""",
     )
 
 
@@ -527,4 +546,4 @@ def test_figures_open_on_their_own(visit, report):
     for figure in figures:
         page.goto(figure.as_uri())
         assert page.locator("svg").bounding_box()["width"] > 600, figure.name
-        assert page.locator("text").first.is_visible(), figure.name
+        expect(page.locator("text").first).to_be_visible(), figure.name
