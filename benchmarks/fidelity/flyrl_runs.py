@@ -1,5 +1,6 @@
 """Runs of flyrl, started and sampled as the reference's are."""
 
+import math
 from dataclasses import replace
 from typing import Final, cast
 
@@ -29,7 +30,9 @@ def walk_straight(
     drive = np.ones((len(seeds), 2))
     samples = [_sample(env)]
     unstable_from = np.full(len(seeds), np.iinfo(np.int64).max)
-    for k in range(1, round(seconds / config.decision_interval_s) + 1):
+    # samples until the time is up; a sum of steps may miss it by a hair's breadth
+    num_samples = math.ceil(seconds / config.decision_interval_s - 1e-6)
+    for k in range(1, num_samples + 1):
         env.step(drive)
         unstable_from[env.state.is_unstable & (unstable_from > k)] = k
         samples.append(_sample(env))

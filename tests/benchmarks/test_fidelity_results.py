@@ -87,3 +87,9 @@ def test_flies_are_sampled_about_every_ms_from_the_spawn_of_their_seed() -> None
     apart = walks[0].position_w[0, :2] - walks[1].position_w[0, :2]
     spawns = [np.random.default_rng(seed).uniform(-2, 2, size=2) for seed in (3, 0)]
     np.testing.assert_allclose(apart, spawns[0] - spawns[1], atol=1e-12)
+
+
+def test_a_walk_lasts_as_long_as_asked_where_samples_do_not_divide_it() -> None:
+    """Samples of 0.8 ms: 10 ms are twelve and a half."""
+    (walk,) = walk_straight(config("cpg", "flat", "balanced"), [3], 0.01, num_threads=1)
+    assert walk.time[-1] == pytest.approx(0.0104)
