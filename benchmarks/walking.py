@@ -34,6 +34,7 @@ def walk(
     conditions: int = 20,
     magnitude: float | None = None,
     settle: float = 0.0,
+    num_threads: int = 0,
     **config: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Walk under a steady drive from paired initial conditions.
@@ -46,6 +47,8 @@ def walk(
         Initial magnitude of the oscillators; None draws it.
     settle
         s of zero drive before the first sample.
+    num_threads
+        0 takes one per CPU.
     config
         Arguments of `EnvConfig`.
 
@@ -54,7 +57,9 @@ def walk(
     Thorax positions, mm, (t, n, 3), and yaws, rad, (t, n), every `SAMPLING_S`.
     """
     env = BatchedEnv(
-        EnvConfig(task="hybrid_turning", decision_interval=SAMPLING_S, **config), conditions
+        EnvConfig(task="hybrid_turning", decision_interval=SAMPLING_S, **config),
+        conditions,
+        num_threads,
     )
     terrain = env.config.scene.terrain
     episodes = [

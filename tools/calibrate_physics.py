@@ -45,6 +45,9 @@ RANGES: Final[dict[str, tuple[float, float]]] = {
     "plane.width": (0.05, 0.12),
 }
 
+NAMES: Final = ("timestep", *RANGES, "box.last", "box.damping", "plane.first")
+"""What a candidate may change; `candidate` says what each is."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Read the command line, measure what it names or search, and print."""
@@ -52,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("preset", choices=FLY_PRESETS, help="what everything else is taken from")
     parser.add_argument(
         "--try", dest="tried", type=_changes, action="append", default=[], metavar="NAME=VALUE,…",
-        help="measure this and do not search; again for another; preset=0 changes nothing",
+        help="measure this and do not search; again for another; '' is the preset itself",
     )  # fmt: skip
     parser.add_argument("--trials", type=int, default=50)
     parser.add_argument("--steps", nargs="+", type=float, choices=STEPS_S, default=STEPS_S)
@@ -74,12 +77,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _changes(text: str) -> dict[str, float]:
-    """Changes by name, from `NAME=VALUE,…`."""
+    """Changes by name, from `NAME=VALUE,…`; none from an empty text."""
     changes = {}
-    for part in text.split(","):
+    for part in filter(None, text.split(",")):
         name, _, value = part.partition("=")
-        if name not in {"preset", "timestep", "box.last", "box.damping", "plane.first", *RANGES}:
-            raise argparse.ArgumentTypeError(f"{name!r}; allowed: timestep, {', '.join(RANGES)}")
+        if name not in NAMES:
+            raise argparse.ArgumentTypeError(f"{name!r}; allowed: {', '.join(NAMES)}")
         changes[name] = float(value)
     return changes
 

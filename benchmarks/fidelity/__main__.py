@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.fidelity import results, stability, steering, steering_table, turning
+from benchmarks.fidelity.calibration import CHOOSING_SEEDS
 from benchmarks.fidelity.compare import table
 from benchmarks.fidelity.flyrl_runs import config, walk_straight
 from benchmarks.fidelity.statistics import STATISTICS
@@ -18,7 +19,7 @@ from benchmarks.machine import machine
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import TIMEOUT, UNSTABLE
 
-JUDGING_SEED = 1000
+JUDGING_SEED = CHOOSING_SEEDS.stop
 """Presets are chosen with seeds below, and judged with those from here on."""
 
 

@@ -15,6 +15,8 @@ from benchmarks.fidelity import results, steering
 from benchmarks.fidelity.drives import HOLD_S
 from benchmarks.fidelity.steering_table import fall_ratio, paired_falls, tilt_ratio
 from benchmarks.fidelity.turning import relative_difference, yaw_rates
+from benchmarks.fidelity.verdict import reference_speed
+from benchmarks.walking import speed, walk
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 
@@ -47,16 +49,6 @@ AIMS: Final[dict[str, Aim]] = {
     "asymmetry, mm": Aim(0.0, 1e-6, 1e-6),
 }
 """By the first part of a figure's name; what follows a ": " says where it was measured."""
-
-_SPEEDS_ALONE: Final = {
-    ("flat", "cpg"): (14.3, 14.4, 14.4, 14.4),
-    ("flat", "rule_based"): (10.2, 11.1, 10.5, 10.2),
-    ("flat", "hybrid"): (14.1, 13.8, 14.3, 14.0),
-    ("gapped", "cpg"): (13.8, 4.2, 4.0, 2.9),
-    ("gapped", "rule_based"): (7.1, 0.7, 8.9, 8.3),
-    ("gapped", "hybrid"): (13.2, 11.1, 10.7, 11.7),
-}
-"""Runs of flygym-gymnasium of which nothing but the speed was kept, mm/s."""
 
 Figures = dict[str, float]
 
@@ -111,7 +103,7 @@ class Yardstick:
 
     def measure(self, physics: PhysicsConfig) -> tuple[Figures, float]:
         """All figures of a candidate, and simulated seconds per second of the CPU."""
-        figures, speed = self._straight(physics)
+        figures, pace = self._straight(physics)
         if self.turns:
             figures["turning, rms"] = relative_difference(self._turn(physics), self._rates)
         for (terrain, kind), reference in self._steered.items():
@@ -123,7 +115,7 @@ class Yardstick:
             else:
                 figures[f"abrupt, falls / reference: {terrain}"] = fall_ratio(rows, reference).value
             figures[f"tilt 95 % / reference: {where}"] = tilt_ratio(rows, reference).value
-        return {**figures, "creep, mm": creep(physics), "asymmetry, mm": asymmetry(physics)}, speed
+        return {**figures, "creep, mm": creep(physics), "asymmetry, mm": asymmetry(physics)}, pace
 
     def _straight(self, physics: PhysicsConfig) -> tuple[Figures, float]:
         figures: Figures = {}
@@ -133,8 +125,8 @@ class Yardstick:
                 name: straight_speed(physics, terrain, name, self.walks, self.num_threads)
                 for name in results.CONTROLLERS
             }
-            for name, speed in speeds.items():
-                ratio = speed / self._published[terrain, name]
+            for name, own in speeds.items():
+                ratio = own / self._published[terrain, name]
                 figures[f"speed over flygym's: {terrain} {name}"] = ratio
             if terrain != "flat":
                 hybrid, cpg, rules = (speeds[name] for name in ("hybrid", "cpg", "rule_based"))
@@ -158,41 +150,42 @@ class Yardstick:
 def published_speeds() -> dict[tuple[str, str], float]:
     """Median speed of flygym-gymnasium straight ahead by terrain and controller, mm/s."""
     runs = results.read(results.REFERENCE)["runs"]
-    speeds = {place: list(given) for place, given in _SPEEDS_ALONE.items()}
-    for run in runs:
-        place = run["terrain"], run["controller"]
-        speeds.setdefault(place, []).append(run["statistics"]["speed"])
-    return {place: float(np.median(given)) for place, given in speeds.items()}
+    return {
+        (terrain, controller): reference_speed(runs, terrain, controller)
+        for terrain in results.TERRAINS
+        for controller in results.CONTROLLERS
+    }
 
 
 def straight_speed(
     physics: PhysicsConfig, terrain: str, controller: str, walks: int, num_threads: int = 0
 ) -> float:
     """Median over the starts of the distance from start to end over time, drive (1, 1), mm/s."""
-    seeds = CHOOSING_SEEDS[:walks]
-    env = _started(physics, terrain, controller, seeds, num_threads)
-    start = env.state.position_w[:, :2].copy()
-    for _ in range(round(steering.SECONDS / HOLD_S)):
-        env.step(np.ones((walks, 2)))
-    way = np.linalg.norm(env.state.position_w[:, :2] - start, axis=1)
-    return float(np.median(way) / steering.SECONDS)
+    positions, _ = walk(
+        (1, 1),
+        steering.SECONDS,
+        walks,
+        magnitude=0.0,
+        num_threads=num_threads,
+        physics=physics,
+        terrain=terrain,
+        controller=controller,
+    )
+    return float(np.median(speed(positions, steering.SECONDS)))
 
 
 def creep(physics: PhysicsConfig) -> float:
     """Median way in `CREEP_S` of flies that should stand, after 0.2 s to settle, mm."""
-    env = _started(physics, "flat", "hybrid", CHOOSING_SEEDS[:8], 1)
-    standing = np.zeros((8, 2))
-    for _ in range(round(0.2 / HOLD_S)):
-        env.step(standing)
-    start = env.state.position_w[:, :2].copy()
-    for _ in range(round(CREEP_S / HOLD_S)):
-        env.step(standing)
-    return float(np.median(np.linalg.norm(env.state.position_w[:, :2] - start, axis=1)))
+    positions, _ = walk(
+        (0, 0), CREEP_S, 8, magnitude=0.0, settle=0.2, num_threads=1, physics=physics
+    )
+    return float(np.median(speed(positions, CREEP_S)) * CREEP_S)
 
 
 def asymmetry(physics: PhysicsConfig) -> float:
     """Largest distance between a turn to the left and its mirror image over 0.1 s, mm."""
-    env = _started(physics, "flat", "hybrid", [0, 0], 1)
+    config = EnvConfig(task="hybrid_turning", physics=physics, decision_interval=HOLD_S)
+    env = BatchedEnv(config, 2, 1)
     episode = env.draw_episode(0, 0)
     episode = replace(
         episode, spawn_position_w=(0.0, 0.0, 0.5), spawn_yaw=0.0, init_magnitudes=(0.0,) * 6
@@ -204,22 +197,6 @@ def asymmetry(physics: PhysicsConfig) -> float:
         env.step(np.array([[0.4, 1.2], [1.2, 0.4]]))
     place, twin = env.state.position_w
     return float(np.abs(place * [1, -1, 1] - twin).max())
-
-
-def _started(
-    physics: PhysicsConfig, terrain: str, controller: str, seeds: Sequence[int], num_threads: int
-) -> BatchedEnv:
-    config = EnvConfig(
-        task="hybrid_turning",
-        controller=controller,
-        terrain=terrain,
-        physics=physics,
-        decision_interval=HOLD_S,
-    )
-    env = BatchedEnv(config, len(seeds), num_threads)
-    episodes = [env.draw_episode(i, seed) for i, seed in enumerate(seeds)]
-    env.reset(episodes=[replace(episode, init_magnitudes=(0.0,) * 6) for episode in episodes])
-    return env
 
 
 def candidate(base: str, changes: Mapping[str, float]) -> PhysicsConfig:

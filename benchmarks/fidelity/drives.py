@@ -20,7 +20,7 @@ HIGH: Final = 1.5
 """Range of a side's drive, as in flyrl's tasks."""
 
 ABRUPT_S: Final = 0.1
-"""s between the jumps of an abrupt sequence: long enough to step back, to turn, to tip over."""
+"""s for which a random drive is held: long enough to step back, to turn sharply, to tip over."""
 
 _SMOOTH_HZ: Final = (0.3, 2.0)
 _SMOOTH_WAVES: Final = 4

@@ -1,7 +1,7 @@
 """Results as JSON: one row per run, with the walking statistics of its trajectory."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,19 +37,29 @@ def collect(folder: Path) -> dict[str, Any]:
         If there is no run.
     """
     rows, machines = [], []
-    for path in folder.glob("*.npz"):
-        if path.name.startswith("."):
-            continue  # being written
-        with np.load(path, allow_pickle=False) as samples:
-            about = json.loads(str(samples["about"]))
-            machine = about.pop("machine")
-            rows.append(row(trajectory(dict(samples)), **about))
+    for machine, about, samples in finished(folder, "runs"):
+        rows.append(row(trajectory(samples), **about))
         if machine not in machines:
             machines.append(machine)
-    if not rows:
-        raise ValueError(f"folder is {str(folder)!r}; it must hold runs of reference.py")
     rows.sort(key=lambda each: (*cell(each), each["seed"]))
     return {"machines": machines, "statistics": STATISTICS, "runs": rows}
+
+
+def finished(folder: Path, what: str) -> Iterator[tuple[Row, Row, dict[str, Any]]]:
+    """Machine, description and samples of every run that `reference.py` has finished in `folder`.
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message calls them `what`.
+    """
+    paths = sorted(folder.glob("[!.]*.npz"))  # with a dot in front, one is being written
+    if not paths:
+        raise ValueError(f"folder is {str(folder)!r}; it must hold {what} of reference.py")
+    for path in paths:
+        with np.load(path, allow_pickle=False) as samples:
+            about = json.loads(str(samples["about"]))
+            yield about.pop("machine"), about, dict(samples)
 
 
 def cell(run: Row) -> tuple[int, int]:

@@ -6,10 +6,8 @@ import mujoco
 import numpy as np
 from tqdm import tqdm
 
+from benchmarks.fidelity.drives import ABRUPT_S, HIGH, LOW
 from flyrl.envs.core import BatchedEnv, EnvConfig
-
-DECISION_S = 0.1
-"""s for which a random drive is held: long enough to step back, to turn sharply, to tip over."""
 
 
 def outcomes(
@@ -22,7 +20,7 @@ def outcomes(
     How many episodes ended how, and how often MuJoCo warned of what.
     """
     config = EnvConfig(
-        task="hybrid_turning", physics=physics, terrain=terrain, decision_interval=DECISION_S
+        task="hybrid_turning", physics=physics, terrain=terrain, decision_interval=ABRUPT_S
     )
     env = BatchedEnv(config, min(episodes, 100), threads)
     ended: Counter[str] = Counter()
@@ -33,8 +31,8 @@ def outcomes(
             rng = np.random.default_rng(first)
             env.reset(seeds=list(range(first, first + env.num_envs)))
             going = np.arange(count)
-            for _ in range(round(seconds / DECISION_S)):
-                action = rng.uniform(-0.5, 1.5, size=(env.num_envs, 2))
+            for _ in range(round(seconds / ABRUPT_S)):
+                action = rng.uniform(LOW, HIGH, size=(env.num_envs, 2))
                 transition = env.step(action, ids=going)
                 ends = transition.terminated[going]
                 ended.update(transition.outcome[going[ends]].tolist())

@@ -4,7 +4,6 @@ A run is one fly on one ground under one kind of drives: a sequence of `drives.p
 reference walks too, or the law `pursuit` in the task `target`.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks.fidelity.drives import HOLD_S, KINDS, sequence
+from benchmarks.fidelity.results import finished
 from benchmarks.fidelity.statistics import FALL_TILT, PATH_SAMPLING_S
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies.laws import FIXED, fixed_policy
@@ -168,15 +168,9 @@ def collect(folder: Path, known: Mapping[str, Any]) -> dict[str, Any]:
         If there is no run.
     """
     found, machines = {_place(row): row for row in known["runs"]}, [*known["machines"]]
-    paths = sorted(folder.glob("[!.]*.npz"))
-    if not paths:
-        raise ValueError(f"folder is {str(folder)!r}; it must hold steered runs of reference.py")
-    for path in paths:
-        with np.load(path, allow_pickle=False) as samples:
-            about = json.loads(str(samples["about"]))
-            every = round(HOLD_S / float(samples["time"][1] - samples["time"][0]))
-            series = {name: samples[name][::every] for name in ("position_w", "yaw", "upright")}
-        machine = about["machine"]
+    for machine, about, samples in finished(folder, "steered runs"):
+        every = round(HOLD_S / float(samples["time"][1] - samples["time"][0]))
+        series = {name: samples[name][::every] for name in ("position_w", "yaw", "upright")}
         if machine not in machines:
             machines.append(machine)
         fallen = np.flatnonzero(series["upright"] < np.cos(FALL_TILT))

@@ -8,16 +8,10 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.fidelity.results import CONTROLLERS, TERRAINS, Row
+from flyrl.evaluation.studies import STUDIES
 from flyrl.tasks import UNSTABLE
 
-EARLIER_SPEEDS: Final = {
-    ("flat", "cpg"): (14.3, 14.4, 14.4, 14.4),
-    ("flat", "rule_based"): (10.2, 11.1, 10.5, 10.2),
-    ("flat", "hybrid"): (14.1, 13.8, 14.3, 14.0),
-    ("gapped", "cpg"): (13.8, 4.2, 4.0, 2.9),
-    ("gapped", "rule_based"): (7.1, 0.7, 8.9, 8.3),
-    ("gapped", "hybrid"): (13.2, 11.1, 10.7, 11.7),
-}
+EARLIER_SPEEDS: Final = STUDIES["controller_comparison"].figures[0].values
 """mm/s; runs of flygym-gymnasium 1.3.2 from before this benchmark, of which only the speed is left.
 They count in the reference's median beside the runs in `reference.json`."""
 

@@ -31,7 +31,7 @@ from flyrl.evaluation.trajectories import Trajectory, trajectory
 from flyrl.progress import progress_bar
 from flyrl.resources import version
 from flyrl.rollouts import EpisodeRecord, run_episodes
-from flyrl.simulation.physics import preset_version
+from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import TerrainConfig
 from flyrl.text import printable
@@ -226,8 +226,6 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
     """What determines the results, but for versions."""
     env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
-    physics = dataclasses.asdict(env.scene.physics)
-    preset = preset_version(physics)
     protocol: Json = {
         "seed": config.seed,
         "task": task.name,
@@ -250,8 +248,8 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
         "study": config.study,
         "vary": {name: list(values) for name, values in config.vary.items()},
         "body": dataclasses.asdict(env.scene.body),
-        "physics": physics,
-        "physics_preset": preset and preset._asdict(),
+        "physics": dataclasses.asdict(env.scene.physics),
+        "physics_preset": preset_record(env.scene.physics),
         "randomisation": dataclasses.asdict(env.resolved_randomisation),
     }
     # As the file holds it: lists, not tuples.

@@ -156,6 +156,12 @@ def preset_version(settings: Mapping[str, Any]) -> PresetVersion | None:
     return PresetVersion(*_EARLIER[digest]) if digest in _EARLIER else None
 
 
+def preset_record(physics: PhysicsConfig) -> dict[str, Any] | None:
+    """Name and version of the preset that has these settings, as plain JSON values."""
+    preset = preset_version(asdict(physics))
+    return preset and preset._asdict()
+
+
 def _digest(settings: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 

@@ -3,7 +3,6 @@
 import signal
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
@@ -19,7 +18,7 @@ from flyrl.policies.bundle import PolicyBundle, save_bundle
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
-from flyrl.simulation.physics import preset_version
+from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, term_digests
 from flyrl.training.checkpoint import learner_state, save_checkpoint
 from flyrl.training.config import TrainingConfig, lasting_settings, training_record
@@ -204,7 +203,6 @@ class RunCallback(BaseCallback):
         self._folder.drop_checkpoints(keep=schedule.checkpoints_kept)
 
     def _bundle(self, evaluation: dict[str, float] | None = None) -> PolicyBundle:
-        preset = preset_version(asdict(self._config.env.scene.physics))
         return bundle_from_sb3(
             self.model,
             observation_layout(self._config.env.resolved_task),
@@ -216,7 +214,7 @@ class RunCallback(BaseCallback):
                 "evaluation": evaluation,
                 "terms": term_digests(self._config.env.resolved_task.added),
                 "settings": lasting_settings(self._config),
-                "physics_preset": preset and preset._asdict(),
+                "physics_preset": preset_record(self._config.env.scene.physics),
             },
         )
 

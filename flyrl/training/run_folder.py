@@ -27,14 +27,14 @@ import json
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from flyrl.files import new_folder, write_bytes, write_text
-from flyrl.simulation.physics import preset_version
+from flyrl.simulation.physics import preset_record
 from flyrl.text import csv_text
 from flyrl.training.checkpoint import load_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
@@ -150,10 +150,9 @@ class RunFolder:
     @staticmethod
     def _origin(config: TrainingConfig, started: datetime.datetime) -> dict[str, Any]:
         terms = config.env.resolved_task.added
-        preset = preset_version(asdict(config.env.scene.physics))
         return {
             "started": started.isoformat(),
-            "physics_preset": preset and preset._asdict(),
+            "physics_preset": preset_record(config.env.scene.physics),
             **provenance(terms),
         }
 

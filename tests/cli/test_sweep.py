@@ -264,7 +264,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
         command, cwd=tmp_path, env=ENVIRONMENT, text=True, stderr=subprocess.PIPE
     )
     deadline = time.monotonic() + 240
-    while not any(tmp_path.glob("runs/sweeps/*/*/checkpoints/*.pt")):
+    while not any(tmp_path.glob("runs/sweeps/*/*/checkpoints/[!.]*.pt")):
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.2)
@@ -331,7 +331,8 @@ def _worker_at_work(driver, sweep):
     """A process of Ray's that has written a checkpoint of a run and is still training."""
     deadline = time.monotonic() + 300  # Ray and its workers start slowly beside other tests
     while time.monotonic() < deadline and driver.poll() is None:
-        begun = {file.parents[1] for file in sweep.glob("*/checkpoints/*.pt")}
+        # a file with a dot in front is still being written
+        begun = {file.parents[1] for file in sweep.glob("*/checkpoints/[!.]*.pt")}
         for process in psutil.Process(driver.pid).children(recursive=True):
             with contextlib.suppress(psutil.Error):
                 locked = {Path(file.path).parent for file in process.open_files()}

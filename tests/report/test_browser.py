@@ -546,4 +546,4 @@ def test_figures_open_on_their_own(visit, report):
     for figure in figures:
         page.goto(figure.as_uri())
         assert page.locator("svg").bounding_box()["width"] > 600, figure.name
-        expect(page.locator("text").first).to_be_visible(), figure.name
+        expect(page.locator("text").first, figure.name).to_be_visible()
