@@ -79,7 +79,7 @@ def _simulations() -> Iterator[tuple[str, str]]:
     """Hash of what flies do under random drives, one alone and several in a batch."""
     cells = [(p, t, c) for p in PRESETS for t in TERRAINS for c in CONTROLLERS]
     for physics, terrain, controller in tqdm(cells, unit="scene"):
-        config = {
+        config: dict[str, Any] = {
             "physics": physics,
             "terrain": terrain,
             "controller": controller,
