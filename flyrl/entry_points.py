@@ -4,7 +4,11 @@ import importlib
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
+
+from flyrl.validation import one_of
+
+T = TypeVar("T")
 
 
 def is_entry_point(name: str) -> bool:
@@ -98,3 +102,38 @@ def load_module(name: str, key: str, example: str) -> dict[str, Any]:
         raise ValueError(
             f"{key} is {name!r}, but {module} cannot be imported: {type(error).__name__}: {error}"
         ) from error
+
+
+def find(key: str, name: str, built_in: Mapping[str, T], kind: type | tuple[type, ...]) -> T:
+    """Find what a name in a config stands for: a built-in thing, or one of the user's own.
+
+    Parameters
+    ----------
+    key
+        What the user set, for messages.
+    name
+        A built-in name, or `module:attribute`, whose module is imported (see `load_module`).
+    built_in
+        What there is, by name.
+    kind
+        What it must be: an instance of it, or a class derived from it.
+
+    Raises
+    ------
+    ValueError
+        If there is nothing of that name, or it is of another kind.
+    """
+    if not is_entry_point(name):
+        return built_in[one_of(key, name, built_in)]
+    module, _, attribute = name.partition(":")
+    defined = load_module(name, key, f"{module}:{attribute}")
+    words = " or ".join(each.__name__ for each in (kind if isinstance(kind, tuple) else (kind,)))
+    known = {each: value for each, value in defined.items() if _is_of(value, kind)}
+    if attribute in defined and attribute not in known:
+        given = type(defined[attribute]).__name__
+        raise ValueError(f"{key}: {name} must be a {words}, got a {given}")
+    return cast(T, known[one_of(f"{key}, of the {words}s in {module},", attribute, known)])
+
+
+def _is_of(value: object, kind: type | tuple[type, ...]) -> bool:
+    return issubclass(value, kind) if isinstance(value, type) else isinstance(value, kind)

@@ -31,7 +31,7 @@ States = NDArray[np.float64]
 def settle(env: BatchedEnv) -> States:
     """States of the flies of seeds 0, 1, 2, … that have walked straight for `SETTLING_S`."""
     env.reset(seeds=list(range(env.num_envs)))
-    env.flies.set_drive(np.ones((env.num_envs, 2)))
+    env.flies.set_command(np.ones((env.num_envs, 2)))
     env.flies.step(round(SETTLING_S / env.config.scene.physics.timestep))
     return env.flies.integration_state()
 

@@ -93,14 +93,14 @@ def record(env: BatchedEnv, drive: NDArray[np.float64], num_steps: int) -> Recor
     """Walk once, step by step, and keep the controls."""
     flies = env.flies
     settle(env)
-    flies.set_drive(drive)
+    flies.set_command(drive)
     start = flies.integration_state()
     controls = np.empty((env.num_envs, num_steps, env.scene.model.nu))
-    servos = flies.controllers["targets"].shape[1]
+    servos = flies.output["angles"].shape[1]
     for step in range(num_steps):
         flies.step(1)
-        controls[:, step, :servos] = flies.controllers["targets"]
-        controls[:, step, servos:] = flies.controllers["adhesion"]
+        controls[:, step, :servos] = flies.output["angles"]
+        controls[:, step, servos:] = flies.output["adhesion"]
     return Recording(start, controls, _pose(env))
 
 

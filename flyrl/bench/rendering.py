@@ -55,7 +55,7 @@ def _measure(terrain: str, camera: Camera, pictures: int) -> Row:
     env = BatchedEnv(EnvConfig("hybrid_turning", terrain=terrain), 1, 1)
     env.reset(seeds=[0])
     flies, scene = env.flies, env.config.fly_scene
-    flies.set_drive(np.ones((1, 2)))
+    flies.set_command(np.ones((1, 2)))
     wall, processor = [], []
     with closing(FlyRenderer(scene, *SIZE, camera, EVERYTHING)) as renderer:
         for picture in range(WARM_UP + pictures):

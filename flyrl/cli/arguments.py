@@ -19,6 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from flyrl.cli.groups import config_groups
+from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml, usable_folder
 from flyrl.resources import configs_folder, install_command
 from flyrl.validation import did_you_mean, one_of
@@ -79,6 +80,33 @@ def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
         )
     hint = did_you_mean(given, keys) or " (--cfg job prints all keys)"
     return UsageError(f"there is no key {given!r}{hint}")
+
+
+OWN: Final = ("controller",)
+"""Groups whose choice may be module:attribute, a thing of the user's own."""
+
+
+def with_own_things(arguments: Sequence[str]) -> list[str]:
+    """Write the user's own things as Hydra knows them: a group that is deleted, and added anew.
+
+    `controller=my_lab:Wave controller.amplitude=0.3` becomes `~controller`,
+    `+controller.name=my_lab:Wave` and `+controller.amplitude=0.3`.
+    """
+    own = {
+        key: value
+        for key, equals, value in (word.partition("=") for word in arguments)
+        if equals and key in OWN and is_entry_point(value)
+    }
+    words: list[str] = []
+    for word in arguments:
+        key, _, value = word.partition("=")
+        if own.get(key) == value:
+            words += [f"~{key}", f"+{key}.name={value}"]
+        elif key.partition(".")[0] in own:
+            words.append(f"+{word}")
+        else:
+            words.append(word)
+    return words
 
 
 def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:

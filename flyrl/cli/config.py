@@ -8,13 +8,13 @@ from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.cli.conversion import from_mapping, group, whole_number
 from flyrl.cli.terms import load_terms
-from flyrl.controllers.leg_controller import ControllerConfig
+from flyrl.controllers import Controller
+from flyrl.controllers.controller import controller_from
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import Camera
-from flyrl.simulation.scene import STEPS_OF_BODY
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Task, extended, task_named
 from flyrl.terrains import TerrainConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
@@ -89,21 +89,16 @@ def env_config(config: Mapping[str, Any]) -> EnvConfig:
         task=task.task(body),
         body=body,
         terrain=from_mapping(TerrainConfig, group(config, "terrain"), "terrain"),
-        controller=_controller(config.get("controller"), body),
+        controller=_controller(config.get("controller")),
         physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
         decision_interval=task.decision_interval,
         randomisation=_randomisation(config),
     )
 
 
-def _controller(given: Mapping[str, Any] | None, body: BodyConfig) -> ControllerConfig | None:
+def _controller(given: Mapping[str, Any] | None) -> Controller | None:
     """The group `controller`, which is null with a worm."""
-    if given is None:
-        return None
-    settings = group({"controller": given}, "controller")
-    if settings.get("steps") is None and isinstance(body, FlyConfig):
-        settings["steps"] = STEPS_OF_BODY[body.name]
-    return from_mapping(ControllerConfig, settings, "controller")
+    return None if given is None else controller_from(group({"controller": given}, "controller"))
 
 
 @dataclass(frozen=True, kw_only=True)

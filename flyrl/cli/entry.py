@@ -14,7 +14,13 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from flyrl.cli import sweep
-from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, own_overrides, plain_values
+from flyrl.cli.arguments import (
+    HYDRA_VERSION,
+    check_arguments,
+    own_overrides,
+    plain_values,
+    with_own_things,
+)
 from flyrl.cli.errors import reported
 from flyrl.cli.program import program
 from flyrl.resources import configs_folder
@@ -80,8 +86,9 @@ def _run(
     end_of_sweep: Callable[[Path], None],
     subcommand: Sequence[str],
 ) -> None:
-    asked = check_arguments(config_name, sys.argv[1:])
     command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
+    sys.argv[1:] = with_own_things(arguments)  # where Hydra reads them
+    asked = check_arguments(config_name, sys.argv[1:])
     here = Path.cwd()
     titles = sweep.titles(asked.jobs) if asked else {}
     labels = sweep.folder_labels(asked.jobs) if asked else {}

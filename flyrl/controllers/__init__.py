@@ -1,8 +1,12 @@
 """Leg controllers: recorded steps, oscillators, stepping rules, reflexes, turning."""
 
+from flyrl.controllers.controller import CONTROLLERS, DRIVE, Command, Controller
 from flyrl.controllers.cpg import CPGNetwork
-from flyrl.controllers.leg_controller import ControllerConfig, LegController, LegObservation
+from flyrl.controllers.cpg_controller import CPG
+from flyrl.controllers.hybrid_controller import Hybrid
+from flyrl.controllers.joints_controller import Joints
 from flyrl.controllers.reflexes import Reflexes, ReflexParameters
+from flyrl.controllers.rule_based_controller import RuleBased
 from flyrl.controllers.steps import PreprogrammedSteps
 from flyrl.controllers.walknet import (
     RuleBasedSteppingCoordinator,
@@ -10,14 +14,21 @@ from flyrl.controllers.walknet import (
     filter_edges,
 )
 
+CONTROLLERS.update(cpg=CPG, hybrid=Hybrid, rule_based=RuleBased, joints=Joints)
+
 __all__ = [
+    "CONTROLLERS",
+    "CPG",
+    "DRIVE",
     "CPGNetwork",
-    "ControllerConfig",
-    "LegController",
-    "LegObservation",
+    "Command",
+    "Controller",
+    "Hybrid",
+    "Joints",
     "PreprogrammedSteps",
     "ReflexParameters",
     "Reflexes",
+    "RuleBased",
     "RuleBasedSteppingCoordinator",
     "construct_rules_graph",
     "filter_edges",

@@ -9,13 +9,19 @@ calls kernels of other files would keep running their old code after they change
 therefore stamped with all sources of the packages whose kernels other files call.
 """
 
+import functools
 import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
+import numpy as np
+from numba import carray, types  # type: ignore[attr-defined]
 from numba.core.ccallback import CFunc
+from numba.core.dispatcher import Dispatcher
+from numba.extending import intrinsic
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -69,6 +75,111 @@ def native_callback(signature: Any) -> Callable[[Callable[..., Any]], Any]:
         return callback
 
     return compile_callback
+
+
+def pointer_cast(element: types.Type) -> Any:
+    """Make a Numba intrinsic that reads an integer address as a pointer to `element`."""
+
+    @intrinsic
+    def cast(_typing_context, _address):  # type: ignore[no-untyped-def]
+        signature = types.CPointer(element)(types.int64)  # type: ignore[no-untyped-call]
+
+        def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return signature, codegen
+
+    return cast
+
+
+def record_cast(dtype: np.dtype) -> Any:
+    """Make a Numba intrinsic that reads an integer address as a pointer to a record."""
+    return pointer_cast(numba.from_dtype(dtype))
+
+
+as_float64: Final = pointer_cast(types.float64)
+
+
+def _enter(parameters, state, senses, command, output):  # type: ignore[no-untyped-def]
+    """Call a controller's kernel with the records at five addresses.
+
+    The names in capitals are those of `entry_point`'s own copy of this function.
+    """
+    STEP(  # type: ignore[name-defined] # noqa: F821
+        carray(AS_PARAMETERS(parameters), (1,))[0],  # type: ignore[name-defined] # noqa: F821
+        carray(AS_STATE(state), (1,))[0],  # type: ignore[name-defined] # noqa: F821
+        carray(AS_SENSES(senses), (1,))[0],  # type: ignore[name-defined] # noqa: F821
+        carray(as_float64(command), (NUM_COMMANDS,)),  # type: ignore[name-defined] # noqa: F821
+        carray(AS_OUTPUT(output), (1,))[0],  # type: ignore[name-defined] # noqa: F821
+    )
+
+
+@functools.cache
+def entry_point(
+    step: Callable[..., None],
+    records: tuple[np.dtype, np.dtype, np.dtype, np.dtype],
+    num_commands: int,
+) -> int:
+    """Compile a controller's kernel for the engine, once per process and from the disk's cache.
+
+    Parameters
+    ----------
+    step
+        `step(parameters, state, senses, command, output)`, compiled or plain.
+    records
+        Types of parameters, state, senses and output.
+    num_commands
+        Length of the command.
+
+    Returns
+    -------
+    Address of a C function that takes the addresses of the five.
+    """
+    compiled: Any = step if isinstance(step, Dispatcher) else kernel(step)
+    parameters, state, senses, output = records
+    names = {
+        "STEP": compiled,
+        "AS_PARAMETERS": record_cast(parameters),
+        "AS_STATE": record_cast(state),
+        "AS_SENSES": record_cast(senses),
+        "AS_OUTPUT": record_cast(output),
+        "NUM_COMMANDS": num_commands,
+    }
+    # Numba keys its cache on a function's name, file and code, which all copies share but the name
+    identity = hashlib.sha256(repr((records, num_commands)).encode())
+    for path in sorted(_source_files(compiled)):
+        identity.update(path.encode() + Path(path).read_bytes())
+    entry = FunctionType(_enter.__code__, {**globals(), **names})
+    entry.__qualname__ = f"{compiled.py_func.__qualname__}_{identity.hexdigest()[:16]}"
+    five = types.void(*5 * (types.intp,))
+    callback = native_callback(five)(entry)
+    _KEPT.append(callback)
+    return int(callback.address)
+
+
+_KEPT: Final[list[Any]] = []
+"""Compiled entry points, which models know by their address alone."""
+
+
+def _source_files(function: Any) -> set[str]:
+    """Files of a compiled function and of all compiled functions that it calls by name."""
+    files: set[str] = set()
+    waiting, seen = [function], set()
+    while waiting:
+        python = waiting.pop().py_func
+        if python in seen:
+            continue
+        seen.add(python)
+        files.add(python.__code__.co_filename)
+        names = _names(python.__code__)
+        called = (python.__globals__.get(name) for name in names)
+        waiting += [each for each in called if isinstance(each, Dispatcher)]
+    return files
+
+
+def _names(code: CodeType) -> set[str]:
+    nested = (each for each in code.co_consts if isinstance(each, CodeType))
+    return set(code.co_names).union(*map(_names, nested))
 
 
 def _stamp_with_all_sources(compiled: Any) -> bool:

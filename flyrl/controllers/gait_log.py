@@ -89,7 +89,10 @@ def log_gait(
     samples: FloatArray,
     steps_per_sample: int,
     timestep: float,
-    state: Any,
+    contact_forces_w: FloatArray,
+    adhesion: FloatArray,
+    retraction: FloatArray,
+    stumbling: FloatArray,
     grounded: FloatArray,
     torques: FloatArray,
     velocities: FloatArray,
@@ -107,8 +110,12 @@ def log_gait(
         Every how many steps the legs are sampled; the first step is.
     timestep
         s.
-    state
-        Record of type `leg_controller.STATE`, with the contact forces of this step.
+    contact_forces_w
+        Of this step, µN, shape (36, 3), ordered as `anatomy.CONTACT_SEGMENTS`.
+    adhesion
+        1 where a leg grips, else 0, shape (6,).
+    retraction, stumbling
+        Amounts of the reflexes, shape (6,).
     grounded
         Room for which legs are on the ground, shape (6,).
     torques, velocities
@@ -116,13 +123,13 @@ def log_gait(
     tips_w
         End effectors, mm, shape (6, 3).
     """
-    grounded_legs(state.contact_forces_w, grounded)
+    grounded_legs(contact_forces_w, grounded)
     for servo in range(_NUM_SERVOS):
         power = torques[servo] * velocities[servo]
         if power > 0.0:
             log.work += power * timestep
     for leg in range(_NUM_LEGS):
-        if grounded[leg] != 0.0 and log.is_grounded[leg] != 0.0 and state.adhesion[leg] != 0.0:
+        if grounded[leg] != 0.0 and log.is_grounded[leg] != 0.0 and adhesion[leg] != 0.0:
             log.slip[leg] += _way(log.tips_w[leg], tips_w[leg])
         log.is_grounded[leg] = grounded[leg]
         log.tips_w[leg, 0] = tips_w[leg, 0]
@@ -136,11 +143,11 @@ def log_gait(
                 bits |= 1 << leg
             log.sampled_tips_w[leg, 0] = tips_w[leg, 0]
             log.sampled_tips_w[leg, 1] = tips_w[leg, 1]
-            if state.adhesion[leg] != 0.0:
+            if adhesion[leg] != 0.0:
                 bits |= 1 << (leg + 6)
-            if state.retraction[leg] > 0.0:
+            if retraction[leg] > 0.0:
                 bits |= 1 << (leg + 12)
-            if state.stumbling[leg] > 0.0:
+            if stumbling[leg] > 0.0:
                 bits |= 1 << (leg + 18)
         samples[int(log.num_samples) % len(samples)] = bits
         log.num_samples += 1.0

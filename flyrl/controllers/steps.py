@@ -8,7 +8,7 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,6 +75,64 @@ def adhesion_on(phase: float, swing_start: float, swing_end: float) -> bool:
     """Whether a leg grips at a phase (rad, any number): not inside its swing."""
     theta = phase % TWO_PI
     return not (swing_start < theta < swing_end)
+
+
+def step_fields(steps: "PreprogrammedSteps") -> list[tuple[str, str, tuple[int, ...]]]:
+    """Fields of a controller's parameters that hold a recorded step, for a NumPy dtype."""
+    return [
+        ("coefficients", "f8", steps.coefficients.shape),
+        ("neutral", "f8", steps.neutral_angles.shape),  # rad
+        ("swing_start", "f8", steps.swing_starts.shape),  # rad
+        ("grip_start", "f8", steps.swing_ends.shape),  # rad, where a leg grips again
+    ]
+
+
+def pack_step(record: np.void, steps: "PreprogrammedSteps", swing_extension: float = 0.0) -> None:
+    """Write a recorded step into the fields of `step_fields`.
+
+    Parameters
+    ----------
+    record
+        The parameters.
+    steps
+        The step.
+    swing_extension
+        How much later than recorded a leg grips again, rad.
+    """
+    record["coefficients"] = steps.coefficients
+    record["neutral"] = steps.neutral_angles
+    record["swing_start"] = steps.swing_starts
+    record["grip_start"] = steps.swing_ends + swing_extension
+
+
+@kernel
+def take_steps(
+    coefficients: FloatArray,
+    neutral: FloatArray,
+    swing_start: FloatArray,
+    grip_start: FloatArray,
+    phases: FloatArray,
+    magnitudes: FloatArray,
+    output: Any,
+) -> None:
+    """Write every leg's joint angles and grip at its phase and magnitude.
+
+    Parameters
+    ----------
+    coefficients, neutral, swing_start, grip_start
+        The recorded step, see `step_fields`.
+    phases, magnitudes
+        rad, any number, and 1; shape (6,).
+    output
+        Record of type `controller.OUTPUT`, written.
+    """
+    num_dofs = neutral.shape[1]
+    for leg in range(phases.size):
+        theta = phases[leg] % TWO_PI
+        angles = output.angles[leg * num_dofs : (leg + 1) * num_dofs]
+        step_angles(coefficients, neutral, leg, theta, magnitudes[leg], angles)
+        grips = adhesion_on(theta, swing_start[leg], grip_start[leg])
+        output.adhesion[leg] = 1.0 if grips else 0.0
 
 
 @kernel

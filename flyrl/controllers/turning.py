@@ -12,7 +12,13 @@ from flyrl.validation import FloatArray, float_array, positive
 
 
 @kernel
-def modulate(drive: FloatArray, frequency: float, freqs: FloatArray, amps: FloatArray) -> None:
+def modulate(
+    drive: FloatArray,
+    frequency: FloatArray,
+    amplitude: FloatArray,
+    freqs: FloatArray,
+    amps: FloatArray,
+) -> None:
     """Write the oscillators' intrinsic frequencies and amplitudes under a drive.
 
     Parameters
@@ -20,8 +26,8 @@ def modulate(drive: FloatArray, frequency: float, freqs: FloatArray, amps: Float
     drive
         Left and right, shape (2,). A side's amplitude is the drive's size; a negative drive makes
         it step backwards, and zero (of positive sign) lets its magnitude decay.
-    frequency
-        Stepping frequency, Hz.
+    frequency, amplitude
+        Stepping frequency, Hz, and amplitude at a drive of 1, shape (6,).
     freqs
         Output, Hz, shape (6,), left legs first.
     amps
@@ -30,8 +36,8 @@ def modulate(drive: FloatArray, frequency: float, freqs: FloatArray, amps: Float
     legs_per_side = freqs.size // 2
     for i in range(freqs.size):
         side = drive[i // legs_per_side]
-        freqs[i] = frequency if side >= 0.0 else -frequency
-        amps[i] = abs(side)
+        freqs[i] = frequency[i] if side >= 0.0 else -frequency[i]
+        amps[i] = abs(side) * amplitude[i]
 
 
 def modulated(drive: ArrayLike, frequency_hz: float) -> tuple[FloatArray, FloatArray]:
@@ -44,5 +50,6 @@ def modulated(drive: ArrayLike, frequency_hz: float) -> tuple[FloatArray, FloatA
     """
     checked = float_array("drive", drive, (2,))
     freqs, amps = np.empty(len(LEGS)), np.empty(len(LEGS))
-    modulate(checked, positive("frequency_hz", frequency_hz), freqs, amps)
+    frequency = np.full(len(LEGS), positive("frequency_hz", frequency_hz))
+    modulate(checked, frequency, np.ones(len(LEGS)), freqs, amps)
     return freqs, amps

@@ -11,13 +11,22 @@ from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
+from flyrl.controllers.controller import Controller, controller_from, controller_named
 from flyrl.controllers.gait_log import SAMPLING_S
-from flyrl.controllers.leg_controller import CONTROLLERS, ControllerConfig, ControllerName
 from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
-from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig
+from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
-from flyrl.tasks import TASK_NAMES, WORM_TASKS, Episode, Neurons, Task, task_named
+from flyrl.tasks import (
+    TASK_NAMES,
+    WORM_TASKS,
+    Drives,
+    Episode,
+    JointTargets,
+    Neurons,
+    Task,
+    task_named,
+)
 from flyrl.terrains import TERRAINS, TerrainConfig
 from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
 
@@ -36,7 +45,6 @@ LONGEST_DECISION_S: Final = 10.0
 _CONFIGS: Final[Mapping[str, tuple[type[Any], ...]]] = {
     "body": (FlyConfig, WormConfig),
     "terrain": (TerrainConfig,),
-    "controller": (ControllerConfig,),
     "physics": (PhysicsConfig,),
     "randomisation": (RandomisationConfig,),
 }
@@ -54,9 +62,10 @@ class EnvConfig:
         A name in `flyrl.tasks.TASK_NAMES`, or a task of your own.
     body, terrain, controller
         Configs, their fields as a mapping, or the name that picks one: a body in `BODIES`, a
-        terrain in `flyrl.terrains.TERRAINS`, a controller with default settings. With None, the
-        body is the usual one of the task, and the controller the hybrid one whose recorded step
-        goes with the body. A worm has no controller: a task for worms recruits its muscles itself.
+        terrain in `flyrl.terrains.TERRAINS`, a controller in `flyrl.controllers.CONTROLLERS` or
+        one of your own, module:attribute, with default settings. With None, the body is the usual
+        one of the task, and the controller the hybrid one. A worm has no controller: a task for
+        worms recruits its muscles itself.
     physics
         Settings, or the name of a preset; None takes "balanced" for a fly and "worm" for a worm.
     decision_interval
@@ -72,7 +81,7 @@ class EnvConfig:
     task: str | Task = "target"
     body: str | BodyConfig | Fields | None = None
     terrain: str | TerrainConfig | Fields = "flat"
-    controller: str | ControllerConfig | Fields | None = None
+    controller: str | Controller | Fields | None = None
     physics: str | PhysicsConfig | Fields | None = None
     decision_interval: float | None = None
     randomisation: str | RandomisationConfig | Fields = "none"
@@ -100,6 +109,11 @@ class EnvConfig:
         if isinstance(task, str):
             task = task_named(task, body if isinstance(body, WormConfig) else None)
         _check_body(task, body)
+        controller = None
+        if isinstance(body, FlyConfig):
+            usual = "joints" if isinstance(task.actions, JointTargets) else "hybrid"
+            controller = _controller(usual if self.controller is None else self.controller)
+            task = _fit_task(task, controller)
         terrain = _named("terrain", self.terrain, TERRAINS)
         is_worm = isinstance(body, WormConfig)
         presets = PHYSICS_PRESETS if is_worm else {key: PHYSICS_PRESETS[key] for key in FLY_PRESETS}
@@ -130,7 +144,7 @@ class EnvConfig:
         scene = (
             self._worm_scene(body, terrain, physics, drawn_from)
             if isinstance(body, WormConfig)
-            else self._fly_scene(body, terrain, physics, drawn_from, steps)
+            else self._fly_scene(body, controller, terrain, physics, drawn_from, steps)
         )
         object.__setattr__(self, "resolved_task", task)
         object.__setattr__(self, "resolved_randomisation", drawn_from)
@@ -144,22 +158,13 @@ class EnvConfig:
     def _fly_scene(
         self,
         body: FlyConfig,
+        controller: Controller | None,
         terrain: TerrainConfig,
         physics: PhysicsConfig,
         drawn_from: RandomisationConfig,
         steps: int,
     ) -> SceneConfig:
-        controller = self.controller
-        if not isinstance(controller, str | ControllerConfig | None):
-            raise ValueError(
-                f"controller must be a ControllerConfig or one of {_list(CONTROLLERS)}, got "
-                f"{controller!r}"
-            )
-        if controller is None or isinstance(controller, str):
-            controller = ControllerConfig(
-                name=cast(ControllerName, "hybrid" if controller is None else controller),
-                steps=STEPS_OF_BODY[body.name],
-            )
+        assert controller is not None
         # with every drive another, as many are on their way as are decided on meanwhile
         places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
         scene = SceneConfig(body, terrain, controller, physics, places)
@@ -260,6 +265,41 @@ def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
         raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
     return cast(Config, given)
+
+
+def _fit_task(task: Task, controller: Controller) -> Task:
+    """Let a task's actions command what the controller takes, and its observation show that.
+
+    Raises
+    ------
+    ValueError
+        If its actions are joint angles, and the controller takes something else.
+    """
+    actions, command = task.actions, controller.command
+    assert isinstance(actions, Drives)  # a task for flies
+    if actions.command == command:
+        return task
+    if isinstance(actions, JointTargets):
+        raise ValueError(
+            f"controller must be 'joints' in the task {task.name!r}, got {controller.name!r}"
+        )
+    shown = tuple(
+        replace(term, shape=(len(command.names),), low=min(command.low), high=max(command.high))
+        if term.name == "drive"
+        else term
+        for term in task.observation
+    )
+    return replace(task, actions=actions.of_command(command), observation=shown)
+
+
+def _controller(given: str | Controller | Fields) -> Controller:
+    if isinstance(given, str):
+        return controller_named(given)
+    if isinstance(given, Mapping):
+        return controller_from(given)
+    if not isinstance(given, Controller):
+        raise ValueError(f"controller must be a Controller or the name of one, got {given!r}")
+    return given
 
 
 def _list(names: Iterable[str]) -> str:

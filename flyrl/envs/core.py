@@ -125,7 +125,7 @@ class BatchedEnv:
     def drive(self) -> NDArray[np.float64]:
         """What the bodies do by command: drives (n, 2) of flies, tensions (n, M) of worms."""
         state = self.state
-        return state.drive if isinstance(state, FlyState) else state.tensions
+        return state.command if isinstance(state, FlyState) else state.tensions
 
     @property
     def gait_logs(self) -> NDArray[np.void] | None:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.controllers.leg_controller import initial_state
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.randomisation import UNVARIED
@@ -61,22 +60,19 @@ class Flies:
             np.array([episode.spawn_position_w for episode in episodes]),
             np.array([episode.spawn_yaw for episode in episodes]),
             [
-                initial_state(
-                    self._scene.controller,
-                    episode.seed,
-                    episode.init_phases,
-                    episode.init_magnitudes,
-                    latency,
+                self._scene.controller.initial_state(
+                    episode.seed, episode.init_phases, episode.init_magnitudes
                 )
-                for episode, latency in zip(episodes, latencies, strict=True)
+                for episode in episodes
             ],
+            latencies,
         )
         self._set_pushes(ids, episodes)
 
     def act(self, actions: NDArray[np.float64], now: FlyState, ids: Ids | None) -> None:
-        """Set actions, (n, 2), from the next physics step on, with the flies as they are `now`."""
+        """Set actions, (n, k), from the next physics step on, with the flies as they are `now`."""
         moved: Ids | slice = slice(None) if ids is None else ids
-        self.batch.set_drive(self._config.resolved_task.actions.commands(actions[moved]), moved)
+        self.batch.set_command(self._config.resolved_task.actions.commands(actions[moved]), moved)
         if self._pushes.size:
             self._push(now, moved)
 

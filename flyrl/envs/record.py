@@ -15,10 +15,8 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
             **task_record(env.resolved_task),
             "decision_interval": env.decision_interval_s,
         },
-        **{
-            part: None if (config := getattr(scene, part)) is None else plain(asdict(config))
-            for part in ("body", "terrain", "controller", "physics")
-        },
+        **{part: plain(asdict(getattr(scene, part))) for part in ("body", "terrain", "physics")},
+        "controller": None if scene.controller is None else plain(asdict(scene.controller)),
         "randomisation": plain(asdict(env.resolved_randomisation)),
     }
 

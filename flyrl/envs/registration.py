@@ -14,6 +14,8 @@ _TASKS: Final = (
     "traverse",
     "heading",
     "hybrid_turning",
+    "joints",
+    "joints_box",
     "worm_hang",
     "worm_hang_box",
     "worm_crawl",

@@ -1,5 +1,6 @@
 """One body as a Gymnasium environment."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 from typing import Any
@@ -15,7 +16,7 @@ from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.registration import limited_spec
 from flyrl.envs.rendering import RENDERING, check_render_mode
-from flyrl.envs.spaces import action_space, observation_space
+from flyrl.envs.spaces import action_space, action_vectors, observation_space
 from flyrl.simulation.randomisation import UNVARIED
 from flyrl.tasks import RUNNING
 
@@ -81,9 +82,14 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         observation = self.core.reset(episodes=[episode])
         return _first(observation), self._info(self.outcomes.index(RUNNING), is_success=False)
 
-    def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Hold an action for one decision interval."""
-        transition = self.core.step(np.asarray(action)[None])
+        one = (
+            {name: np.asarray(values)[None] for name, values in action.items()}
+            if isinstance(action, Mapping)
+            else np.asarray(action)[None]
+        )
+        transition = self.core.step(action_vectors(self.core.task, one))
         return (
             _first(transition.observation),
             float(transition.reward[0]),

@@ -16,7 +16,7 @@ from flyrl.envs.core import BatchedEnv, Observation, Transition
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.registration import limited_spec
 from flyrl.envs.rendering import RENDERING, check_render_mode
-from flyrl.envs.spaces import action_space, observation_space
+from flyrl.envs.spaces import action_space, action_vectors, observation_space
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.tasks import RUNNING, Episode
 from flyrl.validation import random_seed, whole_number
@@ -139,9 +139,10 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         return observation, self._info(self._running, np.zeros(self.num_envs, dtype=bool))
 
     def step(
-        self, actions: NDArray[Any]
+        self, actions: Any
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
         """Hold one action per body for a decision interval."""
+        actions = action_vectors(self.core.task, actions)
         if self.autoreset_mode == AutoresetMode.NEXT_STEP:
             return self._step_next(actions)
         if self.autoreset_mode == AutoresetMode.DISABLED and self._done.any():

@@ -10,11 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from flyrl.controllers import Hybrid
+from flyrl.controllers.cpg_controller import OscillatorController
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.scene import SceneConfig
 from flyrl.tasks import Episode
-from flyrl.validation import not_negative, number, one_of
+from flyrl.validation import not_negative, number, one_of, within
 
 PUSH_TIME_S: Final = 1.0
 """When a push of the condition `push` comes, s after the start."""
@@ -59,14 +61,19 @@ def _noisy(env: EnvConfig, value: Any) -> EnvConfig:
 
 
 def _coupled(env: EnvConfig, value: Any) -> EnvConfig:
-    legs = env.fly_scene.controller
-    weight = not_negative("vary.coupling", value) * legs.coupling_weight
-    return replace(env, controller=replace(legs, coupling_weight=weight))
+    legs, factor = env.fly_scene.controller, not_negative("vary.coupling", value)
+    if not isinstance(legs, OscillatorController):  # the rules have no couplings
+        return env
+    return replace(env, controller=replace(legs, coupling_weight=factor * legs.coupling_weight))
 
 
 def _reflex(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
     def change(env: EnvConfig, value: Any) -> EnvConfig:
-        return replace(env, controller=replace(env.fly_scene.controller, **{name: value}))
+        within(f"vary.{name}", value, 0, 100)
+        legs = env.fly_scene.controller
+        if not isinstance(legs, Hybrid):  # no other controller has reflexes
+            return env
+        return replace(env, controller=replace(legs, **{name: value}))
 
     return change
 

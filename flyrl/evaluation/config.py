@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Final
 
-from flyrl.controllers import ControllerConfig
+from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition, all_conditions
 from flyrl.evaluation.lazy import LazySequence
@@ -168,7 +168,7 @@ class EvaluationConfig:
         return tuple(self.env(terrain).scene.terrain for terrain in self.terrains)
 
     @property
-    def legs(self) -> ControllerConfig | None:
+    def legs(self) -> Controller | None:
         """The hybrid controller that goes with the body; None of a worm, which has no legs."""
         return self.env(self.terrains[0]).scene.controller
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from flyrl.controllers import ControllerConfig
+from flyrl.controllers import Controller
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.rollouts import Policy
@@ -36,7 +36,7 @@ class Entrant:
     """
 
     name: str
-    controller: ControllerConfig | None
+    controller: Controller | None
     policy: Policy
     decision_interval: float | None
     record: Mapping[str, Any]

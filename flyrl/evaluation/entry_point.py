@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection
+from dataclasses import asdict
 from pathlib import Path
 
 from flyrl.entry_points import is_entry_point, load_module
@@ -57,6 +57,6 @@ def make_from_factory(name: str, config: EvaluationConfig, taken: Collection[str
         "policy": f"made by {name}",
         "source": name,
         "sha256": file and file_digest(Path(file)),
-        "controller_config": config.legs and dataclasses.asdict(config.legs),
+        "controller_config": config.legs and asdict(config.legs),
     }
     return Entrant(str(record["name"]), config.legs, policy, None, record)

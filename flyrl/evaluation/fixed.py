@@ -1,10 +1,12 @@
 """Fixed entrants: leg controllers with a drive, or muscles with a rhythm, that nobody learned."""
 
-import dataclasses
+from dataclasses import asdict
 
+from flyrl.controllers.controller import controller_named
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
+from flyrl.simulation.scene import fit_controller
 from flyrl.validation import one_of
 
 
@@ -35,11 +37,11 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         policy = fixed_policy(name, fixed, task)
     except ValueError as error:
         raise ValueError(f"controllers: {error}") from error
-    controller = config.legs
-    if controller is not None and fixed.legs is not None:
-        controller = dataclasses.replace(
-            controller, name=fixed.legs, reflexes=fixed.reflexes or controller.reflexes
-        )
+    controller = None
+    if config.legs is not None and fixed.legs is not None:
+        reflexes = {"reflexes": fixed.reflexes} if fixed.reflexes else {}
+        body = config.env(config.terrains[0]).fly_scene.body
+        controller = fit_controller(controller_named(fixed.legs, **reflexes), body)
     record = {
         "name": name,
         "kind": "fixed",
@@ -50,6 +52,6 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         "sees": next(
             (list(terms) for terms in fixed.sees if task.slices().keys() >= set(terms)), []
         ),
-        "controller_config": controller and dataclasses.asdict(controller),
+        "controller_config": controller and asdict(controller),
     }
     return Entrant(name, controller, policy, None, record)

@@ -7,7 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flyrl.controllers import ControllerConfig
+from flyrl.controllers.controller import controller_from
+from flyrl.entry_points import check_trust
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant, free_name
 from flyrl.files import file_digest
@@ -50,12 +51,13 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     file, policy = _load(path, config)
     env, training = policy.bundle.env, policy.bundle.training
     _check_observations(file, policy, config.resolved_task)
+    legs = env.get("controller")
+    check_trust(file, legs, config.trust_pickles, "trust_pickles=true")
     try:
-        legs = env.get("controller")
-        controller = ControllerConfig(**legs) if legs is not None else config.legs
+        controller = controller_from(legs) if legs is not None else config.legs
     except (TypeError, ValueError) as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
-    if controller is not None and not controller.follows_drive:
+    if controller is not None and not controller.follows_command:
         raise PolicyFileError(
             f"{file}: its leg controller, {controller.name!r}, ignores the drive, so that no "
             "policy can steer it"

@@ -1,19 +1,19 @@
 """What a played fly is made of, and the task that it walks in."""
 
 from dataclasses import dataclass, replace
-from typing import Final, cast, get_args
+from typing import Final, cast
 
 from flyrl.bodies.fly import FLIES
-from flyrl.controllers.leg_controller import ControllerConfig, ControllerName
+from flyrl.controllers import Hybrid
+from flyrl.controllers.controller import controller_named
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.physics import FLY_PRESETS
-from flyrl.simulation.scene import STEPS_OF_BODY
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
 from flyrl.terrains import TERRAIN_NAMES, Bounds
 from flyrl.validation import FloatArray, one_of, random_seed
 
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
-    "controller": get_args(ControllerName),
+    "controller": ("cpg", "hybrid", "rule_based"),
     "terrain": TERRAIN_NAMES,
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
@@ -67,17 +67,16 @@ class PlayedFlyConfig:
 
     def env(self) -> EnvConfig:
         """The environment that the fly walks in."""
-        body = FLIES[self.body]
+        body, controller = FLIES[self.body], controller_named(self.controller)
+        if isinstance(controller, Hybrid):
+            controller = replace(
+                controller, retraction=float(self.retraction), stumbling=float(self.stumbling)
+            )
         return EnvConfig(
             task=ENDLESS_TASK if self.terrain == "flat" else PLAY_TASK,
             body=body if self.adhesion else replace(body, adhesion_gain=0.0),
             terrain=self.terrain,
-            controller=ControllerConfig(
-                cast(ControllerName, self.controller),
-                STEPS_OF_BODY[body.name],
-                retraction=float(self.retraction),
-                stumbling=float(self.stumbling),
-            ),
+            controller=controller,
             physics=self.physics,
             log_gait=True,
         )

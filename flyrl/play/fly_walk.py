@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.controllers.gait_log import SAMPLING_S
-from flyrl.controllers.leg_controller import initial_state
 from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.play.fly_setting import ENDLESS, INTERVAL_S, PlayedFlyConfig
+from flyrl.simulation.batch import SHOWN
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, RewardTerm
 from flyrl.tasks.target import draw_target
@@ -26,9 +26,8 @@ SPEED_SPAN_S: Final = 0.2
 _GOALS: Final = 20_261_123
 """Sets the generator of later targets apart from the episode's, which has the same seed."""
 
-_OSCILLATORS: Final = ("phases", "magnitudes")
-_RULES: Final = ("has_started", "is_stepping", "rule1_scores", "rule2_scores", "rule3_scores")
-_REFLEXES: Final = ("retraction", "stumbling", "persistence", "net_correction")
+_OSCILLATORS: Final = ("phases", "magnitudes", "freqs", "amps", "scratch")
+"""What a controller with oscillators takes over from another, that it goes on in its stride."""
 
 
 class FlyWalk:
@@ -160,26 +159,22 @@ class FlyWalk:
 
     def _go_on_from(self, walk: "FlyWalk", seed: int) -> None:
         """Take over everything from a walk of the same body on the same ground."""
-        self.env.restore(walk.env.snapshot())
+        snapshot = walk.env.snapshot()
+        before, after = walk.env.config.fly_scene.controller, self.env.config.fly_scene.controller
+        if before != after:
+            fresh = after.initial_state(seed)
+            kept = () if "rule_based" in (before.name, after.name) else _OSCILLATORS
+            rows = self.env.flies.rows_after(walk.env.flies, fresh, kept)
+            snapshot["simulation"]["physics"] = rows
+        self.env.restore(snapshot)
         self.rewards = walk.rewards
         self._goals = walk._goals
         self._samples.extend(walk._samples)
         self._num_samples = walk._num_samples
         self._trail.clear()
         self._trail.extend(walk._trail)
-        before, after = walk.env.config.fly_scene.controller, self.env.config.fly_scene.controller
-        if before == after:
-            return
-        legs = self.env.flies.controllers
-        # a reflex that is off would keep for ever what it has corrected
-        for name in _REFLEXES:
-            legs[name] = 0.0
-        if (before.name == "rule_based") != (after.name == "rule_based"):
-            fresh = initial_state(after, seed)
-            for name in (*_OSCILLATORS, *_RULES, "random"):
-                legs[name] = fresh[name]
-        shown = ("phases", "magnitudes", "retraction", "stumbling")
-        self.env.state = replace(self.state, **{name: legs[name].copy() for name in shown})
+        now = self.env.flies.state()
+        self.env.state = replace(self.state, **{name: getattr(now, name) for name in SHOWN})
 
     def _note(self) -> None:
         """Remember how the legs moved, and where the fly is."""

@@ -186,8 +186,8 @@ def action_bounds(task: Task) -> tuple[tuple[float, ...], tuple[float, ...]]:
     actions = task.actions
     if isinstance(actions, Neurons) and actions.is_integer:
         return (0.0,) * actions.size, tuple(float(pool - 1) for pool in actions.pools)
-    low, high = (float(np.float32(bound)) for bound in (actions.low, actions.high))
-    return (low,) * actions.size, (high,) * actions.size
+    low, high = (bound.astype(np.float32).tolist() for bound in actions.bounds)
+    return tuple(low), tuple(high)
 
 
 def save_bundle(bundle: PolicyBundle, path: Path) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from flyrl.controllers.leg_controller import ControllerName
 from flyrl.controllers.reflexes import ReflexesName
+from flyrl.entry_points import is_entry_point
 from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
 from flyrl.policies.worm import Relaxed, WormCPG, WormReflex
 from flyrl.tasks import (
@@ -47,7 +47,7 @@ class FixedLaw:
         Whether it takes part in evaluations unless others were asked for.
     """
 
-    legs: ControllerName | None
+    legs: str | None
     text: str
     make: Callable[[Task], FixedPolicy]
     sees: tuple[tuple[str, ...], ...] = ()
@@ -146,18 +146,20 @@ _CONSTANT: Final = re.compile(r"constant\(\s*([^,\s]+)\s*,\s*([^,\s]+)\s*\)")
 
 
 def is_law(name: str) -> bool:
-    """Whether a name is one in `FIXED`, or like constant(1.2, 0.4)."""
-    return name in FIXED or _CONSTANT.fullmatch(name) is not None
+    """Whether it is a name in `FIXED`, like constant(1.2, 0.4), or a controller of one's own."""
+    return name in FIXED or is_entry_point(name) or _CONSTANT.fullmatch(name) is not None
 
 
 def law_named(name: str) -> FixedLaw:
-    """Law of a name in `FIXED`, or like constant(1.2, 0.4).
+    """Law of a name in `FIXED`, like constant(1.2, 0.4), or module:attribute of a controller.
 
     Raises
     ------
     ValueError
         No such law, or a constant drive that is out of range.
     """
+    if is_entry_point(name):
+        return FixedLaw(name, _AHEAD, _walk)
     return FIXED[name] if name in FIXED else _constant(name)
 
 

@@ -128,7 +128,7 @@ def film_walk(walk: Walk) -> Film:
     with closing(renderer):
         env.reset(seeds=[0])
         flies, timestep = env.flies, scene.physics.timestep
-        flies.set_drive(np.array([walk.drive]))
+        flies.set_command(np.array([walk.drive]))
         flies.step(round(SETTLING_S / timestep))
         pictures, rows = [], []
         for frame in range(round(walk.duration_s / FLY_PACE.frame_s) + 1):
@@ -151,7 +151,7 @@ def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:
     x, y, z = state.position_w[0]
     forces = state.contact_forces_w[0].reshape(len(LEGS), -1, 3).sum(axis=1)
     row: dict[str, Any] = {"x_mm": x, "y_mm": y, "z_mm": z, "yaw_deg": np.degrees(state.yaw[0])}
-    row["drive_left"], row["drive_right"] = state.drive[0]
+    row["drive_left"], row["drive_right"] = state.command[0]
     grips = legs.grips if body.adhesion_gain else np.zeros_like(legs.grips)
     for name, of_legs in (
         ("grips", grips.astype(int)),

@@ -1,27 +1,22 @@
 """Many flies of one scene, stepped on MuJoCo's native threads."""
 
 from collections.abc import Sequence
+from typing import Final
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.bodies.fly import spawn_offset, start_pose
-from flyrl.controllers.gait_log import GAIT_LOG
-from flyrl.controllers.leg_controller import STATE
-from flyrl.simulation.callback import (
-    GAIT_LOG_SIZE,
-    NUM_MUSCLES,
-    STATE_SIZE,
-    gait_log_at,
-    tensions_at,
-)
 from flyrl.simulation.native import Ids, NativeBatch
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.simulation.variation import Variation
 from flyrl.terrains import Boxes, box_colours, terrain_boxes
+
+SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
+"""Fields of a controller's state that a `FlyState` shows, (6,) each."""
 
 
 class FlyBatch(NativeBatch):
@@ -40,9 +35,14 @@ class FlyBatch(NativeBatch):
 
     Attributes
     ----------
+    userdata
+        Live view of the records that the simulations carry (see `callback.userdata_dtype`),
+        (num_sims,).
     controllers
-        Live view of the leg controllers' records (dtype leg_controller.STATE), (num_sims,). A
-        write is the controller's state at the next step.
+        That of the leg controllers' states, (num_sims,). A write is the state at the next step.
+    senses, output
+        Those of what the controllers sense and write (`controller.SENSES`, `controller.OUTPUT`),
+        (num_sims,).
     gait_logs
         Live view of the logs of the gaits (dtype gait_log.GAIT_LOG), (num_sims,); None where the
         scene has no room for them.
@@ -50,21 +50,23 @@ class FlyBatch(NativeBatch):
 
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
         super().__init__(scene.model, num_sims, num_threads)
+        n = self.num_sims
         self.scene = scene
         self._outer_forces = self._batch.bind("xfrc_applied")
         self._xpos = self._batch.bind("xpos")
         self._xmat = self._batch.bind("xmat")
         self._actuator_force = self._batch.bind("actuator_force")
-        self.controllers = self._userdata[:, :STATE_SIZE].view(STATE)[:, 0]
+        self.userdata = self._userdata.view(scene.userdata)[:, 0]
+        head = self.userdata["head"]
+        self.controllers = self.userdata["controller"]
+        self.senses, self.output, self._clock = head["senses"], head["output"], head["clock"]
+        self._legs = {name: self._of_controller(name, 6) for name in SHOWN}
+        names = scene.userdata.names or ()
+        self._tensions = self.userdata["tensions"] if "tensions" in names else np.empty((n, 0))
         self.gait_logs: NDArray[np.void] | None = None
-        if scene.config.gait_places:
-            start = gait_log_at(scene.config.queue_places, scene.config.body.muscles is not None)
-            end = start + GAIT_LOG_SIZE
-            self.gait_logs = self._userdata[:, start:end].view(GAIT_LOG)[:, 0]
-            self._gait_samples = self._userdata[:, end : end + scene.config.gait_places]
-        start = tensions_at(scene.config.queue_places)
-        places = NUM_MUSCLES if scene.config.body.muscles else 0
-        self._tensions = self._userdata[:, start : start + places]
+        if "gait_log" in names:
+            self.gait_logs = self.userdata["gait_log"]
+            self._gait_samples = self.userdata["gait_samples"]
         self._ground: slice | None = None
         if scene.config.terrain.random:
             first = scene.model.geom("ground_0").id
@@ -81,6 +83,7 @@ class FlyBatch(NativeBatch):
         positions_w: NDArray[np.float64],
         yaws: NDArray[np.float64],
         controllers: Sequence[np.void],
+        latency_steps: Sequence[int] | None = None,
     ) -> None:
         """Put flies at rest in the stretch pose; the others are not touched.
 
@@ -94,20 +97,21 @@ class FlyBatch(NativeBatch):
         yaws
             Heading from +x, rad, (k,).
         controllers
-            k leg controller states, from `leg_controller.initial_state`.
+            k leg controller states, from `Controller.initial_state`.
+        latency_steps
+            k numbers of physics steps from a command to its arrival at the legs; None: 0 each.
 
         Raises
         ------
         ValueError
-            If drives are to come with latency, for which the scene has no queue.
+            If commands are to come with latency, for which the scene has no queue.
         """
         if len(ids) == 0:
             return
-        records = np.stack(controllers)
-        if records["latency"].any() and not self.scene.config.queue_places:
+        latencies = [0] * len(ids) if latency_steps is None else latency_steps
+        if any(latencies) and not self.scene.config.queue_places:
             raise ValueError(
-                f"queue_places is 0; it must be > 0 for a latency of {records['latency'].max():.0f}"
-                " time steps"
+                f"queue_places is 0; it must be > 0 for a latency of {max(latencies)} time steps"
             )
         self._clear(ids)
         cos, sin = np.cos(yaws), np.sin(yaws)
@@ -118,7 +122,11 @@ class FlyBatch(NativeBatch):
         self._qpos[ids, 4:6] = 0.0
         self._qpos[ids, 6] = np.sin(yaws / 2)
         self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._start_pose
-        self.controllers[ids] = records
+        self.controllers[ids] = np.stack(controllers)
+        self.output["angles"][ids] = self.scene.neutral_angles
+        self.output["adhesion"][ids] = 1.0
+        self.userdata["head"]["last_time"][ids] = -1.0
+        self._clock["latency"][ids] = latencies
         self._forward(ids)
 
     def vary(self, ids: Ids, randomisations: Sequence[Randomisation]) -> None:
@@ -170,12 +178,13 @@ class FlyBatch(NativeBatch):
             self._geom_pos[sim, self._ground].copy(), self._geom_size[sim, self._ground].copy()
         )
 
-    def set_drive(self, drive: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
-        """Set the descending drive (left, right), (n, 2), from the next physics step on.
+    def set_command(self, command: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
+        """Set the controllers' command, (n, k), from the next physics step on.
 
-        With latency, it sets out for the leg controllers then.
+        For most it is the descending drive (left, right). With latency, it sets out for the
+        leg controllers then.
         """
-        self.controllers["command"][ids] = drive
+        self.userdata["command"][ids] = command
 
     def push(
         self,
@@ -199,7 +208,7 @@ class FlyBatch(NativeBatch):
 
     def state(self) -> FlyState:
         """Copy what the simulations look like now."""
-        scene, controllers = self.scene, self.controllers
+        scene, legs = self.scene, self._legs
         rotation_w = self._xmat[:, scene.thorax_body].reshape(-1, 3, 3).copy()
         return FlyState(
             time=self._time.copy(),
@@ -210,26 +219,59 @@ class FlyBatch(NativeBatch):
             joint_angles=self._qpos[:, scene.joint_qpos],
             joint_velocities=self._qvel[:, scene.joint_dofs],
             actuator_torques=self._actuator_force[:, :42].copy(),
-            contact_forces_w=controllers["contact_forces_w"].copy(),
+            contact_forces_w=self.senses["contact_forces_w"].copy(),
             end_effectors_w=self._xpos[:, scene.end_effector_bodies],
-            drive=controllers["command"].copy(),
-            phases=controllers["phases"].copy(),
-            magnitudes=controllers["magnitudes"].copy(),
-            retraction=controllers["retraction"].copy(),
-            stumbling=controllers["stumbling"].copy(),
-            adhesion=controllers["adhesion"].copy(),
+            command=self.userdata["command"].copy(),
+            phases=legs["phases"].copy(),
+            magnitudes=legs["magnitudes"].copy(),
+            retraction=legs["retraction"].copy(),
+            stumbling=legs["stumbling"].copy(),
+            adhesion=self.output["adhesion"].copy(),
             muscle_tensions=self._tensions.copy(),
             is_unstable=self._is_unstable.copy(),
         )
 
     def leg_states(self, sim: int) -> LegStates:
         """Copy what the legs of simulation `sim` do, as its controller left them."""
-        controller = self.controllers[sim]
         return LegStates(
-            grips=controller["adhesion"] != 0.0,
-            retracts=controller["retraction"] > 0.0,
-            stumbles=controller["stumbling"] > 0.0,
+            grips=self.output["adhesion"][sim] != 0.0,
+            retracts=self._legs["retraction"][sim] > 0.0,
+            stumbles=self._legs["stumbling"][sim] > 0.0,
         )
+
+    def _of_controller(self, name: str, size: int) -> NDArray[np.float64]:
+        """Live view of a field of the controllers' states, (n, size); zeros where it has none."""
+        if name in (self.controllers.dtype.names or ()):
+            shown: NDArray[np.float64] = self.controllers[name]
+            return shown
+        return np.zeros((self.num_sims, size))
+
+    def rows_after(
+        self, other: "FlyBatch", controller: np.void, kept: Sequence[str] = ()
+    ) -> NDArray[np.float64]:
+        """Integration state with which this batch goes on from another of the same body.
+
+        Parameters
+        ----------
+        other
+            Of the same body on the same ground, with as many simulations; its controller may be
+            another.
+        controller
+            The state that every controller starts with.
+        kept
+            Fields of the other controllers' states that are taken over instead.
+        """
+        own = np.zeros(self.num_sims, dtype=self.scene.userdata)
+        theirs = other.userdata
+        for name in own.dtype.names or ():
+            if name != "controller" and name in (theirs.dtype.names or ()):
+                own[name] = theirs[name]
+        own["controller"] = controller
+        for name in kept:
+            own["controller"][name] = theirs["controller"][name]
+        # MuJoCo's integration state ends with the userdata
+        physics = other.integration_state()[:, : -other.scene.userdata.itemsize // 8]
+        return np.concatenate([physics, own.view(np.float64).reshape(self.num_sims, -1)], axis=1)
 
     def gait_samples(self, sim: int, first: int) -> NDArray[np.uint32]:
         """Copy a simulation's samples of its gait from number `first` to the latest.

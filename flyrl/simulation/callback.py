@@ -1,15 +1,19 @@
 """The native control callback: MuJoCo calls it at every physics step, without Python.
 
-A model that flyrl built carries everything the callback needs: `ENGINE`, the controller's
-parameters and its step splines in the model's first custom numeric; the controller's state in
-`mjData.userdata`, with the drives that are on their way to it, which is part of MuJoCo's
-integration state. So saving, restoring and replaying a simulation includes its controller,
-exactly. Models without that mark are left alone (the callback is global to the process).
+A model that flyrl built carries everything the callback needs in its first custom numeric: the
+record `ENGINE`, the controller's parameters and the muscles. `mjData.userdata`, which is part of
+MuJoCo's integration state, holds the record of `userdata_dtype`: what the controller senses, its
+state, its output, and the commands that are on their way to it. So saving, restoring and replaying
+a simulation includes its controller, exactly. Models without that mark are left alone (the callback
+is global to the process).
 
-Two callbacks share the work. At the control stage the leg controller advances, once per
-simulated time, from the contact forces of the previous step and the kinematics of this one, and
-writes the servo targets and adhesion. At the acceleration stage of the sensors the contact
-forces of this step are summed per segment and kept for the next.
+Two callbacks share the work. At the control stage the leg controller advances, once per simulated
+time, from the contact forces of the previous step and the kinematics of this one, and writes the
+servo targets and adhesion. At the acceleration stage of the sensors the contact forces of this step
+are summed per segment and kept for the next.
+
+The controller's kernel is called by its address, which the model carries beside a number that only
+this process knows: a model from elsewhere, whose address leads nowhere here, is left alone.
 
 Other creatures with muscles have a mark of their own. Their models carry the muscles, and their
 userdata how many neurons are recruited; the control callback writes the tensions and forces that
@@ -19,6 +23,7 @@ follow from these, and advances nothing.
 import contextlib
 import ctypes
 import functools
+import secrets
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -26,17 +31,23 @@ from pathlib import Path
 from typing import Any, Final
 
 import mujoco
-import numba
 import numpy as np
 from filelock import lock_descriptor
+from llvmlite import binding, ir
 from numba import carray, types  # type: ignore[attr-defined]
 from numba.core.event import Event, Listener, install_listener
 from numba.extending import intrinsic
 
-from flyrl.controllers.compilation import kernel, native_callback
+from flyrl.controllers.compilation import (
+    as_float64,
+    kernel,
+    native_callback,
+    pointer_cast,
+    record_cast,
+)
+from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
 from flyrl.controllers.gait_log import GAIT_LOG, log_gait
-from flyrl.controllers.latency import PLACE_SIZE, advance_drive
-from flyrl.controllers.leg_controller import PARAMETERS, STATE, control_step
+from flyrl.controllers.latency import CLOCK, advance_command
 from flyrl.muscles import Muscle, pack_muscles
 from flyrl.muscles.kernels import activate, move_by_muscles
 from flyrl.simulation.layout import Layout, layout
@@ -50,81 +61,129 @@ CREATURE_MAGIC = 20_261_122.0
 CREATURE_HEAD = 3
 """How many numbers a creature's model carries before its muscles' arrays."""
 
-NUM_LEGS = 6
 NUM_SENSED_SEGMENTS = 6
-NUM_SERVOS = 42
-NUM_MUSCLES = 2 * NUM_SERVOS
+NUM_MUSCLES = 2 * NUM_JOINTS
+
+PROCESS: Final = float(secrets.randbits(52))
+"""Beside it in a model, the address of a kernel is one of this process."""
 
 ENGINE = np.dtype(
     [
         ("magic", "f8"),
+        ("process", "f8"),
+        ("kernel", "f8"),  # address
         ("is_elliptic", "f8"),
         ("thorax_body", "f8"),
-        ("num_intervals", "f8"),
         ("num_neurons", "f8"),
-        ("queue_places", "f8"),
-        ("tensions_at", "f8"),
-        ("gait_log_at", "f8"),
-        ("gait_places", "f8"),
-        ("steps_per_gait_sample", "f8"),
         ("senses_contact", "f8"),
         ("is_missing", "f8", (NUM_LEGS,)),
         ("tibia_bodies", "f8", (NUM_LEGS,)),
         ("end_effector_bodies", "f8", (NUM_LEGS,)),
+        ("timestep", "f8"),  # s
+        ("steps_per_gait_sample", "f8"),
+        # how many numbers, and after how many numbers, there are in the userdata
+        ("userdata_size", "f8"),
+        ("command_size", "f8"),
+        ("command_at", "f8"),
+        ("arrived_at", "f8"),
+        ("queue_places", "f8"),
+        ("queue_at", "f8"),
+        ("controller_at", "f8"),
+        ("retraction_at", "f8"),
+        ("stumbling_at", "f8"),
+        ("tensions_at", "f8"),
+        ("gait_log_at", "f8"),
+        ("gait_places", "f8"),
+        ("gait_samples_at", "f8"),
+        # after how many numbers the muscles follow in the model's data
+        ("muscles_at", "f8"),
     ],
     align=True,
 )
-"""Where the callback finds the body in the model; every field a float64."""
+"""Where the callback finds everything; every field a float64."""
 
-SCRATCH = np.dtype(
+HEAD = np.dtype(
     [
-        ("end_effector_z", "f8", (NUM_LEGS,)),
-        ("heading", "f8", (3,)),
-        ("tips_w", "f8", (NUM_LEGS, 3)),
-        ("grounded", "f8", (NUM_LEGS,)),
+        ("last_time", "f8"),  # s
+        ("senses", SENSES),
+        ("output", OUTPUT),
+        ("clock", CLOCK),
+        ("is_grounded", "f8", (NUM_LEGS,)),
+        ("none", "f8", (NUM_LEGS,)),  # reflexes of a controller that has none
     ],
     align=True,
 )
+"""What every simulation carries, at the beginning of its userdata."""
+
 
 ENGINE_SIZE = ENGINE.itemsize // 8
-PARAMETERS_SIZE = PARAMETERS.itemsize // 8
-STATE_SIZE = STATE.itemsize // 8
-GAIT_LOG_BYTES = GAIT_LOG.itemsize
-GAIT_LOG_SIZE = GAIT_LOG_BYTES // 8
-USERDATA_SIZE = STATE_SIZE + SCRATCH.itemsize // 8
-"""Without the queue of drives on their way and the log of the gait, which come last."""
 
 
-def userdata_size(queue_places: int, gait_places: int = 0, has_muscles: bool = False) -> int:
-    """How many numbers a simulation carries for the callback; without places, there is no log."""
-    end = gait_log_at(queue_places, has_muscles)
-    return end + (GAIT_LOG_SIZE + gait_places if gait_places else 0)
+def _bytes_before(field: str) -> int:
+    assert HEAD.fields is not None
+    return int(HEAD.fields[field][1])
 
 
-def tensions_at(queue_places: int) -> int:
-    """Where in the userdata the muscles' tensions are, if the body has muscles."""
-    return USERDATA_SIZE + PLACE_SIZE * queue_places
+def userdata_dtype(
+    state: np.dtype, command_size: int, queue_places: int, gait_places: int, has_muscles: bool
+) -> np.dtype:
+    """Record that a simulation carries for the callback.
+
+    Parameters
+    ----------
+    state
+        Of the controller.
+    command_size
+        How many numbers a command has.
+    queue_places
+        How many commands may be on their way.
+    gait_places
+        How many samples of the gait are kept; with 0 there is no log of it.
+    has_muscles
+        Whether muscles move the legs.
+    """
+    fields: list[Any] = [
+        ("head", HEAD),
+        ("command", "f8", (command_size,)),  # as last commanded
+        ("arrived", "f8", (command_size,)),  # at the legs
+        ("controller", state),
+    ]
+    if queue_places:
+        fields.append(("queue", "f8", (queue_places, 1 + command_size)))
+    if has_muscles:
+        fields.append(("tensions", "f8", (NUM_MUSCLES,)))
+    if gait_places:
+        fields += [("gait_log", GAIT_LOG), ("gait_samples", "f8", (gait_places,))]
+    return np.dtype(fields, align=True)
 
 
-def gait_log_at(queue_places: int, has_muscles: bool = False) -> int:
-    """Where in the userdata the log of the gait is; its samples follow it."""
-    return tensions_at(queue_places) + (NUM_MUSCLES if has_muscles else 0)
+def place_fields(engine: np.void, userdata: np.dtype) -> None:
+    """Tell the callback where the fields of a simulation's record are."""
+    assert userdata.fields is not None
+    at = {name: field[1] // 8 for name, field in userdata.fields.items()}
+    engine["userdata_size"] = userdata.itemsize // 8
+    engine["command_size"] = userdata["command"].shape[0]
+    for name in ("command", "arrived", "controller", "queue", "tensions"):
+        engine[f"{name}_at"] = at.get(name, 0)
+    if "queue" in at:
+        engine["queue_places"] = userdata["queue"].shape[0]
+    if "gait_log" in at:
+        engine["gait_places"] = userdata["gait_samples"].shape[0]
+        engine["gait_log_at"], engine["gait_samples_at"] = at["gait_log"], at["gait_samples"]
+    own: Any = userdata["controller"].fields or {}
+    for name in ("retraction", "stumbling"):
+        kept = at["controller"] + own[name][1] // 8 if name in own else _bytes_before("none") // 8
+        engine[f"{name}_at"] = kept
 
 
-def pack_model_data(
-    engine: np.void, parameters: np.void, coefficients: np.ndarray, muscles: np.ndarray
-) -> np.ndarray:
+def pack_model_data(engine: np.void, parameters: np.void, muscles: np.ndarray) -> np.ndarray:
     """Concatenate what a model carries for the callback into one float64 array.
 
     The last is what `muscles.pack_leg_muscles` gives.
     """
+    engine["muscles_at"] = (ENGINE.itemsize + parameters.nbytes) // 8
     return np.concatenate(
-        [
-            np.frombuffer(engine.tobytes()),
-            np.frombuffer(parameters.tobytes()),
-            np.ascontiguousarray(coefficients, dtype=np.float64).ravel(),
-            muscles,
-        ]
+        [np.frombuffer(engine.tobytes()), np.frombuffer(parameters.tobytes()), muscles]
     )
 
 
@@ -144,29 +203,44 @@ def pack_creature_data(muscles: Sequence[Muscle]) -> np.ndarray:
     return np.concatenate([head, packed.starts, packed.strengths, packed.recruitment])
 
 
-def _pointer_cast(element: types.Type) -> Any:
-    """Make a Numba intrinsic that reads an integer address as a pointer to `element`."""
+_as_int64 = pointer_cast(types.int64)
+_as_int32 = pointer_cast(types.int32)
+_as_engine = record_cast(ENGINE)
+_as_head = record_cast(HEAD)
+_as_senses = record_cast(SENSES)
+_as_output = record_cast(OUTPUT)
+_as_clock = record_cast(CLOCK)
+_as_gait_log = record_cast(GAIT_LOG)
 
-    @intrinsic
-    def cast(_typing_context, _address):  # type: ignore[no-untyped-def]
-        signature = types.CPointer(element)(types.int64)  # type: ignore[no-untyped-call]
-
-        def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-        return signature, codegen
-
-    return cast
+_SYMBOL: Final = "flyrl_process"
+_process = ctypes.c_double(PROCESS)
+binding.add_symbol(_SYMBOL, ctypes.addressof(_process))
 
 
-_as_int64 = _pointer_cast(types.int64)
-_as_int32 = _pointer_cast(types.int32)
-_as_float64 = _pointer_cast(types.float64)
-_as_engine = _pointer_cast(numba.from_dtype(ENGINE))
-_as_parameters = _pointer_cast(numba.from_dtype(PARAMETERS))
-_as_state = _pointer_cast(numba.from_dtype(STATE))
-_as_scratch = _pointer_cast(numba.from_dtype(SCRATCH))
-_as_gait_log = _pointer_cast(numba.from_dtype(GAIT_LOG))
+@intrinsic
+def _this_process(_typing_context):  # type: ignore[no-untyped-def]
+    """`PROCESS`, which compiled code that comes from the disk's cache looks up by a symbol."""
+
+    def codegen(_context, builder, _signature, _args):  # type: ignore[no-untyped-def]
+        number = builder.module.globals.get(_SYMBOL)
+        if number is None:
+            number = ir.GlobalVariable(builder.module, ir.DoubleType(), _SYMBOL)
+        return builder.load(number)
+
+    return types.float64(), codegen
+
+
+@intrinsic
+def _call(_typing_context, _address, _parameters, _state, _senses, _command, _output):  # type: ignore[no-untyped-def]
+    """Call the C function at an address with five addresses."""
+
+    def codegen(_context, builder, _signature, args):  # type: ignore[no-untyped-def]
+        address = ir.IntType(64)
+        function = ir.FunctionType(ir.VoidType(), [address] * 5)
+        builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+        return _context.get_dummy_value()
+
+    return types.void(*6 * (types.int64,)), codegen
 
 
 @kernel
@@ -181,16 +255,14 @@ def _int32(address):  # type: ignore[no-untyped-def]
 
 @kernel
 def _engine_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
-    """Address of a model's ENGINE record, or 0 where the model is not flyrl's."""
-    if (
-        _int64(model + userdata_size_at) < USERDATA_SIZE
-        or _int64(model + numeric_size_at) < ENGINE_SIZE + PARAMETERS_SIZE
-    ):
+    """Address of a model's ENGINE record, or 0 where the model is not of this process."""
+    if _int64(model + numeric_size_at) < ENGINE_SIZE:
         return 0
     address = _int64(model + numeric_at)
-    if carray(_as_float64(address), (1,))[0] != MAGIC:
+    engine = carray(_as_engine(address), (1,))[0]
+    if engine.magic != MAGIC or engine.process != _this_process():  # type: ignore[call-arg]
         return 0
-    return address
+    return address if _int64(model + userdata_size_at) >= engine.userdata_size else 0
 
 
 @kernel
@@ -199,7 +271,7 @@ def _creature_address(model, userdata_size_at, numeric_size_at, numeric_at):  # 
     if _int64(model + numeric_size_at) < CREATURE_HEAD:
         return 0
     address = _int64(model + numeric_at)
-    head = carray(_as_float64(address), (CREATURE_HEAD,))
+    head = carray(as_float64(address), (CREATURE_HEAD,))
     if head[0] != CREATURE_MAGIC or _int64(model + userdata_size_at) < 2 * int(head[1]):
         return 0
     return address
@@ -208,17 +280,17 @@ def _creature_address(model, userdata_size_at, numeric_size_at, numeric_at):  # 
 @kernel
 def _move_creature(address, userdata, ctrl):  # type: ignore[no-untyped-def]
     """Write the tensions and forces of a creature's muscles; all are addresses."""
-    head = carray(_as_float64(address), (CREATURE_HEAD,))
+    head = carray(as_float64(address), (CREATURE_HEAD,))
     muscles, entries = int(head[1]), int(head[2])
     starts = address + 8 * CREATURE_HEAD
     strengths = starts + 8 * (muscles + 1)
     activate(
-        carray(_as_float64(strengths + 8 * muscles), (entries,)),
-        carray(_as_float64(starts), (muscles + 1,)),
-        carray(_as_float64(strengths), (muscles,)),
-        carray(_as_float64(userdata), (muscles,)),
-        carray(_as_float64(userdata + 8 * muscles), (muscles,)),
-        carray(_as_float64(ctrl), (muscles,)),
+        carray(as_float64(strengths + 8 * muscles), (entries,)),
+        carray(as_float64(starts), (muscles + 1,)),
+        carray(as_float64(strengths), (muscles,)),
+        carray(as_float64(userdata), (muscles,)),
+        carray(as_float64(userdata + 8 * muscles), (muscles,)),
+        carray(as_float64(ctrl), (muscles,)),
     )
 
 
@@ -237,13 +309,12 @@ def _control_callback(found: Layout) -> Any:
     userdata_at = found.data["userdata"]
     positions_at = found.data["xpos"]
     rotations_at = found.data["xmat"]
-    engine_bytes = ENGINE.itemsize
     angles_at = found.data["actuator_length"]
-    header_bytes = ENGINE.itemsize + PARAMETERS.itemsize
-    state_bytes = STATE.itemsize
-    queue_bytes = 8 * USERDATA_SIZE
-    place_size = PLACE_SIZE
-    spline_bytes = 8 * NUM_LEGS * 7 * 4
+    velocities_at = found.data["actuator_velocity"]
+    engine_bytes = ENGINE.itemsize
+    senses_at = _bytes_before("senses")
+    output_at = _bytes_before("output")
+    clock_at = _bytes_before("clock")
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
@@ -254,53 +325,81 @@ def _control_callback(found: Layout) -> Any:
                 _move_creature(creature, _int64(data + userdata_at), _int64(data + ctrl_at))
             return
         engine = carray(_as_engine(address), (1,))[0]
-        parameters = carray(_as_parameters(address + engine_bytes), (1,))[0]
         userdata = _int64(data + userdata_at)
-        state = carray(_as_state(userdata), (1,))[0]
-        time = carray(_as_float64(data + time_at), (1,))[0]
+        head = carray(_as_head(userdata), (1,))[0]
+        output = carray(_as_output(userdata + output_at), (1,))[0]
+        time = carray(as_float64(data + time_at), (1,))[0]
+        angles = carray(as_float64(_int64(data + angles_at)), (NUM_JOINTS,))
         # mj_forward at the same time must not advance the controller a second time
-        if time != state.last_time:
-            state.last_time = time
-            places = int(engine.queue_places)
-            advance_drive(state, carray(_as_float64(userdata + queue_bytes), (places, place_size)))
-            scratch = carray(_as_scratch(userdata + state_bytes), (1,))[0]
-            thorax = int(engine.thorax_body)
-            positions = _int64(data + positions_at)
-            rotation = carray(_as_float64(_int64(data + rotations_at) + 72 * thorax), (3, 3))
-            for axis in range(3):
-                scratch.heading[axis] = rotation[axis, 0]
-            thorax_z = carray(_as_float64(positions + 24 * thorax), (3,))[2]
-            for leg in range(NUM_LEGS):
-                body = int(engine.end_effector_bodies[leg])
-                tip_z = carray(_as_float64(positions + 24 * body), (3,))[2]
-                # a leg that is not there is in no hole
-                scratch.end_effector_z[leg] = thorax_z if engine.is_missing[leg] != 0.0 else tip_z
-            coefficients = carray(
-                _as_float64(address + header_bytes), (NUM_LEGS, int(engine.num_intervals), 7, 4)
+        if time != head.last_time:
+            head.last_time = time
+            size = int(engine.command_size)
+            arrived = userdata + 8 * int(engine.arrived_at)
+            advance_command(
+                carray(_as_clock(userdata + clock_at), (1,))[0],
+                carray(as_float64(userdata + 8 * int(engine.command_at)), (size,)),
+                carray(as_float64(arrived), (size,)),
+                carray(
+                    as_float64(userdata + 8 * int(engine.queue_at)),
+                    (int(engine.queue_places), 1 + size),
+                ),
             )
-            control_step(
-                parameters, coefficients, state, thorax_z, scratch.end_effector_z, scratch.heading
+            senses = carray(_as_senses(userdata + senses_at), (1,))[0]
+            _sense(
+                engine,
+                senses,
+                _int64(data + positions_at),
+                _int64(data + rotations_at),
+                angles,
+                carray(as_float64(_int64(data + velocities_at)), (NUM_JOINTS,)),
             )
-        ctrl = carray(_as_float64(_int64(data + ctrl_at)), (NUM_SERVOS + NUM_LEGS,))
+            _call(  # type: ignore[call-arg]
+                int(engine.kernel),
+                address + engine_bytes,
+                userdata + 8 * int(engine.controller_at),
+                userdata + senses_at,
+                arrived,
+                userdata + output_at,
+            )
+        ctrl = carray(as_float64(_int64(data + ctrl_at)), (NUM_JOINTS + NUM_LEGS,))
         if engine.num_neurons != 0.0:
-            muscles = address + header_bytes + spline_bytes * int(engine.num_intervals)
-            strengths = muscles + 8 * NUM_SERVOS
+            muscles = address + 8 * int(engine.muscles_at)
+            strengths = muscles + 8 * NUM_JOINTS
             move_by_muscles(
-                carray(_as_float64(muscles), (NUM_SERVOS,)),
-                carray(_as_float64(strengths), (NUM_SERVOS, 2)),
-                carray(_as_float64(strengths + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
-                carray(_as_float64(_int64(data + angles_at)), (NUM_SERVOS,)),
-                state.targets,
-                carray(_as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_SERVOS, 2)),
+                carray(as_float64(muscles), (NUM_JOINTS,)),
+                carray(as_float64(strengths), (NUM_JOINTS, 2)),
+                carray(as_float64(strengths + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
+                angles,
+                output.angles,
+                carray(as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_JOINTS, 2)),
                 ctrl,
             )
         else:
-            for servo in range(NUM_SERVOS):
-                ctrl[servo] = state.targets[servo]
+            for joint in range(NUM_JOINTS):
+                ctrl[joint] = output.angles[joint]
         for leg in range(NUM_LEGS):
-            ctrl[NUM_SERVOS + leg] = state.adhesion[leg]
+            ctrl[NUM_JOINTS + leg] = output.adhesion[leg]
 
     return control
+
+
+@kernel
+def _sense(engine, senses, positions, rotations, angles, velocities):  # type: ignore[no-untyped-def]
+    """Write what a controller senses, but for the contact forces, which the sensors sum up."""
+    thorax = int(engine.thorax_body)
+    rotation = carray(as_float64(rotations + 72 * thorax), (3, 3))
+    for axis in range(3):
+        senses.heading_w[axis] = rotation[axis, 0]
+    senses.thorax_z = carray(as_float64(positions + 24 * thorax), (3,))[2]
+    for leg in range(NUM_LEGS):
+        tip = carray(as_float64(positions + 24 * int(engine.end_effector_bodies[leg])), (3,))
+        for axis in range(3):
+            senses.end_effectors_w[leg, axis] = tip[axis]
+        # a leg that is not there is in no hole
+        senses.end_effector_z[leg] = senses.thorax_z if engine.is_missing[leg] != 0.0 else tip[2]
+    for joint in range(NUM_JOINTS):
+        senses.joint_angles[joint] = angles[joint]
+        senses.joint_velocities[joint] = velocities[joint]
 
 
 @kernel
@@ -340,29 +439,31 @@ def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim,
 
 
 @kernel
-def _log_gait(  # type: ignore[no-untyped-def]
-    engine, parameters, state, scratch, log_address, time, positions, torques, velocities
-):
+def _log_gait(engine, head, userdata, contact_forces_w, adhesion, time, positions, torques, velocities):  # type: ignore[no-untyped-def]  # fmt: skip # noqa: E501
     """Log this step, unless mj_forward comes to it a second time."""
-    log = carray(_as_gait_log(log_address), (1,))[0]
+    log = carray(_as_gait_log(userdata + 8 * int(engine.gait_log_at)), (1,))[0]
     if log.num_steps > 0.0 and time == log.last_time:
         return
     log.last_time = time
+    tips_w = head.senses.end_effectors_w
     for leg in range(NUM_LEGS):
         body = int(engine.end_effector_bodies[leg])
-        tip = carray(_as_float64(positions + 24 * body), (3,))
+        tip = carray(as_float64(positions + 24 * body), (3,))
         for axis in range(3):
-            scratch.tips_w[leg, axis] = tip[axis]
+            tips_w[leg, axis] = tip[axis]
     log_gait(
         log,
-        carray(_as_float64(log_address + GAIT_LOG_BYTES), (int(engine.gait_places),)),
+        carray(as_float64(userdata + 8 * int(engine.gait_samples_at)), (int(engine.gait_places),)),
         int(engine.steps_per_gait_sample),
-        parameters.timestep,
-        state,
-        scratch.grounded,
+        engine.timestep,
+        contact_forces_w,
+        adhesion,
+        carray(as_float64(userdata + 8 * int(engine.retraction_at)), (NUM_LEGS,)),
+        carray(as_float64(userdata + 8 * int(engine.stumbling_at)), (NUM_LEGS,)),
+        head.is_grounded,
         torques,
         velocities,
-        scratch.tips_w,
+        tips_w,
     )
 
 
@@ -388,8 +489,8 @@ def _sensor_callback(found: Layout) -> Any:
     torques_at = found.data["actuator_force"]
     velocities_at = found.data["actuator_velocity"]
     acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
-    engine_bytes = ENGINE.itemsize
-    state_bytes = STATE.itemsize
+    senses_at = _bytes_before("senses")
+    output_at = _bytes_before("output")
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
@@ -400,8 +501,8 @@ def _sensor_callback(found: Layout) -> Any:
             return
         engine = carray(_as_engine(address), (1,))[0]
         userdata = _int64(data + userdata_at)
-        state = carray(_as_state(userdata), (1,))[0]
-        state.contact_forces_w[:, :] = 0.0
+        forces_w = carray(_as_senses(userdata + senses_at), (1,))[0].contact_forces_w
+        forces_w[:, :] = 0.0
         bodies = _int64(model + geom_body_at)
         contacts = _int64(data + contacts_at)
         constraint_forces = _int64(data + constraint_forces_at)
@@ -413,29 +514,29 @@ def _sensor_callback(found: Layout) -> Any:
             if row < 0 or (segment1 < 0 and segment2 < 0):
                 continue
             _add_contact_force(
-                state.contact_forces_w,
+                forces_w,
                 segment1,
                 segment2,
-                carray(_as_float64(contact + frame_at), (3, 3)),
-                carray(_as_float64(constraint_forces + 8 * row), (10,)),
-                carray(_as_float64(contact + friction_at), (5,)),
+                carray(as_float64(contact + frame_at), (3, 3)),
+                carray(as_float64(constraint_forces + 8 * row), (10,)),
+                carray(as_float64(contact + friction_at), (5,)),
                 _int32(contact + dim_at),
                 engine.is_elliptic != 0.0,
             )
         if engine.gait_places != 0.0:
             _log_gait(
                 engine,
-                carray(_as_parameters(address + engine_bytes), (1,))[0],
-                state,
-                carray(_as_scratch(userdata + state_bytes), (1,))[0],
-                userdata + 8 * int(engine.gait_log_at),
-                carray(_as_float64(data + time_at), (1,))[0],
+                carray(_as_head(userdata), (1,))[0],
+                userdata,
+                forces_w,
+                carray(_as_output(userdata + output_at), (1,))[0].adhesion,
+                carray(as_float64(data + time_at), (1,))[0],
                 _int64(data + positions_at),
-                carray(_as_float64(_int64(data + torques_at)), (NUM_SERVOS,)),
-                carray(_as_float64(_int64(data + velocities_at)), (NUM_SERVOS,)),
+                carray(as_float64(_int64(data + torques_at)), (NUM_JOINTS,)),
+                carray(as_float64(_int64(data + velocities_at)), (NUM_JOINTS,)),
             )
         if engine.senses_contact == 0.0:
-            state.contact_forces_w[:, :] = 0.0
+            forces_w[:, :] = 0.0
 
     return sense_contacts
 
@@ -502,7 +603,7 @@ class _Announcement(Listener):
 
 def cache_folders() -> list[Path]:
     """Folders in which compiled controllers are kept."""
-    kernels: tuple[Any, ...] = (control_step, activate, _segment_of)
+    kernels: tuple[Any, ...] = (advance_command, activate, _segment_of)
     return sorted({Path(kernel.stats.cache_path) for kernel in kernels})
 
 

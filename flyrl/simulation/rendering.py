@@ -138,7 +138,7 @@ class FlyRenderer:
             self._trace.add(self._data.time, thorax, flies.ground(sim) or self._boxes)
             marks += self._trace.marks()
         if self._overlay.forces:
-            forces_w = flies.controllers["contact_forces_w"][sim]
+            forces_w = flies.senses["contact_forces_w"][sim]
             marks += force_arrows(forces_w, self._data.xpos[self._feet])
         return marks
 

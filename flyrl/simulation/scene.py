@@ -11,20 +11,22 @@ import numpy as np
 from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
 from flyrl.bodies.fly import FlyConfig, build_fly
 from flyrl.bodies.table import BodyName
+from flyrl.controllers import Controller, Hybrid, PreprogrammedSteps
+from flyrl.controllers.controller import compiled_step
 from flyrl.controllers.gait_log import SAMPLING_S
-from flyrl.controllers.leg_controller import ControllerConfig, pack_parameters
 from flyrl.controllers.steps import StepsName
 from flyrl.files import file_digest
 from flyrl.simulation.callback import (
     ENGINE,
     MAGIC,
     NUM_MUSCLES,
-    NUM_SERVOS,
-    gait_log_at,
+    PROCESS,
+    announced,
     install,
+    one_process_at_a_time,
     pack_model_data,
-    tensions_at,
-    userdata_size,
+    place_fields,
+    userdata_dtype,
 )
 from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
@@ -38,6 +40,14 @@ STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
 }
 """The recorded step that was made for the order of a body's coxa joints."""
 
+
+def fit_controller(controller: Controller, body: FlyConfig) -> Controller:
+    """Let a controller take the body's recorded steps, unless it asks for others or takes none."""
+    if getattr(controller, "steps", "") is None:
+        return replace(controller, **{"steps": STEPS_OF_BODY[body.name]})
+    return controller
+
+
 TARGET_MARKER = "target"
 
 
@@ -48,9 +58,9 @@ class SceneConfig:
     Attributes
     ----------
     body, terrain, controller, physics
-        Its parts.
+        Its parts; a controller takes the body's recorded steps where it asks for none.
     queue_places
-        How many drives may be on their way to the legs at the same time, where these are to come
+        How many commands may be on their way to the legs at the same time, where these are to come
         with latency.
     gait_places
         How many samples of the legs a simulation keeps, as near 1 ms apart as physics steps allow;
@@ -65,17 +75,19 @@ class SceneConfig:
 
     body: FlyConfig = field(default_factory=FlyConfig)
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
-    controller: ControllerConfig = field(default_factory=ControllerConfig)
+    controller: Controller = field(default_factory=Hybrid)
     physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
     queue_places: Annotated[int, Within(0, 10**6)] = 0
     gait_places: Annotated[int, Within(0, 10**6)] = 0
 
     def __post_init__(self) -> None:
         check_fields(self)
+        object.__setattr__(self, "controller", fit_controller(self.controller, self.body))
         expected = STEPS_OF_BODY[self.body.name]
-        if self.controller.steps != expected:
+        steps = getattr(self.controller, "steps", expected)
+        if steps != expected:
             raise ValueError(
-                f"controller.steps is {self.controller.steps!r}, recorded for another order of "
+                f"controller.steps is {steps!r}, recorded for another order of "
                 f"coxa joints than body.name {self.body.name!r} has; that body takes {expected!r}"
             )
 
@@ -103,6 +115,10 @@ class Scene:
         Addresses of the 42 actuated joints in qpos and qvel, (42,), ordered as anatomy.JOINTS.
     thorax_body, end_effector_bodies
         Body ids; the latter (6,), ordered as anatomy.LEGS.
+    userdata
+        Type of the record that a simulation carries, see `callback.userdata_dtype`.
+    neutral_angles
+        What the joints are told before the controller has said anything, rad, (42,).
     """
 
     config: SceneConfig
@@ -111,6 +127,8 @@ class Scene:
     joint_dofs: np.ndarray
     thorax_body: int
     end_effector_bodies: np.ndarray
+    userdata: np.dtype
+    neutral_angles: np.ndarray
 
 
 def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
@@ -139,8 +157,15 @@ def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> 
     pair_with_planes(spec, config.physics.contact.plane_friction_across)
     apply_physics(spec, config.physics)
     spec.compiler.fusestatic = True
-    has_muscles = config.body.muscles is not None
-    spec.nuserdata = userdata_size(config.queue_places, config.gait_places, has_muscles)
+    controller, timestep = config.controller, config.physics.timestep
+    userdata = userdata_dtype(
+        controller.initial_state().dtype,
+        len(controller.command.names),
+        config.queue_places,
+        config.gait_places,
+        config.body.muscles is not None,
+    )
+    spec.nuserdata = userdata.itemsize // 8
     # a user sensor makes MuJoCo call the sensor callback
     spec.add_sensor(
         name="contact_forces",
@@ -153,18 +178,16 @@ def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> 
         add_target_marker(spec)
     # compiled twice: the controller's record needs the body ids that only a model has
     engine = _engine_record(spec.compile())
-    parameters, coefficients = pack_parameters(config.controller, config.physics.timestep)
-    engine["num_intervals"] = coefficients.shape[1]
-    engine["queue_places"] = config.queue_places
-    engine["tensions_at"] = tensions_at(config.queue_places)
-    engine["gait_log_at"] = gait_log_at(config.queue_places, has_muscles)
+    with one_process_at_a_time(), announced():
+        engine["kernel"] = compiled_step(controller, timestep)
+    place_fields(engine, userdata)
+    engine["timestep"] = timestep
     engine["senses_contact"] = config.body.senses_contact
     engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
-    engine["gait_places"] = config.gait_places
     engine["steps_per_gait_sample"] = config.steps_per_gait_sample
     muscles = pack_leg_muscles(config.body)
-    engine["num_neurons"] = max(0, muscles.size - NUM_SERVOS - NUM_MUSCLES)
-    model_data = pack_model_data(engine, parameters, coefficients, muscles)
+    engine["num_neurons"] = max(0, muscles.size - len(JOINTS) - NUM_MUSCLES)
+    model_data = pack_model_data(engine, controller.parameters(timestep), muscles)
     spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
     model = spec.compile()
     joints = [model.joint(name) for name in JOINTS]
@@ -175,12 +198,14 @@ def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> 
         joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
         thorax_body=model.body("Thorax").id,
         end_effector_bodies=np.array([model.body(name).id for name in END_EFFECTORS]),
+        userdata=userdata,
+        neutral_angles=PreprogrammedSteps(STEPS_OF_BODY[config.body.name]).default_pose,
     )
 
 
 def _engine_record(model: mujoco.MjModel) -> np.void:
     engine: np.void = np.zeros(1, ENGINE)[0]
-    engine["magic"] = MAGIC
+    engine["magic"], engine["process"] = MAGIC, PROCESS
     engine["is_elliptic"] = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     engine["thorax_body"] = model.body("Thorax").id
     engine["end_effector_bodies"] = [model.body(name).id for name in END_EFFECTORS]

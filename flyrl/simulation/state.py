@@ -30,13 +30,14 @@ class FlyState:
         (n, 36, 3), ordered as anatomy.CONTACT_SEGMENTS.
     end_effectors_w
         Tarsus5 of each leg, mm, (n, 6, 3).
-    drive
-        Descending drive (left, right) as last commanded, (n, 2): what the brain knows of. With
-        latency it is at the legs only later.
+    command
+        What the leg controller was last commanded, (n, k), for most the descending drive (left,
+        right): what the brain knows of. With latency it is at the legs only later.
     phases, magnitudes
-        Of the legs' oscillators (or steps, for the rule-based controller), rad and 1, (n, 6).
+        Of the legs' oscillators (or steps, for the rule-based controller), rad and 1, (n, 6);
+        zeros for a controller without.
     retraction, stumbling
-        Correction amounts of the two reflexes, (n, 6).
+        Correction amounts of the two reflexes, (n, 6); zeros for a controller without.
     adhesion
         1 while a leg grips, else 0, (n, 6).
     muscle_tensions
@@ -56,7 +57,7 @@ class FlyState:
     actuator_torques: Array
     contact_forces_w: Array
     end_effectors_w: Array
-    drive: Array
+    command: Array
     phases: Array
     magnitudes: Array
     retraction: Array

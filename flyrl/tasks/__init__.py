@@ -4,12 +4,13 @@ from functools import cache
 from typing import Final
 
 from flyrl.bodies.worm import WORMS, WormConfig
-from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Actions, Drives, Neurons
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Actions, Drives, JointTargets, Neurons
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.extension import Term, extended, task_record, task_table, term_digests
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.heading import HEADING
 from flyrl.tasks.hybrid_turning import HYBRID_TURNING
+from flyrl.tasks.joints import JOINTS, JOINTS_BOX
 from flyrl.tasks.path import PATH
 from flyrl.tasks.target import TARGET
 from flyrl.tasks.target_goal import TARGET_GOAL
@@ -42,7 +43,17 @@ from flyrl.validation import one_of
 
 TASKS: Final = {
     task.name: task
-    for task in (TARGET, TARGET_GOAL, VELOCITY, PATH, TRAVERSE, HEADING, HYBRID_TURNING)
+    for task in (
+        TARGET,
+        TARGET_GOAL,
+        VELOCITY,
+        PATH,
+        TRAVERSE,
+        HEADING,
+        HYBRID_TURNING,
+        JOINTS,
+        JOINTS_BOX,
+    )
 }
 """Tasks for flies by name."""
 
@@ -92,6 +103,7 @@ __all__ = [
     "EpisodeSampler",
     "EpisodeState",
     "ErrorTerm",
+    "JointTargets",
     "MeanTerm",
     "Neurons",
     "ObservationTerm",

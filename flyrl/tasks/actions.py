@@ -1,48 +1,101 @@
 """What an action of a task is, and what it commands the body to do."""
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from flyrl.controllers.controller import DRIVE, DRIVE_HIGH, DRIVE_LOW, Command
+from flyrl.controllers.joints_controller import JOINTS_COMMAND
 
-DRIVE_LOW: Final = -0.5
-DRIVE_HIGH: Final = 1.5
-"""Range of the descending drive on each side."""
+__all__ = ["DRIVE_HIGH", "DRIVE_LOW", "Actions", "Drives", "JointTargets", "Neurons"]
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Drives:
-    """Two numbers, which command the descending drive to the left and to the right legs.
+    """The command of a leg controller, mostly the descending drive to the left and right legs.
 
     Attributes
     ----------
     low, high
-        Range of an action's components, mapped linearly to that of the drive.
+        Range of an action's components, mapped linearly to that of the command's; None: an action
+        is the command itself.
+    command
+        What the controller takes.
     """
 
-    low: float = -1.0
-    high: float = 1.0
+    low: float | None = -1.0
+    high: float | None = 1.0
+    command: Command = DRIVE
 
     is_integer = False
 
     @property
     def size(self) -> int:
         """Components of an action."""
-        return 2
+        return len(self.command.names)
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and greatest value of an action's components, (k,) each."""
+        ranges = zip(self.command.low, self.command.high, strict=True)
+        given = [
+            (low if self.low is None else self.low, high if self.high is None else self.high)
+            for low, high in ranges
+        ]
+        low, high = np.array(given).T
+        return low, high
 
     def commands(self, actions: ArrayLike) -> Array:
-        """Map actions (..., 2), clipped to their range, to drives (..., 2)."""
-        clipped = np.clip(np.asarray(actions, dtype=np.float64), self.low, self.high)
-        share = (clipped - self.low) / (self.high - self.low)
-        return DRIVE_LOW + share * (DRIVE_HIGH - DRIVE_LOW)
+        """Map actions (..., k), clipped to their range, to commands (..., k)."""
+        low, high = self.bounds
+        clipped = np.clip(np.asarray(actions, dtype=np.float64), low, high)
+        if self.low is None:
+            return clipped
+        least, greatest = self._command_range
+        commands: Array = least + (clipped - low) / (high - low) * (greatest - least)
+        return commands
 
-    def of(self, drives: ArrayLike) -> Array:
-        """Map drives to the actions that command them; the inverse of `commands`."""
-        share = (np.asarray(drives, dtype=np.float64) - DRIVE_LOW) / (DRIVE_HIGH - DRIVE_LOW)
-        return self.low + share * (self.high - self.low)
+    def of(self, commands: ArrayLike) -> Array:
+        """Map commands to the actions that give them; the inverse of `commands`."""
+        given = np.asarray(commands, dtype=np.float64)
+        if self.low is None:
+            return given
+        (low, high), (least, greatest) = self.bounds, self._command_range
+        actions: Array = low + (given - least) / (greatest - least) * (high - low)
+        return actions
+
+    def of_command(self, command: Command) -> "Drives":
+        """Actions that command something else: scaled if these are, else the command itself."""
+        is_scaled = (self.low, self.high) == (-1.0, 1.0)
+        return Drives(command=command) if is_scaled else Drives(None, None, command)
+
+    @property
+    def _command_range(self) -> tuple[Array, Array]:
+        return np.array(self.command.low), np.array(self.command.high)
+
+
+@dataclass(frozen=True)
+class JointTargets(Drives):
+    """Target angles of the 42 joints, rad, and adhesion of the six legs.
+
+    Attributes
+    ----------
+    is_dict
+        Whether an environment takes a dict of "joints" (42,) and "adhesion" (6,), 0 or 1; otherwise
+        it takes both in one vector, with adhesion from 0 to 1.
+    """
+
+    low: float | None = None
+    high: float | None = None
+    command: Command = JOINTS_COMMAND
+    is_dict: bool = True
+
+    def commands(self, actions: ArrayLike) -> Array:
+        """Take actions (..., 48) as they are: no joint has a limit, and reflexes go beyond π."""
+        return np.asarray(actions, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -64,6 +117,11 @@ class Neurons:
 
     low = -1.0
     high = 1.0
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and greatest value of an action's components, (M,) each."""
+        return np.full(self.size, self.low), np.full(self.size, self.high)
 
     def __post_init__(self) -> None:
         if not self.pools or min(self.pools) < 1:

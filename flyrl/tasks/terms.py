@@ -192,7 +192,7 @@ def tilt_b(state: TaskState) -> Array:
 
 def drive(state: TaskState) -> Array:
     """Current drive (left, right), (n, 2)."""
-    return state.fly.drive
+    return state.fly.command
 
 
 def phase_vectors(state: TaskState) -> Array:

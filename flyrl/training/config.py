@@ -91,7 +91,7 @@ class TrainingConfig:
         within("seed", self.seed, 0, LARGEST_SEED)
         task = self.env.resolved_task
         legs = self.env.scene.controller
-        if legs is not None and not legs.follows_drive:
+        if legs is not None and not legs.follows_command:
             raise ValueError(
                 f"controller must be hybrid or cpg in a training, got {legs.name!r}, which ignores "
                 "the drive, so that no policy can steer it"

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from flyrl.cli import arguments, groups
-from flyrl.cli.arguments import UsageError, check_arguments, unknown_key
+from flyrl.cli.arguments import UsageError, check_arguments, unknown_key, with_own_things
 from flyrl.resources import configs_folder
 
 
@@ -186,3 +186,18 @@ def test_a_launcher_makes_a_sweep_whose_jobs_do_not_name_it():
 @pytest.mark.parametrize("arguments", [["seed=1"], ["launcher=joblib", "--cfg", "job"]])
 def test_no_sweep(arguments):
     assert check_arguments("train", arguments) is None
+
+
+def test_a_controller_of_ones_own_is_a_group_of_its_own():
+    given = ["seed=1", "controller=my_lab:Wave", "controller.amplitude=0.3", "task=path"]
+    expected = [
+        "seed=1", "~controller", "+controller.name=my_lab:Wave", "+controller.amplitude=0.3",
+        "task=path",
+    ]  # fmt: skip
+    assert with_own_things(given) == expected
+    assert check_arguments("train", expected) is None
+
+
+def test_a_built_in_controller_stays_as_it_is():
+    given = ["controller=cpg", "controller.frequency_hz=9", "logger=none"]
+    assert with_own_things(given) == given

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from flyrl.controllers.leg_controller import LegObservation
+from tests.controllers.kernels import Observation
 
 
-def random_observations(num_steps: int, seed: int) -> list[LegObservation]:
+def random_observations(num_steps: int, seed: int) -> list[Observation]:
     """Observations with legs in holes and legs that stumble, for 50 to 1,500 steps at a time."""
     random = np.random.default_rng(seed)
     heights = -1 + 0.02 * random.standard_normal((num_steps, 6))
@@ -28,7 +28,7 @@ def random_observations(num_steps: int, seed: int) -> list[LegObservation]:
             start = end + random.integers(100, 800)
     thorax_z = 0.05 * random.standard_normal(num_steps)
     return [
-        LegObservation(float(z), z + height, force, heading)
+        Observation(float(z), z + height, force, heading)
         for z, height, force, heading in zip(thorax_z, heights, forces, headings, strict=True)
     ]
 

@@ -5,12 +5,8 @@ import functools
 import numpy as np
 import pytest
 
-from flyrl.controllers.leg_controller import (
-    ControllerConfig,
-    control_step,
-    initial_state,
-    pack_parameters,
-)
+from flyrl.controllers import Hybrid
+from tests.controllers.kernels import Legs, Observation
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4)
 FINE = 2e-5
@@ -20,7 +16,7 @@ NUM_SAMPLES = 500
 NUM_COURSES = 2
 """Courses of events, each 0.5 s, over which errors are averaged."""
 
-FIELDS = ("phases", "magnitudes", "retraction", "stumbling", "net_correction", "targets")
+FIELDS = ("phases", "magnitudes", "retraction", "stumbling", "net_correction", "angles")
 
 
 def drive(t: np.ndarray) -> np.ndarray:
@@ -42,24 +38,20 @@ def observe(t: np.ndarray, course: int) -> tuple[np.ndarray, np.ndarray, np.ndar
 @functools.cache
 def trajectory(reflexes: str, timestep: float) -> dict[str, np.ndarray]:
     steps = {"current": "untethered", "classic": "tethered"}[reflexes]
-    config = ControllerConfig("hybrid", steps)
-    parameters, coefficients = pack_parameters(config, timestep)
+    controller = Hybrid(steps)
     steps_per_sample = round(SAMPLE_INTERVAL / timestep)
     samples: dict[str, list[np.ndarray]] = {name: [] for name in FIELDS}
     times = np.arange(NUM_SAMPLES * steps_per_sample) * timestep
     drives = drive(times)
     for course in range(NUM_COURSES):
-        state = initial_state(
-            config, init_phases=np.arange(6.0), init_magnitudes=np.linspace(0, 0.5, 6)
-        )
+        initial = {"init_phases": np.arange(6.0), "init_magnitudes": np.linspace(0, 0.5, 6)}
+        legs = Legs(controller, timestep, **initial)
         heights, forces, headings = observe(times, course)
         for step in range(len(times)):
-            state["contact_forces_w"] = forces[step]
-            state["drive"] = drives[step]
-            control_step(parameters, coefficients, state, 0.0, heights[step], headings[step])
+            legs.step(drives[step], Observation(0.0, heights[step], forces[step], headings[step]))
             if (step + 1) % steps_per_sample == 0:
                 for name in FIELDS:
-                    samples[name].append(state[name].copy())
+                    samples[name].append(legs[name].copy())
     return {name: np.array(values) for name, values in samples.items()}
 
 
@@ -91,7 +83,7 @@ def test_oscillators_converge_with_the_time_step(reflexes, name):
 
 
 @pytest.mark.parametrize("reflexes", ["current", "classic"])
-@pytest.mark.parametrize("name", ["retraction", "stumbling", "net_correction", "targets"])
+@pytest.mark.parametrize("name", ["retraction", "stumbling", "net_correction", "angles"])
 def test_corrections_converge_with_the_time_step(reflexes, name):
     """Less evenly: a reflex switches at the first step after its condition turns."""
     found = errors(reflexes, name)

@@ -14,7 +14,6 @@ from flyrl.controllers.gait_log import (
     log_gait,
     unpack,
 )
-from flyrl.controllers.leg_controller import STATE
 
 TIMESTEP = 5e-4
 
@@ -25,7 +24,9 @@ class Fly:
     def __init__(self, places=8, steps_per_sample=1):
         self.log = np.zeros(1, GAIT_LOG)[0]
         self.samples = np.zeros(places)
-        self.state = np.zeros(1, STATE)[0]
+        self.state = {"contact_forces_w": np.zeros((36, 3))} | {
+            name: np.zeros(6) for name in ("adhesion", "retraction", "stumbling")
+        }
         self.torques, self.velocities = np.zeros(42), np.zeros(42)
         self.tips_w = np.zeros((6, 3))
         self.steps_per_sample = steps_per_sample
@@ -40,7 +41,7 @@ class Fly:
                 self.samples,
                 self.steps_per_sample,
                 TIMESTEP,
-                self.state,
+                *self.state.values(),
                 np.zeros(6),
                 self.torques,
                 self.velocities,

@@ -1,22 +1,22 @@
 import numpy as np
 import pytest
 
-from flyrl.controllers.latency import PLACE_SIZE, advance_drive
-from flyrl.controllers.leg_controller import ControllerConfig, initial_state
+from flyrl.controllers.latency import CLOCK, advance_command
 
 
 def drives_at_the_legs(
     commands: dict[int, tuple[float, float]], latency: int, places: int, steps: int
 ) -> list[tuple[float, ...]]:
     """Drive in every time step, of commands given before the time steps that they stand at."""
-    state = initial_state(ControllerConfig(), latency_steps=latency)
-    queue = np.zeros((places, PLACE_SIZE))
+    clock = np.zeros(1, dtype=CLOCK)[0]
+    clock["latency"] = latency
+    command, arrived, queue = np.zeros(2), np.zeros(2), np.zeros((places, 3))
     found = []
     for step in range(steps):
         if step in commands:
-            state["command"] = commands[step]
-        advance_drive(state, queue)
-        found.append(tuple(state["drive"].tolist()))
+            command[:] = commands[step]
+        advance_command(clock, command, arrived, queue)
+        found.append(tuple(arrived.tolist()))
     return found
 
 

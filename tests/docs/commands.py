@@ -13,7 +13,7 @@ from hydra import compose, initialize_config_dir
 from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values
+from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values, with_own_things
 from flyrl.cli.config import own_settings, training_config
 from flyrl.cli.evaluate import comparison
 from flyrl.cli.main import command_parser
@@ -169,7 +169,7 @@ def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
 def _values(program: str, overrides: Sequence[str]) -> dict[str, Any]:
     folder = str(configs_folder().resolve())
     with initialize_config_dir(folder, version_base=HYDRA_VERSION):
-        return plain_values(compose(program, list(overrides)))
+        return plain_values(compose(program, with_own_things(overrides)))
 
 
 def check(command: str, *, is_whole: bool = True) -> None:

@@ -51,6 +51,7 @@ FAILING = dict(_failing())
 
 @pytest.mark.slow
 def test_every_training_runs_and_every_evaluation_too(folder_of, subtests):
+    folder_of("docs/controllers.md")
     folder = folder_of("docs/tasks.md")
     learned = {}
     for overrides, (page, command) in composed("train").items():

@@ -18,7 +18,7 @@ from flyrl.envs.sb3 import FlyrlVecEnv
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
         ({"physics": 5}, "physics must be a PhysicsConfig or one of .* got 5"),
         ({"randomisation": 5}, "randomisation must be a RandomisationConfig or one of .* got 5"),
-        ({"controller": 5}, "controller must be a ControllerConfig or one of 'cpg', .* got 5"),
+        ({"controller": 5}, "controller must be a Controller or the name of one, got 5"),
         ({"task": 5}, "task must be a Task or one of 'target', .* got 5"),
         ({"decision_interval": "2"}, "decision_interval must be a finite number .* got '2'"),
         ({"decision_interval": 1e308}, "decision_interval must lie within 0 and 10.0"),

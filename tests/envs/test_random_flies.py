@@ -105,9 +105,9 @@ def test_latency_holds_each_decision_back_by_its_time() -> None:
     drives = []
     for number in range(6):
         env.step(env.task.actions.of(np.full((1, 2), 0.1 * (number + 1))))
-        drives.append(float(env.flies.controllers["drive"][0, 0]))
+        drives.append(float(env.flies.userdata["arrived"][0, 0]))
         # what the fly knows of is what it decided
-        assert env.state.drive[0, 0] == pytest.approx(0.1 * (number + 1))
+        assert env.state.command[0, 0] == pytest.approx(0.1 * (number + 1))
     np.testing.assert_allclose(drives, [0.0, 0.0, 0.1, 0.2, 0.3, 0.4])
 
 
@@ -159,7 +159,7 @@ def test_reset_options_fix_what_they_name_and_leave_the_rest_as_drawn() -> None:
     core = env.unwrapped.core
     friction = core.flies._batch.get_model(0).pair_friction
     np.testing.assert_array_equal(friction, core.scene.model.pair_friction / 2)
-    assert core.flies.controllers["latency"][0] == 25  # steps of 0.4 ms
+    assert core.flies.userdata["head"]["clock"]["latency"][0] == 25  # steps of 0.4 ms
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from stable_baselines3.common.env_checker import check_env as check_sb3
 
 import flyrl  # noqa: F401  (registers the ids)
 from flyrl.bodies.worm import CRAWLER, HANGER
-from flyrl.controllers.leg_controller import ControllerConfig
+from flyrl.controllers import Hybrid
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.randomisation import Randomisation, RandomisationConfig
@@ -361,8 +361,8 @@ def test_bad_actions_are_refused_and_move_nothing(task, action, message):
             "controller of a worm must be None, got 'hybrid'",
         ),
         (
-            {"task": "worm_crawl", "controller": ControllerConfig()},
-            "controller of a worm must be None, got ControllerConfig",
+            {"task": "worm_crawl", "controller": Hybrid()},
+            "controller of a worm must be None, got Hybrid",
         ),
         (
             {"task": "worm_crawl", "randomisation": "default"},

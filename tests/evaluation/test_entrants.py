@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flyrl.controllers import ControllerConfig
+from flyrl.controllers import CPG, Hybrid
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import best_reference
@@ -36,7 +36,7 @@ def save_policy(path, *, training=None, env=None, observation=None):
         observation=layout,
         action_low=(-1.0, -1.0),
         action_high=(1.0, 1.0),
-        env={"controller": dataclasses.asdict(ControllerConfig())} if env is None else env,
+        env={"controller": dataclasses.asdict(Hybrid())} if env is None else env,
         training={"algo": "ppo"} if training is None else training,
     )
     save_bundle(bundle, path)
@@ -83,13 +83,13 @@ def test_the_record_says_how_a_policy_was_learned(tmp_path, terrain, text):
 
 
 def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
-    legs = ControllerConfig("cpg", frequency_hz=10.0)
+    legs = CPG(frequency_hz=10.0)
     env = {"controller": dataclasses.asdict(legs), "task": {"decision_interval": 0.05}}
     path = save_policy(tmp_path / "a.safetensors", env=env)
     config = EvaluationConfig(policies=(path,), controllers=())
     (entrant,) = make_entrants(config)
     env_config = entrant.env(config, config.terrain_configs[0])
-    assert env_config.scene.controller == legs
+    assert env_config.scene.controller == dataclasses.replace(legs, steps="untethered")
     assert env_config.decision_interval_s == pytest.approx(0.05)
 
 

@@ -14,7 +14,7 @@ from flyrl.simulation.randomisation import Randomisation
 
 
 def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
-    batch.set_drive(np.tile([1.2, 0.4], (batch.num_sims, 1)))
+    batch.set_command(np.tile([1.2, 0.4], (batch.num_sims, 1)))
     batch.step(steps)
     return batch.integration_state()
 
@@ -34,7 +34,7 @@ def test_number_of_simulations_changes_no_bit() -> None:
 def test_splitting_a_call_changes_no_bit() -> None:
     whole, split = make_batch(), make_batch()
     expected = advance(whole, 60)
-    split.set_drive(np.array([[1.2, 0.4]]))
+    split.set_command(np.array([[1.2, 0.4]]))
     for steps in (1, 20, 39):
         split.step(steps)
     np.testing.assert_array_equal(split.integration_state(), expected)
@@ -88,7 +88,7 @@ def test_a_simulation_that_blows_up_is_marked_and_stays_finite(
 
 def test_orientation_is_that_of_the_state_after_the_step() -> None:
     batch = make_batch()
-    batch.set_drive(np.array([[1.2, 0.2]]))
+    batch.set_command(np.array([[1.2, 0.2]]))
     batch.step(777)
     expected = np.zeros(9)
     mujoco.mju_quat2Mat(expected, batch._qpos[0, 3:7] / np.linalg.norm(batch._qpos[0, 3:7]))
@@ -156,11 +156,11 @@ def _in_a_fork(call: Callable[[], object]) -> str:
 
 def test_leg_states_are_what_the_controller_of_one_simulation_does() -> None:
     batch = make_batch(num_sims=2)
-    batch.controllers["adhesion"][1] = (1, 0, 1, 0, 0, 0)
+    batch.output["adhesion"][1] = (1, 0, 1, 0, 0, 0)
     batch.controllers["retraction"][1] = (0, 2.5, 0, 0, 0, 0)
     batch.controllers["stumbling"][1] = (0, 0, 0, 0, 0, 0.1)
     states = batch.leg_states(1)
-    batch.controllers["adhesion"][1] = 1
+    batch.output["adhesion"][1] = 1
     np.testing.assert_array_equal(states.grips, np.array([1, 0, 1, 0, 0, 0], dtype=bool))
     np.testing.assert_array_equal(states.retracts, np.array([0, 1, 0, 0, 0, 0], dtype=bool))
     np.testing.assert_array_equal(states.stumbles, np.array([0, 0, 0, 0, 0, 1], dtype=bool))

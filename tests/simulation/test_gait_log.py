@@ -20,13 +20,13 @@ def with_log(places: int, terrain: str = "flat", num_sims: int = 1) -> FlyBatch:
     scene = build_scene(dataclasses.replace(config, gait_places=places))
     batch = FlyBatch(scene, num_sims, num_threads=1)
     reset(batch)
-    batch.set_drive(np.ones((num_sims, 2)))
+    batch.set_command(np.ones((num_sims, 2)))
     return batch
 
 
 def test_a_fly_with_a_log_walks_as_one_without() -> None:
     logged, plain = with_log(100, "gapped"), make_batch(terrain="gapped")
-    plain.set_drive(np.ones((1, 2)))
+    plain.set_command(np.ones((1, 2)))
     for batch in (logged, plain):
         batch.step(1000)
     np.testing.assert_array_equal(logged._qpos, plain._qpos)

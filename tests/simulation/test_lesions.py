@@ -7,7 +7,7 @@ import pytest
 
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.bodies.fly import FlyConfig, build_fly
-from flyrl.controllers.leg_controller import ControllerConfig, initial_state
+from flyrl.controllers import Hybrid
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TERRAINS
@@ -20,13 +20,13 @@ def walked(terrain="flat", seconds=0.6, controller=None, **body):
     config = SceneConfig(
         body=FlyConfig(**body),
         terrain=TERRAINS[terrain],
-        controller=controller or ControllerConfig(),
+        controller=controller or Hybrid(),
     )
     batch = FlyBatch(build_scene(config), 1, num_threads=1)
     height = 1.5 if terrain == "gapped" else 0.5
-    state = initial_state(config.controller, seed=0)
+    state = config.controller.initial_state(0)
     batch.reset(np.array([0]), np.array([[0.0, 0.0, height]]), np.zeros(1), [state])
-    batch.set_drive(np.ones((1, 2)))
+    batch.set_command(np.ones((1, 2)))
     steps = round(0.01 / config.physics.timestep)
     states = []
     for _ in range(round(seconds / 0.01)):
@@ -89,14 +89,14 @@ def test_legs_that_feel_nothing_do_not_stumble():
 @pytest.mark.parametrize("reflex", ["retraction", "stumbling"])
 def test_a_reflex_that_is_switched_off(reflex):
     other = {"retraction": "stumbling", "stumbling": "retraction"}[reflex]
-    off = dataclasses.replace(ControllerConfig(), **{reflex: 0.0})
+    off = dataclasses.replace(Hybrid(), **{reflex: 0.0})
     _, states = walked("mixed", controller=off)
     assert not any(getattr(state, reflex).any() for state in states)
     assert any(getattr(state, other).any() for state in states)
 
 
 def test_a_reflex_at_half_its_strength_grows_half_as_quickly():
-    whole, half = ControllerConfig(), ControllerConfig(retraction=0.5)
+    whole, half = Hybrid(), Hybrid(retraction=0.5)
     growth, decay = whole.reflex_parameters.retraction_rates
     assert half.reflex_parameters.retraction_rates == (growth / 2, decay)
     assert half.reflex_parameters.stumbling_rates == whole.reflex_parameters.stumbling_rates

@@ -6,7 +6,6 @@ import sys
 import numpy as np
 import pytest
 
-from flyrl.controllers.leg_controller import initial_state
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.overlay import PLAIN, Overlay
 from flyrl.simulation.rendering import (
@@ -42,7 +41,7 @@ def test_a_camera_that_does_not_exist_is_refused():
 def flies():
     config = SceneConfig()
     batch = FlyBatch(build_scene(config), num_threads=1)
-    start = initial_state(config.controller)
+    start = config.controller.initial_state()
     batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
     return batch
 
@@ -77,14 +76,14 @@ def test_the_target_seen_from_above_is_as_wide_as_the_scale_says(flies, from_abo
 
 def test_pictures_have_coloured_legs_where_they_are_asked_for(flies, from_above):
     plain, marked = from_above
-    flies.controllers["adhesion"] = 0.0
+    flies.output["adhesion"] = 0.0
     usual = plain.render(flies)
     np.testing.assert_array_equal(marked.render(flies), usual)
-    flies.controllers["adhesion"] = 1.0
+    flies.output["adhesion"] = 1.0
     np.testing.assert_array_equal(plain.render(flies), usual)
     changed = marked.render(flies) != usual
     assert changed.any(axis=2).sum() > 20
-    flies.controllers["adhesion"] = 0.0
+    flies.output["adhesion"] = 0.0
     np.testing.assert_array_equal(marked.render(flies), usual)
 
 

@@ -5,10 +5,10 @@ import pytest
 
 from flyrl.anatomy import RIGHT_LEG_MIRROR
 from flyrl.bodies.fly import FlyConfig
-from flyrl.controllers.leg_controller import ControllerConfig, initial_state
+from flyrl.controllers import CONTROLLERS
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.physics import PHYSICS_PRESETS
-from flyrl.simulation.scene import STEPS_OF_BODY, SceneConfig, build_scene
+from flyrl.simulation.scene import SceneConfig, build_scene
 
 TIMESTEP = PHYSICS_PRESETS["balanced"].timestep
 
@@ -16,7 +16,7 @@ TIMESTEP = PHYSICS_PRESETS["balanced"].timestep
 def flies(num_sims: int, symmetric: bool = True, body: str = "current", legs: str = "hybrid"):
     config = SceneConfig(
         body=FlyConfig(body, symmetric=symmetric),
-        controller=ControllerConfig(legs, STEPS_OF_BODY[body]),
+        controller=CONTROLLERS[legs](),
         physics=PHYSICS_PRESETS["balanced"],
     )
     return FlyBatch(build_scene(config), num_sims, num_threads=1)
@@ -40,11 +40,11 @@ def mirror_error(batch: FlyBatch, drive: tuple[float, float], seed: int) -> tupl
     put_down(
         batch,
         [
-            initial_state(config, 0, phases, magnitudes),
-            initial_state(config, 0, other_side(phases), other_side(magnitudes)),
+            config.initial_state(0, phases, magnitudes),
+            config.initial_state(0, other_side(phases), other_side(magnitudes)),
         ],
     )
-    batch.set_drive(np.array([drive, drive[::-1]]))
+    batch.set_command(np.array([drive, drive[::-1]]))
     sign = np.array([1.0, -1.0, 1.0])
     millimetres = radians = 0.0
     for _ in range(round(0.1 / TIMESTEP / 4)):
@@ -88,8 +88,8 @@ def test_equal_drives_turn_neither_way_on_average() -> None:
     """Over 25 initial conditions; the standard error of the mean is 1.3 degrees per second."""
     n = 25
     batch = flies(n)
-    put_down(batch, [initial_state(batch.scene.config.controller, seed) for seed in range(n)])
-    batch.set_drive(np.ones((n, 2)))
+    put_down(batch, [batch.scene.config.controller.initial_state(seed) for seed in range(n)])
+    batch.set_command(np.ones((n, 2)))
     yaws = [batch.state().yaw]
     for _ in range(20):
         batch.step(round(0.05 / TIMESTEP))

@@ -20,7 +20,7 @@ FIELDS = (
 
 
 def walk(batch: FlyBatch, steps: int = 150) -> np.ndarray:
-    batch.set_drive(np.tile([1.2, 0.4], (batch.num_sims, 1)))
+    batch.set_command(np.tile([1.2, 0.4], (batch.num_sims, 1)))
     batch.step(steps)
     return batch.integration_state()
 
@@ -110,7 +110,7 @@ def test_a_fly_of_twice_the_mass_stands_with_twice_the_weight() -> None:
     upward = np.zeros(2)
     for _ in range(100):
         batch.step(5)
-        upward += batch.controllers["contact_forces_w"][:, :, 2].sum(axis=1) / 100
+        upward += batch.senses["contact_forces_w"][:, :, 2].sum(axis=1) / 100
     weight = batch.scene.model.body_mass.sum() * 9810
     np.testing.assert_allclose(upward, [weight, 2 * weight], rtol=0.02)
 

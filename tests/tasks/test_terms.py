@@ -22,7 +22,7 @@ def fly_state(n: int = 1, **changes: object) -> FlyState:
         "actuator_torques": (n, 42),
         "contact_forces_w": (n, 36, 3),
         "end_effectors_w": (n, 6, 3),
-        "drive": (n, 2),
+        "command": (n, 2),
         "phases": (n, 6),
         "magnitudes": (n, 6),
         "retraction": (n, 6),

@@ -1,0 +1,199 @@
+"""The door for leg controllers: what one senses, commands and keeps, and how it is found by name.
+
+A controller is a frozen dataclass of settings, derived from `Controller`, with a kernel `step` that
+the engine runs at every physics step. The built-in ones use the same door as a user's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Final, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flyrl.anatomy import CONTACT_SEGMENTS, JOINTS, LEGS
+from flyrl.controllers.compilation import entry_point
+from flyrl.entry_points import find
+from flyrl.validation import from_keys
+
+NUM_LEGS: Final = len(LEGS)
+NUM_JOINTS: Final = len(JOINTS)
+
+DRIVE_LOW: Final = -0.5
+DRIVE_HIGH: Final = 1.5
+"""Range of the descending drive on each side."""
+
+SENSES: Final = np.dtype(
+    [
+        ("thorax_z", "f8"),  # mm
+        ("end_effector_z", "f8", (NUM_LEGS,)),  # mm; of a missing leg the thorax's
+        ("heading_w", "f8", (3,)),
+        ("contact_forces_w", "f8", (len(CONTACT_SEGMENTS), 3)),  # µN
+        ("joint_angles", "f8", (NUM_JOINTS,)),  # rad
+        ("joint_velocities", "f8", (NUM_JOINTS,)),  # rad/s
+        ("end_effectors_w", "f8", (NUM_LEGS, 3)),  # mm
+    ],
+    align=True,
+)
+"""What a controller senses of the physics step before, ordered as in `flyrl.anatomy`."""
+
+OUTPUT: Final = np.dtype(
+    [
+        ("angles", "f8", (NUM_JOINTS,)),  # rad
+        ("adhesion", "f8", (NUM_LEGS,)),  # 1 grips, 0 does not
+    ],
+    align=True,
+)
+"""What a controller writes: target angles of the joints, and which legs grip."""
+
+Step = Callable[[Any, Any, Any, Any, Any], None]
+
+
+class Command(NamedTuple):
+    """What a controller takes from a policy: a name and a range for every number."""
+
+    names: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+DRIVE: Final = Command(("left", "right"), (DRIVE_LOW,) * 2, (DRIVE_HIGH,) * 2)
+"""The descending drive to the left and to the right legs."""
+
+
+def _name(controller: Controller) -> str:
+    kind = type(controller)
+    for name, built_in in CONTROLLERS.items():
+        if kind is built_in:
+            return name
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+@dataclass(frozen=True)
+class Controller:
+    """Settings of a leg controller; the base of every one.
+
+    A controller of one's own sets `step`, and says with `parameters` and `initial_state` what it
+    knows and what it keeps. Where the state has the fields "phases", "magnitudes", "retraction" or
+    "stumbling", (6,) each, observations, gait diagrams and videos show them.
+
+    Attributes
+    ----------
+    name
+        A built-in name, or module:attribute of a user's own.
+    command
+        What it takes from a policy.
+    follows_command
+        Whether the command changes how it walks, so that a policy can steer it.
+    step
+        Kernel `step(parameters, state, senses, command, output)`: advances `state` and writes
+        `output` in place, once per physics step. In the part of Python that Numba compiles; it
+        allocates nothing and raises nothing.
+    """
+
+    # a property, and a field all the same, so that `dataclasses.asdict` tells it
+    name: str = field(init=False, repr=False, compare=False, default=cast(str, property(_name)))
+
+    command: ClassVar[Command] = DRIVE
+    follows_command: ClassVar[bool] = True
+    step: ClassVar[Step]
+
+    def parameters(self, timestep: float) -> np.void:
+        """Record of float64 fields that `step` gets as `parameters`, at a physics step (s)."""
+        record: np.void = np.zeros(1, dtype=[("timestep", "f8")])[0]
+        record["timestep"] = timestep
+        return record
+
+    def initial_state(
+        self,
+        seed: int = 0,
+        init_phases: ArrayLike | None = None,
+        init_magnitudes: ArrayLike | None = None,
+    ) -> np.void:
+        """Record of float64 fields that `step` gets as `state`, as an episode starts.
+
+        Parameters
+        ----------
+        seed
+            Of whatever the controller draws.
+        init_phases, init_magnitudes
+            Of oscillators, rad and 1, (6,); a controller without oscillators ignores them.
+        """
+        record: np.void = np.zeros(1, dtype=[("unused", "f8")])[0]
+        return record
+
+
+CONTROLLERS: Final[dict[str, type[Controller]]] = {}
+"""Built-in controllers by name; `flyrl.controllers` fills it."""
+
+
+def controller_named(name: str, **settings: Any) -> Controller:
+    """Controller of a name, built-in or module:attribute, with settings.
+
+    Raises
+    ------
+    ValueError
+        If there is no such controller, or it has no such setting or value.
+    """
+    kind = find("controller", name, CONTROLLERS, Controller)
+    return from_keys("controller", settings, kind)
+
+
+def controller_from(record: Mapping[str, Any]) -> Controller:
+    """Controller of what `dataclasses.asdict` made of it.
+
+    Settings of other controllers, which old records hold, are ignored.
+
+    Raises
+    ------
+    ValueError
+        As `controller_named`, or if there is no name.
+    """
+    name = record.get("name") if isinstance(record, Mapping) else None
+    if not isinstance(name, str):
+        raise ValueError(f"controller.name must be text, got {name!r}")
+    kind = find("controller.name", name, CONTROLLERS, Controller)
+    known = {each.name for each in fields(kind) if each.init}
+    settings = {
+        key: value
+        for key, value in record.items()
+        if key != "name" and (key in known or key not in FORMER_FIELDS)
+    }
+    return controller_named(name, **settings)
+
+
+FORMER_FIELDS: Final = frozenset(
+    (
+        "steps", "reflexes", "frequency_hz", "coupling_weight", "convergence_rate",
+        "step_duration_s", "retraction", "stumbling",
+    )
+)  # fmt: skip
+"""Settings that records held of every controller, whether it used them or not."""
+
+
+def compiled_step(controller: Controller, timestep: float) -> int:
+    """Address of the compiled kernel of a controller.
+
+    Raises
+    ------
+    ValueError
+        If its records have other fields than float64.
+    """
+    records = (controller.parameters(timestep).dtype, controller.initial_state().dtype)
+    for which, dtype in zip(("parameters", "initial_state"), records, strict=True):
+        _check_record(f"{which} of controller {controller.name!r}", dtype)
+    return entry_point(
+        type(controller).step, (*records, SENSES, OUTPUT), len(controller.command.names)
+    )
+
+
+def _check_record(name: str, dtype: np.dtype) -> None:
+    """Raise ValueError unless a record has named fields, all of them float64."""
+    if not dtype.names:
+        raise ValueError(f"{name} must be a record with named fields, got {dtype}")
+    for each in dtype.names:
+        base = dtype[each].base
+        if base != np.float64:
+            raise ValueError(f"{name}: {each!r} must be float64, got {base}")

@@ -1,0 +1,171 @@
+"""The CPG alone: six coupled oscillators, each of which takes the recorded steps of one leg.
+
+Source: Ijspeert et al. 2007, doi 10.1126/science.1138353; Wang-Chen et al. 2024,
+doi 10.1038/s41592-024-02497-y.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flyrl.controllers.compilation import kernel
+from flyrl.controllers.controller import NUM_LEGS, Controller, Step
+from flyrl.controllers.cpg import (
+    TRIPOD_AMPLITUDE,
+    TRIPOD_CONVERGENCE_RATE,
+    TRIPOD_COUPLING_WEIGHT,
+    TRIPOD_FREQUENCY_HZ,
+    cpg_step,
+    initial_oscillators,
+    tripod_coupling_weights,
+    tripod_phase_biases,
+)
+from flyrl.controllers.steps import (
+    PreprogrammedSteps,
+    StepsName,
+    pack_step,
+    step_fields,
+    take_steps,
+)
+from flyrl.controllers.turning import modulate
+from flyrl.validation import Within, check_fields, positive, random_seed
+
+OSCILLATOR_PARAMETERS: Final = [
+    ("timestep", "f8"),  # s
+    ("frequency", "f8", (NUM_LEGS,)),  # Hz, before the drive's sign
+    ("amplitude", "f8", (NUM_LEGS,)),  # at a drive of 1
+    ("coupling_weights", "f8", (NUM_LEGS, NUM_LEGS)),
+    ("phase_biases", "f8", (NUM_LEGS, NUM_LEGS)),
+    ("convergence_coefs", "f8", (NUM_LEGS,)),
+]
+"""Fields of the parameters of a controller with oscillators."""
+
+OSCILLATOR_STATE: Final = [
+    ("phases", "f8", (NUM_LEGS,)),
+    ("magnitudes", "f8", (NUM_LEGS,)),
+    ("freqs", "f8", (NUM_LEGS,)),
+    ("amps", "f8", (NUM_LEGS,)),
+    ("scratch", "f8", (NUM_LEGS,)),
+]
+"""Fields of the state of a controller with oscillators."""
+
+
+@kernel
+def cpg_controller_step(
+    parameters: Any, state: Any, senses: Any, command: Any, output: Any
+) -> None:
+    """Advance the CPG and let every leg follow its oscillator."""
+    modulate(command, parameters.frequency, parameters.amplitude, state.freqs, state.amps)
+    cpg_step(
+        state.phases,
+        state.magnitudes,
+        state.freqs,
+        state.amps,
+        parameters.coupling_weights,
+        parameters.phase_biases,
+        parameters.convergence_coefs,
+        parameters.timestep,
+        state.scratch,
+    )
+    take_steps(
+        parameters.coefficients,
+        parameters.neutral,
+        parameters.swing_start,
+        parameters.grip_start,
+        state.phases,
+        state.magnitudes,
+        output,
+    )
+
+
+@dataclass(frozen=True)
+class OscillatorController(Controller):
+    """Settings of six oscillators, each of which takes the steps of one leg.
+
+    Attributes
+    ----------
+    steps
+        Recorded step: "untethered" (goes with the current body) or "tethered" (with the classic
+        body); None takes the body's.
+    frequency_hz
+        Frequency of the oscillators at full drive.
+    coupling_weight
+        Weight between oscillators of different tripods, 1/s.
+    convergence_rate
+        Rate at which magnitudes follow the drive, 1/s.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or a value is out of its range.
+    """
+
+    steps: StepsName | None = None
+    frequency_hz: Annotated[float, Within(1e-3, 1e3)] = TRIPOD_FREQUENCY_HZ
+    coupling_weight: Annotated[float, Within(0, 1e3)] = TRIPOD_COUPLING_WEIGHT
+    convergence_rate: Annotated[float, Within(0, 1e3)] = TRIPOD_CONVERGENCE_RATE
+
+    def __post_init__(self) -> None:
+        check_fields(self, "controller")
+
+    def load_steps(self) -> PreprogrammedSteps:
+        """Load the recorded steps."""
+        return PreprogrammedSteps(self.steps or "untethered")
+
+    def pack_oscillators(self, record: np.void, timestep: float) -> None:
+        """Write the fields `OSCILLATOR_PARAMETERS`; ValueError if the time step is not above 0."""
+        record["timestep"] = positive("timestep", timestep)
+        record["frequency"] = self.frequency_hz
+        record["amplitude"] = TRIPOD_AMPLITUDE
+        record["coupling_weights"] = tripod_coupling_weights(self.coupling_weight)
+        record["phase_biases"] = tripod_phase_biases()
+        record["convergence_coefs"] = self.convergence_rate
+
+    def start_oscillators(
+        self,
+        record: np.void,
+        seed: int,
+        init_phases: ArrayLike | None,
+        init_magnitudes: ArrayLike | None,
+    ) -> None:
+        """Write the phases and magnitudes that are given, or drawn from a seed.
+
+        Raises
+        ------
+        ValueError
+            If the seed is no seed, or a given array has the wrong shape or is not finite.
+        """
+        record["phases"], record["magnitudes"] = initial_oscillators(
+            np.random.RandomState(random_seed(seed)),
+            np.full(NUM_LEGS, TRIPOD_AMPLITUDE),
+            init_phases,
+            init_magnitudes,
+        )
+
+
+@dataclass(frozen=True)
+class CPG(OscillatorController):
+    """The CPG alone, without reflexes; see `OscillatorController`."""
+
+    step: ClassVar[Step] = staticmethod(cpg_controller_step)
+
+    def parameters(self, timestep: float) -> np.void:
+        """Constants that the kernel takes."""
+        steps = self.load_steps()
+        record: np.void = np.zeros(1, dtype=[*OSCILLATOR_PARAMETERS, *step_fields(steps)])[0]
+        self.pack_oscillators(record, timestep)
+        pack_step(record, steps)
+        return record
+
+    def initial_state(
+        self,
+        seed: int = 0,
+        init_phases: ArrayLike | None = None,
+        init_magnitudes: ArrayLike | None = None,
+    ) -> np.void:
+        """Oscillators as an episode starts; ValueError as in `start_oscillators`."""
+        record: np.void = np.zeros(1, dtype=OSCILLATOR_STATE)[0]
+        self.start_oscillators(record, seed, init_phases, init_magnitudes)
+        return record

@@ -1,0 +1,178 @@
+"""The hybrid controller: the CPG with two reflexes, retraction and stumbling.
+
+Source: Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flyrl.anatomy import LEG_DOFS
+from flyrl.controllers.compilation import kernel
+from flyrl.controllers.controller import NUM_LEGS, Step
+from flyrl.controllers.cpg import cpg_step
+from flyrl.controllers.cpg_controller import (
+    OSCILLATOR_PARAMETERS,
+    OSCILLATOR_STATE,
+    OscillatorController,
+)
+from flyrl.controllers.reflexes import (
+    REFLEXES,
+    ReflexesName,
+    ReflexParameters,
+    net_correction,
+    reflex_step,
+)
+from flyrl.controllers.steps import pack_step, step_fields, take_steps
+from flyrl.controllers.turning import modulate
+from flyrl.validation import Within
+
+TWO_PI: Final = 2.0 * np.pi
+
+_NUM_DOFS: Final = len(LEG_DOFS)
+
+_REFLEX_PARAMETERS: Final = [
+    ("correction_vectors", "f8", (NUM_LEGS, _NUM_DOFS)),
+    ("retraction_margin", "f8"),
+    ("stumbling_force", "f8"),
+    ("retraction_rates", "f8", (2,)),
+    ("stumbling_rates", "f8", (2,)),
+    ("persistence_threshold", "f8"),
+    ("persistence_s", "f8"),
+    ("retraction_ends_stumbling", "f8"),
+    ("correction_cap", "f8"),
+    ("gain_phases", "f8", (NUM_LEGS, 5)),
+    ("gain", "f8", (5,)),
+]
+
+_STATE: Final = np.dtype(
+    [
+        *OSCILLATOR_STATE,
+        ("retraction", "f8", (NUM_LEGS,)),
+        ("stumbling", "f8", (NUM_LEGS,)),
+        ("persistence", "f8", (NUM_LEGS,)),  # s
+        ("net_correction", "f8", (NUM_LEGS,)),
+    ]
+)
+
+
+@kernel
+def hybrid_step(parameters: Any, state: Any, senses: Any, command: Any, output: Any) -> None:
+    """Advance the reflexes and the CPG; let every leg follow both."""
+    reflex_step(
+        state.retraction,
+        state.stumbling,
+        state.persistence,
+        senses.thorax_z,
+        senses.end_effector_z,
+        senses.contact_forces_w,
+        senses.heading_w,
+        parameters.retraction_margin,
+        parameters.stumbling_force,
+        parameters.retraction_rates,
+        parameters.stumbling_rates,
+        parameters.persistence_threshold,
+        parameters.persistence_s,
+        parameters.retraction_ends_stumbling,
+        parameters.timestep,
+    )
+    modulate(command, parameters.frequency, parameters.amplitude, state.freqs, state.amps)
+    cpg_step(
+        state.phases,
+        state.magnitudes,
+        state.freqs,
+        state.amps,
+        parameters.coupling_weights,
+        parameters.phase_biases,
+        parameters.convergence_coefs,
+        parameters.timestep,
+        state.scratch,
+    )
+    take_steps(
+        parameters.coefficients,
+        parameters.neutral,
+        parameters.swing_start,
+        parameters.grip_start,
+        state.phases,
+        state.magnitudes,
+        output,
+    )
+    for leg in range(NUM_LEGS):
+        correction = net_correction(
+            state.retraction[leg],
+            state.stumbling[leg],
+            parameters.correction_cap,
+            state.phases[leg] % TWO_PI,
+            parameters.gain_phases[leg],
+            parameters.gain,
+        )
+        state.net_correction[leg] = correction
+        for dof in range(_NUM_DOFS):
+            output.angles[leg * _NUM_DOFS + dof] += (
+                correction * parameters.correction_vectors[leg, dof]
+            )
+
+
+@dataclass(frozen=True)
+class Hybrid(OscillatorController):
+    """The CPG with two reflexes; see `OscillatorController` for its oscillators.
+
+    Attributes
+    ----------
+    reflexes
+        Values of the reflexes: "current" or "classic"; None takes those that go with the steps.
+    retraction, stumbling
+        Factors on how quickly that reflex's corrections grow; 0 switches it off.
+    """
+
+    reflexes: ReflexesName | None = None
+    retraction: Annotated[float, Within(0, 100)] = 1.0
+    stumbling: Annotated[float, Within(0, 100)] = 1.0
+
+    step: ClassVar[Step] = staticmethod(hybrid_step)
+
+    @property
+    def reflex_parameters(self) -> ReflexParameters:
+        """Values of the reflexes."""
+        own: ReflexesName = "classic" if self.steps == "tethered" else "current"
+        published = REFLEXES[self.reflexes or own]
+        growth, decay = published.retraction_rates
+        retraction_rates = (self.retraction * growth, decay)
+        growth, decay = published.stumbling_rates
+        stumbling_rates = (self.stumbling * growth, decay)
+        return replace(
+            published, retraction_rates=retraction_rates, stumbling_rates=stumbling_rates
+        )
+
+    def parameters(self, timestep: float) -> np.void:
+        """Constants that the kernel takes."""
+        steps, reflexes = self.load_steps(), self.reflex_parameters
+        fields = [*OSCILLATOR_PARAMETERS, *step_fields(steps), *_REFLEX_PARAMETERS]
+        record: np.void = np.zeros(1, dtype=fields)[0]
+        self.pack_oscillators(record, timestep)
+        pack_step(record, steps, reflexes.swing_extension)
+        record["correction_vectors"] = reflexes.leg_vectors()
+        record["retraction_margin"] = reflexes.retraction_margin
+        record["stumbling_force"] = reflexes.stumbling_force
+        record["retraction_rates"] = reflexes.retraction_rates
+        record["stumbling_rates"] = reflexes.stumbling_rates
+        record["persistence_threshold"] = reflexes.persistence_threshold
+        record["persistence_s"] = reflexes.persistence_s
+        record["retraction_ends_stumbling"] = reflexes.retraction_ends_stumbling
+        record["correction_cap"] = reflexes.cap
+        record["gain_phases"] = reflexes.gain_phases(steps.swing_ends)
+        record["gain"] = reflexes.gain
+        return record
+
+    def initial_state(
+        self,
+        seed: int = 0,
+        init_phases: ArrayLike | None = None,
+        init_magnitudes: ArrayLike | None = None,
+    ) -> np.void:
+        """Oscillators as an episode starts, and reflexes at rest."""
+        record: np.void = np.zeros(1, dtype=_STATE)[0]
+        self.start_oscillators(record, seed, init_phases, init_magnitudes)
+        return record

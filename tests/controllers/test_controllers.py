@@ -1,0 +1,248 @@
+"""The built-in controllers: their kernels against the written-out specification."""
+
+import numpy as np
+import pytest
+
+from flyrl.controllers import CPG, Hybrid, RuleBased
+from tests.controllers import oracle
+from tests.controllers.kernels import CALM, Legs, Observation
+from tests.controllers.observations import random_drives, random_observations
+
+TIMESTEP = 1e-4
+TOLERANCE = {"rtol": 0, "atol": 1e-12}
+
+CURRENT = Hybrid("untethered")
+CLASSIC = Hybrid("tethered")
+
+
+FIELDS = (
+    "phases",
+    "magnitudes",
+    "retraction",
+    "stumbling",
+    "net_correction",
+    "angles",
+    "adhesion",
+)
+
+
+def joined(*arrays):
+    """One vector, to be kept: a comparison at the end is quicker than many on the way."""
+    return np.concatenate([np.ravel(array) for array in arrays])
+
+
+def run(controller, num_steps, drive=(1.0, 1.0), observation=CALM, timestep=TIMESTEP, **initial):
+    legs = Legs(controller, timestep, **initial)
+    for _ in range(num_steps):
+        legs.step(drive, observation)
+    return legs
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(("name", "config"), [("current", CURRENT), ("classic", CLASSIC)])
+def test_hybrid_follows_the_specification(name, config, seed):
+    num_steps = 6000
+    expected = oracle.Hybrid(name, oracle.Steps(config.steps), oracle.Oscillators(TIMESTEP, seed))
+    legs = Legs(config, TIMESTEP, seed=seed)
+
+    drives, ours, theirs = random_drives(num_steps, seed), [], []
+    for drive, observation in zip(drives, random_observations(num_steps, seed), strict=True):
+        expected.step(drive, observation)
+        legs.step(drive, observation)
+        ours.append(joined(*(legs[field] for field in FIELDS)))
+        theirs.append(
+            joined(
+                expected.oscillators.theta,
+                expected.oscillators.r,
+                expected.retraction,
+                expected.stumbling,
+                expected.net,
+                expected.targets,
+                expected.adhesion,
+            )
+        )
+    np.testing.assert_allclose(ours, theirs, **TOLERANCE)
+
+    events = expected.events
+    assert events.retracted > 1000
+    assert events.stumbled > 1000
+    assert events.stumbling_while_retracting > 50
+    if name == "current":
+        assert events.persisted > 20
+        assert events.capped > 20
+
+
+@pytest.mark.parametrize("steps", ["untethered", "tethered"])
+def test_cpg_alone_has_no_reflexes(steps):
+    config = CPG(steps)
+    in_trouble = random_observations(1, 0)[0]
+    in_trouble = in_trouble._replace(
+        end_effector_z=np.array([-2.0, -1, -1, -1, -1, -1]),
+        contact_forces_w=np.full((36, 3), -50.0),
+    )
+    troubled = run(config, 500, observation=in_trouble)
+    calm = run(config, 500)
+    np.testing.assert_array_equal(troubled["angles"], calm["angles"])
+
+
+def test_rule_based_follows_the_specification():
+    steps = oracle.Steps("untethered")
+    expected = oracle.Walknet(TIMESTEP, 1 / 12, steps.swing_end, seed=2)
+    legs = Legs(RuleBased(), TIMESTEP, seed=2)
+    ours, theirs = [], []
+    for _ in range(5000):
+        expected.step()
+        legs.step((1.0, 1.0))
+        ours.append(joined(legs["phases"], legs["adhesion"], legs["angles"]))
+        targets = [steps.angles(i, expected.phases[i], 1.0) for i in range(6)]
+        adhesion = [steps.adhesion(i, expected.phases[i]) for i in range(6)]
+        theirs.append(joined(expected.phases, adhesion, *targets))
+    np.testing.assert_array_equal(np.array(ours)[:, :12], np.array(theirs)[:, :12])
+    np.testing.assert_allclose(ours, theirs, **TOLERANCE)
+    assert expected.num_random_choices > 0
+
+
+def test_rule_based_ignores_the_drive():
+    config = RuleBased()
+    walking, undriven = run(config, 3000), run(config, 3000, drive=(0.0, -0.5))
+    np.testing.assert_array_equal(walking["angles"], undriven["angles"])
+    assert len(set(walking["phases"])) > 1
+
+
+@pytest.mark.parametrize(
+    ("steps", "step_duration_s", "expected"),
+    [
+        ("untethered", None, 1 / 12),
+        ("tethered", None, 0.1278),
+        ("untethered", 0.2, 0.2),
+        ("tethered", 0.2, 0.2),
+    ],
+)
+def test_rule_based_step_duration(steps, step_duration_s, expected):
+    config = RuleBased(steps, step_duration_s)
+    assert config.parameters(TIMESTEP)["step_duration"] == pytest.approx(expected, rel=1e-12)
+    # The first step's leg is the only one to move in the first time step.
+    phases = run(config, 1)["phases"]
+    assert phases.max() == pytest.approx(2 * np.pi * TIMESTEP / expected, rel=1e-12)
+    assert np.count_nonzero(phases) == 1
+
+
+@pytest.mark.parametrize(
+    ("steps", "reflexes", "retraction_rate"),
+    [
+        ("untethered", None, 800),
+        ("tethered", None, 500),
+        ("untethered", "classic", 500),
+        ("tethered", "current", 800),
+    ],
+)
+def test_reflexes_go_with_the_steps_unless_named(steps, reflexes, retraction_rate):
+    parameters = Hybrid(steps, reflexes=reflexes).parameters(TIMESTEP)
+    assert parameters["retraction_rates"][0] == retraction_rate
+
+
+@pytest.mark.parametrize(
+    ("controller", "extension"),
+    [(CURRENT, np.pi / 4), (CLASSIC, 0.0), (CPG("untethered"), 0.0), (RuleBased(), 0.0)],
+    ids=["current", "classic", "cpg", "rule_based"],
+)
+def test_only_current_hybrid_grips_later(controller, extension):
+    late = controller.parameters(TIMESTEP)["grip_start"] - controller.load_steps().swing_ends
+    np.testing.assert_allclose(late, extension, atol=1e-15)
+
+
+def test_zero_drive_settles_in_the_neutral_pose():
+    state = run(CURRENT, 10_000, drive=(0.0, 0.0))
+    assert state["magnitudes"].max() < 1e-8
+    neutral = CURRENT.load_steps().default_pose
+    np.testing.assert_allclose(state["angles"], neutral, rtol=0, atol=1e-7)
+
+
+def test_a_controller_means_the_same_at_a_coarser_time_step():
+    trouble = CALM._replace(end_effector_z=np.array([-2.0, -1, -1, -1, -1, -1]))
+    phases = np.array([0.0, np.pi, 0.0, np.pi, 0.0, np.pi])
+    initial = {"init_phases": phases, "init_magnitudes": np.ones(6)}
+    fine = run(CURRENT, 1000, observation=trouble, **initial)
+    coarse = run(CURRENT, 200, observation=trouble, timestep=5e-4, **initial)
+    np.testing.assert_allclose(coarse["phases"], fine["phases"], atol=1e-9)
+    np.testing.assert_allclose(coarse["retraction"], fine["retraction"], atol=1e-9)
+    np.testing.assert_allclose(coarse["angles"], fine["angles"], atol=1e-9)
+    assert fine["retraction"][0] == pytest.approx(80.0)
+
+
+def test_given_oscillators_win_over_the_seed():
+    phases, magnitudes = np.arange(6.0), np.linspace(0, 1, 6)
+    state = CURRENT.initial_state(3, phases, magnitudes)
+    np.testing.assert_array_equal(state["phases"], phases)
+    np.testing.assert_array_equal(state["magnitudes"], magnitudes)
+
+
+def test_seed_draws_phases_then_magnitudes():
+    random = np.random.RandomState(3)
+    phases, magnitudes = random.uniform(0, 2 * np.pi, 6), random.uniform(0, 1, 6)
+    state = CURRENT.initial_state(3)
+    np.testing.assert_array_equal(state["phases"], phases)
+    np.testing.assert_array_equal(state["magnitudes"], magnitudes)
+
+
+def test_rule_based_starts_at_phase_zero_with_full_steps():
+    state = RuleBased().initial_state(3)
+    np.testing.assert_array_equal(state["phases"], np.zeros(6))
+    np.testing.assert_array_equal(state["magnitudes"], np.ones(6))
+
+
+def test_state_continues_exactly_from_a_copy():
+    legs = run(RuleBased(), 3000, seed=1)
+    copy = np.array([legs.state])[0]
+    for _ in range(3000):
+        legs.step((1.0, 1.0))
+    once = legs.state.copy()
+    legs.state = copy
+    for _ in range(3000):
+        legs.step((1.0, 1.0))
+    assert copy.tobytes() == once.tobytes()
+
+
+def test_a_diverged_simulation_cannot_crash_the_engine():
+    nowhere = Observation(np.nan, np.full(6, np.nan), np.full((36, 3), np.nan), np.full(3, np.nan))
+    state = run(CURRENT, 3, drive=(np.nan, np.inf), observation=nowhere)
+    assert np.isnan(state["angles"]).any()
+    assert not state["retraction"].any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "message"),
+    [
+        (CPG, {"steps": "swimming"}, "steps must be one of .*'tethered'.*, got 'swimming'"),
+        (Hybrid, {"reflexes": "fast"}, "reflexes must be one of .*'current'.* got 'fast'"),
+        (CPG, {"frequency_hz": -12.0}, "frequency_hz must be .* from 0.001 to 1000, got -12.0"),
+        (CPG, {"coupling_weight": -1.0}, "coupling_weight must be .* from 0 to 1000, got -1.0"),
+        (CPG, {"convergence_rate": -2.0}, "convergence_rate must be .* from 0 to 1000, got -2.0"),
+        (RuleBased, {"step_duration_s": 0.0}, "step_duration_s must be .* from 0.001 .* got 0.0"),
+        (Hybrid, {"frequency_hz": 1e9}, "controller.frequency_hz must be .*, got 1000000000.0"),
+    ],
+)
+def test_settings_are_refused_by_name(kind, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        kind(**arguments)
+
+
+@pytest.mark.parametrize("timestep", [0.0, -1e-4, np.nan, "1e-4"])
+def test_time_step_must_be_above_zero(timestep):
+    with pytest.raises(ValueError, match="timestep must be a finite number above 0"):
+        CURRENT.parameters(timestep)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": -1}, "seed must be an integer from 0 .* got -1"),
+        ({"seed": 1.5}, "seed must be an integer from 0 .* got 1.5"),
+        ({"init_phases": np.zeros(5)}, r"init_phases must have shape \(6,\), got shape \(5,\)"),
+        ({"init_magnitudes": np.full(6, -0.1)}, "init_magnitudes must be at least 0"),
+        ({"init_phases": np.full(6, np.nan)}, "init_phases must be finite"),
+    ],
+)
+def test_initial_state_rejects(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        CURRENT.initial_state(**arguments)
