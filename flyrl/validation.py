@@ -232,6 +232,11 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
         kinds = tuple(option for option in options if option is not types.NoneType)
         if len(kinds) == 1:
             return _checked(name, value, kinds[0], within)
+        tuples = [kind for kind in kinds if get_origin(kind) is tuple]
+        if tuples:  # a number, or one for each
+            others = [kind for kind in kinds if kind not in tuples]
+            chosen = tuples if isinstance(value, list | tuple) else others
+            return _checked(name, value, chosen[0], within)
         return _one_of_kinds(name, value, kinds)
     if origin is Literal:
         return one_of(name, value, options)

@@ -73,6 +73,32 @@ def tripod_coupling_weights(weight: float = TRIPOD_COUPLING_WEIGHT) -> FloatArra
     return np.where(tripod_phase_biases() > 0, weight, 0.0)
 
 
+GAIT_PHASES: Final[dict[str, tuple[float, ...]]] = {
+    "tetrapod": (1 / 3, 2 / 3, 0.0, 2 / 3, 0.0, 1 / 3),
+    "wave": (4 / 6, 5 / 6, 0.0, 1 / 6, 2 / 6, 3 / 6),
+}
+"""Gaits beside the tripod: where each leg is in its cycle as the left hind leg begins its own, a
+share, ordered as `anatomy.LEGS`. On each side a wave goes from back to front. In the tetrapod gait
+two legs swing at a time, a third of a cycle apart; in the wave gait each leg swings by itself, the
+sides half a cycle apart (Wilson 1966, doi 10.1146/annurev.en.11.010166.000535)."""
+
+
+def gait_phase_biases(gait: str) -> FloatArray:
+    """Phase biases of a gait, rad, shape (6, 6): "tripod" or one of `GAIT_PHASES`."""
+    if gait == "tripod":
+        return tripod_phase_biases()
+    phases = TWO_PI * np.array(GAIT_PHASES[gait])
+    biases: FloatArray = np.mod(phases - phases[:, np.newaxis], TWO_PI)
+    return biases
+
+
+def gait_coupling_weights(gait: str, weight: float = TRIPOD_COUPLING_WEIGHT) -> FloatArray:
+    """Coupling weights of a gait, 1/s, shape (6, 6): between all legs that are not in phase."""
+    if gait == "tripod":
+        return tripod_coupling_weights(weight)
+    return np.where(gait_phase_biases(gait) > 0, weight, 0.0)
+
+
 def motor_neuron_activity(magnitudes: ArrayLike, phases: ArrayLike) -> FloatArray:
     """Activity of motor neurons that oscillators drive, r (1 + sin θ), elementwise."""
     return np.asarray(magnitudes, dtype=np.float64) * (1.0 + np.sin(phases))

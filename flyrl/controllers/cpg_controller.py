@@ -5,22 +5,30 @@ doi 10.1038/s41592-024-02497-y.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.controllers.compilation import kernel
-from flyrl.controllers.controller import NUM_LEGS, Controller, Step
+from flyrl.controllers.controller import (
+    DRIVE,
+    DRIVE_HIGH,
+    DRIVE_LOW,
+    NUM_LEGS,
+    Command,
+    Controller,
+    Step,
+)
 from flyrl.controllers.cpg import (
     TRIPOD_AMPLITUDE,
     TRIPOD_CONVERGENCE_RATE,
     TRIPOD_COUPLING_WEIGHT,
     TRIPOD_FREQUENCY_HZ,
     cpg_step,
+    gait_coupling_weights,
+    gait_phase_biases,
     initial_oscillators,
-    tripod_coupling_weights,
-    tripod_phase_biases,
 )
 from flyrl.controllers.steps import (
     PreprogrammedSteps,
@@ -31,6 +39,11 @@ from flyrl.controllers.steps import (
 )
 from flyrl.controllers.turning import modulate
 from flyrl.validation import Within, check_fields, positive, random_seed
+
+Gait = Literal["tripod", "tetrapod", "wave"]
+
+Six = tuple[float, float, float, float, float, float]
+SixBySix = tuple[Six, Six, Six, Six, Six, Six]
 
 OSCILLATOR_PARAMETERS: Final = [
     ("timestep", "f8"),  # s
@@ -89,12 +102,22 @@ class OscillatorController(Controller):
     steps
         Recorded step: "untethered" (goes with the current body) or "tethered" (with the classic
         body); None takes the body's.
+    gait
+        Order in which the legs step: "tripod", "tetrapod" or "wave" (see `cpg.GAIT_PHASES`).
     frequency_hz
-        Frequency of the oscillators at full drive.
-    coupling_weight
-        Weight between oscillators of different tripods, 1/s.
+        Frequency of the oscillators, of all or of each leg (6,).
+    amplitude
+        Magnitude that the oscillators approach at a drive of 1, of all or of each leg.
     convergence_rate
-        Rate at which magnitudes follow the drive, 1/s.
+        Rate at which magnitudes follow the drive, 1/s, of all or of each leg.
+    coupling_weight
+        Weight between oscillators that are not in phase, 1/s.
+    phase_biases
+        rad, (6, 6): entry (i, j) is the lead of leg j over leg i; None takes the gait's.
+    coupling_weights
+        1/s, (6, 6): entry (i, j) is the influence of leg j on leg i; None takes the gait's.
+    amplitude_range
+        Least and greatest drive of a side; a negative one steps backwards.
 
     Raises
     ------
@@ -103,12 +126,27 @@ class OscillatorController(Controller):
     """
 
     steps: StepsName | None = None
-    frequency_hz: Annotated[float, Within(1e-3, 1e3)] = TRIPOD_FREQUENCY_HZ
+    gait: Gait = "tripod"
+    frequency_hz: Annotated[float | Six, Within(1e-3, 1e3)] = TRIPOD_FREQUENCY_HZ
+    amplitude: Annotated[float | Six, Within(0, 10)] = TRIPOD_AMPLITUDE
+    convergence_rate: Annotated[float | Six, Within(0, 1e3)] = TRIPOD_CONVERGENCE_RATE
     coupling_weight: Annotated[float, Within(0, 1e3)] = TRIPOD_COUPLING_WEIGHT
-    convergence_rate: Annotated[float, Within(0, 1e3)] = TRIPOD_CONVERGENCE_RATE
+    phase_biases: Annotated[SixBySix | None, Within(-100, 100)] = None
+    coupling_weights: Annotated[SixBySix | None, Within(-1e3, 1e3)] = None
+    amplitude_range: Annotated[tuple[float, float], Within(-10, 10)] = (DRIVE_LOW, DRIVE_HIGH)
 
     def __post_init__(self) -> None:
         check_fields(self, "controller")
+        if not self.amplitude_range[0] < self.amplitude_range[1]:
+            raise ValueError(
+                f"controller.amplitude_range must be (least, greatest), got {self.amplitude_range}"
+            )
+
+    @property
+    def command(self) -> Command:  # type: ignore[override]
+        """The descending drive to the left and right legs, within `amplitude_range`."""
+        low, high = self.amplitude_range
+        return DRIVE._replace(low=(low, low), high=(high, high))
 
     def load_steps(self) -> PreprogrammedSteps:
         """Load the recorded steps."""
@@ -118,9 +156,12 @@ class OscillatorController(Controller):
         """Write the fields `OSCILLATOR_PARAMETERS`; ValueError if the time step is not above 0."""
         record["timestep"] = positive("timestep", timestep)
         record["frequency"] = self.frequency_hz
-        record["amplitude"] = TRIPOD_AMPLITUDE
-        record["coupling_weights"] = tripod_coupling_weights(self.coupling_weight)
-        record["phase_biases"] = tripod_phase_biases()
+        record["amplitude"] = self.amplitude
+        weights, biases = self.coupling_weights, self.phase_biases
+        record["coupling_weights"] = (
+            gait_coupling_weights(self.gait, self.coupling_weight) if weights is None else weights
+        )
+        record["phase_biases"] = gait_phase_biases(self.gait) if biases is None else biases
         record["convergence_coefs"] = self.convergence_rate
 
     def start_oscillators(
@@ -139,7 +180,7 @@ class OscillatorController(Controller):
         """
         record["phases"], record["magnitudes"] = initial_oscillators(
             np.random.RandomState(random_seed(seed)),
-            np.full(NUM_LEGS, TRIPOD_AMPLITUDE),
+            np.full(NUM_LEGS, self.amplitude),
             init_phases,
             init_magnitudes,
         )

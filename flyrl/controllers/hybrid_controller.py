@@ -3,13 +3,13 @@
 Source: Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y.
 """
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Final
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flyrl.anatomy import LEG_DOFS
+from flyrl.anatomy import LEG_DOFS, SENSED_SEGMENTS
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS, Step
 from flyrl.controllers.cpg import cpg_step
@@ -33,6 +33,10 @@ TWO_PI: Final = 2.0 * np.pi
 
 _NUM_DOFS: Final = len(LEG_DOFS)
 
+Five = tuple[float, float, float, float, float]
+Seven = tuple[float, float, float, float, float, float, float]
+Segment = Literal["Tibia", "Tarsus1", "Tarsus2", "Tarsus3", "Tarsus4", "Tarsus5"]
+
 _REFLEX_PARAMETERS: Final = [
     ("correction_vectors", "f8", (NUM_LEGS, _NUM_DOFS)),
     ("retraction_margin", "f8"),
@@ -42,6 +46,7 @@ _REFLEX_PARAMETERS: Final = [
     ("persistence_threshold", "f8"),
     ("persistence_s", "f8"),
     ("retraction_ends_stumbling", "f8"),
+    ("stumbling_sensors", "f8", (len(SENSED_SEGMENTS),)),
     ("correction_cap", "f8"),
     ("gain_phases", "f8", (NUM_LEGS, 5)),
     ("gain", "f8", (5,)),
@@ -76,6 +81,7 @@ def hybrid_step(parameters: Any, state: Any, senses: Any, command: Any, output: 
         parameters.persistence_threshold,
         parameters.persistence_s,
         parameters.retraction_ends_stumbling,
+        parameters.stumbling_sensors,
         parameters.timestep,
     )
     modulate(command, parameters.frequency, parameters.amplitude, state.freqs, state.amps)
@@ -125,11 +131,32 @@ class Hybrid(OscillatorController):
         Values of the reflexes: "current" or "classic"; None takes those that go with the steps.
     retraction, stumbling
         Factors on how quickly that reflex's corrections grow; 0 switches it off.
+    front, middle, hind, mirror_right, retraction_rates, stumbling_rates, cap
+        As in `ReflexParameters`, as are the following; None takes the value of `reflexes`.
+    persistence_threshold, persistence_s, gain, swing_extension, retraction_ends_stumbling
+        See above.
+    retraction_margin, stumbling_force, stumbling_segments
+        See above.
     """
 
     reflexes: ReflexesName | None = None
     retraction: Annotated[float, Within(0, 100)] = 1.0
     stumbling: Annotated[float, Within(0, 100)] = 1.0
+    front: Annotated[Seven | None, Within(-10, 10)] = None
+    middle: Annotated[Seven | None, Within(-10, 10)] = None
+    hind: Annotated[Seven | None, Within(-10, 10)] = None
+    mirror_right: bool | None = None
+    retraction_rates: Annotated[tuple[float, float] | None, Within(0, 1e6)] = None
+    stumbling_rates: Annotated[tuple[float, float] | None, Within(0, 1e6)] = None
+    cap: Annotated[float | None, Within(0, 1e9)] = None
+    persistence_threshold: Annotated[float | None, Within(0, 1e9)] = None
+    persistence_s: Annotated[float | None, Within(0, 10)] = None
+    gain: Annotated[Five | None, Within(-100, 100)] = None
+    swing_extension: Annotated[float | None, Within(0, TWO_PI)] = None
+    retraction_ends_stumbling: bool | None = None
+    retraction_margin: Annotated[float | None, Within(0, 10)] = None
+    stumbling_force: Annotated[float | None, Within(-1e6, 1e6)] = None
+    stumbling_segments: tuple[Segment, ...] | None = None
 
     step: ClassVar[Step] = staticmethod(hybrid_step)
 
@@ -138,6 +165,12 @@ class Hybrid(OscillatorController):
         """Values of the reflexes."""
         own: ReflexesName = "classic" if self.steps == "tethered" else "current"
         published = REFLEXES[self.reflexes or own]
+        own_values = {
+            field.name: value
+            for field in fields(ReflexParameters)
+            if (value := getattr(self, field.name)) is not None
+        }
+        published = replace(published, **own_values)
         growth, decay = published.retraction_rates
         retraction_rates = (self.retraction * growth, decay)
         growth, decay = published.stumbling_rates
@@ -161,6 +194,7 @@ class Hybrid(OscillatorController):
         record["persistence_threshold"] = reflexes.persistence_threshold
         record["persistence_s"] = reflexes.persistence_s
         record["retraction_ends_stumbling"] = reflexes.retraction_ends_stumbling
+        record["stumbling_sensors"] = reflexes.stumbling_sensors()
         record["correction_cap"] = reflexes.cap
         record["gain_phases"] = reflexes.gain_phases(steps.swing_ends)
         record["gain"] = reflexes.gain

@@ -23,7 +23,7 @@ from flyrl.anatomy import (
     STUMBLING_SEGMENTS,
 )
 from flyrl.controllers.compilation import kernel
-from flyrl.validation import FloatArray, float_array, not_negative, positive
+from flyrl.validation import FloatArray, float_array, not_negative, one_of, positive
 
 TWO_PI: Final = 2.0 * np.pi
 
@@ -32,7 +32,6 @@ ReflexesName = Literal["classic", "current"]
 NO_LEG: Final = -1
 
 _SENSORS_PER_LEG: Final = len(SENSED_SEGMENTS)
-_STUMBLING_SENSORS: Final = tuple(SENSED_SEGMENTS.index(name) for name in STUMBLING_SEGMENTS)
 
 
 @dataclass(frozen=True)
@@ -65,6 +64,8 @@ class ReflexParameters:
         How much further below the thorax than the third lowest leg the lowest must be, mm.
     stumbling_force
         Contact force along the heading below which a leg stumbles, µN.
+    stumbling_segments
+        Segments of `anatomy.SENSED_SEGMENTS` whose contact counts.
 
     Raises
     ------
@@ -86,8 +87,11 @@ class ReflexParameters:
     retraction_ends_stumbling: bool
     retraction_margin: float = 0.05
     stumbling_force: float = -1.0
+    stumbling_segments: tuple[str, ...] = STUMBLING_SEGMENTS
 
     def __post_init__(self) -> None:
+        for segment in self.stumbling_segments:
+            one_of("stumbling_segments", segment, SENSED_SEGMENTS)
         for name in ("front", "middle", "hind"):
             float_array(name, getattr(self, name), (len(LEG_DOFS),))
         float_array("gain", self.gain, (5,))
@@ -104,6 +108,10 @@ class ReflexParameters:
             raise ValueError(f"cap must be a number of at least 0, or inf, got {self.cap!r}")
         if not math.isfinite(self.stumbling_force):
             raise ValueError(f"stumbling_force must be finite, got {self.stumbling_force!r}")
+
+    def stumbling_sensors(self) -> FloatArray:
+        """1 for each of `anatomy.SENSED_SEGMENTS` whose contact counts, else 0, shape (6,)."""
+        return np.array([float(name in self.stumbling_segments) for name in SENSED_SEGMENTS])
 
     def leg_vectors(self) -> FloatArray:
         """Shift of every leg's target angles per unit of correction, rad, shape (6, 7)."""
@@ -190,9 +198,13 @@ def retraction_leg(thorax_z: float, end_effector_z: FloatArray, margin: float) -
 
 @kernel
 def stumbles(
-    contact_forces_w: FloatArray, heading_w: FloatArray, leg: int, force_threshold: float
+    contact_forces_w: FloatArray,
+    heading_w: FloatArray,
+    leg: int,
+    force_threshold: float,
+    sensors: FloatArray,
 ) -> bool:
-    """Whether a leg's tibia or upper tarsus is pushed back along the heading.
+    """Whether one of a leg's segments that count is pushed back along the heading.
 
     Parameters
     ----------
@@ -204,8 +216,12 @@ def stumbles(
         Index into `anatomy.LEGS`.
     force_threshold
         µN; a smaller (more negative) force along the heading counts.
+    sensors
+        1 for each of `anatomy.SENSED_SEGMENTS` that counts, else 0, shape (6,).
     """
-    for sensor in _STUMBLING_SENSORS:
+    for sensor in range(_SENSORS_PER_LEG):
+        if sensors[sensor] == 0.0:
+            continue
         row = leg * _SENSORS_PER_LEG + sensor
         along = (
             contact_forces_w[row, 0] * heading_w[0]
@@ -244,6 +260,7 @@ def reflex_step(
     persistence_threshold: float,
     persistence_s: float,
     retraction_ends_stumbling: float,
+    stumbling_sensors: FloatArray,
     timestep: float,
 ) -> None:
     """Advance the reflexes of all legs in place by one time step.
@@ -264,6 +281,8 @@ def reflex_step(
         Growth and decay, 1/s, shape (2,).
     retraction_ends_stumbling
         1 or 0.
+    stumbling_sensors
+        As in `stumbles`.
     timestep
         s.
     """
@@ -283,7 +302,7 @@ def reflex_step(
         )
         stumbling[leg] = reflex_amount(
             stumbling[leg],
-            stumbles(contact_forces_w, heading_w, leg, stumbling_force),
+            stumbles(contact_forces_w, heading_w, leg, stumbling_force, stumbling_sensors),
             stumbling_rates[0],
             stumbling_rates[1],
             timestep,
@@ -361,6 +380,7 @@ class Reflexes:
         self.vectors = parameters.leg_vectors()
         self._gain_phases = parameters.gain_phases(float_array("swing_ends", swing_ends, (6,)))
         self._gain = np.array(parameters.gain)
+        self._stumbling_sensors = parameters.stumbling_sensors()
         self._retraction_rates = np.array(parameters.retraction_rates)
         self._stumbling_rates = np.array(parameters.stumbling_rates)
         self.retraction = np.zeros(len(LEGS))
@@ -410,6 +430,7 @@ class Reflexes:
             p.persistence_threshold,
             p.persistence_s,
             float(p.retraction_ends_stumbling),
+            self._stumbling_sensors,
             self.timestep,
         )
 

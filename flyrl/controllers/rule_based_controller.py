@@ -5,11 +5,12 @@ doi 10.1007/s00422-013-0563-5.
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flyrl.anatomy import Leg
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS, Controller, Step
 from flyrl.controllers.random import STATE_SIZE, seeded_stream
@@ -23,12 +24,18 @@ from flyrl.controllers.steps import (
 from flyrl.controllers.walknet import (
     MARGIN,
     RULE_WEIGHTS,
+    RULES,
     construct_rules_graph,
     phase_increment,
     rule_matrices,
     walknet_step,
 )
 from flyrl.validation import Within, check_fields, positive
+
+if TYPE_CHECKING:
+    from flyrl.controllers.walknet import RulesGraph
+
+Rule = Literal["rule1", "rule2_ipsi", "rule2_contra", "rule3_ipsi", "rule3_contra"]
 
 STEP_DURATION_S: Final = 1.0 / 12.0
 """Step duration with untethered steps: the CPG's cycle (spec 9)."""
@@ -98,6 +105,12 @@ class RuleBased(Controller):
     step_duration_s
         Duration of a step; None for 1/12 s on untethered steps and the recording's duration on
         tethered ones.
+    rule1, rule2_ipsi, rule2_contra, rule3_ipsi, rule3_contra
+        Weight of each kind of influence (see `walknet.RULES`).
+    edges
+        Influences of legs on legs: (source, target, rule) each; None takes Walknet's.
+    margin
+        Legs whose score is within this share of the best are drawn from at random.
 
     Raises
     ------
@@ -107,12 +120,28 @@ class RuleBased(Controller):
 
     steps: StepsName | None = None
     step_duration_s: Annotated[float | None, Within(1e-3, 1e3)] = None
+    rule1: Annotated[float, Within(-1e6, 1e6)] = RULE_WEIGHTS["rule1"]
+    rule2_ipsi: Annotated[float, Within(-1e6, 1e6)] = RULE_WEIGHTS["rule2_ipsi"]
+    rule2_contra: Annotated[float, Within(-1e6, 1e6)] = RULE_WEIGHTS["rule2_contra"]
+    rule3_ipsi: Annotated[float, Within(-1e6, 1e6)] = RULE_WEIGHTS["rule3_ipsi"]
+    rule3_contra: Annotated[float, Within(-1e6, 1e6)] = RULE_WEIGHTS["rule3_contra"]
+    edges: tuple[tuple[Leg, Leg, Rule], ...] | None = None
+    margin: Annotated[float, Within(0, 1)] = MARGIN
 
     follows_command: ClassVar[bool] = False
     step: ClassVar[Step] = staticmethod(rule_based_step)
 
     def __post_init__(self) -> None:
         check_fields(self, "controller")
+
+    def graph(self) -> "RulesGraph":
+        """The legs' influences on each other."""
+        graph = construct_rules_graph()
+        if self.edges is not None:
+            graph.clear_edges()
+            for source, target, rule in self.edges:
+                graph.add_edge(source, target, rule=rule)
+        return graph
 
     def load_steps(self) -> PreprogrammedSteps:
         """Load the recorded steps, as long as the controller's."""
@@ -124,11 +153,11 @@ class RuleBased(Controller):
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes; ValueError if the time step is not above 0."""
         steps = self.load_steps()
-        rules = rule_matrices(construct_rules_graph(), RULE_WEIGHTS)
+        rules = rule_matrices(self.graph(), {rule: getattr(self, rule) for rule in RULES})
         record: np.void = np.zeros(1, dtype=[*_RULE_PARAMETERS, *step_fields(steps)])[0]
         pack_step(record, steps)
         record["rule1_weights"], record["rule2_weights"], record["rule3_weights"] = rules
-        record["margin"] = MARGIN
+        record["margin"] = self.margin
         record["step_duration"] = steps.duration
         record["phase_increment"] = phase_increment(positive("timestep", timestep), steps.duration)
         return record

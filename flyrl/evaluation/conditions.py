@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+import numpy as np
+
 from flyrl.controllers import Hybrid
 from flyrl.controllers.cpg_controller import OscillatorController
 from flyrl.envs.core import EnvConfig
@@ -64,7 +66,10 @@ def _coupled(env: EnvConfig, value: Any) -> EnvConfig:
     legs, factor = env.fly_scene.controller, not_negative("vary.coupling", value)
     if not isinstance(legs, OscillatorController):  # the rules have no couplings
         return env
-    return replace(env, controller=replace(legs, coupling_weight=factor * legs.coupling_weight))
+    changes: dict[str, Any] = {"coupling_weight": factor * legs.coupling_weight}
+    if legs.coupling_weights is not None:
+        changes["coupling_weights"] = (factor * np.array(legs.coupling_weights)).tolist()
+    return replace(env, controller=replace(legs, **changes))
 
 
 def _reflex(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:

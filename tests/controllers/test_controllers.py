@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.controllers import CPG, Hybrid, RuleBased
+from flyrl.controllers.cpg import GAIT_PHASES
 from tests.controllers import oracle
 from tests.controllers.kernels import CALM, Legs, Observation
 from tests.controllers.observations import random_drives, random_observations
@@ -246,3 +247,69 @@ def test_time_step_must_be_above_zero(timestep):
 def test_initial_state_rejects(arguments, message):
     with pytest.raises(ValueError, match=message):
         CURRENT.initial_state(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("controller", "message"),
+    [
+        (lambda: CPG(frequency_hz=(12.0,) * 5), "frequency_hz must be a tuple of 6, got"),
+        (lambda: CPG(phase_biases=((0.0,) * 6,) * 5), "phase_biases must be a tuple of 6, got"),
+        (lambda: CPG(convergence_rate=(1, 1, 1, 1, 1, -1)), r"convergence_rate\[5\] must be .* -1"),
+        (lambda: CPG(gait="gallop"), "gait must be one of 'tripod', 'tetrapod', 'wave'"),
+        (lambda: CPG(amplitude_range=(1, -1)), "amplitude_range must be .least, greatest."),
+        (lambda: Hybrid(front=(0.0,) * 6), "controller.front must be a tuple of 7, got"),
+        (lambda: Hybrid(stumbling_rates=(-1, 0)), r"stumbling_rates\[0\] must be .*, got -1"),
+        (lambda: Hybrid(stumbling_segments=("Coxa",)), r"stumbling_segments\[0\] must be one of"),
+        (lambda: RuleBased(edges=(("LF", "LX", "rule1"),)), r"edges\[0\]\[1\] must be one of"),
+        (lambda: RuleBased(edges=(("LF", "LM", "rule4"),)), r"edges\[0\]\[2\] must be one of"),
+        (lambda: RuleBased(margin=-0.1), "controller.margin must be .* from 0 to 1, got -0.1"),
+    ],
+)  # fmt: skip
+def test_wrong_shapes_and_signs_are_refused_by_name(controller, message):
+    with pytest.raises(ValueError, match=message):
+        controller()
+
+
+def test_values_of_each_leg_reach_the_kernel():
+    six = tuple(range(1, 7))
+    record = CPG(frequency_hz=six, amplitude=six, convergence_rate=six).parameters(TIMESTEP)
+    for name in ("frequency", "amplitude", "convergence_coefs"):
+        np.testing.assert_array_equal(record[name], six)
+    # left legs at the left drive, right legs at the right one
+    legs = run(CPG(amplitude=six, convergence_rate=1e3), 300, drive=(1.0, 0.5))
+    np.testing.assert_allclose(legs["magnitudes"], [1, 2, 3, 2, 2.5, 3])
+
+
+@pytest.mark.parametrize(
+    ("gait", "in_phase"),
+    [("tripod", [0, 2, 4]), ("tetrapod", [2, 4]), ("wave", [2])],
+)
+def test_a_gait_is_where_the_oscillators_settle(gait, in_phase):
+    """Legs in phase with the left hind one; the others of the tetrapod a third of a cycle off."""
+    legs = run(CPG(gait=gait), 20_000, init_phases=np.linspace(0, 1, 6))
+    shares = np.mod(legs["phases"] - legs["phases"][2], 2 * np.pi) / (2 * np.pi)
+    together = np.flatnonzero(np.minimum(shares, 1 - shares) < 0.01)
+    assert together.tolist() == in_phase
+    if gait != "tripod":
+        np.testing.assert_allclose(np.mod(shares + 0.01, 1) - 0.01, GAIT_PHASES[gait], atol=0.01)
+
+
+def test_reflexes_take_values_of_ones_own():
+    own = Hybrid(cap=5.0, stumbling_segments=("Tarsus5",), hind=(0, 0, 0, 0, 0, 0.5, 0))
+    reflexes = own.reflex_parameters
+    assert reflexes.cap == 5.0
+    assert reflexes.retraction_rates == Hybrid("untethered").reflex_parameters.retraction_rates
+    forces = np.zeros((36, 3))
+    forces[5, 0] = -2.0  # the left front tarsus's last segment
+    observation = CALM._replace(contact_forces_w=forces)
+    assert run(own, 10, observation=observation)["stumbling"][0] > 0
+    assert run(CURRENT, 10, observation=observation)["stumbling"][0] == 0
+    assert own.parameters(TIMESTEP)["correction_vectors"][2, 5] == 0.5
+
+
+def test_rules_take_weights_and_a_graph_of_ones_own():
+    record = RuleBased(rule1=-3.0, edges=(("LF", "RF", "rule1"),)).parameters(TIMESTEP)
+    expected = np.zeros((6, 6))
+    expected[0, 3] = -3.0
+    np.testing.assert_array_equal(record["rule1_weights"], expected)
+    assert not record["rule2_weights"].any()

@@ -17,6 +17,7 @@ from flyrl.controllers.reflexes import (
 from flyrl.controllers.steps import PreprogrammedSteps
 
 FORWARD = np.array([1.0, 0.0, 0.0])
+SENSORS = CURRENT.stumbling_sensors()
 LEVEL = np.full(6, -1.0)
 LF_IN_HOLE = np.array([-2.0, -1.0, -1.0, -1.0, -1.0, -1.0])
 NO_FORCE = np.zeros((36, 3))
@@ -65,15 +66,15 @@ def test_depth_is_measured_from_the_thorax():
 def test_tibia_and_upper_tarsus_stumble(segment, counts):
     forces = np.zeros((36, 3))
     forces[6 * 4 + segment, 0] = -2
-    assert stumbles(forces, FORWARD, 4, -1.0) is counts
-    assert not stumbles(forces, FORWARD, 3, -1.0)
+    assert stumbles(forces, FORWARD, 4, -1.0, SENSORS) is counts
+    assert not stumbles(forces, FORWARD, 3, -1.0, SENSORS)
 
 
 @pytest.mark.parametrize(("force", "counts"), [(-1.01, True), (-1.0, False), (5.0, False)])
 def test_only_a_push_against_the_heading_counts(force, counts):
     forces = np.zeros((36, 3))
     forces[0] = [0.0, force, -9.0]
-    assert stumbles(forces, np.array([0.0, 1.0, 0.0]), 0, -1.0) is counts
+    assert stumbles(forces, np.array([0.0, 1.0, 0.0]), 0, -1.0, SENSORS) is counts
 
 
 def test_retraction_grows_and_decays_at_its_rates():
