@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from flyrl.validation import one_of
-
 T = TypeVar("T")
 
 
@@ -123,6 +121,8 @@ def find(key: str, name: str, built_in: Mapping[str, T], kind: type | tuple[type
     ValueError
         If there is nothing of that name, or it is of another kind.
     """
+    from flyrl.validation import one_of  # noqa: PLC0415 - completion does without NumPy
+
     if not is_entry_point(name):
         return built_in[one_of(key, name, built_in)]
     module, _, attribute = name.partition(":")
