@@ -19,6 +19,7 @@ FIGURES: Final = {
     "rules": "the legs' phases under the rules and their scores, swing shaded",
     "terrains": "the four terrains with a fly on each (picture)",
     "turn": "the oscillators in a turn",
+    "gaits": "three gaits of the CPG: which legs stand, and their speed",
     "comparison": "CPG, rules and hybrid on the terrains, 20 episodes each (1 to 2 minutes)",
     "muscle": "a motor pool and its recruitment curve",
     "walk_cpg_without_adhesion": "the CPG on legs that do not grip (video)",

@@ -26,7 +26,7 @@ _NONE: Final = "none"
 
 NAMES: Final = ("fly", "worm")
 
-_OF_THE_FLY: Final = ("terrain", "controller", "physics", "body", "policy", "seed")
+_OF_THE_FLY: Final = ("terrain", "controller", "gait", "physics", "body", "policy", "seed")
 """Options that a fly alone has."""
 
 
@@ -52,6 +52,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     fly = parser.add_argument_group("the fly, as it begins; all this can be changed in the page")
     fly.add_argument("--terrain", metavar="NAME", help="what it walks on")
     fly.add_argument("--controller", metavar="NAME", help="what moves its legs")
+    fly.add_argument("--gait", metavar="NAME", help="order in which its legs step")
     fly.add_argument("--physics", metavar="NAME", help="preset of the physics")
     fly.add_argument("--body", metavar="NAME", help="which fly")
     fly.add_argument(

@@ -1,11 +1,12 @@
 """What a played fly is made of, and the task that it walks in."""
 
 from dataclasses import dataclass, replace
-from typing import Final, cast
+from typing import Final, cast, get_args
 
 from flyrl.bodies.fly import FLIES
 from flyrl.controllers import Hybrid
 from flyrl.controllers.controller import controller_named
+from flyrl.controllers.cpg_controller import Gait, OscillatorController
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
@@ -14,6 +15,7 @@ from flyrl.validation import FloatArray, one_of, random_seed
 
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "controller": ("cpg", "hybrid", "rule_based"),
+    "gait": get_args(Gait),
     "terrain": TERRAIN_NAMES,
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
@@ -30,8 +32,8 @@ class PlayedFlyConfig:
 
     Attributes
     ----------
-    terrain, controller, physics, body
-        Names; see `CHOICES`.
+    terrain, controller, gait, physics, body
+        Names; see `CHOICES`. The rules choose their gait themselves.
     retraction, stumbling
         Whether the legs have that reflex; only the hybrid controller uses them.
     adhesion
@@ -50,6 +52,7 @@ class PlayedFlyConfig:
 
     terrain: str = "flat"
     controller: str = "hybrid"
+    gait: str = "tripod"
     physics: str = "balanced"
     body: str = "current"
     retraction: bool = True
@@ -68,6 +71,8 @@ class PlayedFlyConfig:
     def env(self) -> EnvConfig:
         """The environment that the fly walks in."""
         body, controller = FLIES[self.body], controller_named(self.controller)
+        if isinstance(controller, OscillatorController):
+            controller = replace(controller, gait=cast(Gait, self.gait))
         if isinstance(controller, Hybrid):
             controller = replace(
                 controller, retraction=float(self.retraction), stumbling=float(self.stumbling)

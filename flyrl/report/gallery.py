@@ -12,6 +12,7 @@ from flyrl.report import controller_figures as controllers
 from flyrl.report.comparison_figure import comparison_plot
 from flyrl.report.curves import save_figure
 from flyrl.report.film import Film, write_film
+from flyrl.report.gaits_figure import gaits_plot
 from flyrl.report.muscle_figure import muscle_plot
 from flyrl.report.paper import Plot
 from flyrl.report.scene_figures import terrains_plot
@@ -58,6 +59,7 @@ GALLERY: Final[Mapping[str, Draw]] = {
     "rules": _files(controllers.rules_plot),
     "terrains": _files(terrains_plot),
     "turn": _files(controllers.turn_plot),
+    "gaits": _files(gaits_plot),
     "comparison": _files(comparison_plot),
     "muscle": _files(_muscle),
     **{name: _video(functools.partial(film_walk, walk)) for name, walk in WALKS.items()},

@@ -249,6 +249,7 @@ def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed)
         ("controller", "rule_based"),
         ("controller", "cpg"),
         ("controller", "hybrid"),
+        ("gait", "wave"),
         ("retraction", False),
         ("stumbling", False),
         ("adhesion", False),
