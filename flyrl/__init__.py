@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         construct_rules_graph,
         filter_edges,
     )
+    from flyrl.front import make, make_sb3, make_vec, walk
     from flyrl.policies import load_policy
     from flyrl.tasks import OUTCOMES
 
@@ -30,6 +31,10 @@ _ON_DEMAND: Final = {
     "construct_rules_graph": "flyrl.controllers",
     "filter_edges": "flyrl.controllers",
     "load_policy": "flyrl.policies",
+    "make": "flyrl.front",
+    "make_sb3": "flyrl.front",
+    "make_vec": "flyrl.front",
+    "walk": "flyrl.front",
 }
 
 __all__ = [
@@ -40,6 +45,10 @@ __all__ = [
     "construct_rules_graph",
     "filter_edges",
     "load_policy",
+    "make",
+    "make_sb3",
+    "make_vec",
+    "walk",
 ]
 
 

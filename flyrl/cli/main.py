@@ -20,6 +20,7 @@ from flyrl.cli import (
     runs,
     sweeps,
     tune,
+    walk,
 )
 from flyrl.cli.completion import subparsers_of
 from flyrl.cli.errors import Ended, reported
@@ -29,6 +30,7 @@ from flyrl.resources import version
 _SUBCOMMANDS: Final = (
     composed,
     play,
+    walk,
     figures,
     runs,
     sweeps,
@@ -45,6 +47,7 @@ _EXAMPLES: Final = """examples:
   flyrl train task=target terrain=flat algo=ppo seed=0
   flyrl evaluate policies=[target-flat] controllers=[cpg,hybrid]
   flyrl play
+  flyrl walk --controller cpg --video walk.mp4 --csv walk.csv
   flyrl figures cpg_tripod
   flyrl runs --sort best --reverse
   flyrl reproduce runs/2026-01-31_120000_target_flat_ppo_0

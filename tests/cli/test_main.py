@@ -15,7 +15,9 @@ from flyrl.cli.main import command_parser, main, subparsers_of
 from flyrl.cli.program import program
 from flyrl.resources import DISTRIBUTION
 
-COMMANDS = ("train", "evaluate", "play", "figures", "runs", "sweep", "reproduce", "tune", "bench")
+COMMANDS = (
+    "train", "evaluate", "play", "walk", "figures", "runs", "sweep", "reproduce", "tune", "bench",
+)  # fmt: skip
 
 
 def _refusal(capsys, *arguments):

@@ -1,0 +1,125 @@
+"""flyrl walk: let a fly walk, and keep what it did."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flyrl.cli.program import path_argument
+
+
+def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "walk",
+        help="let a fly walk, and keep it as a table and a video",
+        description="Let a fly walk under a steady drive, or replay joint angles.",
+        epilog="example: flyrl walk --controller cpg --drive 1 1 --seconds 1 --video walk.mp4 "
+        "--csv walk.csv",
+    )
+    parser.add_argument(
+        "--controller", default="hybrid", metavar="NAME", help="what moves the legs"
+    )
+    parser.add_argument(
+        "--drive", nargs=2, type=float, default=(1.0, 1.0), metavar=("LEFT", "RIGHT")
+    )
+    parser.add_argument("--terrain", default="flat", metavar="NAME", help="what it walks on")
+    parser.add_argument("--physics", metavar="NAME", help="preset of the physics")
+    parser.add_argument("--body", metavar="NAME", help="which fly")
+    parser.add_argument("--seconds", type=float, default=1.0, help="simulated time")
+    parser.add_argument("--every", type=float, default=1e-3, help="s between two rows of the table")
+    parser.add_argument("--seed", type=int, default=0, help="of start and phases")
+    parser.add_argument(
+        "--joints",
+        type=path_argument,
+        metavar="FILE",
+        help="replay a recording instead: a CSV with a column per joint (joint_LFCoxa, …), rad, "
+        "and adhesion_LF, …; or an NPZ with joints (T, 42) and adhesion (T, 6)",
+    )
+    parser.add_argument("--rate-hz", type=float, help="samples per second of the recording")
+    parser.add_argument("--csv", type=path_argument, metavar="FILE", help="write the table there")
+    parser.add_argument("--video", type=path_argument, metavar="FILE", help="write an MP4 there")
+    parser.add_argument(
+        "--camera", choices=("follow", "top"), default="follow", help="from where it is filmed"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Walk, write what is asked for, and say how far the fly came.
+
+    Raises
+    ------
+    ValueError
+        A value that is not allowed, or a recording that is none.
+    OSError
+        A file that cannot be read or written.
+    """
+    from flyrl.files import write_text  # noqa: PLC0415
+    from flyrl.front import walk  # noqa: PLC0415
+    from flyrl.text import csv_table  # noqa: PLC0415
+
+    recording: dict[str, Any] = {}
+    if options.joints is not None:
+        recording = {**_recording(options.joints), "rate_hz": options.rate_hz}
+    walked = walk(
+        options.controller,
+        options.drive,
+        terrain=options.terrain,
+        seconds=options.seconds,
+        every=options.every,
+        seed=options.seed,
+        physics=options.physics,
+        body=options.body,
+        **recording,
+    )
+    table = walked.frame()
+    if options.csv is not None:
+        write_text(options.csv, csv_table(table, float_format="%.6g"))
+        print(f"table: {options.csv}")
+    if options.video is not None:
+        print(f"video: {walked.video(options.video, options.camera)}")
+    first, last = table.iloc[0], table.iloc[-1]
+    print(
+        f"{last.time_s - first.time_s:.3g} s, {last.x_mm - first.x_mm:.2f} mm along x, "
+        f"{last.y_mm - first.y_mm:.2f} mm along y: {walked.outcome}"
+    )
+    return 0
+
+
+def _recording(path: Path) -> dict[str, Any]:
+    """Joint angles and adhesion in a file.
+
+    Raises
+    ------
+    ValueError
+        If it is no such table.
+    """
+    import numpy as np  # noqa: PLC0415
+    import pandas as pd  # noqa: PLC0415
+
+    from flyrl.anatomy import JOINTS, LEGS  # noqa: PLC0415
+
+    if path.suffix == ".npz":
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = {name: file[name] for name in ("joints", "adhesion") if name in file}
+        except ValueError as error:
+            raise ValueError(f"{path} is no NPZ of arrays: {error}") from error
+        if "joints" not in found:
+            raise ValueError(f"{path} must hold the array joints, (T, 42)")
+        return found
+    try:
+        table = pd.read_csv(path)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no CSV: {error}") from error
+    missing = [name for name in JOINTS if name not in table]
+    if missing:
+        raise ValueError(f"{path} must have a column for every joint; there is no {missing[0]!r}")
+    grips = [f"adhesion_{leg}" for leg in LEGS]
+    has_grips = set(grips) <= set(table)
+    return {
+        "joints": table[list(JOINTS)].to_numpy(),
+        "adhesion": table[grips].to_numpy() if has_grips else None,
+    }

@@ -1,0 +1,318 @@
+"""The front door: what most users of flyrl call, as `flyrl.walk`, `flyrl.make` and the like."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from flyrl.anatomy import JOINTS, LEGS
+from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
+from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.registration import ENV_IDS
+from flyrl.envs.sb3 import FlyrlVecEnv
+from flyrl.files import write_bytes
+from flyrl.report.video import FPS, encode
+from flyrl.simulation.overlay import Overlay
+from flyrl.simulation.rendering import Camera, FlyRenderer
+from flyrl.simulation.state import FlyState
+from flyrl.tasks import RUNNING
+from flyrl.tasks.terms import thorax
+from flyrl.validation import float_array, one_of, positive
+
+Array = NDArray[np.float64]
+Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLike]
+"""A pair (left, right), or a function of the time, s, and the observation that returns one."""
+
+FRAME_S: Final = 0.01
+"""Simulated time between two pictures of a video, s: a quarter of real time."""
+
+
+def make(task: str, **settings: Any) -> gymnasium.Env[Any, Any]:
+    """Make a Gymnasium environment of a task, as `gymnasium.make` does by its id.
+
+    Parameters
+    ----------
+    task
+        Name of the task, e.g. "target".
+    settings
+        Arguments of `EnvConfig`, and of `gymnasium.make`.
+    """
+    return gymnasium.make(_env_id(task), **settings)
+
+
+def make_vec(task: str, num_envs: int = 1, **settings: Any) -> gymnasium.vector.VectorEnv:
+    """Make a Gymnasium vector environment of a task; arguments as in `make`."""
+    return gymnasium.make_vec(_env_id(task), num_envs=num_envs, **settings)
+
+
+def make_sb3(task: str, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
+    """Make a Stable-Baselines3 VecEnv of a task.
+
+    Parameters
+    ----------
+    task
+        Name of the task.
+    num_envs
+        Number of flies.
+    settings
+        Arguments of `EnvConfig` and of `FlyrlVecEnv`.
+    """
+    return FlyrlVecEnv(None, num_envs, task=task, **settings)
+
+
+def _env_id(task: str) -> str:
+    ids = {name: env_id for env_id, name in ENV_IDS.items()}
+    return ids[one_of("task", task, ids)]
+
+
+def walk(
+    controller: Any = "hybrid",
+    drive: Drive = (1.0, 1.0),
+    *,
+    terrain: Any = "flat",
+    seconds: float = 1.0,
+    every: float = 1e-3,
+    seed: int = 0,
+    physics: Any = None,
+    body: Any = None,
+    joints: ArrayLike | None = None,
+    adhesion: ArrayLike | None = None,
+    rate_hz: float | None = None,
+) -> Walk:
+    """Let a fly walk, and record it.
+
+    Parameters
+    ----------
+    controller, terrain, physics, body
+        As in `EnvConfig`.
+    drive
+        A pair (left, right), held; or a function of the time, s, and the observation (that of
+        `hybrid_turning`) that returns one.
+    seconds
+        Simulated time; with `joints` the recording's.
+    every
+        Time between two samples, and two calls of a function of the drive, s; as near as whole
+        physics steps allow.
+    seed
+        Of the episode: where the fly starts, and in which phase.
+    joints
+        A recording to be replayed instead, with the controller `joints`: angles, rad, (T, 42),
+        ordered as `flyrl.anatomy.JOINTS`, resampled linearly to the physics step.
+    adhesion
+        1 where a leg grips, (T, 6), with `joints`; None: all legs grip. Holds until the next one.
+    rate_hz
+        Samples per second of the recording.
+
+    Returns
+    -------
+    The walk, as far as it came: a fall or leaving the ground ends it.
+
+    Raises
+    ------
+    ValueError
+        A value that is not allowed.
+    """
+    positive("seconds", seconds)
+    positive("every", every)
+    scene = {"terrain": terrain, "physics": physics, "body": body}
+    if joints is None:
+        if adhesion is not None or rate_hz is not None:
+            raise ValueError("adhesion and rate_hz go with joints, a recording; got no joints")
+        config = EnvConfig("hybrid_turning", controller=controller, **scene)
+        commands = _driven(drive)
+        num_steps = round(seconds / config.scene.physics.timestep)
+    else:
+        config = EnvConfig("joints_box", **scene)
+        commands, num_steps = _replay(joints, adhesion, rate_hz, config.scene.physics.timestep)
+    return _record(config, commands, num_steps, every, seed)
+
+
+Commands = Callable[[int, float, Any], Array]
+"""Command at a physics step, a time (s) and an observation, (k,)."""
+
+
+def _driven(drive: Drive) -> Commands:
+    if callable(drive):
+        return lambda step, time_s, seen: np.asarray(drive(time_s, seen), dtype=np.float64)
+    pair = np.asarray(drive, dtype=np.float64)
+    return lambda step, time_s, seen: pair
+
+
+def _replay(
+    joints: ArrayLike, adhesion: ArrayLike | None, rate_hz: float | None, timestep: float
+) -> tuple[Commands, int]:
+    """Commands of a recording, and how many physics steps it lasts."""
+    if rate_hz is None:
+        raise ValueError("rate_hz must say how many samples per second joints has, got None")
+    rate = positive("rate_hz", rate_hz)
+    count = len(np.atleast_2d(joints))
+    angles = float_array("joints", joints, (count, NUM_JOINTS))
+    grips = np.ones((count, NUM_LEGS)) if adhesion is None else adhesion
+    grips = float_array("adhesion", grips, (count, NUM_LEGS), minimum=0.0, maximum=1.0)
+
+    def command(step: int, time_s: float, seen: Any) -> Array:
+        place = min(step * timestep * rate, count - 1.0)
+        before = int(place)
+        share = place - before
+        after = min(before + 1, count - 1)
+        pose = (1.0 - share) * angles[before] + share * angles[after]
+        return np.concatenate([pose, grips[before]])
+
+    return command, max(1, round((count - 1) / rate / timestep))
+
+
+def _record(config: EnvConfig, commands: Commands, num_steps: int, every: float, seed: int) -> Walk:
+    timestep = config.scene.physics.timestep
+    per_sample = max(1, round(every / timestep))
+    # a recording moves at every physics step, a drive at every sample
+    per_decision = 1 if config.resolved_task.name == "joints_box" else per_sample
+    env = BatchedEnv(replace(config, decision_interval=per_decision * timestep), 1, 1)
+    observation = env.reset(seeds=[seed])
+    states, rows, outcome = [env.flies.state()], [env.flies.integration_state()[0]], RUNNING
+    for step in range(0, num_steps, per_decision):
+        seen = {name: values[0] for name, values in dict(observation).items()}
+        transition = env.step(commands(step, step * timestep, seen)[None])
+        observation = transition.observation
+        if (step + per_decision) % per_sample == 0:
+            states.append(env.flies.state())
+            rows.append(env.flies.integration_state()[0])
+        if transition.done[0]:
+            outcome = str(transition.outcome[0])
+            break
+    return Walk(env, states, np.array(rows), outcome)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A recorded walk of one fly.
+
+    Attributes
+    ----------
+    env
+        What simulated it.
+    states
+        The fly at every sample, the first at its start.
+    rows
+        MuJoCo's integration state at every sample, (T, size).
+    outcome
+        "running", or how the walk ended early: "fall", "left_arena" or "unstable".
+    """
+
+    env: BatchedEnv
+    states: list[FlyState]
+    rows: Array
+    outcome: str
+
+    def frame(self) -> pd.DataFrame:
+        """The walk as a table, a row per sample.
+
+        Columns: `time_s`; of the thorax `x_mm`, `y_mm`, `z_mm`, its velocity `vx_mm_s` and so on,
+        `yaw_rad`, `pitch_rad`, `roll_rad`; the command by its names; of every joint its angle,
+        rad, by its name, and `torque_…`, µN·mm; of every leg `phase_…`, `magnitude_…`,
+        `adhesion_…`, `stance_…` (on the ground, and its tip at rest: hind legs brush the ground
+        as they swing) and the ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame.
+        """
+        of = _stacked(self.states)
+        fly = np.stack([thorax(_Seen(state)) for state in self.states])[:, 0]  # type: ignore[arg-type]
+        forces = of["contact_forces_w"].reshape(len(fly), NUM_LEGS, -1, 3).sum(axis=2)
+        columns: dict[str, Array] = {"time_s": of["time"]}
+        for axis, name in enumerate("xyz"):
+            columns[f"{name}_mm"] = fly[:, 0, axis]
+        for axis, name in enumerate("xyz"):
+            columns[f"v{name}_mm_s"] = fly[:, 1, axis]
+        for axis, name in enumerate(("yaw", "pitch", "roll")):
+            columns[f"{name}_rad"] = fly[:, 2, axis]
+        if self.env.task.name != "joints_box":
+            names = self.env.config.fly_scene.controller.command.names
+            columns |= {f"command_{name}": of["command"][:, i] for i, name in enumerate(names)}
+        columns |= {name: of["joint_angles"][:, i] for i, name in enumerate(JOINTS)}
+        columns |= {
+            name.replace("joint_", "torque_"): of["actuator_torques"][:, i]
+            for i, name in enumerate(JOINTS)
+        }
+        stance = self._stance(of)
+        for i, leg in enumerate(LEGS):
+            columns[f"phase_{leg}"] = of["phases"][:, i]
+            columns[f"magnitude_{leg}"] = of["magnitudes"][:, i]
+            columns[f"adhesion_{leg}"] = of["adhesion"][:, i]
+            columns[f"stance_{leg}"] = stance[:, i]
+            for axis, name in enumerate("xyz"):
+                columns[f"f{name}_{leg}"] = forces[:, i, axis]
+        return pd.DataFrame(columns)
+
+    def _stance(self, of: Mapping[str, Array]) -> Array:
+        """1 for each leg that is on the ground with its tip at rest since the sample before."""
+        grounded = np.empty((len(self.states), NUM_LEGS))
+        grounded_legs_of(of["contact_forces_w"], grounded)
+        tips, time = of["end_effectors_w"][:, :, :2], of["time"]
+        moved = np.linalg.norm(np.diff(tips, axis=0), axis=2)
+        rests = moved < STANCE_SPEED * np.diff(time)[:, None]
+        stance: Array = grounded * np.concatenate([np.ones((1, NUM_LEGS)), rests])
+        return stance
+
+    def _repr_html_(self) -> str:
+        return self.frame().head().to_html() + f"<p>{len(self.rows)} samples; {self.outcome}</p>"
+
+    def video(
+        self,
+        path: str | Path,
+        camera: Camera = "follow",
+        size: tuple[int, int] = (640, 480),
+        overlay: Overlay | None = None,
+    ) -> Path:
+        """Film the walk, a quarter as fast as life; return the path of the MP4.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        camera
+            "follow", "top" or "goal".
+        size
+            Width and height, px, even.
+        overlay
+            What is drawn besides; by default the legs' grip and reflexes in colours.
+
+        Raises
+        ------
+        RenderingUnavailableError
+            If no GL context can be made.
+        OSError, RuntimeError
+            If ffmpeg fails.
+        """
+        flies, scene = self.env.flies, self.env.config.fly_scene
+        time = np.array([state.time[0] for state in self.states])
+        shown = np.searchsorted(time, np.arange(0.0, time[-1] + 1e-9, FRAME_S) - 1e-9)
+        with closing(FlyRenderer(scene, *size, camera, overlay or Overlay())) as renderer:
+            pictures = []
+            for row in np.minimum(shown, len(time) - 1):
+                flies.restore(self.rows[row][None])
+                pictures.append(renderer.render(flies))
+        target = Path(path)
+        write_bytes(target, encode(pictures, FPS))
+        return target
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What a term of the thorax looks at."""
+
+    fly: FlyState
+
+
+def _stacked(states: list[FlyState]) -> dict[str, Array]:
+    """Fields of the one fly at every sample, (T, ...)."""
+    names = (
+        "time", "command", "joint_angles", "actuator_torques", "phases", "magnitudes", "adhesion",
+        "contact_forces_w", "end_effectors_w",
+    )  # fmt: skip
+    return {name: np.stack([getattr(state, name)[0] for state in states]) for name in names}

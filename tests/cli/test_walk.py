@@ -1,0 +1,47 @@
+"""flyrl walk: the table and the video of a walk, and recordings from files."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flyrl import PreprogrammedSteps
+from flyrl.anatomy import JOINTS
+from flyrl.cli.main import main
+
+SHORT = ["walk", "--seconds", "0.05"]
+POSE = np.tile(PreprogrammedSteps().default_pose, (3, 1))
+
+
+def test_a_walk_is_written_as_a_table(tmp_path, capsys):
+    path = tmp_path / "walk.csv"
+    assert main([*SHORT, "--controller", "cpg", "--drive", "1", "0.5", "--csv", str(path)]) == 0
+    table = pd.read_csv(path)
+    assert table.time_s.iloc[-1] == pytest.approx(0.05, abs=1e-3)
+    assert (table.command_right.iloc[-1], table.command_left.iloc[-1]) == (0.5, 1.0)
+    assert "mm along x" in capsys.readouterr().out
+
+
+def test_a_table_can_be_replayed(tmp_path, capsys):
+    pd.DataFrame(POSE, columns=JOINTS).to_csv(tmp_path / "own.csv", index=False)
+    np.savez(tmp_path / "own.npz", joints=POSE, adhesion=np.ones((3, 6)))
+    said = []
+    for name in ("own.csv", "own.npz"):
+        assert main(["walk", "--joints", str(tmp_path / name), "--rate-hz", "100"]) == 0
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1]
+    assert said[0].startswith("0.02 s")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("own.csv", b"a,b\n1,2\n", "there is no 'joint_LFCoxa'"),
+        ("own.csv", b"", "is no CSV"),
+        ("own.npz", b"no zip", "is no NPZ"),
+    ],
+)
+def test_a_file_that_is_no_recording_is_refused(tmp_path, capsys, name, content, message):
+    path = tmp_path / name
+    path.write_bytes(content)
+    assert main(["walk", "--joints", str(path), "--rate-hz", "100"]) == 2
+    assert message in capsys.readouterr().err

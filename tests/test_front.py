@@ -1,0 +1,113 @@
+"""The front door: walks with their tables, recordings replayed, environments by task."""
+
+import numpy as np
+import pytest
+
+import flyrl
+from flyrl.anatomy import JOINTS, LEGS
+from flyrl.simulation.rendering import RenderingUnavailableError
+
+GRIPS = [f"adhesion_{leg}" for leg in LEGS]
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return flyrl.walk("cpg", seconds=0.5)
+
+
+def test_a_driven_fly_gets_somewhere_and_one_without_a_drive_does_not(walk):
+    still = flyrl.walk("cpg", drive=(0, 0), seconds=0.5).frame()
+    way = walk.frame().x_mm.iloc[-1] - walk.frame().x_mm.iloc[0]
+    assert way > 5.0
+    assert abs(still.x_mm.iloc[-1] - still.x_mm.iloc[0]) < 1.0
+    assert walk.outcome == "running"
+
+
+def test_the_table_holds_what_the_engine_says(walk):
+    table, last = walk.frame(), walk.states[-1]
+    assert len(table) == len(walk.rows) == 626  # 0.5 s, every second step of 0.4 ms, and the start
+    assert table.time_s.iloc[-1] == pytest.approx(0.5)
+    row = table.iloc[-1]
+    np.testing.assert_array_equal(row[list(JOINTS)], last.joint_angles[0])
+    np.testing.assert_array_equal(row[["x_mm", "y_mm", "z_mm"]], last.position_w[0])
+    np.testing.assert_array_equal(row[GRIPS], last.adhesion[0])
+    assert row.yaw_rad == pytest.approx(last.yaw[0])
+    assert row.fz_LM == pytest.approx(last.contact_forces_w[0, 6:12, 2].sum())
+    assert (row.command_left, row.command_right) == (1.0, 1.0)
+
+
+def test_stance_is_less_than_contact_and_legs_stand_about_half_of_the_time(walk):
+    table = walk.frame()[200:]
+    for leg in LEGS:
+        in_contact = np.linalg.norm(table[[f"f{axis}_{leg}" for axis in "xyz"]], axis=1) > 1.0
+        stands = table[f"stance_{leg}"].to_numpy(dtype=bool)
+        assert (stands <= in_contact).all()
+        assert 0.3 < stands.mean() < 0.9
+
+
+def test_a_drive_may_be_a_function_of_time_and_observation():
+    seen = []
+
+    def turn(time_s, observation):
+        seen.append((time_s, observation["fly"].shape))
+        return (1.2, 0.2)
+
+    turned = flyrl.walk(drive=turn, seconds=0.3, every=0.02).frame()
+    assert turned.yaw_rad.iloc[-1] - turned.yaw_rad.iloc[0] < -0.3
+    assert seen[:2] == [(0.0, (4, 3)), (pytest.approx(0.02), (4, 3))]
+
+
+def test_a_recording_moves_the_fly_as_it_was_recorded(walk):
+    table = walk.frame()
+    replayed = flyrl.walk(
+        joints=table[list(JOINTS)].to_numpy(), adhesion=table[GRIPS].to_numpy(), rate_hz=1250
+    )
+    again = replayed.frame()
+    assert len(again) == len(table)
+    error = np.abs(again[list(JOINTS)].to_numpy() - table[list(JOINTS)].to_numpy())[100:]
+    assert np.median(error) < 0.05
+    assert again.x_mm.iloc[-1] - again.x_mm.iloc[0] > 4.0
+
+
+def test_a_recording_is_resampled_linearly_and_grips_hold():
+    pose = flyrl.PreprogrammedSteps().default_pose
+    joints, grips = np.stack([pose, pose + 0.2]), np.stack([np.ones(6), np.zeros(6)])
+    replayed = flyrl.walk(joints=joints, adhesion=grips, rate_hz=100, every=4e-4)
+    assert len(replayed.rows) == 26  # 10 ms
+    halfway = replayed.states[13].command[0]  # of the step before
+    np.testing.assert_allclose(halfway[:42], pose + 0.2 * 12 * 4e-4 / 0.01)
+    np.testing.assert_array_equal(halfway[42:], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"joints": np.zeros((5, 42))}, "rate_hz must say"),
+        ({"joints": np.zeros((5, 41)), "rate_hz": 100}, r"joints must have shape \(5, 42\)"),
+        ({"joints": np.zeros((5, 42)), "adhesion": np.ones((4, 6)), "rate_hz": 9}, "adhesion must"),
+        ({"adhesion": np.ones((4, 6))}, "adhesion and rate_hz go with joints"),
+        ({"seconds": 0}, "seconds must be"),
+        ({"controller": "hybird"}, "did you mean 'hybrid'"),
+        ({"drive": (1, 1, 1)}, "action has shape"),
+    ],
+)
+def test_what_is_no_walk_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        flyrl.walk(**given)
+
+
+def test_a_walk_is_filmed(walk, tmp_path):
+    try:
+        path = walk.video(tmp_path / "walk.mp4", size=(160, 120))
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    assert path.stat().st_size > 1000
+    assert b"ftyp" in path.read_bytes()[:16]
+
+
+def test_environments_by_task():
+    assert flyrl.make("target", terrain="blocks").spec.id == "flyrl/Target-v0"
+    assert flyrl.make_vec("target", num_envs=2).num_envs == 2
+    assert flyrl.make_sb3("target", num_envs=2, terrain="blocks").num_envs == 2
+    with pytest.raises(ValueError, match="did you mean 'target'"):
+        flyrl.make("targt")
