@@ -56,7 +56,7 @@ def _arguments() -> argparse.Namespace:
     )
     walking.add_argument(
         "--collect", type=Path, metavar="FOLDER",
-        help="run nothing, make reference.json from the runs of reference.py in FOLDER",
+        help="run nothing, add the runs of reference.py in FOLDER to reference.json",
     )  # fmt: skip
 
     turn = studies.add_parser(
@@ -97,7 +97,8 @@ def _arguments() -> argparse.Namespace:
 
 def _walk(chosen: argparse.Namespace) -> None:
     if chosen.collect is not None:
-        results.write(results.REFERENCE, results.collect(chosen.collect))
+        known = results.read(results.REFERENCE)
+        results.write(results.REFERENCE, results.collect(chosen.collect, known))
         return
     rows = results.read(chosen.output)["runs"] if chosen.show else _run(chosen)
     reference = results.read(results.REFERENCE)["runs"]

@@ -8,10 +8,10 @@ For an interpreter of its own, in which flyrl is not installed, from the root of
     /tmp/flygym/bin/python -m benchmarks.fidelity.reference runs/flygym --seeds 0 1 2 3
 
 One file per run, `TERRAIN-CONTROLLER-SEED.npz`, of half a minute to some minutes; what is there is
-not run again. `python -m benchmarks.fidelity walking --collect runs/flygym` then makes
-`reference.json`. With `--drives smooth abrupt turn` the hybrid controller is steered by the
+not run again. `python -m benchmarks.fidelity walking --collect runs/flygym` then adds them
+to `reference.json`. With `--drives smooth abrupt turn` the hybrid controller is steered by the
 sequences of `drives.py` (`TERRAIN-DRIVES-SEED.npz`), and `python -m benchmarks.fidelity steering
---collect` makes `reference_steering.json` of a folder of those alone.
+--collect` adds a folder of those alone to `reference_steering.json`.
 """
 
 import argparse

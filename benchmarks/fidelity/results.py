@@ -1,7 +1,7 @@
 """Results as JSON: one row per run, with the walking statistics of its trajectory."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,20 +28,22 @@ def row(walk: Trajectory, **about: Any) -> Row:
     return {**about, "seconds": round(float(walk.time[-1]), 4), "statistics": figures}
 
 
-def collect(folder: Path) -> dict[str, Any]:
-    """Results of the runs that `reference.py` has finished in `folder`.
+def collect(folder: Path, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Add the runs that `reference.py` has finished in `folder` to those that are known.
 
     Raises
     ------
     ValueError
         If there is no run.
     """
-    rows, machines = [], []
+    found = {(*cell(run), run["seed"]): run for run in known["runs"]}
+    machines = [*known["machines"]]
     for machine, about, samples in finished(folder, "runs"):
-        rows.append(row(trajectory(samples), **about))
+        walked = row(trajectory(samples), **about)
+        found[(*cell(walked), walked["seed"])] = walked
         if machine not in machines:
             machines.append(machine)
-    rows.sort(key=lambda each: (*cell(each), each["seed"]))
+    rows = [found[place] for place in sorted(found)]
     return {"machines": machines, "statistics": STATISTICS, "runs": rows}
 
 

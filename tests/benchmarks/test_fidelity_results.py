@@ -39,11 +39,16 @@ def keep(folder: Path, seed: int, **machine: Any) -> None:
 
 
 def test_collected_runs_are_read_back_in_order(tmp_path: Path) -> None:
+    first, later = tmp_path / "first", tmp_path / "later"
+    first.mkdir()
+    later.mkdir()
+    keep(first, 2, cpu="one")
     for seed in (10, 2, 0):
-        keep(tmp_path, seed, cpu="one")
-    (tmp_path / ".partial-1-gapped-hybrid-3.npz").write_bytes(b"half")
+        keep(later, seed, cpu="one")
+    known = results.collect(first, {"machines": [], "runs": []})
+    (later / ".partial-1-gapped-hybrid-3.npz").write_bytes(b"half")
     path = tmp_path / "reference.json"
-    results.write(path, results.collect(tmp_path))
+    results.write(path, results.collect(later, known))
     found = results.read(path)
     assert [each["seed"] for each in found["runs"]] == [0, 2, 10]
     assert found["machines"] == [{"cpu": "one"}]
@@ -53,7 +58,7 @@ def test_collected_runs_are_read_back_in_order(tmp_path: Path) -> None:
 
 def test_a_folder_without_runs_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=str(tmp_path)):
-        results.collect(tmp_path)
+        results.collect(tmp_path, {"machines": [], "runs": []})
 
 
 def test_summary_takes_medians_over_the_runs_that_have_a_statistic() -> None:
