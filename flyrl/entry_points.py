@@ -4,7 +4,7 @@ import importlib
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -102,8 +102,8 @@ def load_module(name: str, key: str, example: str) -> dict[str, Any]:
         ) from error
 
 
-def find(key: str, name: str, built_in: Mapping[str, T], kind: type | tuple[type, ...]) -> T:
-    """Find what a name in a config stands for: a built-in thing, or one of the user's own.
+def find(key: str, name: str, built_in: Mapping[str, type[T]], base: type[T]) -> type[T]:
+    """Find the class that a name in a config stands for: built in, or the user's own.
 
     Parameters
     ----------
@@ -113,27 +113,26 @@ def find(key: str, name: str, built_in: Mapping[str, T], kind: type | tuple[type
         A built-in name, or `module:attribute`, whose module is imported (see `load_module`).
     built_in
         What there is, by name.
-    kind
-        What it must be: an instance of it, or a class derived from it.
+    base
+        The class must be derived from it.
 
     Raises
     ------
     ValueError
-        If there is nothing of that name, or it is of another kind.
+        If there is no such class of that name.
     """
     from flyrl.validation import one_of  # noqa: PLC0415 - completion does without NumPy
 
     if not is_entry_point(name):
         return built_in[one_of(key, name, built_in)]
     module, _, attribute = name.partition(":")
-    defined = load_module(name, key, f"{module}:{attribute}")
-    words = " or ".join(each.__name__ for each in (kind if isinstance(kind, tuple) else (kind,)))
-    known = {each: value for each, value in defined.items() if _is_of(value, kind)}
+    defined = load_module(name, key, name)
+    known = {
+        each: value
+        for each, value in defined.items()
+        if isinstance(value, type) and issubclass(value, base) and value is not base
+    }
     if attribute in defined and attribute not in known:
         given = type(defined[attribute]).__name__
-        raise ValueError(f"{key}: {name} must be a {words}, got a {given}")
-    return cast(T, known[one_of(f"{key}, of the {words}s in {module},", attribute, known)])
-
-
-def _is_of(value: object, kind: type | tuple[type, ...]) -> bool:
-    return issubclass(value, kind) if isinstance(value, type) else isinstance(value, kind)
+        raise ValueError(f"{key}: {name} must be a {base.__name__}, got a {given}")
+    return known[one_of(f"{key}, of the {base.__name__}s in {module},", attribute, known)]

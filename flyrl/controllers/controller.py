@@ -93,7 +93,7 @@ class Controller:
         allocates nothing and raises nothing.
     """
 
-    # a property, and a field all the same, so that `dataclasses.asdict` tells it
+    # a property, and a field all the same, so that `dataclasses.asdict` includes it
     name: str = field(init=False, repr=False, compare=False, default=cast(str, property(_name)))
 
     command: ClassVar[Command] = DRIVE
@@ -161,7 +161,7 @@ def controller_from(record: Mapping[str, Any]) -> Controller:
         for key, value in record.items()
         if key != "name" and (key in known or key not in FORMER_FIELDS)
     }
-    return controller_named(name, **settings)
+    return from_keys("controller", settings, kind)
 
 
 FORMER_FIELDS: Final = frozenset(

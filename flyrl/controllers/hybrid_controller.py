@@ -84,6 +84,7 @@ def hybrid_step(parameters: Any, state: Any, senses: Any, command: Any, output: 
         parameters.stumbling_sensors,
         parameters.timestep,
     )
+    # as in `cpg_controller`: a kernel of both would take two types of records, of which Numba warns
     modulate(command, parameters.frequency, parameters.amplitude, state.freqs, state.amps)
     cpg_step(
         state.phases,

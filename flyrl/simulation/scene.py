@@ -118,7 +118,7 @@ class Scene:
     userdata
         Type of the record that a simulation carries, see `callback.userdata_dtype`.
     neutral_angles
-        What the joints are told before the controller has said anything, rad, (42,).
+        Target angles before the controller's first step, rad, (42,).
     """
 
     config: SceneConfig

@@ -59,3 +59,7 @@ class Whole(Wave):
 
     def initial_state(self, seed=0, init_phases=None, init_magnitudes=None):
         return np.zeros(1, dtype=[("count", "i8")])[0]
+
+
+WAVE = Wave()
+"""No class: settings are given where a controller is named."""

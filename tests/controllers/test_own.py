@@ -74,6 +74,7 @@ def test_a_scaled_action_spans_the_range_of_the_command() -> None:
         ("hybird", "controller must be one of .*'hybrid'.*did you mean 'hybrid'"),
         ("tests.controllers.own:Wav", "must be one of .*did you mean 'Wave'"),
         ("tests.controllers.own:np", "must be a Controller, got a module"),
+        ("tests.controllers.own:WAVE", "must be a Controller, got a Wave"),
         ("tests.controllers.no_such:Wave", "cannot be imported"),
         ({"name": NAME, "amplitud": 0.1}, "controller has no 'amplitud'; did you mean 'amplitude'"),
         ({"amplitude": 0.1}, "controller.name must be text, got None"),
