@@ -16,6 +16,11 @@ def is_entry_point(name: str) -> bool:
     return bool(colon) and attribute.isidentifier() and all(part.isidentifier() for part in parts)
 
 
+def is_loaded(name: str) -> bool:
+    """Whether the module of an entry point has been imported already."""
+    return name.partition(":")[0] in sys.modules
+
+
 def check_trust(source: Path, settings: Any, is_trusted: bool, how: str) -> None:
     """Let code that a file names run only with the user's consent.
 

@@ -86,6 +86,13 @@ def within(name: str, value: float, low: float, high: float) -> float:
     return value
 
 
+def ordered(name: str, given: tuple[float, float]) -> tuple[float, float]:
+    """Return `given` if it is (least, greatest), else raise ValueError."""
+    if given[0] > given[1]:
+        raise ValueError(f"{name} must be (least, greatest), got {given}")
+    return given
+
+
 def whole_number(name: str, value: int, low: int, high: int) -> int:
     """Return `value` as an int if it is one from `low` to `high`, else raise ValueError."""
     if isinstance(value, bool) or not isinstance(value, Integral) or not low <= value <= high:

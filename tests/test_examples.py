@@ -7,6 +7,8 @@ import pytest
 import examples.cpg_loop
 import examples.hybrid_loop
 import examples.rule_based_loop
+import flyrl
+from examples.stairs import Stairs
 
 LOOPS = {
     "cpg": examples.cpg_loop.walk,
@@ -35,3 +37,21 @@ def test_a_loop_in_python_walks_as_the_controller_in_the_engine(controller, terr
         native = path_in_the_engine(controller, terrain, seed, len(path))
         np.testing.assert_allclose(path, native, rtol=0, atol=1e-9)
         assert np.linalg.norm(path[-1, :2] - path[0, :2]) > 0.5
+
+
+def test_a_fly_climbs_stairs():
+    def climbed(drive):
+        frame = flyrl.walk("hybrid", drive, terrain=Stairs(step_height=0.1), seconds=1.0).frame()
+        return frame["z_mm"].iloc[-1] - frame["z_mm"].iloc[100]
+
+    assert climbed((1, 1)) > 0.25
+    assert climbed((0, 0)) < 0.1
+
+
+def test_uneven_stairs_differ_from_episode_to_episode_within_their_hull():
+    stairs = Stairs(unevenness=0.3, random=True)
+    hull = stairs.hull()
+    first, second = (stairs.draw(seed).boxes for seed in (0, 1))
+    assert (first.tops != second.tops).all()
+    for boxes in (first, second):
+        assert (boxes.tops <= hull.tops).all()

@@ -16,7 +16,7 @@ from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import Camera
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Task, extended, task_named
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
@@ -88,7 +88,7 @@ def env_config(config: Mapping[str, Any]) -> EnvConfig:
     return EnvConfig(
         task=task.task(body),
         body=body,
-        terrain=from_mapping(TerrainConfig, group(config, "terrain"), "terrain"),
+        terrain=terrain_from(group(config, "terrain")),
         controller=_controller(config.get("controller")),
         physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
         decision_interval=task.decision_interval,
@@ -210,9 +210,7 @@ def evaluation_config(
         controllers=settings.controllers,
         task=task,
         terrains=tuple(
-            from_mapping(TerrainConfig, terrain, f"terrains[{i}]")
-            if isinstance(terrain, Mapping)
-            else terrain
+            terrain_from(terrain, f"terrains[{i}]") if isinstance(terrain, Mapping) else terrain
             for i, terrain in enumerate(settings.terrains)
         ),
         episodes=settings.episodes,

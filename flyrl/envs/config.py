@@ -27,7 +27,7 @@ from flyrl.tasks import (
     Task,
     task_named,
 )
-from flyrl.terrains import TERRAINS, TerrainConfig
+from flyrl.terrains import Terrain, terrain_from, terrain_named
 from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
 
 BodyConfig = FlyConfig | WormConfig
@@ -44,7 +44,6 @@ LONGEST_DECISION_S: Final = 10.0
 
 _CONFIGS: Final[Mapping[str, tuple[type[Any], ...]]] = {
     "body": (FlyConfig, WormConfig),
-    "terrain": (TerrainConfig,),
     "physics": (PhysicsConfig,),
     "randomisation": (RandomisationConfig,),
 }
@@ -62,10 +61,10 @@ class EnvConfig:
         A name in `flyrl.tasks.TASK_NAMES`, or a task of your own.
     body, terrain, controller
         Configs, their fields as a mapping, or the name that picks one: a body in `BODIES`, a
-        terrain in `flyrl.terrains.TERRAINS`, a controller in `flyrl.controllers.CONTROLLERS` or
-        one of your own, module:attribute, with default settings. With None, the body is the usual
-        one of the task, and the controller the hybrid one. A worm has no controller: a task for
-        worms recruits its muscles itself.
+        terrain in `flyrl.terrains.TERRAINS`, a controller in `flyrl.controllers.CONTROLLERS`, or a
+        terrain or controller of your own, module:attribute, with default settings. With None, the
+        body is the usual one of the task, and the controller the hybrid one. A worm has no
+        controller: a task for worms recruits its muscles itself.
     physics
         Settings, or the name of a preset; None takes "balanced" for a fly and "worm" for a worm.
     decision_interval
@@ -80,7 +79,7 @@ class EnvConfig:
 
     task: str | Task = "target"
     body: str | BodyConfig | Fields | None = None
-    terrain: str | TerrainConfig | Fields = "flat"
+    terrain: str | Terrain | Fields = "flat"
     controller: str | Controller | Fields | None = None
     physics: str | PhysicsConfig | Fields | None = None
     decision_interval: float | None = None
@@ -114,7 +113,7 @@ class EnvConfig:
             usual = "joints" if isinstance(task.actions, JointTargets) else "hybrid"
             controller = _controller(usual if self.controller is None else self.controller)
             task = _fit_task(task, controller)
-        terrain = _named("terrain", self.terrain, TERRAINS)
+        terrain = _terrain(self.terrain)
         is_worm = isinstance(body, WormConfig)
         presets = PHYSICS_PRESETS if is_worm else {key: PHYSICS_PRESETS[key] for key in FLY_PRESETS}
         usual_physics = "worm" if is_worm else "balanced"
@@ -159,7 +158,7 @@ class EnvConfig:
         self,
         body: FlyConfig,
         controller: Controller | None,
-        terrain: TerrainConfig,
+        terrain: Terrain,
         physics: PhysicsConfig,
         drawn_from: RandomisationConfig,
         steps: int,
@@ -177,7 +176,7 @@ class EnvConfig:
     def _worm_scene(
         self,
         body: WormConfig,
-        terrain: TerrainConfig,
+        terrain: Terrain,
         physics: PhysicsConfig,
         drawn_from: RandomisationConfig,
     ) -> WormSceneConfig:
@@ -299,6 +298,16 @@ def _controller(given: str | Controller | Fields) -> Controller:
         return controller_from(given)
     if not isinstance(given, Controller):
         raise ValueError(f"controller must be a Controller or the name of one, got {given!r}")
+    return given
+
+
+def _terrain(given: str | Terrain | Fields) -> Terrain:
+    if isinstance(given, str):
+        return terrain_named(given)
+    if isinstance(given, Mapping):
+        return terrain_from(given)
+    if not isinstance(given, Terrain):
+        raise ValueError(f"terrain must be a Terrain or the name of one, got {given!r}")
     return given
 
 

@@ -33,7 +33,6 @@ from flyrl.tasks import (
 )
 from flyrl.tasks.episode import LENGTHS
 from flyrl.tasks.failures import failure_info
-from flyrl.terrains import base_height, terrain_bounds
 from flyrl.validation import float_array, random_seed, whole_number
 
 __all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]
@@ -76,7 +75,7 @@ class BatchedEnv:
         self.simulation = build_simulation(config, num_envs, num_threads)
         self.episodes: list[Episode | None] = [None] * num_envs
         self.difficulty = 1.0
-        self._bounds = terrain_bounds(config.scene.terrain)
+        self._bounds = config.scene.terrain.bounds
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self._goal: NDArray[np.float64] | None = None
         self._command: NDArray[np.float64] | None = None
@@ -401,7 +400,7 @@ class BatchedEnv:
 
     def _check_spawn(self, episode: Episode) -> None:
         """Raise ValueError if an episode would start beside the ground or below it."""
-        bounds, low = self._bounds, base_height(self.config.scene.terrain)
+        bounds, low = self._bounds, self.config.scene.terrain.base_height
         x, y, z = episode.spawn_position_w
         is_on_ground = bounds.x_min <= x <= bounds.x_max and bounds.y_min <= y <= bounds.y_max
         if not is_on_ground or (self.config.creature == "fly" and z < low):

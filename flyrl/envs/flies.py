@@ -13,7 +13,6 @@ from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import Episode, TaskState
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
-from flyrl.terrains import draw_ground
 
 Ids = NDArray[np.intp]
 
@@ -104,8 +103,7 @@ class Flies:
         terrain = self._scene.terrain
         if terrain.random and len(ids):
             grounds = [
-                draw_ground(terrain, episode.ground_seed, episode.difficulty)
-                for episode in episodes
+                terrain.draw(episode.ground_seed, episode.difficulty) for episode in episodes
             ]
             self.batch.set_ground(ids, grounds)
             return

@@ -16,7 +16,7 @@ from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 from flyrl.validation import Within, check_fields, not_negative, one_of, within
 
 FIRST_SEED: Final = 3 * 2**30
@@ -97,7 +97,7 @@ class EvaluationConfig:
     policies: tuple[str, ...] = ()
     controllers: tuple[str, ...] | None = None
     task: str | Task = "target"
-    terrains: tuple[str | TerrainConfig, ...] = ("flat",)
+    terrains: tuple[str | Terrain, ...] = ("flat",)
     episodes: Annotated[int, Within(1, MAX_EPISODES)] = 50
     seed: Annotated[int, Within(0, MAX_SEED)] = 0
     body: str | BodyConfig | None = None
@@ -146,7 +146,7 @@ class EvaluationConfig:
         for condition in self.conditions:
             condition.env(self.env(self.terrains[0]))
 
-    def env(self, terrain: str | TerrainConfig) -> EnvConfig:
+    def env(self, terrain: str | Terrain) -> EnvConfig:
         """Environment with the controller that goes with the body."""
         return EnvConfig(
             task=self.task,
@@ -163,7 +163,7 @@ class EvaluationConfig:
         return self.env(self.terrains[0]).resolved_task
 
     @property
-    def terrain_configs(self) -> tuple[TerrainConfig, ...]:
+    def terrain_configs(self) -> tuple[Terrain, ...]:
         """The terrains."""
         return tuple(self.env(terrain).scene.terrain for terrain in self.terrains)
 
@@ -190,7 +190,7 @@ class EvaluationConfig:
         return all_conditions(self.vary)
 
     def draw_episodes(
-        self, terrain: TerrainConfig, condition: Condition | None = None
+        self, terrain: Terrain, condition: Condition | None = None
     ) -> Sequence[Episode]:
         """Episodes on `terrain` under a condition, the same ones for every entrant.
 

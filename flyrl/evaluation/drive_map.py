@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import FIRST_SEED, EvaluationConfig
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 from flyrl.validation import at_least
 
 FloatArray = NDArray[np.float64]
@@ -52,7 +52,7 @@ class DriveMap:
 
 
 def measure_drive_map(
-    config: EvaluationConfig, terrain: TerrainConfig, size: int = 5, starts: int = 8
+    config: EvaluationConfig, terrain: Terrain, size: int = 5, starts: int = 8
 ) -> DriveMap:
     """Let flies walk at constant drives, from the same starts, on the hybrid controller.
 

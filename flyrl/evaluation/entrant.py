@@ -11,7 +11,7 @@ from flyrl.controllers import Controller
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.rollouts import Policy
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 NAME_LENGTH: Final = 60
 """Characters of a name at most, before a number that makes it unique."""
@@ -41,7 +41,7 @@ class Entrant:
     decision_interval: float | None
     record: Mapping[str, Any]
 
-    def env(self, config: EvaluationConfig, terrain: TerrainConfig) -> EnvConfig:
+    def env(self, config: EvaluationConfig, terrain: Terrain) -> EnvConfig:
         """Environment that the entrant walks in."""
         return dataclasses.replace(
             config.env(terrain),

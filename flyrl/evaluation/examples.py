@@ -12,7 +12,7 @@ from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Episode
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 
 def walk_examples(
@@ -53,7 +53,7 @@ def walk_examples(
 
 
 def _walk(
-    entrant: Entrant, config: EvaluationConfig, terrain: TerrainConfig, index: int, drawn: Episode
+    entrant: Entrant, config: EvaluationConfig, terrain: Terrain, index: int, drawn: Episode
 ) -> EpisodeRecord | None:
     """Record of one entrant on one episode; None if it raises an error."""
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 
+from flyrl.entry_points import is_entry_point
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import trainings
 from flyrl.evaluation.statistics import MIN_RUNS, Interval, interquartile_mean, success_rate
-from flyrl.terrains import TerrainConfig, draw_ground
+from flyrl.terrains import Terrain, terrain_label, terrain_on_record
 
 SECOND_METRIC: Final = {
     # few cross all the ground, and few keep to every command
@@ -103,7 +104,7 @@ def generalisation(
     trained on.
     """
     second = SECOND_METRIC.get(protocol["task"])
-    grounds = {each["name"]: TerrainConfig(**each["config"]) for each in protocol["terrains"]}
+    grounds = {each["name"]: each["config"] for each in protocol["terrains"]}
     records = {entrant["name"]: entrant for entrant in protocol["entrants"]}
     found = {(row["terrain"], row["controller"]): row for row in summary}
     rows = []
@@ -115,12 +116,13 @@ def generalisation(
             _cell(
                 [found[terrain, name] for name in names if (terrain, name) in found],
                 second,
-                is_same_ground(trained_on, ground),
+                _is_home(trained_on, ground),
                 rng,
             )
             for terrain, ground in grounds.items()
         ]
-        rows.append(Training(trained_on.label, label, names, tuple(cells)))
+        place = terrain_label(trained_on["name"], trained_on.get("random"))
+        rows.append(Training(place, label, names, tuple(cells)))
     places = list(dict.fromkeys(row.terrain for row in rows))
     if not rows or max(len(places), len(grounds)) < 2:
         return None
@@ -128,25 +130,32 @@ def generalisation(
     return Generalisation(tuple(grounds), second, tuple(rows))
 
 
-def is_same_ground(one: TerrainConfig, other: TerrainConfig) -> bool:
-    """Whether two terrains are the same to walk on: settings without effect do not count."""
-    if (one.name, one.random) != (other.name, other.random):
+def is_same_ground(one: Terrain, other: Terrain) -> bool:
+    """Whether two terrains are the same to walk on: a seed of which nothing is drawn has no say."""
+    if replace(one, seed=0) != replace(other, seed=0):
         return False
-    # random ground is no one's seed: the same draws then tell the same ranges
-    seeds = (0, 0) if one.random else (one.seed, other.seed)
-    first, second = (draw_ground(*each) for each in zip((one, other), seeds, strict=True))
-    return np.array_equal(first.centres, second.centres) and np.array_equal(
-        first.half_sizes, second.half_sizes
+    if one.random:
+        return True
+    first, second = one.draw(one.seed), other.draw(other.seed)
+    pairs = zip(vars(first.boxes).values(), vars(second.boxes).values(), strict=True)
+    return (first.shift, first.down) == (second.shift, second.down) and all(
+        np.array_equal(*pair) for pair in pairs
     )
 
 
-def _trained_on(entrant: Json) -> TerrainConfig | None:
+def _is_home(trained_on: Json, ground: Json) -> bool:
+    """Whether records are of the same ground."""
+    one, other = terrain_on_record(trained_on), terrain_on_record(ground)
+    return trained_on == ground if one is None or other is None else is_same_ground(one, other)
+
+
+def _trained_on(entrant: Json) -> Json | None:
     """Terrain of a training, as the policy file says, which anybody may have written; or None."""
     terrain: Any = (entrant.get("trained_in") or {}).get("terrain")
-    try:
-        return TerrainConfig(**terrain)
-    except (TypeError, ValueError):
+    if not isinstance(terrain, dict) or not isinstance(terrain.get("name"), str):
         return None
+    is_own = is_entry_point(terrain["name"])
+    return terrain if is_own or terrain_on_record(terrain) is not None else None
 
 
 def _cell(

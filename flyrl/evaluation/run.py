@@ -33,7 +33,7 @@ from flyrl.resources import version
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, task_record, task_table
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 from flyrl.text import printable
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class _Walk:
     """One entrant's episodes on one terrain, under one condition."""
 
     entrant: Entrant
-    terrain: TerrainConfig
+    terrain: Terrain
     condition: Condition
     env_config: EnvConfig
     config: EvaluationConfig

@@ -13,7 +13,7 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrants import make_entrants
 from flyrl.tasks import Drives
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Steering:
     drives: Mapping[str, FloatArray]
 
 
-def measure_steering(config: EvaluationConfig, terrain: TerrainConfig) -> Steering | None:
+def measure_steering(config: EvaluationConfig, terrain: Terrain) -> Steering | None:
     """Show each policy every bearing at the starts of episodes; note the drives it answers with.
 
     All other senses are those of the start. Asked are learned policies and fixed ones that see the

@@ -6,7 +6,7 @@ import mujoco
 
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
-from flyrl.terrains import FLAT_GROUND, base_height
+from flyrl.terrains import FLAT_GROUND, Flat
 
 AZIMUTH_DEG, ELEVATION_DEG, DISTANCE_MM = 25.0, -28.0, 9.0
 """From behind a fly that walks along +x, from its right and from above."""
@@ -32,7 +32,7 @@ class Scenery:
         self.model = build_scene(config, visual=True).model
         # without its mark the model is not taken for a fly that walks, whoever steps it
         self.model.numeric_data[0] = 0.0
-        if config.terrain.name == "flat":
+        if isinstance(config.terrain, Flat):
             self.model.geom(FLAT_GROUND).size[:2] = 0.0  # drawn without an end
         self.data = mujoco.MjData(self.model)
         self.camera = mujoco.MjvCamera()
@@ -41,7 +41,7 @@ class Scenery:
         self.camera.azimuth, self.camera.elevation = AZIMUTH_DEG, ELEVATION_DEG
         self.camera.distance = DISTANCE_MM
         self._marker = self.model.body(TARGET_MARKER).mocapid[0]
-        self._height = base_height(config.terrain) + 0.02
+        self._height = config.terrain.base_height + 0.02
 
     def mark(self, goal: Sequence[float]) -> None:
         """Put the target's marker at x and y, mm."""

@@ -10,13 +10,13 @@ from flyrl.controllers.cpg_controller import Gait, OscillatorController
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
-from flyrl.terrains import TERRAIN_NAMES, Bounds
+from flyrl.terrains import KINDS, Bounds
 from flyrl.validation import FloatArray, one_of, random_seed
 
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "controller": ("cpg", "hybrid", "rule_based"),
     "gait": get_args(Gait),
-    "terrain": TERRAIN_NAMES,
+    "terrain": tuple(KINDS),
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
 }

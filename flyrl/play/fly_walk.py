@@ -15,7 +15,7 @@ from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, RewardTerm
 from flyrl.tasks.target import draw_target
 from flyrl.tasks.terms import goal_distance
-from flyrl.terrains import Bounds, terrain_bounds
+from flyrl.terrains import Bounds, Flat
 
 GAIT_SPAN_S: Final = 1.0
 """For how long the gait is remembered, s."""
@@ -76,7 +76,7 @@ class FlyWalk:
     def bounds(self) -> Bounds:
         """Extent of the ground, mm."""
         terrain = self.env.config.scene.terrain
-        return ENDLESS if terrain.name == "flat" else terrain_bounds(terrain)
+        return ENDLESS if isinstance(terrain, Flat) else terrain.bounds
 
     @property
     def distance_mm(self) -> float:

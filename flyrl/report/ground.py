@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.report.palette import marker, themed
-from flyrl.terrains import Bounds, Boxes
+from flyrl.terrains import Bounds, Boxes, Ground, Terrain
 
 MAX_LEVELS: Final = 6
 """Heights that are told apart; more are put together to as many, evenly spaced."""
@@ -32,6 +32,23 @@ def levels(tops: NDArray[np.float64]) -> NDArray[np.float64]:
     if len(heights) <= MAX_LEVELS:
         return heights
     return np.linspace(heights[0], heights[-1], MAX_LEVELS, endpoint=False)
+
+
+def seen_from_above(terrain: Terrain, ground: Ground, view: Bounds) -> Boxes:
+    """The ground within `view` as boxes; a height field is made of some that are 1 mm wide."""
+    heights, (left, forth, up) = terrain.heights(), ground.shift
+    if heights is None:
+        return ground.boxes
+    x, y = np.meshgrid(
+        np.arange(np.floor(view.x_min), view.x_max) + 0.5,
+        np.arange(np.floor(view.y_min), view.y_max) + 0.5,
+    )
+    tops = up + heights.at(x - left, y - forth)
+    centres = np.stack([x, y, tops - 0.5], axis=-1).reshape(-1, 3)
+    return Boxes(
+        np.concatenate([ground.boxes.centres, centres]),
+        np.concatenate([ground.boxes.half_sizes, np.full_like(centres, 0.5)]),
+    )
 
 
 def ground_symbol(boxes: Boxes, view: Bounds, name: str) -> str:

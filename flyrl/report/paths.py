@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.trajectories import Trajectory
-from flyrl.report.ground import ground_symbol
+from flyrl.report.ground import ground_symbol, seen_from_above
 from flyrl.report.palette import colours, marker
 from flyrl.report.style import FRAMED_STYLE, WIDTH_IN, episode_url, outcome_dot, svg_text
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import Episode
-from flyrl.terrains import Bounds, Boxes, TerrainConfig, draw_ground, terrain_bounds, terrain_boxes
+from flyrl.terrains import Bounds, Ground, Terrain, terrain_on_record
 
 FloatArray = NDArray[np.float64]
 
@@ -87,18 +87,18 @@ def paths_section(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> Json | 
     """
     if not any(walks.values()):
         return None
-    config = TerrainConfig(**terrain["config"])
-    if config.name == "flat" or (config.random and not drawn):
+    config = terrain_on_record(terrain["config"])
+    if config is None or not config.is_rough or (config.random and not drawn):
         return {"figure": Markup(aligned_figure(walks, terrain["name"])), "ground": "none"}
-    boxes = terrain_boxes(config)
+    ground = config.draw(config.seed)
     if config.random:
         first = Episode.from_record(drawn[0])
-        boxes = draw_ground(config, first.ground_seed, first.difficulty)
+        ground = config.draw(first.ground_seed, first.difficulty)
         walks = {
             controller: [walk for walk in own if walk.episode == 0]
             for controller, own in walks.items()
         }
-    figure = ground_figure(walks, config, boxes)
+    figure = ground_figure(walks, config, ground)
     return {"figure": Markup(figure), "ground": "random" if config.random else "same"}
 
 
@@ -133,20 +133,18 @@ def aligned_figure(walks: Walks, terrain: str) -> str:
         return svg_text(figure, f"trajectories-{terrain}")
 
 
-def ground_figure(walks: Walks, config: TerrainConfig, boxes: Boxes) -> str:
+def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
     """Paths of every controller in the world frame over the ground that they were walked on.
 
     Parameters
     ----------
-    config
-        The terrain.
-    boxes
-        Its ground in these episodes.
+    terrain, ground
+        The terrain, and its ground in these episodes.
     """
-    name = f"trajectories-{config.label}"
+    name = f"trajectories-{terrain.label}"
     drawn, shade = _drawn(walks), colours(list(walks))
-    ground = terrain_bounds(config)
-    view = shown(drawn, ground)
+    bounds = terrain.bounds
+    view = shown(drawn, bounds)
     width, height = view.x_max - view.x_min, view.y_max - view.y_min
     with mpl.rc_context(FRAMED_STYLE):
         figure, panels = _panels(drawn, min(_PANEL_IN[0] * height / width, _PANEL_IN[1]) + 0.4)
@@ -154,9 +152,9 @@ def ground_figure(walks: Walks, config: TerrainConfig, boxes: Boxes) -> str:
             axes.set_gid(f"panel-{i}")
             axes.add_patch(
                 Rectangle(
-                    (ground.x_min, ground.y_min),
-                    ground.x_max - ground.x_min,
-                    ground.y_max - ground.y_min,
+                    (bounds.x_min, bounds.y_min),
+                    bounds.x_max - bounds.x_min,
+                    bounds.y_max - bounds.y_min,
                     fill=False,
                     edgecolor=marker("muted"),
                 )
@@ -165,10 +163,11 @@ def ground_figure(walks: Walks, config: TerrainConfig, boxes: Boxes) -> str:
                 (finite(walk.path), np.asarray(walk.goal[:2]) if len(walk.goal) else None)
                 for walk in own[:MAX_PATHS]
             ]
-            _draw(axes, own, placed, marker(shade[controller]), config.label, faint=0.6)
+            _draw(axes, own, placed, marker(shade[controller]), terrain.label, faint=0.6)
         panels[0].set_xlim(view.x_min, view.x_max)
         panels[0].set_ylim(view.y_min, view.y_max)
         _label(figure, "x (mm)", "y (mm)")
+        boxes = seen_from_above(terrain, ground, view)
         symbol = ground_symbol(boxes, view, f"{name}-ground")
         return _over(svg_text(figure, name), name, panels, symbol)
 

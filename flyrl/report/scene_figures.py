@@ -13,7 +13,6 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.report.paper import PAPER_STYLE, Plot
 from flyrl.report.style import WIDTH_IN
 from flyrl.simulation.rendering import FlyRenderer
-from flyrl.terrains import terrain_boxes
 
 TERRAINS: Final = ("flat", "gapped", "blocks", "mixed")
 """Of the literature."""
@@ -39,7 +38,7 @@ def terrains_plot() -> Plot:
                 axes.imshow(renderer.render(env.flies))
             axes.set_axis_off()
             axes.set_title(name, loc="left")
-            tops = terrain_boxes(scene.terrain).tops
+            tops = scene.terrain.compiled().boxes.tops
             lowest, highest = (tops.min(), tops.max()) if tops.size else (0.0, 0.0)
             rows.append((name, tops.size, lowest, highest))
     table = pd.DataFrame(rows, columns=["terrain", "boxes", "lowest_top_mm", "highest_top_mm"])

@@ -29,7 +29,7 @@ from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worm_rendering import WormRenderer
 from flyrl.simulation.worms import WormBatch
 from flyrl.tasks import RUNNING, Episode
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
@@ -179,7 +179,7 @@ def record_videos(
 def record_video(
     config: EvaluationConfig,
     entrant: Entrant,
-    terrain: TerrainConfig,
+    terrain: Terrain,
     episode: Episode,
     index: int = 0,
     view: View = View(),

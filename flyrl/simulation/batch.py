@@ -1,6 +1,6 @@
 """Many flies of one scene, stepped on MuJoCo's native threads."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import mujoco
@@ -13,7 +13,7 @@ from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.simulation.variation import Variation
-from flyrl.terrains import Boxes, box_colours, terrain_boxes
+from flyrl.terrains import HEIGHT_FIELD, Ground, box_colours
 
 SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
 """Fields of a controller's state that a `FlyState` shows, (6,) each."""
@@ -67,12 +67,10 @@ class FlyBatch(NativeBatch):
         if "gait_log" in names:
             self.gait_logs = self.userdata["gait_log"]
             self._gait_samples = self.userdata["gait_samples"]
-        self._ground: slice | None = None
+        self._layer = _GroundLayer(scene)
+        self._grounds = [self._layer.usual] * n
         if scene.config.terrain.random:
-            first = scene.model.geom("ground_0").id
-            self._ground = slice(first, first + len(terrain_boxes(scene.config.terrain).centres))
-            self._geom_pos = self._batch.expand("geom_pos")
-            self._geom_size = self._batch.expand("geom_size")
+            self._of_grounds = {name: self._batch.expand(name) for name in self._layer.fields}
         self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
         self._variation = Variation(scene.model, self._batch)
@@ -147,7 +145,7 @@ class FlyBatch(NativeBatch):
         self._check_process()
         self._variation.apply(ids, randomisations)
 
-    def set_ground(self, ids: Ids, grounds: Sequence[Boxes]) -> None:
+    def set_ground(self, ids: Ids, grounds: Sequence[Ground]) -> None:
         """Lay ground under simulations on random terrain, before a reset or `restore`.
 
         Parameters
@@ -155,28 +153,26 @@ class FlyBatch(NativeBatch):
         ids
             Simulations, (k,).
         grounds
-            k grounds of the scene's terrain, from `terrains.draw_ground`.
+            k grounds of the scene's terrain, from `Terrain.draw`.
 
         Raises
         ------
         ValueError
-            If all simulations of the scene share one ground.
+            If all simulations of the scene share one ground, or a box is not within its `hull`.
         """
-        if self._ground is None:
+        if not self.scene.config.terrain.random:
             raise ValueError(
                 f"terrain {self.scene.config.terrain.name!r} has one ground for all simulations; "
                 "terrain.random must be true"
             )
-        self._geom_pos[ids, self._ground] = [ground.centres for ground in grounds]
-        self._geom_size[ids, self._ground] = [ground.half_sizes for ground in grounds]
+        for sim, ground in zip(ids, grounds, strict=True):
+            self._layer.check(ground)
+            self._layer.lay(ground, {name: of[sim] for name, of in self._of_grounds.items()})
+            self._grounds[sim] = ground
 
-    def ground(self, sim: int) -> Boxes | None:
-        """Copy the ground that was set for a simulation; None where all have that of the scene."""
-        if self._ground is None:
-            return None
-        return Boxes(
-            self._geom_pos[sim, self._ground].copy(), self._geom_size[sim, self._ground].copy()
-        )
+    def ground(self, sim: int) -> Ground:
+        """The ground that a simulation walks on."""
+        return self._grounds[sim]
 
     def set_command(self, command: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
         """Set the controllers' command, (n, k), from the next physics step on.
@@ -295,8 +291,54 @@ class FlyBatch(NativeBatch):
         The model may have more in it than the batch's (meshes, a target marker) as long as the
         joints and the terrain are the same.
         """
-        if (ground := self.ground(sim)) is not None:
-            model.geom_pos[self._ground] = ground.centres
-            model.geom_size[self._ground] = ground.half_sizes
-            model.geom_rgba[self._ground] = box_colours(ground)
+        if self.scene.config.terrain.random:
+            ground = self.ground(sim)
+            fields = ("geom_pos", "geom_size")
+            self._layer.lay(ground, {name: getattr(model, name) for name in fields})
+            if len(ground.boxes.centres):
+                model.geom_rgba[self._layer.boxes] = box_colours(ground.boxes)
         super().copy_into(sim, model, data)
+
+
+class _GroundLayer:
+    """Where the ground of a scene lies in its model, and how another one is laid there."""
+
+    def __init__(self, scene: Scene) -> None:
+        terrain = scene.config.terrain
+        self._compiled = terrain.compiled()
+        self.usual = terrain.draw(terrain.seed)
+        self.boxes = slice(0, 0)
+        if count := len(self._compiled.boxes.centres):
+            first = scene.model.geom("ground_0").id
+            self.boxes = slice(first, first + count)
+        self._field: int | None = None
+        if (heights := terrain.heights()) is not None:
+            self._field = scene.model.geom(HEIGHT_FIELD).id
+            self._lowest = float(heights.values.min())
+        self.fields = ("geom_pos", "geom_size", "opt.gravity")
+
+    def check(self, ground: Ground) -> None:
+        """Raise ValueError unless every box lies within the one that was compiled."""
+        own, hull = ground.boxes, self._compiled.boxes
+        if own.centres.shape != hull.centres.shape:
+            raise ValueError(
+                f"a ground of {len(own.centres)} boxes was drawn; the terrain's hull() has "
+                f"{len(hull.centres)}"
+            )
+        beyond = np.abs(own.centres - hull.centres) + own.half_sizes - hull.half_sizes
+        if beyond.size and beyond.max() > 1e-9:
+            box = int(beyond.max(axis=1).argmax())
+            raise ValueError(
+                f"box {box} of a ground that was drawn lies {beyond.max():g} mm beyond that of the "
+                "terrain's hull()"
+            )
+
+    def lay(self, ground: Ground, fields: Mapping[str, NDArray[np.float64]]) -> None:
+        """Write a ground into fields of a model."""
+        fields["geom_pos"][self.boxes] = ground.boxes.centres
+        fields["geom_size"][self.boxes] = ground.boxes.half_sizes
+        if self._field is not None:
+            x, y, z = ground.shift
+            fields["geom_pos"][self._field] = (x, y, z + self._lowest)
+        if (gravity := fields.get("opt.gravity")) is not None:
+            gravity[:] = np.linalg.norm(gravity) * np.array(ground.down)

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from flyrl.anatomy import LEGS
-from flyrl.terrains import Boxes
+from flyrl.terrains import Ground, Terrain
 from flyrl.validation import FloatArray
 
 FORCE_PER_MM: Final = 30.0
@@ -100,27 +100,21 @@ def force_arrows(forces_w: FloatArray, feet_w: FloatArray) -> list[Mark]:
     ]
 
 
-def top_below(boxes: Boxes, x: float, y: float) -> float | None:
-    """Height of the highest box at a place, mm; None where there is none."""
-    inside = (np.abs(boxes.centres[:, :2] - (x, y)) <= boxes.half_sizes[:, :2]).all(axis=1)
-    return float(boxes.tops[inside].max()) if inside.any() else None
-
-
 class Trace:
     """Path of one fly on the ground.
 
     Parameters
     ----------
-    height
-        Of ground that is no box, mm.
+    terrain
+        That it walks on.
     """
 
-    def __init__(self, height: float) -> None:
-        self._height = height
+    def __init__(self, terrain: Terrain) -> None:
+        self._terrain = terrain
         self._time = 0.0
         self._points: list[FloatArray] = []
 
-    def add(self, time: float, thorax_w: FloatArray, boxes: Boxes) -> None:
+    def add(self, time: float, thorax_w: FloatArray, ground: Ground) -> None:
         """Go on to where the thorax is, s and mm; with a time before the last, start anew.
 
         Across a gap the path goes on at the height before it.
@@ -129,9 +123,9 @@ class Trace:
             self._points.clear()
         self._time = time
         x, y = thorax_w[:2]
-        top = top_below(boxes, x, y)
+        top = self._terrain.top_at(ground, x, y)
         if top is None:
-            top = self._points[-1][2] - _ABOVE if self._points and len(boxes.tops) else self._height
+            top = self._points[-1][2] - _ABOVE if self._points else self._terrain.base_height
         self._points.append(np.array([x, y, top + _ABOVE]))
         del self._points[:-MAX_TRACE]
 

@@ -18,7 +18,6 @@ from flyrl.simulation.leg_colours import LegColours
 from flyrl.simulation.marks import Mark, Trace, add_marks, force_arrows
 from flyrl.simulation.overlay import PLAIN, Overlay
 from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
-from flyrl.terrains import base_height, terrain_boxes
 from flyrl.validation import one_of
 
 Camera = Literal["follow", "top", "goal"]
@@ -92,10 +91,9 @@ class FlyRenderer:
         self._model.vis.global_.offwidth = width
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
-        self._ground = base_height(config.terrain)
-        self._boxes = terrain_boxes(config.terrain)
+        self._terrain = config.terrain
         self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
-        self._trace = Trace(self._ground)
+        self._trace = Trace(config.terrain)
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
         self._offscreen = Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
@@ -113,7 +111,10 @@ class FlyRenderer:
             self._leg_colours.apply(flies.leg_states(sim))
         marker = self._model.body(TARGET_MARKER)
         is_marked = goal and self._overlay.target
-        place = (*goal, self._ground + 0.02) if is_marked else marker.pos  # out of sight
+        place = marker.pos  # out of sight
+        if is_marked:
+            top = self._terrain.top_at(flies.ground(sim), goal[0], goal[1])
+            place = (*goal, (self._terrain.base_height if top is None else top) + 0.02)
         self._data.mocap_pos[marker.mocapid[0]] = place
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
@@ -135,7 +136,7 @@ class FlyRenderer:
         """What is drawn into the scene; the trace goes on with every picture."""
         marks: list[Mark] = []
         if self._overlay.trace:
-            self._trace.add(self._data.time, thorax, flies.ground(sim) or self._boxes)
+            self._trace.add(self._data.time, thorax, flies.ground(sim))
             marks += self._trace.marks()
         if self._overlay.forces:
             forces_w = flies.senses["contact_forces_w"][sim]

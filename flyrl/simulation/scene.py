@@ -31,7 +31,7 @@ from flyrl.simulation.callback import (
 from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
-from flyrl.terrains import TerrainConfig, add_terrain
+from flyrl.terrains import Flat, Terrain, add_terrain
 from flyrl.validation import Within, check_fields
 
 STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
@@ -74,7 +74,7 @@ class SceneConfig:
     """
 
     body: FlyConfig = field(default_factory=FlyConfig)
-    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    terrain: Terrain = field(default_factory=Flat)
     controller: Controller = field(default_factory=Hybrid)
     physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
     queue_places: Annotated[int, Within(0, 10**6)] = 0
@@ -155,7 +155,7 @@ def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> 
     add_terrain(spec, config.terrain)
     drop_idle_shapes(spec)
     pair_with_planes(spec, config.physics.contact.plane_friction_across)
-    apply_physics(spec, config.physics)
+    apply_physics(spec, config.physics, config.terrain)
     spec.compiler.fusestatic = True
     controller, timestep = config.controller, config.physics.timestep
     userdata = userdata_dtype(

@@ -18,7 +18,7 @@ from flyrl.simulation.native import Ids, NativeBatch
 from flyrl.simulation.pairs import pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
 from flyrl.simulation.scene import add_target_marker
-from flyrl.terrains import TerrainConfig, add_terrain
+from flyrl.terrains import Flat, Terrain, add_terrain
 from flyrl.validation import check_fields, one_of
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ class WormSceneConfig:
     """
 
     body: WormConfig = CRAWLER
-    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    terrain: Terrain = field(default_factory=Flat)
     physics: PhysicsConfig = PHYSICS_PRESETS["worm"]
 
     controller = None
@@ -117,7 +117,7 @@ def _compiled(config: WormSceneConfig, visual: bool, profile_digest: str | None)
     muscles = tuple(attach_muscles(spec, body.profile_path.parent))
     add_terrain(spec, config.terrain)
     pair_with_planes(spec, body.friction_across)
-    apply_physics(spec, config.physics)
+    apply_physics(spec, config.physics, config.terrain)
     spec.nuserdata = creature_userdata_size(len(muscles))
     data = pack_creature_data([attached.muscle for attached in muscles])
     spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)

@@ -7,11 +7,8 @@ from typing import Annotated, Any, Final, Self
 import numpy as np
 
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
-from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, base_height
+from flyrl.terrains import SPAWN_CLEARANCE, Terrain
 from flyrl.validation import Within, check_fields
-
-SPAWN_RANGE = 2.0
-"""mm; x and y of the spawn are uniform in [-SPAWN_RANGE, SPAWN_RANGE]."""
 
 PUSH_S = 0.2
 """s; how long a push lasts. Where that is no whole number of decisions, it lasts for the nearest
@@ -61,7 +58,7 @@ class Episode:
         Sideways pushes for PUSH_S each: when (s since the reset) and how hard to the fly's left
         (µN), in turn. They turn the fly to the other side, for they meet its abdomen.
     ground
-        On random terrain, the seed of its heights and gaps, for `terrains.draw_ground`; None: the
+        On random terrain, the seed of its heights and gaps, for `Terrain.draw`; None: the
         one that goes with `seed`, so that another seed is another ground.
     randomisation
         How the fly differs from the scene's.
@@ -99,10 +96,11 @@ class Episode:
         return FIRST_GROUND_SEED + self.seed if self.ground is None else self.ground
 
 
-def draw_spawn(terrain: TerrainConfig, rng: np.random.Generator) -> tuple[float, float, float]:
+def draw_spawn(terrain: Terrain, rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw a spawn position on a terrain, mm."""
-    x, y = rng.uniform(-SPAWN_RANGE, SPAWN_RANGE, size=2)
-    return float(x), float(y), base_height(terrain) + SPAWN_CLEARANCE
+    area = terrain.spawn
+    x, y = rng.uniform((area.x_min, area.y_min), (area.x_max, area.y_max))
+    return float(x), float(y), terrain.base_height + SPAWN_CLEARANCE
 
 
 def draw_oscillators(seed: int) -> tuple[Six, Six]:

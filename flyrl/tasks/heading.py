@@ -14,7 +14,7 @@ from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import ErrorTerm, Mask, ObservationTerm, RewardTerm, Task, TaskState
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 TIME_LIMIT_S: Final = 4.0
 
@@ -30,7 +30,7 @@ PUSHES: Final = (4.0, 8.0)
 2 to 4 mm within half a second; of 24 flies that walked straight on flat ground none fell."""
 
 
-def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn, a heading and pushes (all uniform), and the CPG's start.
 
     With the difficulty, the headings grow from straight ahead to all around, and the pushes from

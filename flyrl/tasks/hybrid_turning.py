@@ -9,10 +9,10 @@ from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives
 from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 
-def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn and the CPG's start."""
     spawn = draw_spawn(terrain, np.random.default_rng(seed))
     phases, magnitudes = draw_oscillators(seed)

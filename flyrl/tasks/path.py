@@ -22,7 +22,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds
+from flyrl.terrains import Bounds, Terrain
 
 LENGTH: Final = 24.0
 """mm."""
@@ -59,14 +59,14 @@ def draw_path(
     return np.asarray(np.vstack([start, start + offsets * terms.PATH_SPACING]))
 
 
-def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn, a path on the terrain that starts there, and the CPG's start."""
     episode = hybrid_turning.sample_episode(terrain, seed, difficulty)
     rng = np.random.default_rng([seed, 1])
     x, y, _ = episode.spawn_position_w
     while True:
         path = draw_path((x, y), rng, difficulty)
-        if _is_inside(path, terrain_bounds(terrain)):
+        if _is_inside(path, terrain.bounds):
             break
     end_x, end_y = (float(value) for value in path[-1])
     command = tuple(float(value) for value in path.ravel())

@@ -10,7 +10,7 @@ from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ErrorTerm, ObservationTerm, RewardTerm, Task, Termination
-from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds
+from flyrl.terrains import Bounds, Terrain
 
 TARGET_DISTANCE: Final = (5.0, 15.0)
 """mm; nearest and farthest target."""
@@ -28,7 +28,7 @@ def is_inside(x: float, y: float, bounds: Bounds) -> bool:
     )
 
 
-def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn, a target on the terrain (uniform bearing and distance) and the CPG's start.
 
     With the difficulty, the bearings grow from straight ahead to all around, and the largest
@@ -39,7 +39,7 @@ def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -
     widest = difficulty * np.pi
     rng = np.random.default_rng(seed)
     spawn = draw_spawn(terrain, rng)
-    bounds = terrain_bounds(terrain)
+    bounds = terrain.bounds
     goal = draw_target(rng, spawn[:2], bounds, (nearest, farthest), widest)
     phases, magnitudes = draw_oscillators(seed)
     return Episode(seed, spawn, 0.0, goal, phases, magnitudes, difficulty=difficulty)

@@ -11,7 +11,7 @@ from flyrl.simulation.state import FlyState
 from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions
 from flyrl.tasks.episode import Episode
-from flyrl.terrains import Bounds, TerrainConfig
+from flyrl.terrains import Bounds, Terrain
 from flyrl.validation import not_negative, number, one_of, positive
 
 Array = NDArray[np.float64]
@@ -252,7 +252,7 @@ class Termination:
 class EpisodeSampler(Protocol):
     """Draws an episode from a seed; one of difficulty 1 is what a policy is judged on."""
 
-    def __call__(self, terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+    def __call__(self, terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
         """Episode number `seed`, from the easiest (difficulty 0) to the usual (1)."""
         ...
 

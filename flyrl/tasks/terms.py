@@ -15,9 +15,6 @@ FALL_TILT = np.deg2rad(75.0)
 
 _COS_FALL_TILT = float(np.cos(FALL_TILT))
 
-ARENA_FLOOR = -5.0
-"""mm; below this a fly has dropped off the terrain."""
-
 REACH = 1.0
 """mm; a target is reached when the thorax is within this horizontal distance."""
 
@@ -393,8 +390,9 @@ def has_crossed(state: TaskState) -> Mask:
 
 
 def has_fallen(state: TaskState) -> Mask:
-    """Whether the thorax is tilted further than FALL_TILT, (n,)."""
-    return np.asarray(state.fly.up_b[:, 2] < _COS_FALL_TILT)
+    """Whether the thorax is tilted further than FALL_TILT, or has come off the ground, (n,)."""
+    is_off = state.fly.position_w[:, 2] > state.bounds.z_max
+    return np.asarray((state.fly.up_b[:, 2] < _COS_FALL_TILT) | is_off)
 
 
 def has_left(state: TaskState) -> Mask:
@@ -404,4 +402,4 @@ def has_left(state: TaskState) -> Mask:
     is_inside = (
         (x >= bounds.x_min) & (x <= bounds.x_max) & (y >= bounds.y_min) & (y <= bounds.y_max)
     )
-    return np.asarray(~is_inside | (z < ARENA_FLOOR))
+    return np.asarray(~is_inside | (z < bounds.z_min))

@@ -16,7 +16,7 @@ from flyrl.tasks.episode import Episode
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import ErrorTerm, Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 
 NUM_COMMANDS: Final = 4
 
@@ -30,7 +30,7 @@ ON_COMMAND_S: Final = 3.0
 """s on command that make a success."""
 
 
-def sample_episode(terrain: TerrainConfig, seed: int, difficulty: float = 1.0) -> Episode:
+def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn, the commands (uniform), and the CPG's start.
 
     With the difficulty, the ranges of the commands grow from their middle.

@@ -18,7 +18,7 @@ from flyrl.tasks import worm_terms as terms
 from flyrl.tasks.actions import Neurons
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.task import ErrorTerm, ObservationTerm, RewardTerm, Task
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Terrain
 from flyrl.validation import one_of
 
 START_ANGLE: Final = 0.2
@@ -82,7 +82,7 @@ def _start(worm: WormConfig, rng: np.random.Generator) -> tuple[float, ...]:
 
 
 def _crawling_episode(
-    worm: WormConfig, terrain: TerrainConfig, seed: int, difficulty: float = 1.0
+    worm: WormConfig, terrain: Terrain, seed: int, difficulty: float = 1.0
 ) -> Episode:
     rng = np.random.default_rng(seed)
     yaw = float(rng.uniform(-START_ANGLE, START_ANGLE))
@@ -98,7 +98,7 @@ def _crawling_episode(
 
 
 def _hanging_episode(
-    worm: WormConfig, terrain: TerrainConfig, seed: int, difficulty: float = 1.0
+    worm: WormConfig, terrain: Terrain, seed: int, difficulty: float = 1.0
 ) -> Episode:
     rng = np.random.default_rng(seed)
     return Episode(

@@ -1,37 +1,65 @@
 """Ground to walk on."""
 
+from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
+from flyrl.terrains.hills import Hills
+from flyrl.terrains.plane import Flat, Slope
+from flyrl.terrains.rough import Blocks, Gapped, Mixed
 from flyrl.terrains.terrain import (
-    FLAT_GROUND,
+    DOWN,
+    KINDS,
     SPAWN_CLEARANCE,
-    TERRAIN_NAMES,
     TERRAINS,
     Bounds,
     Boxes,
-    TerrainConfig,
-    TerrainName,
-    add_terrain,
-    base_height,
-    box_colours,
-    draw_ground,
-    terrain_bounds,
-    terrain_boxes,
+    Ground,
+    Heights,
+    Terrain,
+    terrain_from,
     terrain_label,
+    terrain_named,
+    terrain_on_record,
+)
+
+KINDS.update(flat=Flat, gapped=Gapped, blocks=Blocks, mixed=Mixed, hills=Hills, slope=Slope)
+
+# the random ones lie about the literature's 0.35 mm and 0.3 mm
+_HEIGHTS, _GAPS = (0.15, 0.45), (0.1, 0.45)
+
+TERRAINS.update(
+    flat=Flat(),
+    gapped=Gapped(),
+    blocks=Blocks(),
+    mixed=Mixed(),
+    hills=Hills(),
+    slope=Slope(),
+    random_gapped=Gapped(gap_range=_GAPS, random=True),
+    random_blocks=Blocks(height_range=_HEIGHTS, random=True),
+    random_mixed=Mixed(height_range=_HEIGHTS, gap_range=_GAPS, random=True),
+    random_hills=Hills(random=True),
 )
 
 __all__ = [
+    "DOWN",
     "FLAT_GROUND",
+    "HEIGHT_FIELD",
+    "KINDS",
     "SPAWN_CLEARANCE",
     "TERRAINS",
-    "TERRAIN_NAMES",
+    "Blocks",
     "Bounds",
     "Boxes",
-    "TerrainConfig",
-    "TerrainName",
+    "Flat",
+    "Gapped",
+    "Ground",
+    "Heights",
+    "Hills",
+    "Mixed",
+    "Slope",
+    "Terrain",
     "add_terrain",
-    "base_height",
     "box_colours",
-    "draw_ground",
-    "terrain_bounds",
-    "terrain_boxes",
+    "terrain_from",
     "terrain_label",
+    "terrain_named",
+    "terrain_on_record",
 ]

@@ -1,142 +1,47 @@
-"""The four terrains, as plain boxes and as MuJoCo geoms.
+"""The door for terrains: what a ground is made of, and how it is found by name.
 
-x points forward at spawn. All lengths in mm, world frame. Figures: NeuroMechFly v2
-(doi:10.1038/s41592-024-02497-y).
+A terrain is a frozen dataclass of settings, derived from `Terrain`. What it draws for an episode is
+a `Ground`. x points forward at spawn. All lengths in mm, world frame.
 """
 
-import functools
-import math
-from dataclasses import dataclass
-from typing import Annotated, Final, Literal, get_args
+from __future__ import annotations
 
-import mujoco
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any, Final, cast
+
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.bodies.fly import BOXES, PLANES
-from flyrl.validation import Within, check_fields, within
+from flyrl.entry_points import find, is_entry_point, is_loaded
+from flyrl.validation import Within, check_fields, from_keys, one_of, ordered, within
 
 Array = NDArray[np.float64]
-Ids = NDArray[np.intp]
-
-TerrainName = Literal["flat", "gapped", "blocks", "mixed"]
-TERRAIN_NAMES: Final[tuple[TerrainName, ...]] = get_args(TerrainName)
 
 SPAWN_CLEARANCE: Final = 0.5
-"""How far above `base_height` flies are put down, mm."""
+"""How far above a terrain's `base_height` flies are put down, mm."""
 
-GROUND_FRICTION: Final = (1.0, 0.005, 0.0001)
-"""Sliding, torsional (mm), rolling (mm)."""
-
-X_RANGE: Final = (-10.0, 25.0)
-HALF_WIDTH: Final = 20.0
-FLAT_GROUND: Final = "ground"
-"""Name of the plane on flat terrain."""
-FLAT_HALF_SIZE: Final = 100.0
-
-SLAB_WIDTH: Final = 1.0
-SLAB_DEPTH: Final = 2.0
-GAP_WIDTH: Final = 0.3
-GAP_FLOOR: Final = -1.0
-MAX_HEIGHT: Final = 100.0
-MAX_GAP: Final = 1.0
-"""Gaps keep their distance of SLAB_WIDTH + GAP_WIDTH: a wider one leaves narrower slabs."""
-
-BLOCK_PITCH: Final = 1.3
-BLOCK_OVERSIZE: Final = 1.1
-"""Side of a block over the pitch."""
-BLOCK_BASE: Final = 0.1
-
-MIXED_START: Final = -4.0
-MIXED_SEGMENT: Final = 9.0
-MIXED_SEGMENTS: Final = 3
-MIXED_COLUMNS: Final = 3
-
-
-@dataclass(frozen=True)
-class TerrainConfig:
-    """Which ground.
-
-    Attributes
-    ----------
-    name : "flat", "gapped" (slabs with gaps across the path), "blocks" (a chequerboard of heights)
-        or "mixed" (blocks, gaps and flat ground in turn).
-    seed : of the heights and gaps of a ground that is the same in every episode; without effect
-        where both ranges are a single value.
-    height_range : least and greatest height by which every other block stands out, mm; blocks and
-        mixed only.
-    gap_range : least and greatest width of a gap, mm; gapped and mixed only. The middles of the
-        gaps stay where they are.
-    random : whether every episode has a ground of its own, with other heights and gaps.
-    """
-
-    name: TerrainName = "flat"
-    seed: Annotated[int, Within(0, 2**63 - 1)] = 0
-    height_range: Annotated[tuple[float, float], Within(0, MAX_HEIGHT)] = (0.35, 0.35)
-    gap_range: Annotated[tuple[float, float], Within(0, MAX_GAP)] = (GAP_WIDTH, GAP_WIDTH)
-    random: bool = False
-
-    def __post_init__(self) -> None:
-        check_fields(self, "terrain")
-        for key in ("height_range", "gap_range"):
-            least, greatest = getattr(self, key)
-            if least > greatest:
-                raise ValueError(
-                    f"terrain.{key} must be (least, greatest), got {(least, greatest)}"
-                )
-        drawn = _DRAWN[self.name]
-        if self.random and all(len(set(getattr(self, key))) == 1 for key in drawn):
-            missing = " or ".join(drawn)
-            raise ValueError(
-                f"terrain.random: got {self.random!r}, but "
-                + (
-                    f"{self.name} ground has no heights or gaps to draw; allowed is false"
-                    if not drawn
-                    else f"nothing is drawn as long as {missing} is a single value; give two"
-                )
-            )
-
-    @property
-    def label(self) -> str:
-        """The name as tables and folders have it, with "random_" before it on random ground."""
-        return terrain_label(self.name, self.random)
-
-
-def terrain_label(name: str, random: object) -> str:
-    """Name of a terrain in tables and folders; a record of old says nothing of `random`."""
-    return f"random_{name}" if random is True else name
-
-
-_DRAWN: Final[dict[TerrainName, tuple[str, ...]]] = {
-    "flat": (),
-    "gapped": ("gap_range",),
-    "blocks": ("height_range",),
-    "mixed": ("height_range", "gap_range"),
-}
-"""What is drawn of a terrain."""
-
-TERRAINS: Final[dict[str, TerrainConfig]] = {
-    **{name: TerrainConfig(name) for name in TERRAIN_NAMES},
-    "random_gapped": TerrainConfig("gapped", gap_range=(0.1, 0.45), random=True),
-    "random_blocks": TerrainConfig("blocks", height_range=(0.15, 0.45), random=True),
-    "random_mixed": TerrainConfig(
-        "mixed", height_range=(0.15, 0.45), gap_range=(0.1, 0.45), random=True
-    ),
-}
-"""Terrains that go by a name; the random ones lie about the literature's 0.35 mm and 0.3 mm."""
+DOWN: Final = (0.0, 0.0, -1.0)
+"""Where things fall to on level ground."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Extent of the ground to walk on, mm."""
+    """Extent of the ground to walk on, mm.
+
+    A fly beyond it in x or y, or below `z_min`, has left; one above `z_max` has fallen off, as from
+    a wall.
+    """
 
     x_min: float
     x_max: float
     y_min: float
     y_max: float
+    z_min: float = -5.0
+    z_max: float = np.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Boxes:
     """Axis-aligned boxes.
 
@@ -146,8 +51,8 @@ class Boxes:
     half_sizes : (n, 3) mm.
     """
 
-    centres: Array
-    half_sizes: Array
+    centres: Array = field(default_factory=lambda: np.empty((0, 3)))
+    half_sizes: Array = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
     def tops(self) -> Array:
@@ -155,284 +60,278 @@ class Boxes:
         tops: Array = self.centres[:, 2] + self.half_sizes[:, 2]
         return tops
 
-
-def base_height(config: TerrainConfig) -> float:
-    """Height of the ground that spawn heights count from, mm."""
-    return {"gapped": GAP_FLOOR + SLAB_DEPTH, "blocks": BLOCK_BASE}.get(config.name, 0.0)
-
-
-def terrain_bounds(config: TerrainConfig) -> Bounds:
-    """Where there is ground to walk on."""
-    if config.name == "flat":
-        return Bounds(-FLAT_HALF_SIZE, FLAT_HALF_SIZE, -FLAT_HALF_SIZE, FLAT_HALF_SIZE)
-    x_min, x_max = X_RANGE
-    if config.name == "mixed":
-        x_min, x_max = MIXED_START, MIXED_START + MIXED_SEGMENTS * MIXED_SEGMENT
-    return Bounds(x_min, x_max, -HALF_WIDTH, HALF_WIDTH)
+    def top_at(self, x: float, y: float) -> float | None:
+        """Height of the highest box at a place, mm; None where there is none."""
+        inside = (np.abs(self.centres[:, :2] - (x, y)) <= self.half_sizes[:, :2]).all(axis=1)
+        return float(self.tops[inside].max()) if inside.any() else None
 
 
-def terrain_boxes(config: TerrainConfig) -> Boxes:
-    """Boxes that a scene is compiled with; none on flat ground.
+@dataclass(frozen=True, eq=False)
+class Heights:
+    """A height field.
 
-    On random ground each is large enough to hold its like in every ground that can be drawn, at
-    any difficulty: MuJoCo works out at compile time where to look for contacts.
-    """
-    if not config.random:
-        return draw_ground(config, config.seed)
-    grounds = [
-        _raise(config, heights, gaps, difficulty)
-        for heights, gaps, difficulty in (
-            (config.height_range[0], config.gap_range[0], 1.0),
-            (config.height_range[1], config.gap_range[1], 1.0),
-            (0.0, 0.0, 0.0),
-        )
-    ]
-    low = np.min([ground.centres - ground.half_sizes for ground in grounds], axis=0)
-    high = np.max([ground.centres + ground.half_sizes for ground in grounds], axis=0)
-    return Boxes((low + high) / 2, (high - low) / 2)
-
-
-def draw_ground(config: TerrainConfig, seed: int, difficulty: float = 1.0) -> Boxes:
-    """Draw the heights and gaps of a ground, each uniformly from its range.
-
-    Parameters
+    Attributes
     ----------
-    config
-        Its own `seed` has no say.
+    values
+        Heights at the corners of square cells, mm, (rows, columns): rows along y, columns along x.
+    cell
+        Side of a cell, mm. The middle of the field lies at x = y = 0.
+    """
+
+    values: Array
+    cell: float
+
+    @property
+    def half_extent(self) -> tuple[float, float]:
+        """Of the field along x and y, mm."""
+        rows, columns = self.values.shape
+        return (columns - 1) * self.cell / 2, (rows - 1) * self.cell / 2
+
+    def at(self, x: Array | float, y: Array | float) -> Array:
+        """Heights at places, bilinearly; beyond the edge those of the edge."""
+        rows, columns = self.values.shape
+        half_x, half_y = self.half_extent
+        column = np.clip((np.asarray(x) + half_x) / self.cell, 0, columns - 1)
+        row = np.clip((np.asarray(y) + half_y) / self.cell, 0, rows - 1)
+        i = np.minimum(row.astype(int), rows - 2)
+        j = np.minimum(column.astype(int), columns - 2)
+        up, right, z = row - i, column - j, self.values
+        near = (1 - right) * z[i, j] + right * z[i, j + 1]
+        far = (1 - right) * z[i + 1, j] + right * z[i + 1, j + 1]
+        return np.asarray((1 - up) * near + up * far)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What one episode walks on.
+
+    Attributes
+    ----------
+    boxes
+        As many in every episode of a terrain.
+    shift
+        Where the middle of the terrain's height field lies, mm.
+    down
+        Unit vector along which things fall: a slope is level ground with gravity turned.
+    """
+
+    boxes: Boxes = field(default_factory=Boxes)
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    down: tuple[float, float, float] = DOWN
+
+
+def _name(terrain: Terrain) -> str:
+    kind = type(terrain)
+    for name, built_in in KINDS.items():
+        if kind is built_in:
+            return name
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Terrain:
+    """Settings of a terrain; the base of every one.
+
+    One of a user's own overrides `boxes`, `heights` or `down`, and says with `bounds`, `spawn`,
+    `base_height` and `floor` where there is ground. Where its boxes are to be drawn for every
+    episode (`random`), it gives a `hull` too.
+
+    Attributes
+    ----------
+    name
+        A built-in name, or module:attribute of a user's own.
     seed
-        The same seed gives the same bits. A terrain that is not random is
-        `draw_ground(config, config.seed)`.
-    difficulty
-        Factor on all heights and gaps, from 0 (level ground without gaps) to 1 (as drawn).
+        Of what is drawn of a ground that is the same in every episode.
+    random
+        Whether every episode has a ground of its own.
+    """
+
+    # a property, and a field all the same, so that `dataclasses.asdict` includes it
+    name: str = field(init=False, repr=False, compare=False, default=cast(str, property(_name)))
+    seed: Annotated[int, Within(0, 2**63 - 1)] = 0
+    random: bool = False
+
+    def __post_init__(self) -> None:
+        check_fields(self, "terrain")
+
+    @property
+    def label(self) -> str:
+        """The name as tables and folders have it, with "random_" before it on random ground."""
+        return terrain_label(self.name, self.random)
+
+    @property
+    def bounds(self) -> Bounds:
+        """Where there is ground to walk on."""
+        return Bounds(-100.0, 100.0, -100.0, 100.0)
+
+    @property
+    def spawn(self) -> Bounds:
+        """Where episodes start: x and y are drawn uniformly from it."""
+        return Bounds(-2.0, 2.0, -2.0, 2.0)
+
+    @property
+    def base_height(self) -> float:
+        """Height that spawn heights count from, mm: that of the highest ground in `spawn`."""
+        return 0.0
+
+    @property
+    def floor(self) -> float | None:
+        """Height of a plane below everything else, mm; None: there is none."""
+        return 0.0
+
+    def boxes(self, rng: np.random.Generator, difficulty: float) -> Boxes:
+        """Draw the boxes of a ground, as many each time.
+
+        Parameters
+        ----------
+        rng
+            Of this ground alone.
+        difficulty
+            From 0 (the easiest) to 1 (as the settings say).
+        """
+        return Boxes()
+
+    def hull(self) -> Boxes:
+        """Boxes of which each holds its like in every ground that can be drawn.
+
+        MuJoCo works out at compile time where to look for contacts.
+        """
+        raise ValueError(
+            f"terrain.random: {self.name} must define hull() for grounds that differ, got none"
+        )
+
+    def heights(self) -> Heights | None:
+        """Height field, the same in every episode; see `shift`."""
+        return None
+
+    def shift(self, rng: np.random.Generator) -> tuple[float, float, float]:
+        """Draw where the middle of the height field lies in a ground, mm."""
+        return (0.0, 0.0, 0.0)
+
+    def down(self, rng: np.random.Generator, difficulty: float) -> tuple[float, float, float]:
+        """Draw the unit vector along which things fall."""
+        return DOWN
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether there is more to it than a plane."""
+        return self.heights() is not None or bool(len(self.draw(self.seed).boxes.centres))
+
+    def draw(self, seed: int, difficulty: float = 1.0) -> Ground:
+        """Draw a ground.
+
+        Parameters
+        ----------
+        seed
+            The same seed gives the same bits; the terrain's own `seed` has no say. A terrain that
+            is not random is `draw(terrain.seed)`.
+        difficulty
+            From 0 (the easiest) to 1 (as the settings say).
+
+        Raises
+        ------
+        ValueError
+            If the difficulty is out of its range.
+        """
+        within("difficulty", difficulty, 0, 1)
+        rng = np.random.default_rng(seed)
+        return Ground(self.boxes(rng, difficulty), self.shift(rng), self.down(rng, difficulty))
+
+    def compiled(self) -> Ground:
+        """Ground that a scene is compiled with: on random terrain with the `hull`."""
+        usual = self.draw(self.seed)
+        if not self.random or not len(usual.boxes.centres):
+            return usual
+        hull = self.hull()
+        # MuJoCo would keep a geom that is compiled at the world's origin there
+        nudge = 1e-6 * (hull.centres == 0.0).all(axis=1, keepdims=True)
+        return Ground(Boxes(hull.centres + nudge, hull.half_sizes + nudge), usual.shift, usual.down)
+
+    def top_at(self, ground: Ground, x: float, y: float) -> float | None:
+        """Height of what one walks on at a place, mm; None over a gap, and where there is none."""
+        tops = [ground.boxes.top_at(x, y)]
+        if (heights := self.heights()) is not None:
+            left, forth, up = ground.shift
+            tops.append(up + float(heights.at(x - left, y - forth)))
+        elif not len(ground.boxes.centres):
+            tops.append(self.floor)
+        found = [top for top in tops if top is not None]
+        return max(found) if found else None
+
+
+def check_ranges(terrain: Terrain, *keys: str) -> None:
+    """Raise ValueError unless settings are (least, greatest), and one differs on random ground."""
+    ranges = [ordered(f"terrain.{key}", getattr(terrain, key)) for key in keys]
+    if terrain.random and all(least == greatest for least, greatest in ranges):
+        raise ValueError(
+            "terrain.random: got True, but nothing is drawn as long as "
+            f"{' or '.join(keys)} is a single value; give two"
+        )
+
+
+KINDS: Final[dict[str, type[Terrain]]] = {}
+"""Classes of the built-in terrains by name; `flyrl.terrains` fills it."""
+
+TERRAINS: Final[dict[str, Terrain]] = {}
+"""Terrains that go by a name; `flyrl.terrains` fills it."""
+
+
+def terrain_named(name: str, key: str = "terrain") -> Terrain:
+    """Terrain of a name, built-in or module:attribute, with its usual settings.
 
     Raises
     ------
     ValueError
-        If the difficulty is out of its range.
+        If there is no such terrain.
     """
-    within("difficulty", difficulty, 0, 1)
-    layout = _layout(config.name)
-    rng = np.random.default_rng(seed)
-    heights = rng.uniform(*config.height_range, size=len(layout.high))
-    gaps = rng.uniform(*config.gap_range, size=len(layout.before_gap))
-    return _raise(config, difficulty * heights, difficulty * gaps, difficulty)
+    if not is_entry_point(name):
+        return TERRAINS[one_of(key, name, TERRAINS)]
+    return find(key, name, KINDS, Terrain)()
 
 
-def box_colours(boxes: Boxes) -> Array:
-    """Grey-greens that get lighter with height, RGBA (n, 4).
+def terrain_from(record: Mapping[str, Any], key: str = "terrain") -> Terrain:
+    """Terrain of what `dataclasses.asdict` made of it.
 
-    Where all boxes are level, neighbours alternate.
+    Settings of other terrains, which old records hold, are ignored.
+
+    Raises
+    ------
+    ValueError
+        If there is no such terrain, setting or value, or no name.
     """
-    low, high = boxes.tops.min(), boxes.tops.max()
-    shares = (boxes.tops - low) / (high - low) if high > low else np.arange(len(boxes.tops)) % 2.0
-    dark, light = np.array([0.33, 0.37, 0.36]), np.array([0.72, 0.73, 0.66])
-    return np.insert(dark + (light - dark) * shares[:, None], 3, 1.0, axis=1)
+    name = record.get("name") if isinstance(record, Mapping) else None
+    if not isinstance(name, str):
+        raise ValueError(f"{key}.name must be text, got {name!r}")
+    kind = find(f"{key}.name", name, KINDS, Terrain)
+    known = {each.name for each in fields(kind) if each.init}
+    settings = {
+        each: value
+        for each, value in record.items()
+        if each != "name" and (each in known or each not in _FORMER_FIELDS)
+    }
+    return from_keys(key, settings, kind)
 
 
-def add_terrain(spec: mujoco.MjSpec, config: TerrainConfig) -> None:
-    """Add the ground, its materials and a sky to `spec`.
+def terrain_on_record(record: Any) -> Terrain | None:
+    """Terrain of a record, without running anybody's code.
 
-    Ground geoms are called `ground_…` and have contype `bodies.fly.PLANES` or `BOXES`, conaffinity
-    0: they touch what asks to be touched, and not each other. The boxes of `terrain_boxes` are
-    `ground_0`, `ground_1`, … with consecutive ids.
+    None where it cannot be made: of a user's own terrain whose module is not loaded, and of a
+    record that another version wrote.
     """
-    _add_sky(spec)
-    if config.name == "flat":
-        _add_grid_material(spec)
-        size = (FLAT_HALF_SIZE, FLAT_HALF_SIZE)
-        _add_plane(spec, FLAT_GROUND, (0, 0, 0), size, "ground_grid")
-        return
-    boxes = terrain_boxes(config)
-    spec.add_material(name="ground_block", specular=0.05, shininess=0.1)
-    colours = box_colours(boxes)
-    for index, (centre, half_size) in enumerate(zip(boxes.centres, boxes.half_sizes, strict=True)):
-        spec.worldbody.add_geom(
-            name=f"ground_{index}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=centre,
-            size=half_size,
-            material="ground_block",
-            rgba=colours[index],
-            contype=BOXES,
-            **_GROUND,
-        )
-    if config.name in ("blocks", "mixed"):
-        # Where level boxes overlap, MuJoCo's shadow pass lights their faces twice.
-        for light in spec.lights:
-            light.castshadow = False
-    if config.name == "blocks":
-        return  # the blocks leave no gap
-    bounds = terrain_bounds(config)
-    centre = ((bounds.x_min + bounds.x_max) / 2, 0, GAP_FLOOR)
-    spec.add_material(name="ground_floor", rgba=(0.20, 0.21, 0.24, 1), specular=0.0)
-    _add_plane(spec, "ground_floor", centre, (bounds.x_max - centre[0], HALF_WIDTH), "ground_floor")
+    name = record.get("name") if isinstance(record, Mapping) else None
+    if not isinstance(name, str) or (is_entry_point(name) and not is_loaded(name)):
+        return None
+    try:
+        return terrain_from(record)
+    except (TypeError, ValueError):
+        return None
 
 
-_GROUND: Final = {
-    "conaffinity": 0,
-    "group": 0,
-    "friction": GROUND_FRICTION,
-}
+def terrain_label(name: object, random: object) -> str:
+    """Name of a terrain in tables and folders; a record of old says nothing of `random`."""
+    label = str(name).rpartition(":")[2]
+    return f"random_{label}" if random is True else label
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """Where the boxes of a terrain stand.
-
-    Attributes
-    ----------
-    boxes : with gaps of GAP_WIDTH and without heights.
-    blocks, high : ids of the blocks, and of those among them that stand out.
-    before_gap, after_gap : ids of the slabs on both sides of each gap.
-    """
-
-    boxes: Boxes
-    blocks: Ids
-    high: Ids
-    before_gap: Ids
-    after_gap: Ids
-
-
-@functools.cache
-def _layout(name: TerrainName) -> _Layout:
-    """Lay out a terrain, front to back: what is drawn is drawn in this order."""
-    parts: list[tuple[Boxes, bool]] = []
-    if name == "gapped":
-        x = np.arange(X_RANGE[0] + SLAB_WIDTH / 2, X_RANGE[1], SLAB_WIDTH + GAP_WIDTH)
-        parts = [(_slabs(x, np.full_like(x, SLAB_WIDTH), top=GAP_FLOOR + SLAB_DEPTH), False)]
-    elif name == "blocks":
-        parts = [(_blocks(X_RANGE[0], _pitches(X_RANGE[1] - X_RANGE[0])), True)]
-    elif name == "mixed":
-        for segment in range(MIXED_SEGMENTS):
-            start = MIXED_START + segment * MIXED_SEGMENT
-            blocks_end = start + MIXED_COLUMNS * BLOCK_PITCH
-            parts.append((_blocks(start, MIXED_COLUMNS), True))
-            edges = np.cumsum([blocks_end, SLAB_WIDTH / 2, GAP_WIDTH, SLAB_WIDTH, GAP_WIDTH])
-            starts, ends = edges[[0, 2, 4]], np.append(edges[[1, 3]], start + MIXED_SEGMENT)
-            parts.append((_slabs((starts + ends) / 2, ends - starts, top=0.0), False))
-    boxes, blocks, high, before_gap = [np.empty((2, 0, 3))], [], [], []
-    count = 0
-    for part, is_blocks in parts:
-        ids = np.arange(count, count + len(part.centres))
-        count += len(ids)
-        boxes.append(np.stack([part.centres, part.half_sizes]))
-        if is_blocks:
-            blocks.append(ids)
-            high.append(ids[1:])
-        else:
-            before_gap.append(ids[:-1])
-    before = _joined(before_gap)
-    return _Layout(
-        Boxes(*np.concatenate(boxes, axis=1)), _joined(blocks), _joined(high), before, before + 1
-    )
-
-
-def _joined(ids: list[Ids]) -> Ids:
-    return np.concatenate([np.empty(0, dtype=np.intp), *ids])
-
-
-def _raise(
-    config: TerrainConfig, heights: Array | float, gaps: Array | float, difficulty: float
-) -> Boxes:
-    """Give the layout of a terrain its heights and gaps, mm.
-
-    `difficulty` scales how far the blocks of mixed ground are sunk, by the mean height.
-    """
-    layout = _layout(config.name)
-    centres, half_sizes = layout.boxes.centres.copy(), layout.boxes.half_sizes.copy()
-    tops = np.full(len(centres), BLOCK_BASE)
-    tops[layout.high] += heights
-    sunk = BLOCK_BASE + difficulty * (sum(config.height_range) / 2) if config.name == "mixed" else 0
-    top, bottom = tops[layout.blocks], -BLOCK_PITCH
-    centres[layout.blocks, 2] = (top + bottom) / 2 - sunk
-    half_sizes[layout.blocks, 2] = (top - bottom) / 2
-    # a gap grows to both sides; a slab's half size is half of what is left
-    shift = (np.zeros(len(layout.before_gap)) + gaps - GAP_WIDTH) / 2
-    for slabs, sign in ((layout.before_gap, -1), (layout.after_gap, 1)):
-        centres[slabs, 0] += sign * shift / 2
-        half_sizes[slabs, 0] -= shift / 2
-    return Boxes(centres, half_sizes)
-
-
-def _slabs(x_centres: Array, widths: Array, top: float) -> Boxes:
-    """Slabs across the whole width, with the given centres and widths in x."""
-    centres = np.zeros((len(x_centres), 3))
-    centres[:, 0] = x_centres
-    centres[:, 2] = top - SLAB_DEPTH / 2
-    half_sizes = np.empty_like(centres)
-    half_sizes[:, 0] = widths / 2
-    half_sizes[:, 1] = HALF_WIDTH
-    half_sizes[:, 2] = SLAB_DEPTH / 2
-    return Boxes(centres, half_sizes)
-
-
-def _pitches(extent: float) -> int:
-    """Number of blocks whose centres lie within `extent`, the first half a pitch inside."""
-    return math.ceil(extent / BLOCK_PITCH - 0.5)
-
-
-def _blocks(x_min: float, columns: int) -> Boxes:
-    """Chequerboard of blocks, without their extent in z.
-
-    The low blocks are level: they are one box here, the first, which gives the same surface with
-    half the boxes. Then the high ones, column by column in x.
-    """
-    corner = np.array((x_min, -HALF_WIDTH))
-    cells = np.array((columns, _pitches(2 * HALF_WIDTH)))
-    high = np.argwhere(np.add.outer(*map(np.arange, cells)) % 2 == 0)
-    overhang = (BLOCK_OVERSIZE - 1) * BLOCK_PITCH / 2
-    centres, half_sizes = np.zeros((2, 1 + len(high), 3))
-    centres[0, :2] = corner + BLOCK_PITCH * cells / 2
-    centres[1:, :2] = corner + BLOCK_PITCH * (high + 0.5)
-    half_sizes[0, :2] = BLOCK_PITCH * cells / 2 + overhang
-    half_sizes[1:, :2] = BLOCK_PITCH / 2 + overhang
-    return Boxes(centres, half_sizes)
-
-
-def _add_plane(
-    spec: mujoco.MjSpec,
-    name: str,
-    centre: tuple[float, float, float],
-    half_size: tuple[float, float],
-    material: str,
-) -> None:
-    """A plane; it is drawn to `half_size` and touched everywhere."""
-    spec.worldbody.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        contype=PLANES,
-        pos=centre,
-        size=(*half_size, 1.0),
-        material=material,
-        **_GROUND,
-    )
-
-
-def _add_grid_material(spec: mujoco.MjSpec) -> None:
-    """Chequered material with squares of 1 mm, for scale."""
-    spec.add_texture(
-        name="ground_grid",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=(0.66, 0.68, 0.65),
-        rgb2=(0.52, 0.55, 0.54),
-        width=256,
-        height=256,
-    )
-    material = spec.add_material(name="ground_grid", specular=0.05, shininess=0.1)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground_grid"
-    # One picture holds 2 x 2 squares; of what it is told, MuJoCo lays half as many per mm.
-    material.texuniform = True
-    material.texrepeat = (1.0, 1.0)
-
-
-def _add_sky(spec: mujoco.MjSpec) -> None:
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.93, 0.95, 0.97),
-        rgb2=(0.62, 0.70, 0.78),
-        width=256,
-        height=1536,
-    )
+_FORMER_FIELDS: Final = ("height_range", "gap_range")
+"""Settings that records held of every terrain, whether it used them or not."""

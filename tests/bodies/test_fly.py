@@ -12,7 +12,7 @@ from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.fly import FlyConfig, build_fly, spawn_offset, stretch_pose
 from flyrl.bodies.table import BODY_NAMES, body_table, leg_collision
 from flyrl.resources import assets_folder
-from flyrl.terrains import SPAWN_CLEARANCE, TerrainConfig, add_terrain, base_height
+from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Flat, Mixed, add_terrain
 
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
 
@@ -42,7 +42,7 @@ def standing_on(terrain, name="current", seconds=0.1):
     for joint, angle in zip(JOINTS, stretch_pose(), strict=True):
         data.joint(joint).qpos = angle
     data.joint("root").qpos[:3] = spawn_offset(FlyConfig(name, symmetric=False))
-    data.joint("root").qpos[2] += base_height(terrain) + SPAWN_CLEARANCE
+    data.joint("root").qpos[2] += terrain.base_height + SPAWN_CLEARANCE
     step = recorded_step(name)
     middle = round(float(step["neutral_phase"]) / (2 * np.pi) * (step["angles"].shape[2] - 1))
     data.ctrl[:42] = step["angles"][:, :, middle].ravel()
@@ -312,7 +312,7 @@ def test_hulls_reach_as_far_as_the_meshes_they_stand_for():
 
 def test_only_legs_and_ground_can_touch():
     spec = build_fly(FlyConfig("current", symmetric=False))
-    add_terrain(spec, TerrainConfig("mixed"))
+    add_terrain(spec, Mixed())
     model = spec.compile()
     names = np.array([model.geom(index).name for index in range(model.ngeom)])
     ground = np.char.startswith(names, "ground_")
@@ -333,7 +333,7 @@ def test_contact_figures_are_those_of_the_leg(surface, terrain):
     )
     contact = ContactConfig(**{surface: given})
     spec = build_fly(FlyConfig("current", symmetric=False), contact, visual=False)
-    add_terrain(spec, TerrainConfig(terrain))
+    add_terrain(spec, TERRAINS[terrain])
     model = spec.compile()
     data = mujoco.MjData(model)
     data.joint("root").qpos[2] = 0.5
@@ -355,7 +355,7 @@ def test_only_the_named_segments_have_a_shape_for_planes():
 
 def test_default_contact_is_the_literatures():
     spec = build_fly(visual=False)
-    add_terrain(spec, TerrainConfig("flat"))
+    add_terrain(spec, Flat())
     model = spec.compile()
     data = mujoco.MjData(model)
     data.joint("root").qpos[2] = 0.5
@@ -371,7 +371,7 @@ def test_default_contact_is_the_literatures():
 
 
 def test_the_fly_stands_on_its_six_leg_tips():
-    model, data = standing_on(TerrainConfig("flat"))
+    model, data = standing_on(Flat())
     assert touching(model, data) == {f"{leg}Tarsus5" for leg in LEGS}
     assert data.body("Thorax").xmat[8] > 0.99
     assert data.body("Thorax").xpos[2] == pytest.approx(1.05, abs=0.03)
@@ -381,11 +381,11 @@ def test_the_fly_stands_on_its_six_leg_tips():
 
 @pytest.mark.parametrize("terrain", ["gapped", "blocks", "mixed"])
 def test_the_fly_stands_on_rough_ground(terrain):
-    config = TerrainConfig(terrain)
+    config = TERRAINS[terrain]
     model, data = standing_on(config)
     assert touching(model, data)
     assert data.body("Thorax").xmat[8] > 0.9
-    assert 0.9 < data.body("Thorax").xpos[2] - base_height(config) < 1.8
+    assert 0.9 < data.body("Thorax").xpos[2] - config.base_height < 1.8
     assert not any(warning.number for warning in data.warning)
 
 

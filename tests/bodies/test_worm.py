@@ -9,7 +9,7 @@ import pytest
 
 from flyrl.bodies.worm import CRAWLING_ROOT, DEMONSTRATION, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
-from flyrl.terrains import TerrainConfig, add_terrain
+from flyrl.terrains import Flat, add_terrain
 
 
 def step(creature, seconds):
@@ -20,7 +20,7 @@ def step(creature, seconds):
 
 def on_the_ground(config):
     spec = build_worm(config)
-    add_terrain(spec, TerrainConfig("flat"))
+    add_terrain(spec, Flat())
     return load_creature(spec)
 
 

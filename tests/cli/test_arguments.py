@@ -57,7 +57,7 @@ def test_what_cannot_be_meant(argument, message):
         ["algo=sac", "algo.tau=0.01"],
         ["algo=recurrent_ppo", "algo.lstm_hidden_size=32", "algo.normalize_observation=true"],
         ["experiment=main", "training.num_envs=8"],
-        ["terrain.height_range=[0.15,0.45]"],
+        ["terrain=blocks", "terrain.height_range=[0.15,0.45]"],
         ["-m", "seed=range(5)", "algo=ppo,sac"],
         ["hydra.run.dir=elsewhere"],
         ["--cfg", "job"],

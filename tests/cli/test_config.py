@@ -282,8 +282,8 @@ def test_a_config_from_before_randomisation_has_none():
             r"algo\.name must be one of 'ppo', .*, got 'td4'; did you mean 'td3'",
         ),
         (
-            ["+terrain.hight=3"],
-            r"there is no key 'terrain\.hight'; did you mean 'terrain\.height_range'.",
+            ["terrain=blocks", "+terrain.hight_range=[0,1]"],
+            r"terrain has no 'hight_range'; did you mean 'height_range'.",
         ),
         (["seed=x"], "seed must be a whole number, got 'x'"),
         (["task.name=tarket"], "'tarket'"),

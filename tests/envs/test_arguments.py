@@ -10,10 +10,10 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"terrain": 5}, "terrain must be a TerrainConfig or one of 'flat', .* got 5"),
-        ({"terrain": None}, "terrain must be a TerrainConfig or one of .* got None"),
-        ({"terrain": {}}, "terrain must be a TerrainConfig or one of .* got {}"),
-        ({"terrain": {"nam": "flat"}}, "terrain has no 'nam'; did you mean 'name'"),
+        ({"terrain": 5}, "terrain must be a Terrain or the name of one, got 5"),
+        ({"terrain": None}, "terrain must be a Terrain or the name of one, got None"),
+        ({"terrain": {}}, "terrain.name must be text, got None"),
+        ({"terrain": {"name": "gapped", "gap_rang": (0, 1)}}, "no 'gap_rang'; did you mean"),
         ({"terrain": "gaped"}, "terrain must be one of .* did you mean 'gapped'"),
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
         ({"physics": 5}, "physics must be a PhysicsConfig or one of .* got 5"),

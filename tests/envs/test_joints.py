@@ -10,7 +10,7 @@ from flyrl import PreprogrammedSteps
 from flyrl.bodies.fly import FLIES
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import FLY_PRESETS
-from flyrl.terrains import TERRAIN_NAMES
+from flyrl.terrains import KINDS
 from tests.envs.test_gymnasium import warnings_of
 
 POSE = PreprogrammedSteps().default_pose
@@ -74,7 +74,7 @@ def test_a_batch_has_the_bits_of_single_environments() -> None:
         )
 
 
-@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("terrain", KINDS)
 @pytest.mark.parametrize("physics", FLY_PRESETS)
 @pytest.mark.parametrize("body", FLIES)
 def test_a_fly_that_is_told_its_pose_stands_on_every_ground(terrain, physics, body) -> None:

@@ -5,7 +5,7 @@ import pytest
 from flyrl.evaluation import EvaluationConfig
 from flyrl.evaluation.config import FIRST_SEED, MAX_EPISODES, MAX_SEED
 from flyrl.tasks import TASKS
-from flyrl.terrains import TERRAINS, TerrainConfig
+from flyrl.terrains import TERRAINS, Blocks, Flat
 
 
 def test_no_two_seeds_share_an_episode():
@@ -28,14 +28,14 @@ def test_the_last_seed_is_still_a_seed():
 
 
 def test_more_episodes_begin_with_the_same_ones():
-    few = EvaluationConfig(episodes=3).draw_episodes(TerrainConfig())
-    assert EvaluationConfig(episodes=5).draw_episodes(TerrainConfig())[:3] == list(few)
+    few = EvaluationConfig(episodes=3).draw_episodes(Flat())
+    assert EvaluationConfig(episodes=5).draw_episodes(Flat())[:3] == list(few)
 
 
 def test_terrains_by_name_and_by_config():
-    blocks = TerrainConfig("blocks", height_range=(0.1, 0.4))
+    blocks = Blocks(height_range=(0.1, 0.4))
     config = EvaluationConfig(terrains=("flat", blocks, "random_blocks"))
-    assert config.terrain_configs == (TerrainConfig("flat"), blocks, TERRAINS["random_blocks"])
+    assert config.terrain_configs == (Flat(), blocks, TERRAINS["random_blocks"])
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_terrains_by_name_and_by_config():
     [
         ({"policies": (), "controllers": ()}, "policies or controllers"),
         ({"terrains": ()}, "terrains"),
-        ({"terrains": ("flat", TerrainConfig("flat", seed=1))}, "terrains must differ"),
+        ({"terrains": ("flat", Flat(seed=1))}, "terrains must differ"),
         ({"terrains": ("lava",)}, "lava"),
         ({"episodes": 0}, "episodes"),
         ({"episodes": MAX_EPISODES + 1}, "episodes"),
@@ -62,7 +62,7 @@ def test_terrains_by_name_and_by_config():
         ({"episodes": 2.5}, "episodes must be a whole number"),
         ({"controllers": "hybrid"}, "controllers must be a tuple"),
         ({"policies": (5,)}, r"policies\[0\] must be text"),
-        ({"terrains": (5,)}, r"terrains\[0\] must be text or a TerrainConfig"),
+        ({"terrains": (5,)}, r"terrains\[0\] must be text or a Terrain"),
         ({"film": (0.5,)}, r"film\[0\] must be a whole number"),
         ({"trust_pickles": "no"}, "trust_pickles must be True or False"),
         ({"vary": ["push"]}, "vary must be a Mapping"),

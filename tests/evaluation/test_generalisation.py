@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.generalisation import generalisation, is_same_ground
-from flyrl.terrains import TERRAINS, TerrainConfig
+from flyrl.terrains import TERRAINS, Blocks, Flat
 
 FLAT, BLOCKS = TERRAINS["flat"], TERRAINS["blocks"]
 
@@ -136,18 +136,19 @@ def test_a_policy_of_unknown_terrain_is_left_out(changes):
 @pytest.mark.parametrize(
     ("one", "other", "same"),
     [
-        (FLAT, TerrainConfig("flat", seed=3), True),  # nothing is drawn
-        (BLOCKS, TerrainConfig("blocks", gap_range=(0.1, 0.2)), True),  # blocks have no gaps
-        (BLOCKS, TerrainConfig("blocks", height_range=(0.3, 0.3)), False),
+        (FLAT, Flat(seed=3), True),  # nothing is drawn
+        (BLOCKS, Blocks(seed=3), True),  # nothing is drawn either
+        (BLOCKS, Blocks(half_width=30.0), False),
+        (BLOCKS, Blocks(height_range=(0.3, 0.3)), False),
         (TERRAINS["random_blocks"], BLOCKS, False),
         (
             TERRAINS["random_blocks"],
-            TerrainConfig("blocks", seed=5, height_range=(0.15, 0.45), random=True),
+            Blocks(seed=5, height_range=(0.15, 0.45), random=True),
             True,
         ),
         (
-            TerrainConfig("blocks", seed=4, height_range=(0.15, 0.45)),
-            TerrainConfig("blocks", seed=5, height_range=(0.15, 0.45)),
+            Blocks(seed=4, height_range=(0.15, 0.45)),
+            Blocks(seed=5, height_range=(0.15, 0.45)),
             False,
         ),
     ],

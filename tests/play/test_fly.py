@@ -358,7 +358,7 @@ def test_the_panel_tells_of_legs_and_rewards(fly):
         assert whole == pytest.approx(progress + success + time, abs=2e-3)
     options = {choice.name: choice.options for choice in widgets(fly, Choice)}
     assert options["steering"] == ("by hand", "pursuit", "target-flat")
-    assert options["terrain"] == ("flat", "gapped", "blocks", "mixed")
+    assert options["terrain"] == ("flat", "gapped", "blocks", "mixed", "hills", "slope")
 
 
 def test_all_muscles_are_on_the_panel(strong):

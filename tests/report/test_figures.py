@@ -18,7 +18,7 @@ from flyrl.report.figures import (
 )
 from flyrl.report.palette import colours
 from flyrl.report.paths import Walk, aligned_figure, ground_figure
-from flyrl.terrains import TerrainConfig, terrain_boxes
+from flyrl.terrains import Gapped
 from tests.synthetic import HORIZON_S, make_results, walk
 
 NAMES = ("target-ppo", "cpg", "hybrid", "zero")
@@ -31,7 +31,7 @@ def results():
 
 @pytest.fixture(scope="module")
 def figures(results):
-    gapped = TerrainConfig("gapped")
+    gapped = Gapped()
 
     def walks(terrain):
         records = {name: [walk(name, terrain, i) for i in range(4)] for name in NAMES}
@@ -47,7 +47,7 @@ def figures(results):
         ),
         "paired": paired_figure(results.episodes, results.summary, "flat", HORIZON_S),
         "aligned": aligned_figure(walks("flat"), "flat"),
-        "ground": ground_figure(walks("gapped"), gapped, terrain_boxes(gapped)),
+        "ground": ground_figure(walks("gapped"), gapped, gapped.compiled()),
     }
 
 

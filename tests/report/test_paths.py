@@ -7,10 +7,10 @@ import pytest
 from flyrl.evaluation.trajectories import Trajectory
 from flyrl.report.paths import Walk, aligned, ground_figure, paths_section, shown
 from flyrl.tasks import Episode
-from flyrl.terrains import Bounds, TerrainConfig, terrain_bounds, terrain_boxes
+from flyrl.terrains import Bounds, Flat, Gapped
 
-GAPPED = TerrainConfig("gapped")
-RANDOM = TerrainConfig("gapped", gap_range=(0.1, 0.5), random=True)
+GAPPED = Gapped()
+RANDOM = Gapped(gap_range=(0.1, 0.5), random=True)
 EPISODES = [Episode(seed, (0.0, 0.0, 1.5), 0.0, (), (0.0,) * 6, (0.0,) * 6) for seed in (7, 8)]
 
 
@@ -62,21 +62,21 @@ def attributes(text):
 
 def test_the_view_holds_paths_and_goals():
     given = walks((0, 0), (10, 4), goal=(12, 7))
-    assert shown(given, terrain_bounds(GAPPED)) == Bounds(-2, 14, -2, 9)
+    assert shown(given, GAPPED.bounds) == Bounds(-2, 14, -2, 9)
 
 
 def test_the_view_ends_where_the_ground_ends():
     given = walks((0, 0), (80, -90))
-    assert shown(given, terrain_bounds(GAPPED)) == Bounds(-2, 27, -22, 2)
+    assert shown(given, GAPPED.bounds) == Bounds(-2, 27, -22, 2)
 
 
 def test_a_fly_that_stays_is_shown_with_its_surroundings():
     given = walks((1, 1), (1, 1))
-    assert shown(given, terrain_bounds(GAPPED)) == Bounds(-3, 5, -3, 5)
+    assert shown(given, GAPPED.bounds) == Bounds(-3, 5, -3, 5)
 
 
 def test_ground_and_paths_lie_on_one_another():
-    svg = ground_figure(walks((0, 0), (10, 4)), GAPPED, terrain_boxes(GAPPED))
+    svg = ground_figure(walks((0, 0), (10, 4)), GAPPED, GAPPED.compiled())
     x_min, y_min, width, height = map(float, re.search(r'viewBox="(-[^"]*)"', svg)[1].split())
     panels = svg.split('<g id="trajectories-gapped-panel-')[1:]
     assert len(panels) == 2
@@ -118,7 +118,7 @@ def test_random_ground_without_its_episodes_is_not_drawn():
 
 
 def test_flat_ground_has_nothing_to_draw():
-    found = section(TerrainConfig(), walks((0, 0), (10, 4)))
+    found = section(Flat(), walks((0, 0), (10, 4)))
     assert found["ground"] == "none"
     assert "<symbol" not in found["figure"]
 

@@ -9,7 +9,7 @@ from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.rollouts import num_decisions, run_episodes
 from flyrl.tasks import TASKS, ErrorTerm, Termination
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Flat
 
 # Ends after 0.02, 0.04 … s, as the seed says, or after 0.1 s.
 INTERVAL_S, LIMIT_S = 0.02, 0.1
@@ -52,7 +52,7 @@ def counting_policy():
 
 def countdown(decisions):
     """An episode that ends with success after so many decisions."""
-    episode = TASK.sample_episode(TerrainConfig(), decisions)
+    episode = TASK.sample_episode(Flat(), decisions)
     return dataclasses.replace(episode, goal=(float(decisions), 0.0))
 
 

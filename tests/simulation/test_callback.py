@@ -19,7 +19,7 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.layout import layout
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import TERRAINS
 
 
 def make_batch(
@@ -27,7 +27,7 @@ def make_batch(
 ) -> FlyBatch:
     config = SceneConfig(
         body=FlyConfig(name=body),
-        terrain=TerrainConfig(name=terrain),
+        terrain=TERRAINS[terrain],
         controller=CONTROLLERS[controller](),
         physics=PhysicsConfig(timestep=2e-4, contact=ContactConfig()),
     )

@@ -5,16 +5,10 @@ import numpy as np
 import pytest
 
 from flyrl.anatomy import CONTACT_SEGMENTS, LEGS
-from flyrl.simulation.marks import Trace, add_marks, force_arrows, top_below
-from flyrl.terrains import Boxes
+from flyrl.simulation.marks import Trace, add_marks, force_arrows
+from flyrl.terrains import Flat, Mixed
 
-STEPS = Boxes(
-    centres=np.array([[0.0, 0.0, -0.5], [2.0, 0.0, -0.3]]),
-    half_sizes=np.array([[0.5, 1.0, 0.5], [0.5, 1.0, 0.5]]),
-)
-"""Two boxes, 0 and 0.2 mm high, with a gap from x = 0.5 to 1.5."""
-
-NONE = Boxes(np.zeros((0, 3)), np.zeros((0, 3)))
+FLAT = Flat()
 
 
 def test_an_arrow_is_as_long_as_the_force_on_all_of_its_leg():
@@ -30,43 +24,40 @@ def test_an_arrow_is_as_long_as_the_force_on_all_of_its_leg():
     np.testing.assert_allclose(arrow.end, np.add(foot, (0.0, 0.0, 1.5)))
 
 
-@pytest.mark.parametrize(("x", "top"), [(0.0, 0.0), (2.4, 0.2), (1.0, None)])
-def test_the_ground_below_a_place_is_the_top_of_its_box(x, top):
-    assert top_below(STEPS, x, 0.3) == (None if top is None else pytest.approx(top))
-
-
-def heights(trace, boxes, places):
+def heights(terrain, places):
+    trace = Trace(terrain)
     for i, x in enumerate(places):
-        trace.add(0.1 * i, np.array([x, 0.0, 1.3]), boxes)
+        trace.add(0.1 * i, np.array([x, -19.35, 1.3]), terrain.draw(0))
     marks = trace.marks()
     return np.array([marks[0].start[2], *(mark.end[2] for mark in marks)])
 
 
 def test_a_trace_lies_on_the_ground_and_spans_gaps():
-    found = heights(Trace(7.0), STEPS, [0.0, 1.0, 2.0])
-    np.testing.assert_allclose(found - found[0], [0.0, 0.0, 0.2])
-    assert 0 < found[0] < 0.05
+    # a low block, a high one, a gap, and the slab beyond it
+    found = heights(Mixed(), [-2.05, -0.75, 0.55, 1.0])
+    np.testing.assert_allclose(found - found[0], [0.0, 0.35, 0.35, 0.35])
+    assert 0 < found[1] < 0.05
 
 
 def test_on_flat_ground_a_trace_lies_on_the_plane():
-    found = heights(Trace(0.0), NONE, [0.0, 1.0])
+    found = heights(FLAT, [0.0, 1.0])
     assert (found > 0).all()
     assert (found < 0.05).all()
 
 
 def test_a_trace_starts_anew_with_an_episode():
-    trace = Trace(0.0)
+    trace = Trace(FLAT)
     for time, x in ((0.0, 5.0), (0.1, 6.0), (0.0, 1.0), (0.1, 2.0)):
-        trace.add(time, np.array([x, 0.0, 1.3]), NONE)
+        trace.add(time, np.array([x, 0.0, 1.3]), FLAT.draw(0))
     assert [(mark.start[0], mark.end[0]) for mark in trace.marks()] == [(1.0, 2.0)]
 
 
 def test_marks_are_drawn_where_they_are_to_be_as_many_as_there_is_room_for():
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
     scene = mujoco.MjvScene(model, maxgeom=2)
-    trace = Trace(0.0)
+    trace = Trace(FLAT)
     for i, place in enumerate([(0.0, 0.0), (3.0, 4.0), (3.0, 5.0), (3.0, 6.0)]):
-        trace.add(0.1 * i, np.array([*place, 1.3]), NONE)
+        trace.add(0.1 * i, np.array([*place, 1.3]), FLAT.draw(0))
     add_marks(trace.marks(), scene)
     assert scene.ngeom == 2
     ribbon = scene.geoms[0]

@@ -5,7 +5,7 @@ import pytest
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.fly import build_fly
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
-from flyrl.terrains import TerrainConfig, add_terrain
+from flyrl.terrains import TERRAINS, add_terrain
 
 CONTACT = ContactConfig(
     plane=SurfaceContact(
@@ -20,7 +20,7 @@ CONTACT = ContactConfig(
 
 def fly_on(terrain):
     spec = build_fly(contact=CONTACT, visual=False)
-    add_terrain(spec, TerrainConfig(terrain))
+    add_terrain(spec, TERRAINS[terrain])
     return spec
 
 

@@ -9,14 +9,14 @@ from flyrl.tasks.heading import HEADING
 from flyrl.tasks.path import PATH
 from flyrl.tasks.target import TARGET
 from flyrl.tasks.velocity import VELOCITY
-from flyrl.terrains import TERRAIN_NAMES, TerrainConfig, terrain_bounds
+from flyrl.terrains import KINDS, TERRAINS, Flat
 from tests.tasks.test_terms import fly_state, task_state
 
 
-@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("terrain", KINDS)
 def test_targets_lie_5_to_15_mm_away_on_the_terrain(terrain: str) -> None:
-    config = TerrainConfig(name=terrain)
-    bounds = terrain_bounds(config)
+    config = TERRAINS[terrain]
+    bounds = config.bounds
     for seed in range(300):
         episode = TARGET.sample_episode(config, seed)
         x, y, _ = episode.spawn_position_w
@@ -29,7 +29,7 @@ def test_targets_lie_5_to_15_mm_away_on_the_terrain(terrain: str) -> None:
 
 
 def test_targets_lie_in_every_direction() -> None:
-    config = TerrainConfig()
+    config = Flat()
     bearings = [
         np.arctan2(
             episode.goal[1] - episode.spawn_position_w[1],
@@ -43,7 +43,7 @@ def test_targets_lie_in_every_direction() -> None:
 
 @pytest.mark.parametrize("name", TASKS)
 def test_an_episode_is_a_function_of_its_seed(name: str) -> None:
-    task, config = TASKS[name], TerrainConfig()
+    task, config = TASKS[name], Flat()
     assert task.sample_episode(config, 5) == task.sample_episode(config, 5)
     assert task.sample_episode(config, 5) != task.sample_episode(config, 6)
 
@@ -72,10 +72,10 @@ def test_slices_cover_the_observation_once() -> None:
     assert TARGET.slices()["target_distance"] == slice(2, 3)
 
 
-@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("terrain", KINDS)
 def test_paths_are_smooth_start_at_the_fly_and_stay_on_the_terrain(terrain: str) -> None:
-    config = TerrainConfig(name=terrain)
-    bounds = terrain_bounds(config)
+    config = TERRAINS[terrain]
+    bounds = config.bounds
     for seed in range(50):
         episode = PATH.sample_episode(config, seed)
         path = np.array(episode.command).reshape(-1, 2)
@@ -90,13 +90,13 @@ def test_paths_are_smooth_start_at_the_fly_and_stay_on_the_terrain(terrain: str)
 
 
 def test_headings_lie_in_every_direction() -> None:
-    headings = [HEADING.sample_episode(TerrainConfig(), seed).command[0] for seed in range(400)]
+    headings = [HEADING.sample_episode(Flat(), seed).command[0] for seed in range(400)]
     counts, _ = np.histogram(headings, bins=8, range=(-np.pi, np.pi))
     assert counts.min() > 25
 
 
 def test_a_fly_on_its_heading_is_pushed_twice_from_either_side() -> None:
-    pushes = np.array([HEADING.sample_episode(TerrainConfig(), seed).pushes for seed in range(200)])
+    pushes = np.array([HEADING.sample_episode(Flat(), seed).pushes for seed in range(200)])
     first, strength, second, other = pushes.T
     assert 1 <= first.min() < 1.1
     assert 1.9 < first.max() <= 2
@@ -109,7 +109,7 @@ def test_a_fly_on_its_heading_is_pushed_twice_from_either_side() -> None:
 
 
 def test_velocity_commands_lie_in_their_ranges() -> None:
-    commands = np.array([VELOCITY.sample_episode(TerrainConfig(), s).command for s in range(200)])
+    commands = np.array([VELOCITY.sample_episode(Flat(), s).command for s in range(200)])
     speeds, yaw_rates = commands.reshape(-1, 2).T
     assert 2 <= speeds.min() < 2.5
     assert 11.5 < speeds.max() <= 12
@@ -135,9 +135,9 @@ def test_a_path_counts_only_if_it_was_kept_to() -> None:
     assert success.holds(state).tolist() == [True, False]
 
 
-@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("terrain", KINDS)
 def test_the_easiest_episodes_lead_straight_ahead(terrain: str) -> None:
-    config = TerrainConfig(name=terrain)
+    config = TERRAINS[terrain]
     for seed in range(30):
         target = TARGET.sample_episode(config, seed, 0.0)
         x, y, _ = target.spawn_position_w
@@ -155,7 +155,7 @@ def test_the_easiest_episodes_lead_straight_ahead(terrain: str) -> None:
 
 
 def test_at_half_the_difficulty_ranges_are_half_as_wide() -> None:
-    config = TerrainConfig()
+    config = Flat()
 
     def bearing(episode: Episode, point: object) -> tuple[float, float]:
         x, y = np.subtract(point, episode.spawn_position_w[:2])
@@ -179,10 +179,10 @@ def test_at_half_the_difficulty_ranges_are_half_as_wide() -> None:
     assert 1.2 < np.abs(yaw_rates).max() <= 1.25
 
 
-@pytest.mark.parametrize("terrain", TERRAIN_NAMES)
+@pytest.mark.parametrize("terrain", KINDS)
 @pytest.mark.parametrize("name", TASKS)
 def test_an_episode_can_be_drawn_at_every_difficulty(name: str, terrain: str) -> None:
-    config = TerrainConfig(name=terrain)
+    config = TERRAINS[terrain]
     for difficulty in np.linspace(0, 1, 11):
         for seed in range(10):
             episode = TASKS[name].sample_episode(config, seed, float(difficulty))
@@ -191,5 +191,5 @@ def test_an_episode_can_be_drawn_at_every_difficulty(name: str, terrain: str) ->
 
 @pytest.mark.parametrize("name", TASKS)
 def test_a_task_says_whether_its_episodes_can_be_easier(name: str) -> None:
-    easy, usual = (TASKS[name].sample_episode(TerrainConfig(), 5, d) for d in (0.0, 1.0))
+    easy, usual = (TASKS[name].sample_episode(Flat(), 5, d) for d in (0.0, 1.0))
     assert (replace(easy, difficulty=1.0) != usual) == bool(TASKS[name].difficulty)

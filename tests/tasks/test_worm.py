@@ -9,9 +9,9 @@ from PIL import Image
 
 from flyrl.bodies.worm import CRAWLER, HANGER, WORMS
 from flyrl.tasks import TASK_NAMES, WORM_TASKS, Neurons, task_named
-from flyrl.terrains import TerrainConfig
+from flyrl.terrains import Flat
 
-FLAT = TerrainConfig()
+FLAT = Flat()
 NAMES = pytest.mark.parametrize("name", WORM_TASKS)
 
 

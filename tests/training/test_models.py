@@ -18,7 +18,6 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.tasks import TASKS
-from flyrl.terrains import terrain_bounds
 from flyrl.training.algorithms import ALGORITHMS, DDPGConfig, SACConfig, TD3Config
 from flyrl.training.checkpoint import (
     learner_state,
@@ -99,7 +98,7 @@ def other_env():
 def _at_the_edge(terrain, seed, difficulty=1.0):
     """An episode in which some flies leave the arena."""
     episode = TASKS["target_goal"].sample_episode(terrain, seed, difficulty)
-    edge = terrain_bounds(terrain).x_max - 0.2 * (1 + seed % 8)
+    edge = terrain.bounds.x_max - 0.2 * (1 + seed % 8)
     return dataclasses.replace(episode, spawn_position_w=(edge, *episode.spawn_position_w[1:]))
 
 

@@ -5,17 +5,14 @@ import numpy as np
 import pytest
 
 from flyrl.terrains import (
+    KINDS,
     SPAWN_CLEARANCE,
-    TERRAIN_NAMES,
     TERRAINS,
-    Bounds,
-    TerrainConfig,
+    Blocks,
+    Gapped,
+    Mixed,
     add_terrain,
-    base_height,
     box_colours,
-    draw_ground,
-    terrain_bounds,
-    terrain_boxes,
 )
 
 
@@ -41,29 +38,11 @@ def profile(config, y=0.1):
     return lambda x: pytest.approx(surface(model, x, y), abs=1e-9)
 
 
-# ------------------------------------------------------------------ flat
-
-
-def test_flat_is_one_plane_at_zero():
-    model = compiled(TerrainConfig("flat"))
-    assert model.ngeom == 1
-    assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
-    np.testing.assert_array_equal(model.geom_pos[0], 0)
-
-
-def test_flat_is_chequered_in_squares_of_a_millimetre():
-    model = compiled(TerrainConfig("flat"))
-    material = model.geom_matid[0]
-    # A picture of 2 x 2 squares; MuJoCo lays half as many pictures per mm as it is told.
-    assert model.mat_texuniform[material] == 1
-    np.testing.assert_array_equal(model.mat_texrepeat[material], [1.0, 1.0])
-
-
 # ------------------------------------------------------------------ gapped
 
 
 def test_gapped_has_slabs_of_1_mm_and_gaps_of_0_3_mm():
-    height = profile(TerrainConfig("gapped"))
+    height = profile(Gapped())
     # First slab -10 … -9, gap … -8.7, second slab … -7.7
     assert height(-9.99) == 1.0
     assert height(-9.01) == 1.0
@@ -76,7 +55,7 @@ def test_gapped_has_slabs_of_1_mm_and_gaps_of_0_3_mm():
 
 
 def test_gapped_slabs_are_27_and_2_mm_deep():
-    model = compiled(TerrainConfig("gapped"))
+    model = compiled(Gapped())
     slabs = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
     assert slabs.sum() == 27
     np.testing.assert_allclose(model.geom_size[slabs], [[0.5, 20, 1]] * 27)
@@ -89,7 +68,7 @@ def test_gapped_slabs_are_27_and_2_mm_deep():
 
 
 def test_blocks_alternate_in_height():
-    model = compiled(TerrainConfig("blocks"))
+    model = compiled(Blocks())
     corner = (-10 + 0.65, -20 + 0.65)
     heights = [
         [surface(model, corner[0] + 1.3 * column, corner[1] + 1.3 * row) for row in range(3)]
@@ -100,7 +79,7 @@ def test_blocks_alternate_in_height():
 
 
 def test_blocks_are_a_tenth_larger_than_their_pitch():
-    model = compiled(TerrainConfig("blocks"))
+    model = compiled(Blocks())
     np.testing.assert_allclose(model.geom_size[1:, :2], 1.3 * 1.1 / 2)
     # High blocks at the corner reach 0.065 over the edge at -8.7.
     y = -20 + 0.65
@@ -109,7 +88,7 @@ def test_blocks_are_a_tenth_larger_than_their_pitch():
 
 
 def test_blocks_are_27_columns_of_31():
-    boxes = terrain_boxes(TerrainConfig("blocks"))
+    boxes = Blocks().compiled().boxes
     # every other one is high; the low ones are one box
     assert len(boxes.centres) == 1 + math.ceil(27 * 31 / 2)
     assert boxes.centres[1:, 0].max() == pytest.approx(-10 + 26.5 * 1.3)
@@ -117,7 +96,7 @@ def test_blocks_are_27_columns_of_31():
 
 
 def test_low_blocks_cover_what_single_ones_would():
-    boxes = terrain_boxes(TerrainConfig("blocks"))
+    boxes = Blocks().compiled().boxes
     low_corner = (boxes.centres - boxes.half_sizes)[0]
     high_corner = (boxes.centres + boxes.half_sizes)[0]
     np.testing.assert_allclose(low_corner, [-10 - 0.065, -20 - 0.065, -1.3])
@@ -127,14 +106,14 @@ def test_low_blocks_cover_what_single_ones_would():
 
 
 def test_random_heights_stay_in_range():
-    tops = terrain_boxes(TerrainConfig("blocks", seed=3, height_range=(0.15, 0.45))).tops
+    tops = Blocks(seed=3, height_range=(0.15, 0.45)).compiled().boxes.tops
     assert tops[0] == pytest.approx(0.1)
     assert np.all((tops[1:] >= 0.25) & (tops[1:] <= 0.55))
     assert np.ptp(tops[1:]) > 0.25
 
 
 def test_random_heights_are_drawn_block_by_block_from_the_seed():
-    tops = terrain_boxes(TerrainConfig("blocks", seed=3, height_range=(0.15, 0.45))).tops
+    tops = Blocks(seed=3, height_range=(0.15, 0.45)).compiled().boxes.tops
     high = tops[~np.isclose(tops, 0.1)]
     rng = np.random.default_rng(3)
     np.testing.assert_allclose(high[:5], [0.1 + rng.uniform(0.15, 0.45) for _ in range(5)])
@@ -143,7 +122,7 @@ def test_random_heights_are_drawn_block_by_block_from_the_seed():
 @pytest.mark.parametrize("name", ["blocks", "mixed"])
 def test_a_seed_is_a_terrain(name):
     def heights(seed):
-        return terrain_boxes(TerrainConfig(name, seed, height_range=(0.15, 0.45))).tops
+        return KINDS[name](seed=seed, height_range=(0.15, 0.45)).compiled().boxes.tops
 
     np.testing.assert_array_equal(heights(5), heights(5))
     assert not np.array_equal(heights(5), heights(6))
@@ -153,7 +132,7 @@ def test_a_seed_is_a_terrain(name):
 
 
 def test_mixed_segment_from_end_to_end():
-    model = compiled(TerrainConfig("mixed"))
+    model = compiled(Mixed())
     y = -20 + 0.65  # middle of the first row
 
     def height(x):
@@ -177,8 +156,8 @@ def test_mixed_segment_from_end_to_end():
 
 
 def test_mixed_is_lowered_by_the_mean_height():
-    config = TerrainConfig("mixed", height_range=(0.1, 0.5))
-    boxes = terrain_boxes(config)
+    config = Mixed(height_range=(0.1, 0.5))
+    boxes = config.compiled().boxes
     # low: 0.1 - (0.1 + 0.3); high: 0.1 + U(0.1, 0.5) - (0.1 + 0.3)
     assert boxes.tops.min() == pytest.approx(-0.3)
     high = boxes.tops[np.isclose(boxes.half_sizes[:, 0], 0.715)]
@@ -186,19 +165,20 @@ def test_mixed_is_lowered_by_the_mean_height():
 
 
 def test_mixed_is_three_segments_of_47_high_blocks_a_low_one_and_3_slabs():
-    model = compiled(TerrainConfig("mixed"))
+    model = compiled(Mixed())
     assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).sum() == 3 * (47 + 1 + 3)
 
 
 def test_mixed_has_one_floor_at_minus_one():
-    model = compiled(TerrainConfig("mixed"))
+    model = compiled(Mixed())
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     np.testing.assert_array_equal(model.geom_pos[planes, 2], [-1.0])
 
 
 # ------------------------------------------------------------------ random
 
-ROUGH = {"height_range": (0.1, 0.5), "gap_range": (0.05, 0.6)}
+_HEIGHTS, _GAPS = {"height_range": (0.1, 0.5)}, {"gap_range": (0.05, 0.6)}
+ROUGH = {"gapped": _GAPS, "blocks": _HEIGHTS, "mixed": {**_HEIGHTS, **_GAPS}}
 
 
 def slabs(name, boxes):
@@ -209,7 +189,7 @@ def slabs(name, boxes):
 
 
 def test_random_gaps_keep_their_middles():
-    starts, ends = slabs("gapped", terrain_boxes(TerrainConfig("gapped", 3, **ROUGH)))
+    starts, ends = slabs("gapped", Gapped(seed=3, **ROUGH["gapped"]).compiled().boxes)
     widths = np.random.default_rng(3).uniform(0.05, 0.6, size=26)
     np.testing.assert_allclose(starts[1:] - ends[:-1], widths)
     np.testing.assert_allclose((starts[1:] + ends[:-1]) / 2, -8.85 + 1.3 * np.arange(26))
@@ -218,7 +198,7 @@ def test_random_gaps_keep_their_middles():
 
 
 def test_random_gaps_of_mixed_ground_are_drawn_after_the_heights():
-    boxes = terrain_boxes(TerrainConfig("mixed", 3, **ROUGH))
+    boxes = Mixed(seed=3, **ROUGH["mixed"]).compiled().boxes
     starts, ends = slabs("mixed", boxes)
     rng = np.random.default_rng(3)
     heights = rng.uniform(0.1, 0.5, size=3 * 47)
@@ -231,7 +211,7 @@ def test_random_gaps_of_mixed_ground_are_drawn_after_the_heights():
 
 def test_difficulty_scales_heights_and_gaps():
     config = TERRAINS["random_mixed"]
-    hard, half = draw_ground(config, 7), draw_ground(config, 7, difficulty=0.5)
+    hard, half = config.draw(7).boxes, config.draw(7, difficulty=0.5).boxes
     np.testing.assert_allclose(half.tops, hard.tops / 2, atol=1e-12)
     for ground, factor in ((hard, 1.0), (half, 0.5)):
         starts, ends = slabs("mixed", ground)
@@ -245,8 +225,8 @@ def test_difficulty_scales_heights_and_gaps():
 @pytest.mark.parametrize("name", ["gapped", "blocks", "mixed"])
 def test_without_difficulty_the_ground_is_level(name):
     config = TERRAINS[f"random_{name}"]
-    ground = draw_ground(config, 7, difficulty=0.0)
-    np.testing.assert_allclose(ground.tops, base_height(config), atol=1e-12)
+    ground = config.draw(7, difficulty=0.0).boxes
+    np.testing.assert_allclose(ground.tops, config.base_height, atol=1e-12)
     if name != "blocks":
         starts, ends = slabs(name, ground)
         np.testing.assert_allclose(starts[1:], ends[:-1], atol=1e-12)
@@ -255,16 +235,16 @@ def test_without_difficulty_the_ground_is_level(name):
 @pytest.mark.parametrize("difficulty", [-0.1, 1.1, float("nan")])
 def test_difficulty_is_a_share(difficulty):
     with pytest.raises(ValueError, match="difficulty must lie within 0 and 1"):
-        draw_ground(TERRAINS["random_blocks"], 0, difficulty)
+        TERRAINS["random_blocks"].draw(0, difficulty)
 
 
 @pytest.mark.parametrize("name", ["gapped", "blocks", "mixed"])
 def test_random_ground_is_compiled_large_enough(name):
-    config = TerrainConfig(name, random=True, **ROUGH)
-    compiled = terrain_boxes(config)
+    config = KINDS[name](random=True, **ROUGH[name])
+    compiled = config.compiled().boxes
     lowest, highest = compiled.centres - compiled.half_sizes, compiled.centres + compiled.half_sizes
     for seed in range(30):
-        ground = draw_ground(config, seed, difficulty=(0.0, 0.4, 1.0)[seed % 3])
+        ground = config.draw(seed, difficulty=(0.0, 0.4, 1.0)[seed % 3]).boxes
         assert np.all(ground.half_sizes > 0)
         assert np.all(ground.half_sizes <= compiled.half_sizes + 1e-12)
         assert np.all(ground.centres - ground.half_sizes >= lowest - 1e-12)
@@ -272,8 +252,8 @@ def test_random_ground_is_compiled_large_enough(name):
 
 
 def test_the_seed_of_a_fixed_ground_draws_the_same_ground():
-    fixed, drawn = TerrainConfig("mixed", 9, **ROUGH), TerrainConfig("mixed", random=True, **ROUGH)
-    one, other = terrain_boxes(fixed), draw_ground(drawn, 9)
+    fixed, drawn = Mixed(seed=9, **ROUGH["mixed"]), Mixed(random=True, **ROUGH["mixed"])
+    one, other = fixed.compiled().boxes, drawn.draw(9).boxes
     np.testing.assert_array_equal(one.centres, other.centres)
     np.testing.assert_array_equal(one.half_sizes, other.half_sizes)
 
@@ -283,7 +263,7 @@ def test_labels_are_the_names():
 
 
 def test_boxes_get_lighter_with_height():
-    boxes = terrain_boxes(TerrainConfig("blocks", 3, (0.15, 0.45)))
+    boxes = Blocks(seed=3, height_range=(0.15, 0.45)).compiled().boxes
     brightness = box_colours(boxes)[np.argsort(boxes.tops), :3].sum(axis=1)
     assert np.all(np.diff(brightness) > 0)
     np.testing.assert_array_equal(box_colours(boxes)[:, 3], 1.0)
@@ -292,9 +272,9 @@ def test_boxes_get_lighter_with_height():
 # ------------------------------------------------------------------ all
 
 
-@pytest.mark.parametrize("name", TERRAIN_NAMES)
+@pytest.mark.parametrize("name", KINDS)
 def test_ground_geoms_are_slippery_and_touchable_as_specified(name):
-    model = compiled(TerrainConfig(name))
+    model = compiled(TERRAINS[name])
     assert all(model.geom(index).name.startswith("ground") for index in range(model.ngeom))
     np.testing.assert_array_equal(model.geom_friction, [[1, 0.005, 0.0001]] * model.ngeom)
     is_plane = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
@@ -305,50 +285,54 @@ def test_ground_geoms_are_slippery_and_touchable_as_specified(name):
 
 def test_spawn_heights():
     assert SPAWN_CLEARANCE == 0.5
-    bases = {name: base_height(TerrainConfig(name)) for name in TERRAIN_NAMES}
-    assert bases == {"flat": 0.0, "gapped": 1.0, "blocks": 0.1, "mixed": 0.0}
+    bases = {name: TERRAINS[name].base_height for name in ("gapped", "blocks", "mixed")}
+    assert bases == {"gapped": 1.0, "blocks": 0.1, "mixed": 0.0}
 
 
 @pytest.mark.parametrize(
-    ("name", "expected"),
+    ("terrain", "expected"),
     [
-        ("flat", Bounds(-100, 100, -100, 100)),
-        ("gapped", Bounds(-10, 25, -20, 20)),
-        ("blocks", Bounds(-10, 25, -20, 20)),
-        ("mixed", Bounds(-4, 23, -20, 20)),
+        (Gapped(), (-10, 25, -20, 20)),
+        (Blocks(), (-10, 25, -20, 20)),
+        (Mixed(), (-4, 23, -20, 20)),
+        (Gapped(x_range=(-30, 40), half_width=30), (-30, 40, -30, 30)),
+        (Mixed(segments=5), (-4, 41, -20, 20)),
     ],
 )
-def test_bounds(name, expected):
-    assert terrain_bounds(TerrainConfig(name)) == expected
+def test_bounds(terrain, expected):
+    bounds = terrain.bounds
+    assert (bounds.x_min, bounds.x_max, bounds.y_min, bounds.y_max) == expected
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("terrain", "x"),
+    [(Blocks(x_range=(-30, 40)), (-29, 39)), (Mixed(segments=5), (-3, 40))],
+)
+def test_larger_ground_is_there_to_its_ends(terrain, x):
+    model = compiled(terrain)
+    heights = [surface(model, each, 0.0) for each in x]
+    assert min(heights) > -0.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "message"),
     [
-        ({"name": "hills"}, "terrain.name must be one of 'flat', .*'mixed', got 'hills'"),
-        ({"seed": -1}, "terrain.seed must be a whole number .*, got -1"),
-        ({"seed": 1.5}, "seed must be .*, got 1.5"),
         (
+            Blocks,
             {"height_range": (0.4, 0.2)},
             r"height_range must be \(least, .* got \(0.4, 0.2\)",
         ),
-        (
-            {"height_range": (-0.1, 0.2)},
-            r"height_range\[0\] must be .* from 0 to 100, got",
-        ),
-        ({"height_range": (0.1, float("nan"))}, r"height_range\[1\] must be .*, got nan"),
-        ({"height_range": (0.1,)}, r"height_range must be a tuple of 2, got \(0\.1,\)"),
-        ({"gap_range": (0.4, 0.2)}, r"gap_range must be \(least, greatest\), got \(0.4, 0.2\)"),
-        (
-            {"gap_range": (0.1, 1.2)},
-            r"gap_range\[1\] must be .* from 0 to 1, got 1\.2",
-        ),
-        ({"random": True}, "flat ground has no heights or gaps to draw"),
-        ({"name": "blocks", "random": True, "gap_range": (0.1, 0.2)}, "as long as height_range is"),
-        ({"name": "gapped", "random": True, "height_range": (0.1, 0.2)}, "as long as gap_range is"),
-        ({"name": "mixed", "random": True}, "height_range or gap_range is a single value"),
+        (Blocks, {"height_range": (-0.1, 0.2)}, r"height_range\[0\] must be .* from 0 to 100, got"),
+        (Mixed, {"height_range": (0.1, float("nan"))}, r"height_range\[1\] must be .*, got nan"),
+        (Mixed, {"height_range": (0.1,)}, r"height_range must be a tuple of 2, got \(0\.1,\)"),
+        (Gapped, {"gap_range": (0.4, 0.2)}, r"gap_range must be \(least, greatest\), got \(0.4, 0"),
+        (Gapped, {"gap_range": (0.1, 1.2)}, r"gap_range\[1\] must be .* from 0 to 1, got 1\.2"),
+        (Gapped, {"x_range": (5.0, 4.0)}, r"x_range must be \(least, greatest\), got \(5.0, 4.0\)"),
+        (Blocks, {"random": True}, "as long as height_range is a single value"),
+        (Gapped, {"random": True}, "as long as gap_range is a single value"),
+        (Mixed, {"random": True}, "height_range or gap_range is a single value"),
     ],
 )
-def test_bad_settings_are_named(arguments, message):
+def test_bad_settings_are_named(kind, arguments, message):
     with pytest.raises(ValueError, match=message):
-        TerrainConfig(**arguments)
+        kind(**arguments)

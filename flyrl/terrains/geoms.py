@@ -1,0 +1,153 @@
+"""Ground as geoms of MuJoCo."""
+
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from flyrl.bodies.fly import BOXES, PLANES
+from flyrl.terrains.terrain import Array, Bounds, Boxes, Heights, Terrain
+
+GROUND_FRICTION: Final = (1.0, 0.005, 0.0001)
+"""Sliding, torsional (mm), rolling (mm)."""
+
+FLAT_GROUND: Final = "ground"
+"""Name of the plane where there is nothing but that."""
+
+HEIGHT_FIELD: Final = "ground_heights"
+
+_GROUND: Final = {
+    "conaffinity": 0,
+    "group": 0,
+    "friction": GROUND_FRICTION,
+}
+
+
+def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
+    """Add the ground, its materials and a sky to `spec`.
+
+    Ground geoms are called `ground_…` and have contype `bodies.fly.PLANES` or `BOXES`, conaffinity
+    0: they touch what asks to be touched, and not each other. The boxes of `terrain.compiled` are
+    `ground_0`, `ground_1`, … with consecutive ids.
+    """
+    _add_sky(spec)
+    ground, heights, bounds = terrain.compiled(), terrain.heights(), terrain.bounds
+    boxes = ground.boxes
+    if len(boxes.centres):
+        _add_boxes(spec, boxes)
+    if heights is not None:
+        _add_heights(spec, heights, ground.shift)
+    if terrain.floor is None:
+        return
+    if len(boxes.centres) or heights is not None:
+        spec.add_material(name="ground_floor", rgba=(0.20, 0.21, 0.24, 1), specular=0.0)
+        _add_plane(spec, "ground_floor", terrain.floor, bounds, "ground_floor")
+    else:
+        _add_grid_material(spec)
+        _add_plane(spec, FLAT_GROUND, terrain.floor, bounds, "ground_grid")
+
+
+def box_colours(boxes: Boxes) -> Array:
+    """Grey-greens that get lighter with height, RGBA (n, 4).
+
+    Where all boxes are level, neighbours alternate.
+    """
+    low, high = boxes.tops.min(), boxes.tops.max()
+    shares = (boxes.tops - low) / (high - low) if high > low else np.arange(len(boxes.tops)) % 2.0
+    dark, light = np.array([0.33, 0.37, 0.36]), np.array([0.72, 0.73, 0.66])
+    return np.insert(dark + (light - dark) * shares[:, None], 3, 1.0, axis=1)
+
+
+def _add_boxes(spec: mujoco.MjSpec, boxes: Boxes) -> None:
+    spec.add_material(name="ground_block", specular=0.05, shininess=0.1)
+    colours = box_colours(boxes)
+    for index, (centre, half_size) in enumerate(zip(boxes.centres, boxes.half_sizes, strict=True)):
+        spec.worldbody.add_geom(
+            name=f"ground_{index}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre,
+            size=half_size,
+            material="ground_block",
+            rgba=colours[index],
+            contype=BOXES,
+            **_GROUND,
+        )
+    if _overlap(boxes):
+        # Where level boxes overlap, MuJoCo's shadow pass lights their faces twice.
+        for light in spec.lights:
+            light.castshadow = False
+
+
+def _overlap(boxes: Boxes) -> bool:
+    """Whether the first box lies under another one, seen from above."""
+    apart = np.abs(boxes.centres[1:, :2] - boxes.centres[0, :2])
+    return bool((apart < boxes.half_sizes[1:, :2] + boxes.half_sizes[0, :2]).all(axis=1).any())
+
+
+def _add_heights(spec: mujoco.MjSpec, heights: Heights, shift: tuple[float, float, float]) -> None:
+    low, high = heights.values.min(), heights.values.max()
+    rows, columns = heights.values.shape
+    spec.add_hfield(
+        name=HEIGHT_FIELD,
+        nrow=rows,
+        ncol=columns,
+        # what is below the lowest place is solid, too
+        size=(*heights.half_extent, max(high - low, 1e-6), 2.0),
+        userdata=((heights.values - low) / max(high - low, 1e-6)).ravel(),
+    )
+    spec.add_material(name=HEIGHT_FIELD, rgba=(0.52, 0.55, 0.5, 1), specular=0.05, shininess=0.1)
+    spec.worldbody.add_geom(
+        name=HEIGHT_FIELD,
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname=HEIGHT_FIELD,
+        pos=(shift[0], shift[1], shift[2] + low),
+        material=HEIGHT_FIELD,
+        contype=BOXES,
+        **_GROUND,
+    )
+
+
+def _add_plane(
+    spec: mujoco.MjSpec, name: str, height: float, bounds: Bounds, material: str
+) -> None:
+    """A plane; it is drawn as far as there is ground, and touched everywhere."""
+    middle = (bounds.x_min + bounds.x_max) / 2, (bounds.y_min + bounds.y_max) / 2
+    spec.worldbody.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        contype=PLANES,
+        pos=(*middle, height),
+        size=(bounds.x_max - middle[0], bounds.y_max - middle[1], 1.0),
+        material=material,
+        **_GROUND,
+    )
+
+
+def _add_grid_material(spec: mujoco.MjSpec) -> None:
+    """Chequered material with squares of 1 mm, for scale."""
+    spec.add_texture(
+        name="ground_grid",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=(0.66, 0.68, 0.65),
+        rgb2=(0.52, 0.55, 0.54),
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name="ground_grid", specular=0.05, shininess=0.1)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground_grid"
+    # One picture holds 2 x 2 squares; of what it is told, MuJoCo lays half as many per mm.
+    material.texuniform = True
+    material.texrepeat = (1.0, 1.0)
+
+
+def _add_sky(spec: mujoco.MjSpec) -> None:
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.93, 0.95, 0.97),
+        rgb2=(0.62, 0.70, 0.78),
+        width=256,
+        height=1536,
+    )

@@ -1,0 +1,105 @@
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.terrains import Flat, Slope, add_terrain
+
+
+def compiled(config):
+    spec = mujoco.MjSpec()
+    add_terrain(spec, config)
+    return spec.compile()
+
+
+def test_flat_is_one_plane_at_zero():
+    model = compiled(Flat())
+    assert model.ngeom == 1
+    assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+    np.testing.assert_array_equal(model.geom_pos[0], 0)
+
+
+def test_flat_is_chequered_in_squares_of_a_millimetre():
+    model = compiled(Flat())
+    material = model.geom_matid[0]
+    # A picture of 2 x 2 squares; MuJoCo lays half as many pictures per mm as it is told.
+    assert model.mat_texuniform[material] == 1
+    np.testing.assert_array_equal(model.mat_texrepeat[material], [1.0, 1.0])
+
+
+def test_flat_ground_has_nothing_to_draw():
+    with pytest.raises(ValueError, match=r"terrain\.random: got True, but flat ground"):
+        Flat(random=True)
+
+
+def test_up_a_slope_of_30_degrees_along_x_things_fall_backwards_and_down():
+    down = Slope(angle_range_deg=(30, 30)).draw(0).down
+    np.testing.assert_allclose(down, (-0.5, 0.0, -math.sqrt(0.75)))
+
+
+def test_a_slope_may_rise_to_the_left():
+    down = Slope(angle_range_deg=(90, 90), uphill_range_deg=(90, 90)).draw(0).down
+    np.testing.assert_allclose(down, (0.0, -1.0, 0.0), atol=1e-12)
+
+
+def test_difficulty_makes_a_slope_steeper():
+    assert Slope(angle_range_deg=(60, 60)).draw(0, 0.5).down[2] == pytest.approx(
+        -math.cos(math.pi / 6)
+    )
+
+
+def test_random_slopes_are_drawn_from_their_range():
+    slope = Slope(angle_range_deg=(10, 50), random=True)
+    angles = [math.degrees(math.acos(-slope.draw(seed).down[2])) for seed in range(50)]
+    assert 10 <= min(angles) < 15
+    assert 45 < max(angles) <= 50
+
+
+def test_a_slope_that_does_not_differ_is_not_random():
+    with pytest.raises(ValueError, match="angle_range_deg or uphill_range_deg is a single value"):
+        Slope(random=True)
+
+
+def test_gravity_pulls_down_the_slope():
+    config = EnvConfig("hybrid_turning", terrain=Slope(angle_range_deg=(30, 30)))
+    env = BatchedEnv(config, 1, 1)
+    gravity = env.flies.scene.model.opt.gravity
+    np.testing.assert_allclose(gravity, 9810 * np.array([-0.5, 0, -math.sqrt(0.75)]))
+
+
+@pytest.mark.parametrize(("angle", "falls"), [(30.0, False), (120.0, True)])
+def test_a_fly_walks_up_a_slope_and_falls_off_an_overhang(angle, falls):
+    config = EnvConfig(
+        "hybrid_turning", terrain=Slope(angle_range_deg=(angle, angle)), decision_interval=0.02
+    )
+    env = BatchedEnv(config, 4, 1)
+    env.reset(seeds=range(4))
+    start = env.state.position_w[:, 0].copy()
+    fell = np.zeros(4, dtype=bool)
+    for _ in range(25):
+        fell |= env.step(np.ones((4, 2))).outcome == "fall"
+    assert fell.all() == fell.any() == falls
+    if not falls:
+        assert (env.state.position_w[:, 0] - start > 3.0).all()
+
+
+def test_every_fly_has_a_slope_of_its_own():
+    terrain = Slope(angle_range_deg=(0, 60), random=True)
+    config = EnvConfig("hybrid_turning", terrain=terrain, decision_interval=0.02)
+    env = BatchedEnv(config, 2, 1)
+    env.reset(seeds=[4, 5])
+    for sim in range(2):
+        episode = env.episodes[sim]
+        fixed = Slope(angle_range_deg=(0, 60), seed=episode.ground_seed)
+        single = BatchedEnv(
+            EnvConfig("hybrid_turning", terrain=fixed, decision_interval=0.02), 1, 1
+        )
+        single.reset(episodes=[episode])
+        single.step(np.ones((1, 2)))
+        if sim == 0:
+            env.step(np.ones((2, 2)))
+        np.testing.assert_array_equal(
+            env.flies.integration_state()[sim], single.flies.integration_state()[0]
+        )
