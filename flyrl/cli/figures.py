@@ -20,6 +20,7 @@ FIGURES: Final = {
     "terrains": "the four terrains with a fly on each (picture)",
     "turn": "the oscillators in a turn",
     "gaits": "three gaits of the CPG: which legs stand, and their speed",
+    "slopes": "slope at which a fly falls, by adhesion, beside the published medians",
     "comparison": "CPG, rules and hybrid on the terrains, 20 episodes each (1 to 2 minutes)",
     "muscle": "a motor pool and its recruitment curve",
     "walk_cpg_without_adhesion": "the CPG on legs that do not grip (video)",

@@ -16,6 +16,7 @@ from flyrl.report.gaits_figure import gaits_plot
 from flyrl.report.muscle_figure import muscle_plot
 from flyrl.report.paper import Plot
 from flyrl.report.scene_figures import terrains_plot
+from flyrl.report.slopes_figure import slopes_plot
 from flyrl.report.walk_videos import WALKS, film_walk
 from flyrl.report.worm_video import film_worm
 from flyrl.resources import assets_folder
@@ -60,6 +61,7 @@ GALLERY: Final[Mapping[str, Draw]] = {
     "terrains": _files(terrains_plot),
     "turn": _files(controllers.turn_plot),
     "gaits": _files(gaits_plot),
+    "slopes": _files(slopes_plot),
     "comparison": _files(comparison_plot),
     "muscle": _files(_muscle),
     **{name: _video(functools.partial(film_walk, walk)) for name, walk in WALKS.items()},
