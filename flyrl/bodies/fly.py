@@ -63,6 +63,11 @@ FIXED_SOLIMP: Final = (0.99, 0.999, 1e-3, 0.5, 2.0)
 PLANES: Final = 1
 BOXES: Final = 2
 """Contact bits of the ground's planes and boxes; a leg segment has a shape per kind it touches."""
+PROPS: Final = 4
+"""Contact bit of solid props, which stop the trunk too."""
+
+TRUNK: Final = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
+"""Ends and radius of the capsule that stands for thorax, head and abdomen, mm, thorax frame."""
 
 VISUAL_GROUP: Final = 1
 COLLISION_GROUP: Final = 3
@@ -224,6 +229,18 @@ def build_fly(
     _add_cameras(spec)
     _add_light(spec)
     return spec
+
+
+def add_trunk(spec: mujoco.MjSpec, contact: ContactConfig) -> None:
+    """Let the trunk of a fly touch solid props, as its legs do."""
+    start, end, radius = TRUNK
+    spec.body("Thorax").add_geom(
+        name="trunk",
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=(*start, *end),
+        size=(radius, 0, 0),
+        **_touching(PROPS, contact.box),
+    )
 
 
 def start_pose(config: FlyConfig) -> NDArray[np.float64]:

@@ -143,7 +143,7 @@ class EnvConfig:
         scene = (
             self._worm_scene(body, terrain, physics, drawn_from)
             if isinstance(body, WormConfig)
-            else self._fly_scene(body, controller, terrain, physics, drawn_from, steps)
+            else self._fly_scene(task, body, controller, terrain, physics, drawn_from, steps)
         )
         object.__setattr__(self, "resolved_task", task)
         object.__setattr__(self, "resolved_randomisation", drawn_from)
@@ -156,6 +156,7 @@ class EnvConfig:
 
     def _fly_scene(
         self,
+        task: Task,
         body: FlyConfig,
         controller: Controller | None,
         terrain: Terrain,
@@ -166,7 +167,7 @@ class EnvConfig:
         assert controller is not None
         # with every drive another, as many are on their way as are decided on meanwhile
         places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
-        scene = SceneConfig(body, terrain, controller, physics, places)
+        scene = SceneConfig(body, terrain, controller, physics, places, props=task.props)
         if self.log_gait:  # all samples of a decision are kept until its end
             # at any step they are more than two thirds of SAMPLING_S apart: as many places in all
             seconds = steps * physics.timestep

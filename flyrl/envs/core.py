@@ -216,6 +216,7 @@ class BatchedEnv:
         self._goal[chosen] = float_array(
             "goals", goals, shape, minimum=LENGTHS.low, maximum=LENGTHS.high
         )
+        self.simulation.lead_to(chosen, self._goal[chosen])
         return self.observe()
 
     def draw_episode(self, i: int, seed: int | None = None) -> Episode:
@@ -351,6 +352,8 @@ class BatchedEnv:
         self.simulation.restore(snapshot["simulation"], self.episodes)
         self.state = self._previous = replace(self.state, **snapshot["state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
+        if self._goal is not None:
+            self.simulation.lead_to(np.arange(self.num_envs), self._goal)
         self._noise.restore(snapshot["noise"])
         self._totals[:] = snapshot["totals"]
         for name, mean in self._means.items():

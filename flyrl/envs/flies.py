@@ -1,7 +1,7 @@
 """Flies as an environment steps them: with the ground, the pushes and the delays of episodes."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,12 @@ from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import Episode, TaskState
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
+from flyrl.terrains import NOWHERE
 
 Ids = NDArray[np.intp]
+
+ABOVE_GROUND: Final = 0.02
+"""mm; a marker lies that far above the ground, to be seen."""
 
 
 class Flies:
@@ -35,6 +39,8 @@ class Flies:
         self._config = config
         self._scene = scene
         self._pushes = np.zeros((num_envs, 0))
+        self._props = scene.props
+        self._prop_starts = np.tile(np.array(NOWHERE), (num_envs, len(scene.props), 1))
         self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
 
     def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
@@ -67,6 +73,15 @@ class Flies:
             latencies,
         )
         self._set_pushes(ids, episodes)
+        self._set_props(ids, episodes)
+
+    def lead_to(self, ids: Ids, goals: NDArray[np.float64]) -> None:
+        """Put the props that stand where episodes lead to elsewhere: x, y, mm, (k, 2)."""
+        starts = self._prop_starts[ids]
+        for row, sim, goal in zip(starts, ids, goals, strict=True):
+            self._put_at_goal(row, int(sim), goal)
+        self._prop_starts[ids] = starts
+        self.batch.set_props(ids, starts)
 
     def act(self, actions: NDArray[np.float64], now: FlyState, ids: Ids | None) -> None:
         """Set actions, (n, k), from the next physics step on, with the flies as they are `now`."""
@@ -81,7 +96,7 @@ class Flies:
 
     def seen(self, state: FlyState, previous: FlyState, **episodes: Any) -> TaskState:
         """What terms are computed from, with what the episodes say."""
-        return TaskState(fly=state, previous=previous, **episodes)
+        return TaskState(fly=state, previous=previous, props=self.batch.props(), **episodes)
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on."""
@@ -96,6 +111,7 @@ class Flies:
             [episode.randomisation if episode else UNVARIED for episode in episodes],
         )
         self.batch.restore(snapshot["physics"])
+        self._set_props(np.array(started, dtype=np.intp), [*filter(None, episodes)])
         self._pushes = snapshot["pushes"]
 
     def _lay_ground(self, ids: Ids, episodes: Sequence[Episode]) -> None:
@@ -113,6 +129,32 @@ class Flies:
                     f"ground of the episode is {episode.ground}; it must be None where "
                     f"terrain.random is false, as on {terrain.name!r}"
                 )
+
+    def _set_props(self, ids: Ids, episodes: Sequence[Episode]) -> None:
+        """Put the props of episodes where these say."""
+        if not self._props:
+            return
+        placed = [i for i, prop in enumerate(self._props) if not prop.at_goal]
+        for sim, episode in zip(ids, episodes, strict=True):
+            if len(episode.props) != 3 * len(placed):
+                raise ValueError(
+                    f"props of the episode must be x, y and z of {len(placed)} props, got "
+                    f"{len(episode.props)} numbers"
+                )
+            row = self._prop_starts[sim]
+            row[placed] = np.reshape(episode.props, (-1, 3))
+            self._put_at_goal(row, int(sim), episode.goal)
+        self.batch.set_props(ids, self._prop_starts[ids])
+
+    def _put_at_goal(self, row: NDArray[np.float64], sim: int, goal: Sequence[float]) -> None:
+        """Put props of one simulation, (props, 3), at its goal, if it has one."""
+        terrain = self._scene.terrain
+        for place, prop in zip(row, self._props, strict=True):
+            if prop.at_goal and len(goal):
+                x, y = goal[0], goal[1]
+                top = terrain.top_at(self.batch.ground(sim), x, y)
+                foot = terrain.base_height if top is None else top
+                place[:] = (x, y, foot + prop.height / 2 + ABOVE_GROUND)
 
     def _latencies(self, episodes: Sequence[Episode]) -> list[int]:
         """Physics steps by which each episode's drives come later."""

@@ -18,6 +18,7 @@ _FIELDS = {
     "goal": ("goal", None),
     "command": ("command", None),
     "pushes": ("pushes", None),
+    "props": ("props", None),
     "joint_angles": ("joint_angles", None),
 }
 

@@ -40,6 +40,10 @@ class Simulation(Protocol):
         """
         ...
 
+    def lead_to(self, ids: Ids, goals: NDArray[np.float64]) -> None:
+        """Show that episodes lead elsewhere: x, y, mm, (k, 2)."""
+        ...
+
     def state(self) -> Any:
         """Copy what the bodies look like now."""
         ...

@@ -20,6 +20,7 @@ _OF_FLIES: Final = {
     "init_magnitudes": NO_OSCILLATORS,
     "pushes": (),
     "ground": None,
+    "props": (),
 }
 """What an episode says of flies alone, and what it says where it says nothing."""
 
@@ -66,6 +67,9 @@ class Worms:
         """Set actions, (n, muscles), from the next physics step on."""
         moved: Ids | slice = slice(None) if ids is None else ids
         self.batch.set_neurons(self._config.resolved_task.actions.commands(actions[moved]), moved)
+
+    def lead_to(self, ids: Ids, goals: NDArray[np.float64]) -> None:
+        """Do nothing: a worm's scene shows no goal."""
 
     def state(self) -> WormState:
         """Copy what the worms look like now."""

@@ -261,7 +261,6 @@ class PlayedFly:
         self._show()
 
     def _show(self) -> None:
-        self._scenery.mark(self._walk.goal)
         # what blew up is seen as it was before
         if self.outcome != UNSTABLE:
             self._scenery.pose(self.env.flies)

@@ -1,11 +1,9 @@
 """A played fly to look at: body, ground and target, and from where."""
 
-from collections.abc import Sequence
-
 import mujoco
 
 from flyrl.simulation.batch import FlyBatch
-from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
+from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import FLAT_GROUND, Flat
 
 AZIMUTH_DEG, ELEVATION_DEG, DISTANCE_MM = 25.0, -28.0, 9.0
@@ -13,7 +11,7 @@ AZIMUTH_DEG, ELEVATION_DEG, DISTANCE_MM = 25.0, -28.0, 9.0
 
 
 class Scenery:
-    """A scene as it is drawn, with the meshes, which have few triangles, and a target's marker.
+    """A scene as it is drawn, with the meshes, which have few triangles, and all props.
 
     Parameters
     ----------
@@ -40,12 +38,6 @@ class Scenery:
         self.camera.trackbodyid = self.model.body("Thorax").id
         self.camera.azimuth, self.camera.elevation = AZIMUTH_DEG, ELEVATION_DEG
         self.camera.distance = DISTANCE_MM
-        self._marker = self.model.body(TARGET_MARKER).mocapid[0]
-        self._height = config.terrain.base_height + 0.02
-
-    def mark(self, goal: Sequence[float]) -> None:
-        """Put the target's marker at x and y, mm."""
-        self.data.mocap_pos[self._marker] = (*goal, self._height)
 
     def pose(self, flies: FlyBatch) -> None:
         """Pose the fly as the only one of a batch is."""

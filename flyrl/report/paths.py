@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
 from flyrl.evaluation.rows import Json
@@ -22,7 +22,7 @@ from flyrl.report.style import FRAMED_STYLE, WIDTH_IN, episode_url, outcome_dot,
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import Episode
-from flyrl.terrains import Bounds, Ground, Terrain, terrain_on_record
+from flyrl.terrains import NOWHERE, Bounds, Ground, Terrain, terrain_on_record
 
 FloatArray = NDArray[np.float64]
 
@@ -42,6 +42,31 @@ _PANEL_IN: Final = (2.8, 3.6)
 """Width of a panel, and its largest height, inches."""
 
 
+class Thing(NamedTuple):
+    """A prop as it is seen from above: where it starts, how wide it is, mm, and its colour."""
+
+    x: float
+    y: float
+    radius: float
+    rgb: tuple[float, float, float]
+
+
+def things_of(episode: Json, protocol: Json) -> tuple[Thing, ...]:
+    """Props of an episode, as the results hold them."""
+    props = protocol.get("table", {}).get("props", [])
+    starts = np.reshape(episode.get("props", []), (-1, 3))
+    return tuple(
+        Thing(float(x), float(y), _radius(prop), tuple(prop["rgba"][:3]))
+        for prop, (x, y, z) in zip(props, starts, strict=False)
+        if z > NOWHERE[2]
+    )
+
+
+def _radius(prop: Json) -> float:
+    """Half of a prop's width from above, mm; of a box, of its longer side."""
+    return max(prop["size"][:2]) / 2 if prop["shape"] == "box" else float(prop["size"][0])
+
+
 @dataclass(frozen=True, eq=False)
 class Walk:
     """What is drawn of an episode.
@@ -56,12 +81,15 @@ class Walk:
         (x, y) in the world frame, mm, or ().
     outcome
         How it ended.
+    things
+        What stood on the ground.
     """
 
     episode: int
     path: Trajectory
     goal: Sequence[float]
     outcome: str
+    things: tuple[Thing, ...] = ()
 
 
 Walks = Mapping[str, Sequence[Walk]]
@@ -119,6 +147,9 @@ def aligned_figure(walks: Walks, terrain: str) -> str:
         figure, panels = _panels(drawn, 2.25)
         for (controller, own), axes in zip(drawn.items(), panels, strict=True):
             placed = [aligned(walk.path, walk.goal) for walk in own[:MAX_PATHS]]
+            for walk in own[:MAX_PATHS]:
+                start, rotation = _frame(walk.path, walk.goal)
+                _draw_things(axes, walk.things, len(own), start, rotation)
             for _, goal in placed:
                 if goal is not None:
                     farthest = max(farthest, float(np.linalg.norm(goal)))
@@ -159,6 +190,8 @@ def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
                     edgecolor=marker("muted"),
                 )
             )
+            for walk in own[:MAX_PATHS]:
+                _draw_things(axes, walk.things, len(own), np.zeros(2), np.eye(2))
             placed = [
                 (finite(walk.path), np.asarray(walk.goal[:2]) if len(walk.goal) else None)
                 for walk in own[:MAX_PATHS]
@@ -194,13 +227,22 @@ def aligned(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, 
     Turned by the goal's direction from the start, or by the heading at the start without a goal.
     Samples that are not finite are left out.
     """
-    path = finite(trajectory)
-    start = path[0].copy()
-    target = np.asarray(goal[:2], dtype=np.float64) - start if len(goal) else None
-    angle = float(trajectory.yaw[0]) if target is None else float(np.arctan2(target[1], target[0]))
-    # Rows are points: multiplying by R from the right turns them by -angle.
-    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    return (path - start) @ rotation, None if target is None else target @ rotation
+    start, rotation = _frame(trajectory, goal)
+    placed = (finite(trajectory) - start) @ rotation
+    return placed, (np.asarray(goal[:2], dtype=np.float64) - start) @ rotation if len(
+        goal
+    ) else None
+
+
+def _frame(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray]:
+    """Start (2,), and what turns rows that are points, less that, to the right, (2, 2)."""
+    start = finite(trajectory)[0].copy()
+    angle = float(trajectory.yaw[0])
+    if len(goal):
+        x, y = np.asarray(goal[:2], dtype=np.float64) - start
+        angle = float(np.arctan2(y, x))
+    # multiplying by R from the right turns by -angle
+    return start, np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
 def finite(trajectory: Trajectory) -> FloatArray:
@@ -271,6 +313,17 @@ def _draw(
             alpha=0.55,
             zorder=2,
         )
+
+
+def _draw_things(
+    axes: Axes, things: Sequence[Thing], num_walks: int, start: FloatArray, rotation: FloatArray
+) -> None:
+    """Discs where things stand, in the frame of a walk; the fainter, the more walks there are."""
+    for thing in things:
+        centre = (np.array([thing.x, thing.y]) - start) @ rotation
+        disc = Circle(tuple(centre), thing.radius, color=thing.rgb, lw=0, zorder=1)
+        disc.set_alpha(max(0.1, 0.6 / num_walks))
+        axes.add_patch(disc)
 
 
 def _over(svg: str, name: str, panels: Sequence[Axes], symbol: str) -> str:

@@ -135,8 +135,10 @@ def _walks(results: Results, terrain: str) -> Walks:
         walked = rows.iloc[row]
         if walked["terrain"] == terrain:
             index = int(walked["episode"])
-            goal = drawn[index]["goal"] if index < len(drawn) else ()
-            walks[walked["controller"]].append(Walk(index, path, goal, walked["outcome"]))
+            episode = drawn[index] if index < len(drawn) else {}
+            goal = episode.get("goal", ())
+            things = things_of(episode, results.protocol)
+            walks[walked["controller"]].append(Walk(index, path, goal, walked["outcome"], things))
     return walks
 
 

@@ -13,7 +13,7 @@ from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.simulation.variation import Variation
-from flyrl.terrains import HEIGHT_FIELD, Ground, box_colours
+from flyrl.terrains import HEIGHT_FIELD, NOWHERE, Ground, box_colours, positions_at
 
 SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
 """Fields of a controller's state that a `FlyState` shows, (6,) each."""
@@ -71,6 +71,10 @@ class FlyBatch(NativeBatch):
         self._grounds = [self._layer.usual] * n
         if scene.config.terrain.random:
             self._of_grounds = {name: self._batch.expand(name) for name in self._layer.fields}
+        self._props = scene.config.props
+        self._prop_starts = np.tile(np.array(NOWHERE), (n, len(self._props), 1))
+        self._solid = [i for i, prop in enumerate(self._props) if prop.is_solid]
+        self._mocap_pos = self._batch.bind("mocap_pos")
         self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
         self._variation = Variation(scene.model, self._batch)
@@ -173,6 +177,34 @@ class FlyBatch(NativeBatch):
     def ground(self, sim: int) -> Ground:
         """The ground that a simulation walks on."""
         return self._grounds[sim]
+
+    def set_props(self, ids: Ids, starts: NDArray[np.float64]) -> None:
+        """Put props where they start, mm, (k, props, 3): of simulations that are, or were, reset.
+
+        Where one moves, it is from now on where it is at the simulation's time.
+        """
+        self._prop_starts[ids] = starts
+        self._move_props()
+
+    def props(self) -> NDArray[np.float64]:
+        """Where props are, mm, (n, props, 3), ordered as `SceneConfig.props`."""
+        return positions_at(self._props, self._prop_starts, self._time)
+
+    def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:
+        """Advance by physics steps, holding the commands and the props.
+
+        Raises
+        ------
+        RuntimeError
+            As `NativeBatch.step`.
+        """
+        self._move_props()
+        super().step(num_steps, ids)
+
+    def _move_props(self) -> None:
+        """Put solid props where they are now."""
+        if self._solid:
+            self._mocap_pos[:] = self.props()[:, self._solid]
 
     def set_command(self, command: NDArray[np.float64], ids: Ids | slice = slice(None)) -> None:
         """Set the controllers' command, (n, k), from the next physics step on.
@@ -288,8 +320,8 @@ class FlyBatch(NativeBatch):
     def copy_into(self, sim: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Pose a model of the same body as simulation `sim`, for rendering, and lay its ground.
 
-        The model may have more in it than the batch's (meshes, a target marker) as long as the
-        joints and the terrain are the same.
+        The model may have more in it than the batch's (meshes, props that are not solid) as long
+        as the joints, the terrain and the props are the same.
         """
         if self.scene.config.terrain.random:
             ground = self.ground(sim)
@@ -298,6 +330,8 @@ class FlyBatch(NativeBatch):
             if len(ground.boxes.centres):
                 model.geom_rgba[self._layer.boxes] = box_colours(ground.boxes)
         super().copy_into(sim, model, data)
+        if self._props:
+            data.mocap_pos[:] = self.props()[sim]
 
 
 class _GroundLayer:

@@ -9,8 +9,8 @@ from flyrl.bodies.fly import PLANES
 
 
 def drop_idle_shapes(spec: mujoco.MjSpec) -> None:
-    """Delete the shapes of legs for a kind of ground that the scene does not have."""
-    ground = np.bitwise_or.reduce([geom.contype for geom in spec.worldbody.geoms])
+    """Delete the shapes of legs for a kind of ground or prop that the scene does not have."""
+    ground = np.bitwise_or.reduce([geom.contype for geom in spec.geoms])
     for shape in list(spec.geoms):
         if shape.conaffinity and not shape.conaffinity & ground:
             spec.delete(shape)

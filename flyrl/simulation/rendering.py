@@ -17,7 +17,8 @@ from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.leg_colours import LegColours
 from flyrl.simulation.marks import Mark, Trace, add_marks, force_arrows
 from flyrl.simulation.overlay import PLAIN, Overlay
-from flyrl.simulation.scene import TARGET_MARKER, SceneConfig, build_scene
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.terrains import NOWHERE
 from flyrl.validation import one_of
 
 Camera = Literal["follow", "top", "goal"]
@@ -48,7 +49,7 @@ class FlyRenderer:
     Parameters
     ----------
     config
-        The scene; it is compiled once more, with meshes, lights and a target marker.
+        The scene; it is compiled once more, with meshes, lights and props that are not solid.
     width, height
         Size of the picture, px.
     camera
@@ -91,9 +92,9 @@ class FlyRenderer:
         self._model.vis.global_.offwidth = width
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
-        self._terrain = config.terrain
         self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
         self._trace = Trace(config.terrain)
+        self._markers = [i for i, prop in enumerate(config.props) if prop.at_goal]
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
         self._offscreen = Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
@@ -105,17 +106,12 @@ class FlyRenderer:
     def render(
         self, flies: FlyBatch, sim: int = 0, goal: tuple[float, ...] = ()
     ) -> NDArray[np.uint8]:
-        """Draw simulation `sim`, and the target at `goal` (x, y in mm), as (height, width, 3)."""
+        """Draw simulation `sim`, (height, width, 3); the camera "goal" looks at x, y, mm."""
         flies.copy_into(sim, self._model, self._data)
         if self._leg_colours is not None:
             self._leg_colours.apply(flies.leg_states(sim))
-        marker = self._model.body(TARGET_MARKER)
-        is_marked = goal and self._overlay.target
-        place = marker.pos  # out of sight
-        if is_marked:
-            top = self._terrain.top_at(flies.ground(sim), goal[0], goal[1])
-            place = (*goal, (self._terrain.base_height if top is None else top) + 0.02)
-        self._data.mocap_pos[marker.mocapid[0]] = place
+        if not self._overlay.target:
+            self._data.mocap_pos[self._markers] = NOWHERE
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)

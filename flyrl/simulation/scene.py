@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
-from flyrl.bodies.fly import FlyConfig, build_fly
+from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly
 from flyrl.bodies.table import BodyName
 from flyrl.controllers import Controller, Hybrid, PreprogrammedSteps
 from flyrl.controllers.controller import compiled_step
@@ -31,7 +31,7 @@ from flyrl.simulation.callback import (
 from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
-from flyrl.terrains import Flat, Terrain, add_terrain
+from flyrl.terrains import Flat, Prop, Terrain, add_prop, add_terrain
 from flyrl.validation import Within, check_fields
 
 STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
@@ -48,9 +48,6 @@ def fit_controller(controller: Controller, body: FlyConfig) -> Controller:
     return controller
 
 
-TARGET_MARKER = "target"
-
-
 @dataclass(frozen=True)
 class SceneConfig:
     """What a scene is made of.
@@ -65,12 +62,14 @@ class SceneConfig:
     gait_places
         How many samples of the legs a simulation keeps, as near 1 ms apart as physics steps allow;
         0 logs no gait.
+    props
+        What stands or moves on the ground. Those that are not solid are only in what is drawn.
 
     Raises
     ------
     ValueError
-        If the controller's recorded step does not go with the body's joint order, or there are
-        less than 0 places.
+        If two props share a name, the controller's recorded step does not go with the body's joint
+        order, or there are less than 0 places.
     """
 
     body: FlyConfig = field(default_factory=FlyConfig)
@@ -79,10 +78,14 @@ class SceneConfig:
     physics: PhysicsConfig = PHYSICS_PRESETS["balanced"]
     queue_places: Annotated[int, Within(0, 10**6)] = 0
     gait_places: Annotated[int, Within(0, 10**6)] = 0
+    props: tuple[Prop, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
         object.__setattr__(self, "controller", fit_controller(self.controller, self.body))
+        names = [prop.name for prop in self.props]
+        if len(set(names)) < len(names):
+            raise ValueError(f"props must differ in name, got {', '.join(names)}")
         expected = STEPS_OF_BODY[self.body.name]
         steps = getattr(self.controller, "steps", expected)
         if steps != expected:
@@ -139,8 +142,8 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     config
         Body, terrain, controller and physics.
     visual
-        Whether to include what only a camera sees: the body's meshes, lights, the target's
-        marker (a mocap body). The physics is the same with and without.
+        Whether to include what only a camera sees: the body's meshes, lights, props that are not
+        solid. The physics is the same with and without.
     """
     install()  # somebody else's callback would run while the model compiles
     profile = config.body.muscles and config.body.muscles.profile_path
@@ -153,6 +156,11 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
 def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> Scene:
     spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
     add_terrain(spec, config.terrain)
+    for prop in config.props:
+        if visual or prop.is_solid:
+            add_prop(spec, prop)
+    if any(prop.is_solid for prop in config.props):
+        add_trunk(spec, config.physics.contact)
     drop_idle_shapes(spec)
     pair_with_planes(spec, config.physics.contact.plane_friction_across)
     apply_physics(spec, config.physics, config.terrain)
@@ -174,8 +182,6 @@ def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> 
         needstage=mujoco.mjtStage.mjSTAGE_ACC,
         dim=1,
     )
-    if visual:
-        add_target_marker(spec)
     # compiled twice: the controller's record needs the body ids that only a model has
     engine = _engine_record(spec.compile())
     with one_process_at_a_time(), announced():
@@ -216,22 +222,3 @@ def _engine_record(model: mujoco.MjModel) -> np.void:
         raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
     engine["tibia_bodies"] = tibias
     return engine
-
-
-def add_target_marker(spec: mujoco.MjSpec, size: float = 1.0) -> None:
-    """Add a mocap body that marks a target, out of sight until it is moved.
-
-    A disc on the ground, and a pole that shows above rough ground; `size` is the disc's radius and
-    half the pole's height, mm.
-    """
-    marker = spec.worldbody.add_body(name=TARGET_MARKER, mocap=True, pos=[0.0, 0.0, -100.0])
-    for extent, height in (([size, 0.02, 0.0], 0.0), ([0.05 * size, size, 0.0], size)):
-        marker.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            size=extent,
-            pos=[0.0, 0.0, height],
-            rgba=[0.85, 0.2, 0.2, 0.6],
-            contype=0,
-            conaffinity=0,
-            group=1,
-        )

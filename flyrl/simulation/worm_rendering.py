@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.simulation.rendering import Offscreen
-from flyrl.simulation.scene import TARGET_MARKER
 from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
 from flyrl.validation import one_of
 
@@ -92,11 +91,8 @@ class WormRenderer:
     def render(
         self, worms: WormBatch, sim: int = 0, goal: tuple[float, ...] = ()
     ) -> NDArray[np.uint8]:
-        """Draw simulation `sim`, and the target at `goal` (x, y in mm), as (height, width, 3)."""
+        """Draw simulation `sim`, as (height, width, 3); a worm has no goal."""
         worms.copy_into(sim, self._model, self._data)
-        if goal:
-            marker = self._model.body(TARGET_MARKER).mocapid[0]
-            self._data.mocap_pos[marker] = (*goal, 0.02)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)

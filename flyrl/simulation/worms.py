@@ -17,7 +17,6 @@ from flyrl.simulation.callback import creature_userdata_size, install, pack_crea
 from flyrl.simulation.native import Ids, NativeBatch
 from flyrl.simulation.pairs import pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
-from flyrl.simulation.scene import add_target_marker
 from flyrl.terrains import Flat, Terrain, add_terrain
 from flyrl.validation import check_fields, one_of
 
@@ -94,8 +93,7 @@ def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene
     config
         Body, terrain and physics.
     visual
-        Whether to include what only a camera sees, the target's marker (a mocap body). The physics
-        is the same with and without.
+        Whether it is to be looked at: the ground is drawn without an end. The physics is the same.
     """
     install()  # somebody else's callback would run while the model compiles
     profile = config.body.profile_path
@@ -122,7 +120,6 @@ def _compiled(config: WormSceneConfig, visual: bool, profile_digest: str | None)
     data = pack_creature_data([attached.muscle for attached in muscles])
     spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
     if visual:
-        add_target_marker(spec, size=body.radius)
         for geom in spec.worldbody.geoms:
             if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
                 geom.size[:2] = 0.0  # drawn without an end, as it is for what stands on it

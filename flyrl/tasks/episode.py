@@ -67,6 +67,9 @@ class Episode:
         factor on its heights and gaps.
     joint_angles
         Of a worm's joints at the start, rad; none: it is straight.
+    props
+        Where the task's props start: x, y and z of the middle of each in turn, mm, but for those
+        that stand at the goal. `flyrl.terrains.NOWHERE` leaves one out.
     """
 
     seed: Annotated[int, Within(0, 2**63 - 1)]
@@ -81,6 +84,7 @@ class Episode:
     randomisation: Randomisation = UNVARIED
     difficulty: Annotated[float, Within(0, 1)] = 1.0
     joint_angles: Annotated[tuple[float, ...], _ANGLE] = ()
+    props: Annotated[tuple[float, ...], LENGTHS] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)

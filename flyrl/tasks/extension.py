@@ -103,6 +103,11 @@ def task_table(task: Task) -> dict[str, Any]:
         "time_limit_s": task.time_limit_s,
         "decision_interval_s": task.decision_interval_s,
         "actions": type(task.actions).__name__.lower(),
+        "props": [
+            {"name": each.name, "shape": each.shape, "size": list(each.size), "rgba": each.rgba}
+            for each in task.props
+            if not each.at_goal
+        ],
         "observation": [
             {"name": term.name, "size": term.size, "description": term.description}
             for term in task.observation

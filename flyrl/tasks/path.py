@@ -22,6 +22,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
+from flyrl.terrains import TARGET as TARGET_MARKER
 from flyrl.terrains import Bounds, Terrain
 
 LENGTH: Final = 24.0
@@ -123,6 +124,7 @@ PATH: Final = Task(
     time_limit_s=4.0,
     decision_interval_s=0.02,
     actions=Drives(),
+    props=(TARGET_MARKER,),
     sample_episode=sample_episode,
     difficulty="first direction, from 0 to ±180°, curves, from none, length, from 12 to 24 mm",
     success=f"thorax within {terms.REACH:g} mm of the path's end, having kept to the path within "

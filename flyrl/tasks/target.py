@@ -10,6 +10,7 @@ from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ErrorTerm, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.terrains import TARGET as TARGET_MARKER
 from flyrl.terrains import Bounds, Terrain
 
 TARGET_DISTANCE: Final = (5.0, 15.0)
@@ -99,6 +100,7 @@ TARGET: Final = Task(
     time_limit_s=3.0,
     decision_interval_s=0.02,
     actions=Drives(),
+    props=(TARGET_MARKER,),
     sample_episode=sample_episode,
     difficulty="distance of the target, from 5 mm to 5-15, and its bearing, from 0 to ±180°",
     success=f"thorax within {terms.REACH:g} mm of the target",

@@ -131,6 +131,7 @@ TARGET_GOAL: Final = Task(
     time_limit_s=TARGET.time_limit_s,
     decision_interval_s=TARGET.decision_interval_s,
     actions=TARGET.actions,
+    props=TARGET.props,
     sample_episode=sample_episode,
     difficulty=TARGET.difficulty,
     is_reached=is_reached,

@@ -11,7 +11,7 @@ from flyrl.simulation.state import FlyState
 from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions
 from flyrl.tasks.episode import Episode
-from flyrl.terrains import Bounds, Terrain
+from flyrl.terrains import Bounds, Prop, Terrain
 from flyrl.validation import not_negative, number, one_of, positive
 
 Array = NDArray[np.float64]
@@ -85,10 +85,13 @@ class TaskState(EpisodeState):
     ----------
     fly, previous
         The flies after this decision and before it.
+    props
+        Where the middles of the task's props are, mm, (n, props, 3), ordered as `Task.props`.
     """
 
     fly: FlyState
     previous: FlyState
+    props: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,6 +298,8 @@ class Task:
         Running means that the other terms are computed from.
     success
         Definition of a success, in words; empty where there is none.
+    props
+        What stands or moves on the ground, besides it; `sample_episode` says where.
     added
         Where the terms come from that were added to the table (see `extended`): module:attribute.
     """
@@ -315,6 +320,7 @@ class Task:
     is_reached: Callable[[ArrayLike, ArrayLike], Mask] | None = None
     errors: tuple[ErrorTerm, ...] = ()
     success: str = ""
+    props: tuple[Prop, ...] = ()
 
     def __post_init__(self) -> None:
         first = tuple(term.name for term in self.observation[:2])

@@ -3,6 +3,7 @@
 from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
 from flyrl.terrains.hills import Hills
 from flyrl.terrains.plane import Flat, Slope
+from flyrl.terrains.props import NOWHERE, TARGET, Prop, add_prop, positions_at
 from flyrl.terrains.rough import Blocks, Gapped, Mixed
 from flyrl.terrains.terrain import (
     DOWN,
@@ -43,7 +44,9 @@ __all__ = [
     "FLAT_GROUND",
     "HEIGHT_FIELD",
     "KINDS",
+    "NOWHERE",
     "SPAWN_CLEARANCE",
+    "TARGET",
     "TERRAINS",
     "Blocks",
     "Bounds",
@@ -54,10 +57,13 @@ __all__ = [
     "Heights",
     "Hills",
     "Mixed",
+    "Prop",
     "Slope",
     "Terrain",
+    "add_prop",
     "add_terrain",
     "box_colours",
+    "positions_at",
     "terrain_from",
     "terrain_label",
     "terrain_named",

@@ -15,7 +15,7 @@ from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
 from flyrl.tasks.target import TARGET_DISTANCE
-from flyrl.terrains import FLAT_GROUND
+from flyrl.terrains import FLAT_GROUND, TERRAINS
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
 MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
@@ -277,8 +277,10 @@ def test_another_terrain_starts_the_episode_anew(changed):
     env = BatchedEnv(fly.config.env(), 1, 1)
     env.reset(seeds=[4])
     np.testing.assert_array_equal(fly.data.qpos, env.flies._qpos[0])
-    # on blocks the ground is 0.1 mm high
-    np.testing.assert_array_equal(fly.data.mocap_pos[0], [*env.episodes[0].goal, 0.1 + 0.02])
+    # the marker stands on the block that the target lies on
+    x, y = env.episodes[0].goal
+    top = TERRAINS["blocks"].top_at(env.flies.ground(0), x, y)
+    np.testing.assert_allclose(fly.data.mocap_pos[0], [x, y, top + 0.02])
     assert fly.model is not model
     assert (fly.time_s, fly.seed, fly.figures()["drive_left"]) == (0.0, 4, 1.0)
 

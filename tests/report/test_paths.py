@@ -1,3 +1,4 @@
+import dataclasses
 import re
 from dataclasses import asdict
 
@@ -5,9 +6,18 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.trajectories import Trajectory
-from flyrl.report.paths import Walk, aligned, ground_figure, paths_section, shown
+from flyrl.report.paths import (
+    Thing,
+    Walk,
+    aligned,
+    aligned_figure,
+    ground_figure,
+    paths_section,
+    shown,
+    things_of,
+)
 from flyrl.tasks import Episode
-from flyrl.terrains import Bounds, Flat, Gapped
+from flyrl.terrains import NOWHERE, Bounds, Flat, Gapped
 
 GAPPED = Gapped()
 RANDOM = Gapped(gap_range=(0.1, 0.5), random=True)
@@ -127,3 +137,42 @@ def test_who_did_not_walk_has_no_panel():
     given = {"zero": [], **walks((0, 0), (10, 4))}
     assert "zero" not in section(GAPPED, given)["figure"]
     assert section(GAPPED, {"zero": []}) is None
+
+
+PROTOCOL = {
+    "table": {
+        "props": [
+            {"name": "post", "shape": "cylinder", "size": [0.5, 4.0], "rgba": [0.2, 0.4, 0.6, 1.0]},
+            {"name": "wall", "shape": "box", "size": [1.0, 6.0, 2.0], "rgba": [0.0, 0.0, 0.0, 1.0]},
+        ]
+    }
+}
+
+
+def test_things_are_where_props_start_and_as_wide():
+    episode = {"props": [5.0, 1.0, 2.0, *NOWHERE]}
+    assert things_of(episode, PROTOCOL) == (Thing(5.0, 1.0, 0.5, (0.2, 0.4, 0.6)),)
+    both = things_of({"props": [5.0, 1.0, 2.0, 0.0, 9.0, 1.0]}, PROTOCOL)
+    assert both[1] == Thing(0.0, 9.0, 3.0, (0.0, 0.0, 0.0))
+
+
+def test_results_of_old_have_no_things():
+    assert things_of({"goal": [1.0, 2.0]}, {}) == ()
+
+
+def test_things_are_drawn_on_the_map():
+    thing = Thing(3.0, 1.0, 0.5, (0.2, 0.4, 0.6))
+
+    def with_things(*things):
+        return {
+            name: [dataclasses.replace(each, things=things) for each in own]
+            for name, own in walks((0, 0), (10, 4)).items()
+        }
+
+    for draw in (
+        lambda given: aligned_figure(given, "flat"),
+        lambda given: ground_figure(given, GAPPED, GAPPED.compiled()),
+    ):
+        # 0.2, 0.4, 0.6 as hexadecimal
+        assert "#336699" in draw(with_things(thing))
+        assert "#336699" not in draw(with_things())

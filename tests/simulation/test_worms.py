@@ -208,7 +208,7 @@ def test_restoring_a_state_replays_its_future(scene):
 
 
 @SCENES
-def test_a_picture_has_the_same_pose_and_a_target_to_mark(scene):
+def test_a_picture_has_the_same_pose(scene):
     batch = make_batch(scene)
     wriggle(batch)
     drawn = build_worm_scene(scene.config, visual=True)
@@ -216,7 +216,6 @@ def test_a_picture_has_the_same_pose_and_a_target_to_mark(scene):
     batch.copy_into(0, drawn.model, data)
     places = data.geom_xpos[drawn.segment_geoms]
     np.testing.assert_array_equal(places, batch._middles[0, scene.segment_geoms])
-    assert drawn.model.body("target").mocapid[0] == 0
 
 
 def test_a_worm_that_blows_up_is_marked_and_stays_finite():

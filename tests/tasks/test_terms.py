@@ -51,6 +51,7 @@ def task_state(
     return TaskState(
         fly=fly,
         previous=previous or fly,
+        props=np.zeros((len(fly.time), 0, 3)),
         goal=np.asarray(goal, dtype=float),
         command=np.asarray(command, dtype=float),
         totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
