@@ -25,7 +25,7 @@ from flyrl.report.figures import (
     paired_figure,
     profiles_figure,
 )
-from flyrl.report.paths import Walk, Walks, paths_section
+from flyrl.report.paths import Walk, Walks, paths_section, things_of
 from flyrl.report.player import players
 from flyrl.report.video import Video
 from flyrl.report.wording import interval_text, outcome_name
