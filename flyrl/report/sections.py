@@ -30,6 +30,8 @@ from flyrl.report.player import players
 from flyrl.report.video import Video
 from flyrl.report.wording import interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
+from flyrl.tasks.task import LEFT_ARENA
+from flyrl.terrains import terrain_on_record
 
 
 def spread_metrics(protocol: Json) -> list[str]:
@@ -107,6 +109,7 @@ def terrain_section(
         "name": terrain,
         "doses": [],
         "rows": [table_row(row) for row in summary],
+        "edge": _edge(results, terrain),
         "distributions": Markup(
             distributions_figure(
                 results.episodes, terrain, horizon_s, spread_metrics(results.protocol)
@@ -124,6 +127,24 @@ def terrain_section(
         "reasons": _reasons(summary),
         "players": players(videos, examples, terrain),
     }
+
+
+def _edge(results: Results, terrain: str) -> str:
+    """What it means that flies left the arena; empty where none did."""
+    rows = results.episodes[results.episodes["terrain"] == terrain]
+    left = int((rows["outcome"] == LEFT_ARENA).sum())
+    if not left:
+        return ""
+    record = next(each for each in results.protocol["terrains"] if each["name"] == terrain)
+    extent = ""
+    if (known := terrain_on_record(record["config"])) is not None:
+        at = known.bounds
+        extent = f", x {at.x_min:g} to {at.x_max:g} and y {at.y_min:g} to {at.y_max:g} mm"
+    return (
+        f"{left} of {len(rows)} episodes ended because the fly walked off the ground{extent}: "
+        "it “left the arena”, which counts as a failure. It says how far and where flies walked, "
+        "not that they fell; on larger ground they would have walked on"
+    )
 
 
 def _walks(results: Results, terrain: str) -> Walks:

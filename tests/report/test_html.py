@@ -13,6 +13,7 @@ from flyrl.evaluation.summary import summarise
 from flyrl.report import Video, write_report
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.html import format_report
+from flyrl.report.sections import terrain_section
 from flyrl.report.wording import (
     changes_text,
     effects_text,
@@ -562,3 +563,14 @@ def test_rough_ground_is_drawn_below_the_paths(text):
     assert "moved to start at the origin" in flat
     assert "<symbol" in gapped
     assert "gaps are bare" in gapped
+
+
+@pytest.mark.parametrize("left", [0, 3])
+def test_the_report_says_what_leaving_the_arena_means(results, left):
+    rows = results.episodes.copy()
+    rows["outcome"] = "timeout"
+    chosen = rows.index[rows["terrain"] == rows["terrain"].iloc[0]][:left]
+    rows.loc[chosen, "outcome"] = "left_arena"
+    section = terrain_section(replace(results, episodes=rows), rows["terrain"].iloc[0], [], [])
+    assert section["edge"].startswith(f"{left} of ") == (left > 0)
+    assert ("walked off the ground" in section["edge"]) == (left > 0)
