@@ -16,6 +16,7 @@ from flyrl.bodies.fly import FlyConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TASKS
+from flyrl.terrains import LITERATURE
 
 FIRST_SEED = 0
 
@@ -129,7 +130,7 @@ def turning() -> None:
 def rough(seconds: float = 1.5, conditions: int = 20, **config: Any) -> None:
     """Speed of the three controllers on the four terrains, paired."""
     print(f"median speed (mm/s) over {seconds} s, {conditions} paired initial conditions")
-    for terrain in ("flat", "gapped", "blocks", "mixed"):
+    for terrain in LITERATURE:
         settings = {"terrain": terrain, **config}
         speeds = {
             name: speed(walk((1, 1), seconds, conditions, controller=name, **settings)[0], seconds)

@@ -69,6 +69,9 @@ PROPS: Final = 4
 TRUNK: Final = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
 """Ends and radius of the capsule that stands for thorax, head and abdomen, mm, thorax frame."""
 
+TETHER: Final = 1e3
+"""g (and g·mm²): inertia that holds the thorax, a million times the fly's; it has no weight."""
+
 VISUAL_GROUP: Final = 1
 COLLISION_GROUP: Final = 3
 
@@ -152,6 +155,8 @@ class FlyConfig:
     senses_contact : False silences the legs' sense of contact, of which stumbling and the
         observed contacts and forces come.
     muscles : what moves the legs' joints instead of servos; None for servos.
+    tethered : hold the thorax where the fly is put down, for legs in the air or on a ball (see
+        `terrains.Air` and `terrains.Ball`).
     """
 
     name: BodyName = "current"
@@ -162,6 +167,7 @@ class FlyConfig:
     fixed_joints: tuple[tuple[str, float], ...] = ()
     senses_contact: bool = True
     muscles: LegMuscles | None = None
+    tethered: bool = False
 
     def __post_init__(self) -> None:
         check_fields(self, "body")
@@ -176,6 +182,7 @@ FLIES: Final[Mapping[str, FlyConfig]] = {
     "current": FlyConfig(),
     "classic": FlyConfig(name="classic"),
     "fly_muscles": FlyConfig(muscles=LegMuscles()),
+    "tethered": FlyConfig(tethered=True),
 }
 """Flies by name, as in configs/body."""
 
@@ -226,6 +233,8 @@ def build_fly(
             _add_mesh(spec, body, row)
     _add_actuators(spec, table, config)
     _fix_joints(spec, config)
+    if config.tethered:
+        spec.joint(ROOT_JOINT).armature = TETHER
     _add_cameras(spec)
     _add_light(spec)
     return spec

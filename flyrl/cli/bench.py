@@ -122,12 +122,12 @@ def measure(options: argparse.Namespace, more: Mapping[str, Callable[[], list[Ro
     from flyrl.bench import results  # noqa: PLC0415
     from flyrl.bench.table import table  # noqa: PLC0415
     from flyrl.simulation.physics import FLY_PRESETS  # noqa: PLC0415
-    from flyrl.terrains import KINDS  # noqa: PLC0415
+    from flyrl.terrains import LITERATURE  # noqa: PLC0415
     from flyrl.validation import one_of  # noqa: PLC0415
 
     allowed = (*MEASURED, *more)
     parts = [one_of("part", part, allowed) for part in options.parts] or allowed
-    for key, names in (("presets", FLY_PRESETS), ("terrains", tuple(KINDS))):
+    for key, names in (("presets", FLY_PRESETS), ("terrains", LITERATURE)):
         given = getattr(options, key) or names
         setattr(options, key, [one_of(f"--{key}", name, names) for name in given])
     if not options.show:

@@ -19,15 +19,15 @@ from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.report.figures import METRIC_LABELS, swarm
 from flyrl.report.palette import colours
 from flyrl.report.paper import PAPER_STYLE, Plot, light
-from flyrl.report.scene_figures import TERRAINS
 from flyrl.report.style import WIDTH_IN, outcome_dot
 from flyrl.report.wording import outcome_name
 from flyrl.tasks import TASKS
+from flyrl.terrains import LITERATURE
 
 STUDY: Final = EvaluationConfig(
     task=dataclasses.replace(TASKS["traverse"], time_limit_s=1.5),
     controllers=("cpg", "rule_based", "hybrid"),
-    terrains=TERRAINS,
+    terrains=LITERATURE,
     episodes=20,
     paths=0,
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import closing
-from typing import Final
 
 import matplotlib as mpl
 import pandas as pd
@@ -13,9 +12,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.report.paper import PAPER_STYLE, Plot
 from flyrl.report.style import WIDTH_IN
 from flyrl.simulation.rendering import FlyRenderer
-
-TERRAINS: Final = ("flat", "gapped", "blocks", "mixed")
-"""Of the literature."""
+from flyrl.terrains import LITERATURE
 
 
 def terrains_plot() -> Plot:
@@ -29,7 +26,7 @@ def terrains_plot() -> Plot:
     rows = []
     with mpl.rc_context({**PAPER_STYLE, "axes.grid": False}):
         figure = Figure(figsize=(WIDTH_IN, 7.4), layout="constrained")
-        for axes, name in zip(figure.subplots(2, 2).ravel(), TERRAINS, strict=True):
+        for axes, name in zip(figure.subplots(2, 2).ravel(), LITERATURE, strict=True):
             env = BatchedEnv(EnvConfig("hybrid_turning", terrain=name), 1, 1)
             scene = env.config.fly_scene
             env.reset(seeds=[0])

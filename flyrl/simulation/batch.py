@@ -13,7 +13,7 @@ from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import Scene
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.simulation.variation import Variation
-from flyrl.terrains import HEIGHT_FIELD, NOWHERE, Ground, box_colours, positions_at
+from flyrl.terrains import BALL, HEIGHT_FIELD, NOWHERE, Ball, Ground, box_colours, positions_at
 
 SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
 """Fields of a controller's state that a `FlyState` shows, (6,) each."""
@@ -75,6 +75,7 @@ class FlyBatch(NativeBatch):
         self._prop_starts = np.tile(np.array(NOWHERE), (n, len(self._props), 1))
         self._solid = [i for i, prop in enumerate(self._props) if prop.is_solid]
         self._mocap_pos = self._batch.bind("mocap_pos")
+        self._ball = scene.config.terrain if isinstance(scene.config.terrain, Ball) else None
         self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
         self._variation = Variation(scene.model, self._batch)
@@ -256,8 +257,25 @@ class FlyBatch(NativeBatch):
             stumbling=legs["stumbling"].copy(),
             adhesion=self.output["adhesion"].copy(),
             muscle_tensions=self._tensions.copy(),
+            fictive_velocity_b=self._fictive_velocity(rotation_w),
             is_unstable=self._is_unstable.copy(),
         )
+
+    def _fictive_velocity(self, rotation_w: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How the ball turns back under flies, see `FlyState.fictive_velocity_b`."""
+        velocity = np.zeros((self.num_sims, 3))
+        if self._ball is None:
+            return velocity
+        model = self.scene.model
+        dofs = model.joint(BALL).dofadr[0] + np.arange(3)
+        ball_w = self._xmat[:, model.body(BALL).id].reshape(-1, 3, 3)
+        x, y, z = (ball_w @ self._qvel[:, dofs, None])[:, :, 0].T
+        cos, sin = rotation_w[:, 0, 0], rotation_w[:, 1, 0]
+        # the top of the ball moves along (y, -x) times its radius
+        velocity[:, 0] = -self._ball.radius * (cos * y - sin * x)
+        velocity[:, 1] = self._ball.radius * (cos * x + sin * y)
+        velocity[:, 2] = -z
+        return velocity
 
     def leg_states(self, sim: int) -> LegStates:
         """Copy what the legs of simulation `sim` do, as its controller left them."""

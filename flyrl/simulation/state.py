@@ -43,6 +43,9 @@ class FlyState:
     muscle_tensions
         Of the legs' muscles, from 0 to 1: at each joint, ordered as anatomy.JOINTS, of the one that
         turns it to positive angles, then of the other, (n, 84); (n, 0) of a fly without muscles.
+    fictive_velocity_b
+        Of a tethered fly, the way that the ball turns back under it: forward and leftward, mm/s,
+        and yaw rate, rad/s, (n, 3); zeros without a ball.
     is_unstable
         Whether the simulation blew up since its reset, (n,).
     """
@@ -64,6 +67,7 @@ class FlyState:
     stumbling: Array
     adhesion: Array
     muscle_tensions: Array
+    fictive_velocity_b: Array
     is_unstable: NDArray[np.bool_]
 
     @property

@@ -1,5 +1,7 @@
 """Ground to walk on."""
 
+from typing import Final
+
 from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
 from flyrl.terrains.hills import Hills
 from flyrl.terrains.plane import Flat, Slope
@@ -20,11 +22,24 @@ from flyrl.terrains.terrain import (
     terrain_named,
     terrain_on_record,
 )
+from flyrl.terrains.tether import BALL, Air, Ball
 
-KINDS.update(flat=Flat, gapped=Gapped, blocks=Blocks, mixed=Mixed, hills=Hills, slope=Slope)
+KINDS.update(
+    flat=Flat,
+    gapped=Gapped,
+    blocks=Blocks,
+    mixed=Mixed,
+    hills=Hills,
+    slope=Slope,
+    air=Air,
+    ball=Ball,
+)
 
 # the random ones lie about the literature's 0.35 mm and 0.3 mm
 _HEIGHTS, _GAPS = (0.15, 0.45), (0.1, 0.45)
+
+LITERATURE: Final = ("flat", "gapped", "blocks", "mixed")
+"""Terrains that flies of the literature walked on."""
 
 TERRAINS.update(
     flat=Flat(),
@@ -33,6 +48,8 @@ TERRAINS.update(
     mixed=Mixed(),
     hills=Hills(),
     slope=Slope(),
+    air=Air(),
+    ball=Ball(),
     random_gapped=Gapped(gap_range=_GAPS, random=True),
     random_blocks=Blocks(height_range=_HEIGHTS, random=True),
     random_mixed=Mixed(height_range=_HEIGHTS, gap_range=_GAPS, random=True),
@@ -40,14 +57,18 @@ TERRAINS.update(
 )
 
 __all__ = [
+    "BALL",
     "DOWN",
     "FLAT_GROUND",
     "HEIGHT_FIELD",
     "KINDS",
+    "LITERATURE",
     "NOWHERE",
     "SPAWN_CLEARANCE",
     "TARGET",
     "TERRAINS",
+    "Air",
+    "Ball",
     "Blocks",
     "Bounds",
     "Boxes",

@@ -37,6 +37,7 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
         _add_boxes(spec, boxes)
     if heights is not None:
         _add_heights(spec, heights, ground.shift)
+    terrain.add_to(spec)
     if terrain.floor is None:
         return
     if len(boxes.centres) or heights is not None:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Final, cast
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -216,6 +217,13 @@ class Terrain:
     def is_rough(self) -> bool:
         """Whether there is more to it than a plane."""
         return self.heights() is not None or bool(len(self.draw(self.seed).boxes.centres))
+
+    def add_to(self, spec: mujoco.MjSpec) -> None:
+        """Add to a scene what is neither box, height field nor plane.
+
+        What touches a fly has contype `flyrl.bodies.fly.BOXES`, conaffinity 0, and a name that
+        begins with "ground".
+        """
 
     def draw(self, seed: int, difficulty: float = 1.0) -> Ground:
         """Draw a ground.

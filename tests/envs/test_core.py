@@ -19,7 +19,7 @@ from flyrl.tasks import (
     Termination,
     extended,
 )
-from flyrl.terrains import KINDS
+from flyrl.terrains import LITERATURE
 
 STIFF = SurfaceContact(solref=(-1e5, -2e3))
 FAST = PhysicsConfig(timestep=5e-4, contact=ContactConfig(plane=STIFF, box=STIFF))
@@ -48,7 +48,7 @@ def test_a_batch_gives_the_bits_of_single_environments(task: str, num_threads: i
             np.testing.assert_array_equal(batched[i], alone[0])
 
 
-@pytest.mark.parametrize("terrain", KINDS)
+@pytest.mark.parametrize("terrain", LITERATURE)
 @pytest.mark.parametrize("task", TASKS)
 def test_every_task_runs_on_every_terrain_with_finite_numbers(task: str, terrain: str) -> None:
     env = BatchedEnv(EnvConfig(task=task, terrain=terrain, physics=FAST, decision_interval=0.02), 3)

@@ -336,7 +336,7 @@ def test_bad_actions_are_refused_and_move_nothing(task, action, message):
         ),
         (
             {"task": "target", "body": "worm_crawler"},
-            r"body must be a fly in the task 'target' \(current, classic, fly_muscles\), got Worm",
+            r"body must be a fly in the task 'target' \(current, .*, tethered\), got Worm",
         ),
         ({"task": "worm_crawl", "body": "worm"}, "body must be one of .*'worm_crawler'.*'worm'"),
         (

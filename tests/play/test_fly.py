@@ -15,7 +15,7 @@ from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
 from flyrl.tasks.target import TARGET_DISTANCE
-from flyrl.terrains import FLAT_GROUND, TERRAINS
+from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
 MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
@@ -360,7 +360,7 @@ def test_the_panel_tells_of_legs_and_rewards(fly):
         assert whole == pytest.approx(progress + success + time, abs=2e-3)
     options = {choice.name: choice.options for choice in widgets(fly, Choice)}
     assert options["steering"] == ("by hand", "pursuit", "target-flat")
-    assert options["terrain"] == ("flat", "gapped", "blocks", "mixed", "hills", "slope")
+    assert options["terrain"] == tuple(KINDS)
 
 
 def test_all_muscles_are_on_the_panel(strong):

@@ -15,6 +15,7 @@ from flyrl.simulation.rendering import (
     pixels_per_mm,
 )
 from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.terrains import NOWHERE, TARGET
 
 
 def test_a_millimetre_in_pixels():
@@ -39,7 +40,7 @@ def test_a_camera_that_does_not_exist_is_refused():
 
 @pytest.fixture(scope="module")
 def flies():
-    config = SceneConfig()
+    config = SceneConfig(props=(TARGET,))
     batch = FlyBatch(build_scene(config), num_threads=1)
     start = config.controller.initial_state()
     batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
@@ -63,7 +64,9 @@ def from_above(flies):
 def test_the_target_seen_from_above_is_as_wide_as_the_scale_says(flies, from_above):
     """Its disc of 2 mm lies some 1.3 mm below the thorax, so that it is drawn a little smaller."""
     renderer = from_above[0]
+    flies.set_props(np.array([0]), np.array([[[2.5, 0.0, 0.02]]]))
     picture = renderer.render(flies, 0, (2.5, 0.0)).astype(int)
+    flies.set_props(np.array([0]), np.array([[NOWHERE]]))
     assert renderer.pixels_per_mm == pytest.approx(240 / (2 * 0.414214 * 10.0), rel=1e-4)
     is_red = picture[..., 0] - picture[..., 1] > 80
     rows, _ = np.nonzero(is_red[:, 190:])

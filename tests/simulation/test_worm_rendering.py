@@ -12,12 +12,12 @@ from flyrl.simulation.worms import WormSceneConfig
 WIDTH, HEIGHT = 96, 64
 
 
-def drawn(batch, camera="follow", goal=()):
+def drawn(batch, camera="follow"):
     try:
         renderer = WormRenderer(batch.scene.config, WIDTH, HEIGHT, camera)
     except RenderingUnavailableError as error:
         pytest.skip(str(error))
-    picture = renderer.render(batch, 0, goal)
+    picture = renderer.render(batch, 0)
     renderer.close()
     return picture.astype(int)
 
@@ -41,15 +41,6 @@ def test_the_worm_is_in_the_middle_third_and_all_of_it_in_the_picture(scene, cam
     assert rows.max() < HEIGHT - 1
     assert columns.min() > 0
     assert columns.max() < WIDTH - 1
-
-
-def test_a_target_shows_where_it_is():
-    batch = make_batch()
-    without, ahead = (redness(drawn(batch, "top", goal)) > 30 for goal in ((), (16.0, 0.0)))
-    new = np.nonzero(ahead & ~without)[1]
-    assert new.size
-    # +x is to the right
-    assert new.min() > WIDTH / 2
 
 
 def test_a_camera_that_does_not_exist_is_refused():

@@ -9,11 +9,11 @@ from flyrl.tasks.heading import HEADING
 from flyrl.tasks.path import PATH
 from flyrl.tasks.target import TARGET
 from flyrl.tasks.velocity import VELOCITY
-from flyrl.terrains import KINDS, TERRAINS, Flat
+from flyrl.terrains import LITERATURE, TERRAINS, Flat
 from tests.tasks.test_terms import fly_state, task_state
 
 
-@pytest.mark.parametrize("terrain", KINDS)
+@pytest.mark.parametrize("terrain", LITERATURE)
 def test_targets_lie_5_to_15_mm_away_on_the_terrain(terrain: str) -> None:
     config = TERRAINS[terrain]
     bounds = config.bounds
@@ -72,7 +72,7 @@ def test_slices_cover_the_observation_once() -> None:
     assert TARGET.slices()["target_distance"] == slice(2, 3)
 
 
-@pytest.mark.parametrize("terrain", KINDS)
+@pytest.mark.parametrize("terrain", LITERATURE)
 def test_paths_are_smooth_start_at_the_fly_and_stay_on_the_terrain(terrain: str) -> None:
     config = TERRAINS[terrain]
     bounds = config.bounds
@@ -135,7 +135,7 @@ def test_a_path_counts_only_if_it_was_kept_to() -> None:
     assert success.holds(state).tolist() == [True, False]
 
 
-@pytest.mark.parametrize("terrain", KINDS)
+@pytest.mark.parametrize("terrain", LITERATURE)
 def test_the_easiest_episodes_lead_straight_ahead(terrain: str) -> None:
     config = TERRAINS[terrain]
     for seed in range(30):
@@ -179,7 +179,7 @@ def test_at_half_the_difficulty_ranges_are_half_as_wide() -> None:
     assert 1.2 < np.abs(yaw_rates).max() <= 1.25
 
 
-@pytest.mark.parametrize("terrain", KINDS)
+@pytest.mark.parametrize("terrain", LITERATURE)
 @pytest.mark.parametrize("name", TASKS)
 def test_an_episode_can_be_drawn_at_every_difficulty(name: str, terrain: str) -> None:
     config = TERRAINS[terrain]

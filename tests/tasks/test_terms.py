@@ -29,6 +29,7 @@ def fly_state(n: int = 1, **changes: object) -> FlyState:
         "stumbling": (n, 6),
         "adhesion": (n, 6),
         "muscle_tensions": (n, 84),
+        "fictive_velocity_b": (n, 3),
     }
     state = FlyState(
         **{name: np.zeros(shape) for name, shape in zeros.items()},

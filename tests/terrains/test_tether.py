@@ -1,0 +1,75 @@
+import numpy as np
+import pytest
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.terrains import Air, Ball
+
+
+def walked(drive, terrain="ball", controller="cpg", body="tethered"):
+    """Fictive velocity over the second half of a second, (flies, 3), and the environment."""
+    config = EnvConfig(
+        "hybrid_turning",
+        body=body,
+        terrain=terrain,
+        controller=controller,
+        decision_interval=0.02,
+    )
+    env = BatchedEnv(config, 4, 2)
+    env.reset(seeds=range(4))
+    velocities = []
+    for _ in range(40):
+        assert (env.step(np.tile(drive, (4, 1)).astype(float)).outcome == "running").all()
+        velocities.append(env.state.fictive_velocity_b)
+    return np.mean(velocities[15:], axis=0), env
+
+
+def test_the_thorax_is_held():
+    _, env = walked((1, 1))
+    np.testing.assert_allclose(env.state.position_w[:, 2], env.state.position_w[0, 2], atol=5e-3)
+    assert np.abs(env.state.yaw).max() < 0.01
+
+
+def test_the_ball_turns_back_under_a_fly_that_walks():
+    ahead, _ = walked((1, 1))
+    still, _ = walked((0, 0))
+    assert (ahead[:, 0] > 8.0).all()
+    assert (np.abs(still[:, 0]) < 1.0).all()
+
+
+def test_the_hybrid_controller_walks_on_the_ball():
+    ahead, _ = walked((1, 1), controller="hybrid")
+    assert np.median(ahead[:, 0]) > 5.0
+
+
+@pytest.mark.parametrize(("drive", "sign"), [((1.2, 0.2), -1), ((0.2, 1.2), 1)])
+def test_a_turn_is_a_turn_of_the_ball_about_the_vertical(drive, sign):
+    turning, _ = walked(drive)
+    assert (sign * turning[:, 2] > 2.0).all()
+
+
+def test_the_velocity_of_the_top_of_the_ball_is_worked_out_by_hand():
+    env = BatchedEnv(EnvConfig("hybrid_turning", body="tethered", terrain=Ball(radius=4.0)), 1, 1)
+    env.reset(seeds=[0])
+    dof = env.scene.model.joint("ball").dofadr[0]
+    # backwards over +y: the top moves along +x, at 4 mm times 2 rad/s, so the fly seems to back up
+    env.flies._qvel[0, dof : dof + 3] = (0.0, 2.0, 0.5)
+    np.testing.assert_allclose(env.flies.state().fictive_velocity_b, [[-8.0, 0.0, -0.5]])
+
+
+def test_in_the_air_the_legs_step_and_touch_nothing():
+    velocity, env = walked((1, 1), terrain="air")
+    np.testing.assert_array_equal(velocity, 0.0)
+    np.testing.assert_array_equal(env.state.contact_forces_w, 0.0)
+    assert (env.state.phases > 12 * 2 * np.pi * 0.7).all()
+
+
+def test_a_fly_that_is_not_held_drops_through_the_air():
+    env = BatchedEnv(EnvConfig("hybrid_turning", terrain="air", decision_interval=0.02), 1, 1)
+    env.reset(seeds=[0])
+    outcomes = [env.step(np.ones((1, 2))).outcome[0] for _ in range(5)]
+    assert "left_arena" in outcomes
+
+
+def test_there_is_nothing_to_draw():
+    with pytest.raises(ValueError, match=r"terrain\.random: got True, but air has nothing to draw"):
+        Air(random=True)
