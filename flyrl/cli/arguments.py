@@ -82,7 +82,7 @@ def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
     return UsageError(f"there is no key {given!r}{hint}")
 
 
-OWN: Final = ("controller",)
+OWN: Final = ("controller", "task")
 """Groups whose choice may be module:attribute, a thing of the user's own."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,18 @@ from flyrl.files import file_digest
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file
 from flyrl.policies.library import policy_name
-from flyrl.tasks import Task, term_digests
+from flyrl.tasks import Task, code_digests, code_of
 from flyrl.terrains import terrain_label
 from flyrl.validation import one_of
 
 
 def changed_terms(entrant: Entrant, task: Task) -> list[str]:
-    """Modules of the user's own terms that are not what a learned policy was trained with."""
+    """Modules of the user's task and terms that are not what a policy was trained with."""
     training = entrant.record.get("training")
     before = training.get("terms") if isinstance(training, dict) else None
     if not isinstance(before, dict):  # fixed, or from before they were noted
         return []
-    now = term_digests(task.added)
+    now = code_digests(code_of(task))
     return [module for module, digest in now.items() if before.get(module) != digest]
 
 
@@ -116,7 +116,7 @@ def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
         ) from error
 
 
-def _hydra_list(names: Sequence[str]) -> str:
+def _hydra_list(names: Iterable[str]) -> str:
     return f"[{','.join(map(str, names))}]"
 
 

@@ -21,8 +21,8 @@ from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.tasks import TASKS, ObservationTerm, extended
 
-TARGET = TASKS["target"]
-VELOCITY = TASKS["velocity"]
+TARGET = TASKS["target"]()
+VELOCITY = TASKS["velocity"]()
 
 
 def save_policy(path, *, training=None, env=None, observation=None):

@@ -5,12 +5,13 @@ import pytest
 
 from flyrl.tasks import TASKS, Episode, Task
 from flyrl.tasks.episode import draw_oscillators
-from flyrl.tasks.heading import HEADING
-from flyrl.tasks.path import PATH
-from flyrl.tasks.target import TARGET
-from flyrl.tasks.velocity import VELOCITY
 from flyrl.terrains import TERRAIN_NAMES, TerrainConfig, terrain_bounds
 from tests.tasks.test_terms import fly_state, task_state
+
+HEADING = TASKS["heading"]()
+PATH = TASKS["path"]()
+TARGET = TASKS["target"]()
+VELOCITY = TASKS["velocity"]()
 
 
 @pytest.mark.parametrize("terrain", TERRAIN_NAMES)
@@ -43,7 +44,7 @@ def test_targets_lie_in_every_direction() -> None:
 
 @pytest.mark.parametrize("name", TASKS)
 def test_an_episode_is_a_function_of_its_seed(name: str) -> None:
-    task, config = TASKS[name], TerrainConfig()
+    task, config = TASKS[name](), TerrainConfig()
     assert task.sample_episode(config, 5) == task.sample_episode(config, 5)
     assert task.sample_episode(config, 5) != task.sample_episode(config, 6)
 
@@ -63,7 +64,7 @@ def test_the_normalised_action_spans_the_drive_range() -> None:
 
 def test_the_bare_action_is_the_drive() -> None:
     drive = np.array([[1.2, 0.2], [-0.5, 1.5]])
-    np.testing.assert_allclose(TASKS["hybrid_turning"].actions.commands(drive), drive)
+    np.testing.assert_allclose(TASKS["hybrid_turning"]().actions.commands(drive), drive)
 
 
 def test_slices_cover_the_observation_once() -> None:
@@ -124,7 +125,7 @@ def test_success_in_time_is_a_total_of_seconds(name: str, term: str, needed: flo
     decisions = round(needed / 0.02)
     total = sum([0.02] * decisions)  # as the environment adds it up
     state = task_state(fly_state(2), **{term: [total - 0.02, total]})
-    assert TASKS[name].succeeds_in_time(state).tolist() == [False, True]
+    assert TASKS[name]().succeeds_in_time(state).tolist() == [False, True]
 
 
 def test_a_path_counts_only_if_it_was_kept_to() -> None:
@@ -185,11 +186,11 @@ def test_an_episode_can_be_drawn_at_every_difficulty(name: str, terrain: str) ->
     config = TerrainConfig(name=terrain)
     for difficulty in np.linspace(0, 1, 11):
         for seed in range(10):
-            episode = TASKS[name].sample_episode(config, seed, float(difficulty))
+            episode = TASKS[name]().sample_episode(config, seed, float(difficulty))
             assert episode.difficulty == difficulty
 
 
 @pytest.mark.parametrize("name", TASKS)
 def test_a_task_says_whether_its_episodes_can_be_easier(name: str) -> None:
-    easy, usual = (TASKS[name].sample_episode(TerrainConfig(), 5, d) for d in (0.0, 1.0))
-    assert (replace(easy, difficulty=1.0) != usual) == bool(TASKS[name].difficulty)
+    easy, usual = (TASKS[name]().sample_episode(TerrainConfig(), 5, d) for d in (0.0, 1.0))
+    assert (replace(easy, difficulty=1.0) != usual) == bool(TASKS[name]().difficulty)
