@@ -54,8 +54,8 @@ def float_array(
 
 def number(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number, else raise ValueError."""
-    if not _is_number(value) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    if not _is_number(value) or not -sys.float_info.max <= value <= sys.float_info.max:
+        raise ValueError(f"{name} must be a finite number, got {value!r:.60}")
     return float(value)
 
 

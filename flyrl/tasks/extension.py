@@ -78,11 +78,11 @@ def extended(
     }
     own = {_name_of(term) for term in task.added.values()}
     known = {term.name: None for term in (*task.reward, *tables["reward"])}
-    for name, weight in weights.items():
+    for name in weights:
         one_of("task.weights", name, known)
-        number(f"task.weights.{name}", weight)
+    weighed = {name: number(f"task.weights.{name}", weight) for name, weight in weights.items()}
     tables["reward"] = tuple(
-        replace(term, weight=weights.get(term.name, term.weight)) for term in tables["reward"]
+        replace(term, weight=weighed.get(term.name, term.weight)) for term in tables["reward"]
     )
     return replace(
         task,
