@@ -61,8 +61,8 @@ def number(name: str, value: float) -> float:
 
 def positive(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number above 0, else raise ValueError."""
-    if not _is_number(value) or not 0 < value < math.inf:
-        raise ValueError(f"{name} must be a finite number above 0, got {value!r}")
+    if not _is_number(value) or not 0 < value <= sys.float_info.max:
+        raise ValueError(f"{name} must be a finite number above 0, got {value!r:.60}")
     return float(value)
 
 

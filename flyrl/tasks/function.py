@@ -120,7 +120,7 @@ def task_function(given: str | Callable[..., Task]) -> TaskFunction:
         If there is no such task.
     """
     if isinstance(given, str):
-        given = look_up("task.name", given, TASKS, _may_be_one, "task function")
+        given = look_up("task", given, TASKS, _may_be_one, "task function")
     return given if isinstance(given, TaskFunction) else _wrapped(given)
 
 

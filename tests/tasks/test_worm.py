@@ -101,7 +101,7 @@ def test_difficulty_is_on_record_and_changes_nothing(name: str) -> None:
 
 
 def test_other_names_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"task\.name must be one of .*did you mean 'worm_crawl'"):
+    with pytest.raises(ValueError, match=r"task must be one of .*did you mean 'worm_crawl'"):
         task_named("worm_crwl")
 
 
