@@ -156,10 +156,10 @@ def _commands(run):
 
 @pytest.mark.slow
 def test_the_commands_of_the_docs_train_and_evaluate(my_terms, run_here):
-    train, _ = _commands("")
+    train, *_ = _commands("")
     trained = run_here(*train, *TINY_ARGUMENTS, "video_after=false")
     assert trained.returncode == 0, trained.stderr
-    _, evaluate = _commands(trained.stdout.splitlines()[-1].removeprefix("run: "))
+    _, evaluate, *_ = _commands(trained.stdout.splitlines()[-1].removeprefix("run: "))
     short = ("controllers=[zero]", "episodes=1", "task.time_limit=0.2")
     short = (*short, "videos=false", "close_ups=false")
     evaluated = run_here(*evaluate, *short)
