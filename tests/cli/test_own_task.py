@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from flyrl.cli.config import env_config
+from flyrl.cli.config import env_config, training_config
+from flyrl.cli.tune import compose_training
 from flyrl.envs.record import env_record
 from flyrl.policies import load_bundle, load_policy, save_bundle
 from flyrl.policies.bundle import PolicyFileError
@@ -45,6 +46,13 @@ def test_a_parameter_that_does_not_exist_is_named():
     settings = {**_groups(), "task": {"name": "my_lab:forage", "source": 2}}
     with pytest.raises(ValueError, match="task has no 'source'; did you mean 'sources'"):
         env_config(settings)
+
+
+@pytest.mark.usefixtures("my_lab")
+def test_it_can_be_tuned():
+    settings = compose_training(["task=my_lab:forage", "task.sources=2", "physics=fast"])
+    assert settings["task"]["sources"] == 2
+    assert training_config(settings).env.resolved_task.name == "my_lab:forage"
 
 
 def _groups():

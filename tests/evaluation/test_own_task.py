@@ -83,6 +83,7 @@ def test_results_and_report_hold_it(results, tmp_path):
     text = write_report(again, tmp_path).read_text()
     assert "way off (mm)" in text
     assert "mm from where it began" in text
+    assert "<dt>parameters</dt>" not in text  # it has none
     assert "way_off_mm_mean" in (tmp_path / "tables" / "summary.csv").read_text()
 
 
