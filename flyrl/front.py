@@ -25,7 +25,7 @@ from flyrl.report.video import FPS, encode
 from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import FlyState
-from flyrl.tasks import RUNNING, Settings, Task, task_from
+from flyrl.tasks import RUNNING, Task, TaskSettings, task_from
 from flyrl.tasks.terms import thorax
 from flyrl.validation import float_array, positive
 
@@ -37,7 +37,7 @@ FRAME_S: Final = 0.01
 """Simulated time between two pictures of a video, s: a quarter of real time."""
 
 
-def make(task: Settings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
+def make(task: TaskSettings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
     """Make a Gymnasium environment of a task, as `gymnasium.make` does by its id.
 
     Parameters
@@ -53,13 +53,13 @@ def make(task: Settings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
 
 
 def make_vec(
-    task: Settings | Task, num_envs: int = 1, **settings: Any
+    task: TaskSettings | Task, num_envs: int = 1, **settings: Any
 ) -> gymnasium.vector.VectorEnv:
     """Make a Gymnasium vector environment of a task; arguments as in `make`."""
     return gymnasium.make_vec(_spec(task), num_envs=num_envs, **settings)
 
 
-def make_sb3(task: Settings | Task, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
+def make_sb3(task: TaskSettings | Task, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
     """Make a Stable-Baselines3 VecEnv of a task.
 
     Parameters
@@ -74,7 +74,7 @@ def make_sb3(task: Settings | Task, num_envs: int = 1, **settings: Any) -> Flyrl
     return FlyrlVecEnv(None, num_envs, task=task, **settings)
 
 
-def _spec(task: Settings | Task) -> str | EnvSpec:
+def _spec(task: TaskSettings | Task) -> str | EnvSpec:
     """Id of a built-in task, or what Gymnasium makes another one from."""
     ids = {name: env_id for env_id, name in ENV_IDS.items()}
     if isinstance(task, str) and task in ids:

@@ -22,8 +22,8 @@ from flyrl.tasks import (
     Episode,
     JointTargets,
     Neurons,
-    Settings,
     Task,
+    TaskSettings,
     named_function,
     task_from,
 )
@@ -84,7 +84,7 @@ class EnvConfig:
         `flyrl.tasks.Task.flattened`).
     """
 
-    task: Settings | Task = "target"
+    task: TaskSettings | Task = "target"
     body: str | BodyConfig | Fields | None = None
     terrain: str | TerrainConfig | Fields = "flat"
     controller: str | Controller | Fields | None = None
@@ -277,7 +277,7 @@ def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
 
 
 def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
-    """Settings as they are given, or those that a name picks."""
+    """TaskSettings as they are given, or those that a name picks."""
     if isinstance(given, str):
         return table[one_of(key, given, table)]
     kinds = {type(config) for config in table.values()}
@@ -326,7 +326,7 @@ def _list(names: Iterable[str]) -> str:
     return ", ".join(map(repr, names))
 
 
-def usual_body(task: Settings | Task) -> BodyConfig:
+def usual_body(task: TaskSettings | Task) -> BodyConfig:
     """Body that a task is for, unless another is asked for."""
     worm = task.worm if isinstance(task, Task) else named_function(task).worm
     return worm or FLIES["current"]

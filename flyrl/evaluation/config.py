@@ -15,7 +15,7 @@ from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
-from flyrl.tasks import Episode, Settings, Task
+from flyrl.tasks import Episode, Task, TaskSettings
 from flyrl.terrains import TerrainConfig
 from flyrl.validation import Within, check_fields, not_negative, one_of, within
 
@@ -96,7 +96,7 @@ class EvaluationConfig:
 
     policies: tuple[str, ...] = ()
     controllers: tuple[str, ...] | None = None
-    task: Settings | Task = "target"
+    task: TaskSettings | Task = "target"
     terrains: tuple[str | TerrainConfig, ...] = ("flat",)
     episodes: Annotated[int, Within(1, MAX_EPISODES)] = 50
     seed: Annotated[int, Within(0, MAX_SEED)] = 0

@@ -15,8 +15,8 @@ from flyrl.tasks.extension import (
 from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.function import (
     TASKS,
-    Settings,
     TaskFunction,
+    TaskSettings,
     named_function,
     task_from,
     task_named,
@@ -71,9 +71,9 @@ __all__ = [
     "Neurons",
     "ObservationTerm",
     "RewardTerm",
-    "Settings",
     "Task",
     "TaskFunction",
+    "TaskSettings",
     "TaskState",
     "Term",
     "Termination",

@@ -17,6 +17,12 @@ from flyrl.tasks.extension import extended, load_terms
 from flyrl.tasks.task import Task
 from flyrl.validation import check_fields, checked_arguments, known_keys, positive
 
+ALWAYS: Final = ("name", "decision_interval", "time_limit", "terms", "without", "weights")
+"""Settings that every task has."""
+
+TASKS: Final[dict[str, TaskFunction]] = {}
+"""Functions of the built-in tasks by name; `flyrl.tasks.built_in` fills it."""
+
 
 class TaskFunction:
     """A function that returns a `Task`, whose arguments are checked against its annotations.
@@ -38,6 +44,11 @@ class TaskFunction:
     ----------
     worm
         The usual worm; None in a task for flies.
+
+    Raises
+    ------
+    ValueError
+        A parameter has the name of a setting that every task has, or `worm` has no worm as default.
     """
 
     __name__: str
@@ -47,8 +58,14 @@ class TaskFunction:
         self._function = function
         self._base = base
         self._signed: Callable[..., Any] = function if base is None else base._signed
-        worm = inspect.signature(self._signed).parameters.get("worm")
-        self.worm: WormConfig | None = None if worm is None else worm.default
+        parameters = inspect.signature(self._signed).parameters
+        for key in ALWAYS:
+            if key in parameters and key != "time_limit":
+                raise ValueError(f"a task must not have a parameter {key!r}, as {self.name} has")
+        worm = parameters["worm"].default if "worm" in parameters else None
+        if not isinstance(worm, WormConfig | None):
+            raise ValueError(f"worm of {self.name} must be a WormConfig by default, got {worm!r}")
+        self.worm = worm
         self._made = functools.cache(self._make)
 
     @property
@@ -81,9 +98,14 @@ class TaskFunction:
 
     def _make(self, arguments: tuple[tuple[str, Any], ...]) -> Task:
         given = dict(arguments)
-        table = (
-            self._function(**given) if self._base is None else self._function(self._base(**given))
-        )
+        base = self._base
+        try:
+            table = self._function(**given) if base is None else self._function(base(**given))
+        except ValueError:
+            raise
+        except Exception as error:
+            # the user's own code may raise anything
+            raise ValueError(f"{self.name} raised {type(error).__name__}: {error}") from error
         if not isinstance(table, Task):
             raise ValueError(f"{self.name} must return a Task, got a {type(table).__name__}")
         worm = given.pop("worm", None)
@@ -101,14 +123,8 @@ def variant_of(base: TaskFunction) -> Callable[[Callable[[Task], Task]], TaskFun
     return functools.partial(TaskFunction, base=base)
 
 
-TASKS: Final[dict[str, TaskFunction]] = {}
-"""Functions of the built-in tasks by name; `flyrl.tasks.built_in` fills it."""
-
-Settings = str | Mapping[str, Any] | Callable[..., Task]
+TaskSettings = str | Mapping[str, Any] | Callable[..., Task]
 """What names a task: its name, a mapping with the name and settings, or a task function."""
-
-ALWAYS: Final = ("name", "decision_interval", "time_limit", "terms", "without", "weights")
-"""Settings that every task has."""
 
 
 def task_function(given: str | Callable[..., Task]) -> TaskFunction:
@@ -121,6 +137,8 @@ def task_function(given: str | Callable[..., Task]) -> TaskFunction:
     """
     if isinstance(given, str):
         given = look_up("task", given, TASKS, _may_be_one, "task function")
+    if not _may_be_one(given):
+        raise ValueError(f"task must be a Task, a task function or the name of one, got {given!r}")
     return given if isinstance(given, TaskFunction) else _wrapped(given)
 
 
@@ -131,7 +149,7 @@ def _may_be_one(value: object) -> bool:
 _wrapped = functools.cache(TaskFunction)  # so that equal arguments give the same task
 
 
-def task_from(settings: Settings, worm: WormConfig | None = None) -> Task:
+def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     """Task of its name and settings, as `task_record` and `configs/task` have them.
 
     Parameters
@@ -167,7 +185,7 @@ def task_from(settings: Settings, worm: WormConfig | None = None) -> Task:
     return extended(task, load_terms(changes.terms), changes.weights, changes.without)
 
 
-def named_function(settings: Settings) -> TaskFunction:
+def named_function(settings: TaskSettings) -> TaskFunction:
     """Task function that settings name.
 
     Raises
@@ -175,10 +193,7 @@ def named_function(settings: Settings) -> TaskFunction:
     ValueError
         If they name none.
     """
-    name = settings.get("name") if isinstance(settings, Mapping) else settings
-    if not isinstance(name, str) and not callable(name):
-        raise ValueError(f"task must be a Task, a task function or the name of one, got {name!r}")
-    return task_function(name)
+    return task_function(settings.get("name", "") if isinstance(settings, Mapping) else settings)
 
 
 @dataclass(frozen=True)

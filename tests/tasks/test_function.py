@@ -116,6 +116,30 @@ def test_what_is_no_task_is_named(name, message):
         task_from({"name": name})
 
 
+def test_what_cannot_be_a_task_function_is_refused():
+    with pytest.raises(ValueError, match=r"not have a parameter 'weights', as .*broken"):
+
+        @TaskFunction
+        def broken(weights=1):
+            """Nothing comes of it."""
+
+    with pytest.raises(ValueError, match=r"worm of .* must be a WormConfig by default, got 3"):
+
+        @TaskFunction
+        def wormless(worm=3):
+            """Nothing comes of it."""
+
+    with pytest.raises(ValueError, match=r"<lambda> raised ZeroDivisionError: division by zero"):
+        TaskFunction(lambda: 1 / 0)()
+
+
+def test_records_from_before_tasks_had_parameters_are_read():
+    weights = {"progress": 0.2, "success": 2.0, "time": -0.5, "lost_time": -0.5}
+    old = {"name": "target", "terms": [], "weights": weights, "decision_interval": 0.02}
+    assert task_from({**old, "time_limit": 3.0}) == TARGET()
+    assert task_from({**old, "time_limit": None}) == TARGET()
+
+
 def test_a_time_limit_needs_no_parameter():
     bare = TaskFunction(lambda: replace(TARGET(), success="bare"))
     assert task_from({"name": bare, "time_limit": 9}).time_limit_s == 9.0
