@@ -277,7 +277,7 @@ def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
 
 
 def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
-    """TaskSettings as they are given, or those that a name picks."""
+    """Settings as they are given, or those that a name picks."""
     if isinstance(given, str):
         return table[one_of(key, given, table)]
     kinds = {type(config) for config in table.values()}
