@@ -63,7 +63,7 @@ def walk(
     )
     terrain = env.config.scene.terrain
     episodes = [
-        TASKS["hybrid_turning"].sample_episode(terrain, FIRST_SEED + i) for i in range(conditions)
+        TASKS["hybrid_turning"]().sample_episode(terrain, FIRST_SEED + i) for i in range(conditions)
     ]
     if magnitude is not None:
         episodes = [replace(episode, init_magnitudes=(magnitude,) * 6) for episode in episodes]

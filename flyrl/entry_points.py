@@ -2,9 +2,9 @@
 
 import importlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 T = TypeVar("T")
 
@@ -108,7 +108,21 @@ def load_module(name: str, key: str, example: str) -> dict[str, Any]:
 
 
 def find(key: str, name: str, built_in: Mapping[str, type[T]], base: type[T]) -> type[T]:
-    """Find the class that a name in a config stands for: built in, or the user's own.
+    """Find the class that a name in a config stands for; `base` is what it is derived from.
+
+    The other parameters and the errors are those of `look_up`.
+    """
+
+    def is_derived(value: object) -> bool:
+        return isinstance(value, type) and issubclass(value, base) and value is not base
+
+    return look_up(key, name, built_in, is_derived, base.__name__)
+
+
+def look_up(
+    key: str, name: str, built_in: Mapping[str, T], fits: Callable[[object], bool], kind: str
+) -> T:
+    """Find what a name in a config stands for: built in, or the user's own.
 
     Parameters
     ----------
@@ -118,26 +132,24 @@ def find(key: str, name: str, built_in: Mapping[str, type[T]], base: type[T]) ->
         A built-in name, or `module:attribute`, whose module is imported (see `load_module`).
     built_in
         What there is, by name.
-    base
-        The class must be derived from it.
+    fits
+        Whether an object of the user's module may have such a name.
+    kind
+        Word for one, for messages.
 
     Raises
     ------
     ValueError
-        If there is no such class of that name.
+        If there is nothing of that name, or something that does not fit.
     """
     from flyrl.validation import one_of  # noqa: PLC0415 - completion does without NumPy
 
-    if not is_entry_point(name):
+    if built_in and not is_entry_point(name):
         return built_in[one_of(key, name, built_in)]
     module, _, attribute = name.partition(":")
-    defined = load_module(name, key, name)
-    known = {
-        each: value
-        for each, value in defined.items()
-        if isinstance(value, type) and issubclass(value, base) and value is not base
-    }
+    defined = load_module(name, key, "my_lab:MINE")
+    known = {each: value for each, value in defined.items() if fits(value)}
     if attribute in defined and attribute not in known:
         given = type(defined[attribute]).__name__
-        raise ValueError(f"{key}: {name} must be a {base.__name__}, got a {given}")
-    return known[one_of(f"{key}, of the {base.__name__}s in {module},", attribute, known)]
+        raise ValueError(f"{key}: {name} must be a {kind}, got a {given}")
+    return cast(T, known[one_of(f"{key}, of the {kind}s in {module},", attribute, known)])

@@ -11,22 +11,23 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 import pandas as pd
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
 from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.registration import ENV_IDS
+from flyrl.envs.registration import ENV_IDS, own_spec
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.files import write_bytes
 from flyrl.report.video import FPS, encode
 from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import FlyState
-from flyrl.tasks import RUNNING
+from flyrl.tasks import RUNNING, Task, TaskSettings, task_from
 from flyrl.tasks.terms import thorax
-from flyrl.validation import float_array, one_of, positive
+from flyrl.validation import float_array, positive
 
 Array = NDArray[np.float64]
 Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLike]
@@ -36,42 +37,50 @@ FRAME_S: Final = 0.01
 """Simulated time between two pictures of a video, s: a quarter of real time."""
 
 
-def make(task: str, **settings: Any) -> gymnasium.Env[Any, Any]:
+def make(task: TaskSettings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
     """Make a Gymnasium environment of a task, as `gymnasium.make` does by its id.
 
     Parameters
     ----------
     task
-        Name of the task, e.g. "target".
+        As `EnvConfig` takes it: a name, e.g. "target", or module:function of your own, a task
+        function, a table, or a mapping.
     settings
-        Arguments of `EnvConfig`, and of `gymnasium.make`.
+        Arguments of `EnvConfig`, settings of the task, e.g. distance=(3, 30), and arguments of
+        `gymnasium.make`.
     """
-    return gymnasium.make(_env_id(task), **settings)
+    return gymnasium.make(_spec(task), **settings)
 
 
-def make_vec(task: str, num_envs: int = 1, **settings: Any) -> gymnasium.vector.VectorEnv:
+def make_vec(
+    task: TaskSettings | Task, num_envs: int = 1, **settings: Any
+) -> gymnasium.vector.VectorEnv:
     """Make a Gymnasium vector environment of a task; arguments as in `make`."""
-    return gymnasium.make_vec(_env_id(task), num_envs=num_envs, **settings)
+    return gymnasium.make_vec(_spec(task), num_envs=num_envs, **settings)
 
 
-def make_sb3(task: str, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
+def make_sb3(task: TaskSettings | Task, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
     """Make a Stable-Baselines3 VecEnv of a task.
 
     Parameters
     ----------
     task
-        Name of the task.
+        As in `make`.
     num_envs
         Number of flies.
     settings
-        Arguments of `EnvConfig` and of `FlyrlVecEnv`.
+        Arguments of `EnvConfig`, settings of the task, and arguments of `FlyrlVecEnv`.
     """
     return FlyrlVecEnv(None, num_envs, task=task, **settings)
 
 
-def _env_id(task: str) -> str:
+def _spec(task: TaskSettings | Task) -> str | EnvSpec:
+    """Id of a built-in task, or what Gymnasium makes another one from."""
     ids = {name: env_id for env_id, name in ENV_IDS.items()}
-    return ids[one_of("task", task, ids)]
+    if isinstance(task, str) and task in ids:
+        return ids[task]
+    has_goals = (task if isinstance(task, Task) else task_from(task)).has_goals
+    return own_spec(task, has_goals)
 
 
 def walk(

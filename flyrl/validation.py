@@ -3,11 +3,12 @@
 import dataclasses
 import difflib
 import functools
+import inspect
 import math
 import sys
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeVar, get_args, get_origin
@@ -53,15 +54,15 @@ def float_array(
 
 def number(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number, else raise ValueError."""
-    if not _is_number(value) or not math.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value!r}")
+    if not _is_number(value) or not -sys.float_info.max <= value <= sys.float_info.max:
+        raise ValueError(f"{name} must be a finite number, got {value!r:.60}")
     return float(value)
 
 
 def positive(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number above 0, else raise ValueError."""
-    if not _is_number(value) or not 0 < value < math.inf:
-        raise ValueError(f"{name} must be a finite number above 0, got {value!r}")
+    if not _is_number(value) or not 0 < value <= sys.float_info.max:
+        raise ValueError(f"{name} must be a finite number above 0, got {value!r:.60}")
     return float(value)
 
 
@@ -214,6 +215,51 @@ def check_fields(config: Any, group: str = "") -> None:
         object.__setattr__(config, name, value)
 
 
+def checked_arguments(
+    function: Callable[..., Any], given: Mapping[str, Any], group: str = ""
+) -> dict[str, Any]:
+    """Arguments of a function by name, defaults included, checked against its annotations.
+
+    The rules are those of `check_fields`; without an annotation, only lists become tuples.
+
+    Parameters
+    ----------
+    function
+        All its parameters have names.
+    given
+        Arguments by name.
+    group
+        Key at which they stand in a config, for messages.
+
+    Raises
+    ------
+    ValueError
+        A name that the function does not have, a value that is not allowed, or none where one is
+        needed; with the key, the value, and what is allowed.
+    """
+    try:
+        hints = typing.get_type_hints(function, include_extras=True)
+    except NameError as error:
+        raise ValueError(
+            f"annotations of {getattr(function, '__qualname__', function)} cannot be read: {error}"
+        ) from error
+    parameters = inspect.signature(function).parameters
+    known_keys(group or "it", given, parameters)
+    arguments = {}
+    for name, parameter in parameters.items():
+        key = f"{group}.{name}" if group else name
+        value = given.get(name, parameter.default)
+        if value is inspect.Parameter.empty:
+            raise ValueError(f"{key} is missing")
+        is_hinted = name in hints
+        arguments[name] = _checked(key, value, hints[name], None) if is_hinted else _tuples(value)
+    return arguments
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
+
+
 @functools.cache
 def _checked_fields(cls: Any) -> list[tuple[str, Any]]:
     hints = typing.get_type_hints(cls, include_extras=True)
@@ -263,8 +309,9 @@ def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  #
     return _one_of_kinds(name, value, (hint,))
 
 
-def _one_of_kinds(name: str, value: Any, kinds: tuple[type, ...]) -> Any:
-    if not isinstance(value, kinds):
+def _one_of_kinds(name: str, value: Any, hints: tuple[Any, ...]) -> Any:
+    kinds = tuple(get_origin(hint) or hint for hint in hints)
+    if Any not in kinds and not isinstance(value, kinds):
         words = " or ".join(_WORDS.get(kind, f"a {kind.__name__}") for kind in kinds)
         raise ValueError(f"{name} must be {words}, got {value!r}")
     return value

@@ -149,7 +149,7 @@ def make_results(
         "versions": {"flyrl": "0.1.0", "mujoco": "4.0.0", "numpy": "2.4.6", "python": "3.11.2"},
         "seed": 0,
         "task": "target",
-        "table": task_table(TASKS["target"]),
+        "table": task_table(TASKS["target"]()),
         "outcomes": list(OUTCOMES[1:]),
         "horizon_s": HORIZON_S,
         "episodes_per_terrain": episodes,

@@ -1,14 +1,17 @@
-"""Controllers as Python loops over the joints, beside the same controllers in the engine."""
+"""The examples: controllers as Python loops beside those in the engine; a task of one's own."""
 
 import gymnasium
 import numpy as np
 import pytest
 
 import examples.cpg_loop
+import examples.forage
 import examples.hybrid_loop
 import examples.rule_based_loop
 import flyrl
 from examples.stairs import Stairs
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.policies.laws import fixed_policy, law_named
 
 LOOPS = {
     "cpg": examples.cpg_loop.walk,
@@ -55,3 +58,30 @@ def test_uneven_stairs_differ_from_episode_to_episode_within_their_hull():
     assert (first.tops != second.tops).all()
     for boxes in (first, second):
         assert (boxes.tops <= hull.tops).all()
+
+
+def test_the_task_of_the_example_leads_from_source_to_source():
+    config = EnvConfig(examples.forage.forage, physics="fast")
+    env = BatchedEnv(config, 1, 1)
+    env.reset(seeds=[0])
+    places = np.reshape(env.episodes[0].command, (3, 2))
+    starts = np.vstack([env.episodes[0].spawn_position_w[:2], places[:-1]])
+    np.testing.assert_allclose(np.linalg.norm(places - starts, axis=1), 5.0)
+    pursuit = fixed_policy("pursuit", law_named("pursuit"), env.task)
+    found, outcome = [0.0], "running"
+    while outcome == "running":
+        action, _ = pursuit.predict(env.observe())
+        outcome = str(env.step(action).outcome[0])
+        found.append(float(env.task_state().totals["found"][0]))
+    assert outcome == "success"
+    assert sorted(set(found)) == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_the_task_of_the_example_checks_its_parameters():
+    with pytest.raises(
+        ValueError, match=r"task\.sources must be a whole number from 1 to 20, got 0"
+    ):
+        flyrl.make(examples.forage.forage, sources=0)
+    env = flyrl.make("examples.forage:forage", sources=2, apart=10)
+    assert env.unwrapped.core.task.parameters["sources"] == 2
+    assert env.unwrapped.core.task.name == "examples.forage:forage"

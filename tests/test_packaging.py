@@ -129,7 +129,7 @@ def test_a_tiny_training_run_in_an_empty_folder(python):
 def _save_policy(path, seed):
     """Save a policy for the task Target, and return it."""
     rng = np.random.default_rng(seed)
-    layout = observation_layout(TASKS["target"])
+    layout = observation_layout(TASKS["target"]())
     size = sum(term.size for term in layout)
     layers = (
         Layer(rng.normal(size=(64, size)).astype(np.float32), np.zeros(64, np.float32)),

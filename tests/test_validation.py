@@ -5,7 +5,14 @@ from typing import Annotated, Literal
 
 import pytest
 
-from flyrl.validation import Within, check_fields, did_you_mean, known_keys
+from flyrl.validation import (
+    Within,
+    check_fields,
+    checked_arguments,
+    did_you_mean,
+    known_keys,
+    ordered,
+)
 
 
 @dataclass(frozen=True)
@@ -64,3 +71,25 @@ def test_an_unknown_key_is_named_with_the_closest():
         ValueError, match=r"env has no 'terain'; did you mean 'terrain'\? \(allowed"
     ):
         known_keys("env", ["task", "terain"], ["task", "terrain"])
+
+
+def test_arguments_of_a_function_are_checked_against_its_annotations():
+    def function(size: Annotated[float, Within(0, 1)], pair: tuple[int, int] = (1, 2), free=None):
+        """Nothing is done here."""
+
+    checked = checked_arguments(function, {"size": 1, "free": [1, [2]]}, "group")
+    assert checked == {"size": 1.0, "pair": (1, 2), "free": (1, (2,))}
+    for given, message in (
+        ({}, r"group\.size is missing"),
+        ({"size": 2}, r"group\.size must be a finite number from 0 to 1, got 2"),
+        ({"size": 1, "pair": [1]}, r"group\.pair must be a tuple of 2"),
+        ({"size": 1, "piar": [1]}, r"group has no 'piar'; did you mean 'pair'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            checked_arguments(function, given, "group")
+
+
+def test_a_pair_rises():
+    assert ordered("x", (1.0, 1.0)) == (1.0, 1.0)
+    with pytest.raises(ValueError, match=r"x must be \(least, greatest\), got \(2, 1\)"):
+        ordered("x", (2, 1))

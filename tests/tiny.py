@@ -7,7 +7,7 @@ from flyrl.tasks import TASKS
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 
-TINY_ENV = EnvConfig(replace(TASKS["target"], time_limit_s=0.2), physics="fast")
+TINY_ENV = EnvConfig(replace(TASKS["target"](), time_limit_s=0.2), physics="fast")
 TINY = TrainingConfig(
     env=TINY_ENV,
     algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(8,)),

@@ -137,7 +137,7 @@ def judge(run: Path, record: dict[str, Any], episodes: int, num_threads: int) ->
     return {
         "episodes": episodes,
         "seed": config.seed,
-        "compared": list(compared_metrics(config.resolved_task.name)),
+        "compared": list(compared_metrics(config.resolved_task)),
         "results": results,
     }
 

@@ -82,15 +82,16 @@ def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
     return UsageError(f"there is no key {given!r}{hint}")
 
 
-OWN: Final = ("controller", "terrain")
+OWN: Final = ("controller", "task", "terrain")
 """Groups whose choice may be module:attribute, a thing of the user's own."""
 
 
 def with_own_things(arguments: Sequence[str]) -> list[str]:
-    """Write the user's own things as Hydra knows them: a group that is deleted, and added anew.
+    """Write the user's own things as Hydra knows them.
 
-    `controller=my_lab:Wave controller.amplitude=0.3` becomes `~controller`,
-    `+controller.name=my_lab:Wave` and `+controller.amplitude=0.3`.
+    `task=my_lab:forage task.sources=2` becomes `task=own`, `task.name=my_lab:forage` and
+    `++task.sources=2`. A group without a choice `own` is deleted, and added anew: `~controller`,
+    `+controller.name=my_lab:Wave`.
     """
     own = {
         key: value
@@ -101,9 +102,12 @@ def with_own_things(arguments: Sequence[str]) -> list[str]:
     for word in arguments:
         key, _, value = word.partition("=")
         if own.get(key) == value:
-            words += [f"~{key}", f"+{key}.name={value}"]
+            if "own" in config_groups()[key]:
+                words += [f"{key}=own", f"{key}.name={value}"]
+            else:
+                words += [f"~{key}", f"+{key}.name={value}"]
         elif key.partition(".")[0] in own:
-            words.append(f"+{word}")
+            words.append(f"++{word}")
         else:
             words.append(word)
     return words

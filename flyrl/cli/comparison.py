@@ -11,7 +11,7 @@ from typing import Any, Final
 from flyrl.cli.runs import names_of
 from flyrl.cli.sweep import Job, Note, by_key, read_jobs, swept_keys
 from flyrl.cli.tables import NOTHING, print_table
-from flyrl.evaluation.metrics import LOWER_IS_BETTER, decisive_metrics
+from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
@@ -147,15 +147,23 @@ def figures_of(groups: Sequence[Group]) -> dict[str, Figure]:
 
 def has_one_reward(groups: Sequence[Group]) -> bool:
     """Whether returns can be compared: all finished runs have the same task, terms and weights."""
-    parts = ("task.name", "task.terms", "task.weights")
+    parts = ("task.name", "task.terms", "task.without", "task.weights")
     rewards = {repr([run.setting(key) for key in parts]) for g in groups for run in g.runs}
     return len(rewards) < 2
 
 
 def _decisive(groups: Sequence[Group]) -> tuple[str, ...]:
     """What decides the task of all finished runs; nothing if they have several."""
-    tasks = {str(run.setting("task.name")) for group in groups for run in group.runs}
-    return decisive_metrics(tasks.pop()) if len(tasks) == 1 else ()
+    found = {_decisive_of(run) for group in groups for run in group.runs}
+    return found.pop() if len(found) == 1 else ()
+
+
+def _decisive_of(run: RunSummary) -> tuple[str, ...]:
+    """What decides the task of a run; one from before it was noted is of a built-in task."""
+    noted = run.provenance.get("decisive")
+    if isinstance(noted, list):
+        return tuple(map(str, noted))
+    return decisive_metrics(str(run.setting("task.name")))
 
 
 def ranking_metrics(groups: Sequence[Group]) -> list[str]:
@@ -175,7 +183,7 @@ def ranked(groups: Sequence[Group]) -> list[Group]:
     def rank(group: Group) -> list[tuple[bool, float]]:
         means = [_figure(figures[f"final_{metric}"], group.runs).value for metric in metrics]
         return [
-            (mean is None, (mean or 0.0) * (1 if metric in LOWER_IS_BETTER else -1))
+            (mean is None, (mean or 0.0) * (1 if lower_is_better(metric) else -1))
             for metric, mean in zip(metrics, means, strict=True)
         ]
 

@@ -1,13 +1,12 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Final, get_args
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.cli.conversion import from_mapping, group, whole_number
-from flyrl.cli.terms import load_terms
 from flyrl.controllers import Controller
 from flyrl.controllers.controller import controller_from
 from flyrl.envs.config import BodyConfig, EnvConfig
@@ -15,37 +14,22 @@ from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import Camera
-from flyrl.tasks import TASK_NAMES, WORM_TASKS, Task, extended, task_named
+from flyrl.tasks import named_function
 from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
-from flyrl.validation import file_path, one_of
+from flyrl.validation import file_path, number, one_of
 
 
-@dataclass(frozen=True, kw_only=True)
-class _TaskSettings:
-    """The group `task`; `terms` are the user's own, as module:attribute."""
-
-    name: str
-    decision_interval: float | None = None
-    time_limit: float | None = None
-    terms: tuple[str, ...] = ()
-    weights: dict[str, float] = field(default_factory=dict)
-
-    def task(self, body: BodyConfig) -> Task:
-        """The task for a body, with what the user changed of it; imports the terms' modules."""
-        task = task_named(self.name, body if isinstance(body, WormConfig) else None)
-        return extended(task, load_terms(self.terms), self.weights, self.time_limit)
-
-    def body(self, given: Mapping[str, Any]) -> BodyConfig:
-        """The group `body`: of a worm in a task for worms, else of a fly."""
-        one_of("task.name", self.name, TASK_NAMES)
-        if self.name in WORM_TASKS:
-            _check_creature(self.name, given, FlyConfig, "a worm", WORMS)
-            return from_mapping(WormConfig, given, "body")
-        _check_creature(self.name, given, WormConfig, "a fly", FLIES)
-        return from_mapping(FlyConfig, given, "body")
+def _body(task: Mapping[str, Any], given: Mapping[str, Any]) -> BodyConfig:
+    """The group `body`: of a worm in a task for worms, else of a fly."""
+    function = named_function(task)
+    if function.worm is not None:
+        _check_creature(function.name, given, FlyConfig, "a worm", WORMS)
+        return from_mapping(WormConfig, given, "body")
+    _check_creature(function.name, given, WormConfig, "a fly", FLIES)
+    return from_mapping(FlyConfig, given, "body")
 
 
 def _check_creature(
@@ -83,15 +67,13 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
 
 def env_config(config: Mapping[str, Any]) -> EnvConfig:
     """Settings of an environment, from the groups that `env_record` has as keys."""
-    task = from_mapping(_TaskSettings, group(config, "task"), "task")
-    body = task.body(group(config, "body"))
+    task = group(config, "task")
     return EnvConfig(
-        task=task.task(body),
-        body=body,
+        task=task,
+        body=_body(task, group(config, "body")),
         terrain=terrain_from(group(config, "terrain")),
         controller=_controller(config.get("controller")),
         physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
-        decision_interval=task.decision_interval,
         randomisation=_randomisation(config),
     )
 
@@ -196,16 +178,10 @@ def evaluation_config(
     ValueError
         A key or value that is not allowed.
     """
-    asked = from_mapping(_TaskSettings, group(config, "task"), "task")
-    body = asked.body(group(config, "body"))
-    task = asked.task(body)
-    own = task.decision_interval_s
-    if asked.decision_interval not in (None, own):
-        raise ValueError(
-            "task.decision_interval must be null in an evaluation, where a learned policy brings "
-            f"its own and a fixed one takes the task's, {own}, got {asked.decision_interval}"
-        )
-    return EvaluationConfig(
+    task = group(config, "task")
+    body = _body(task, group(config, "body"))
+    asked = task.pop("decision_interval", None)
+    found = EvaluationConfig(
         policies=settings.policies,
         controllers=settings.controllers,
         task=task,
@@ -234,6 +210,13 @@ def evaluation_config(
         },
         command=command,
     )
+    own = found.env(found.terrains[0]).decision_interval_s
+    if asked is not None and number("task.decision_interval", asked) != own:
+        raise ValueError(
+            "task.decision_interval must be null in an evaluation, where a learned policy brings "
+            f"its own and a fixed one takes the task's, {own}, got {asked}"
+        )
+    return found
 
 
 def _randomisation(config: Mapping[str, Any]) -> RandomisationConfig:

@@ -17,6 +17,7 @@ from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import LEFT_OUT
 from flyrl.files import OutputFolder, new_folder, usable_folder
 from flyrl.progress import progress_bar
+from flyrl.text import plain_name
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
@@ -60,7 +61,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     if settings.folder is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
         parent = start.sweep or Path("reports")
-        name = "_".join(filter(None, [now, config.resolved_task.name, start.label]))
+        name = "_".join(filter(None, [now, plain_name(config.resolved_task.name), start.label]))
         folder = new_folder(parent, name)
     else:
         folder = results_folder(settings.folder)

@@ -147,9 +147,11 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
         HYDRA_VERSION,
         check_arguments,
         plain_values,
+        with_own_things,
     )
     from flyrl.resources import configs_folder  # noqa: PLC0415
 
+    overrides = with_own_things(overrides)
     parsed = OverridesParser.create().parse_overrides(list(overrides))
     swept = [str(each.input_line) for each in parsed if each.is_sweep_override()]
     if swept or check_arguments("train", overrides) is not None:

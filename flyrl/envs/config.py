@@ -18,15 +18,16 @@ from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worms import WormSceneConfig
 from flyrl.tasks import (
-    TASK_NAMES,
-    WORM_TASKS,
     Drives,
     Episode,
     JointTargets,
     Neurons,
     Task,
-    task_named,
+    TaskSettings,
+    named_function,
+    task_from,
 )
+from flyrl.tasks.function import ALWAYS
 from flyrl.terrains import Terrain, terrain_from, terrain_named
 from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
 
@@ -58,7 +59,9 @@ class EnvConfig:
     Parameters
     ----------
     task
-        A name in `flyrl.tasks.TASK_NAMES`, or a task of your own.
+        A name in `flyrl.tasks.TASK_NAMES` or of a task function of your own, module:attribute; a
+        mapping with the name and settings, as `flyrl.tasks.task_from` takes it; a task function; or
+        a table, a `Task`.
     body, terrain, controller
         Configs, their fields as a mapping, or the name that picks one: a body in `BODIES`, a
         terrain in `flyrl.terrains.TERRAINS`, a controller in `flyrl.controllers.CONTROLLERS`, or a
@@ -75,9 +78,12 @@ class EnvConfig:
     log_gait
         Whether the engine logs how the flies walk (see `flyrl.controllers.gait_log`); they walk
         the same with and without.
+    as_vectors
+        Whether an observation that is a dict, and has no goals, comes as one vector (see
+        `flyrl.tasks.Task.flattened`).
     """
 
-    task: str | Task = "target"
+    task: TaskSettings | Task = "target"
     body: str | BodyConfig | Fields | None = None
     terrain: str | Terrain | Fields = "flat"
     controller: str | Controller | Fields | None = None
@@ -85,6 +91,7 @@ class EnvConfig:
     decision_interval: float | None = None
     randomisation: str | RandomisationConfig | Fields = "none"
     log_gait: bool = False
+    as_vectors: bool = False
 
     resolved_task: Task = field(init=False, repr=False)
     resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
@@ -96,17 +103,19 @@ class EnvConfig:
             given = getattr(self, name)
             if given and isinstance(given, Mapping):  # as JSON gives them
                 object.__setattr__(self, name, _from_fields(name, given, kinds))
-        one_of("log_gait", self.log_gait, (False, True))
-        if self.decision_interval is not None:
-            positive("decision_interval", self.decision_interval)
-            within("decision_interval", self.decision_interval, 0, LONGEST_DECISION_S)
-        task = self.task
-        if not isinstance(task, str | Task):
-            raise ValueError(f"task must be a Task or one of {_list(TASK_NAMES)}, got {task!r}")
-        body = usual_body(task) if self.body is None else self.body
-        body = _named("body", body, BODIES)
-        if isinstance(task, str):
-            task = task_named(task, body if isinstance(body, WormConfig) else None)
+        for name in ("log_gait", "as_vectors"):
+            one_of(name, getattr(self, name), (False, True))
+        task, interval = self.task, self.decision_interval
+        if interval is None and isinstance(task, Mapping):
+            interval = task.get("decision_interval")
+        if interval is not None:
+            positive("decision_interval", interval)
+            within("decision_interval", interval, 0, LONGEST_DECISION_S)
+        body = usual_body(task) if self.body is None else _named("body", self.body, BODIES)
+        if not isinstance(task, Task):
+            task = task_from(task, body if isinstance(body, WormConfig) else None)
+        if self.as_vectors:
+            task = task.flattened()
         _check_body(task, body)
         controller = None
         if isinstance(body, FlyConfig):
@@ -120,7 +129,6 @@ class EnvConfig:
         physics = usual_physics if self.physics is None else self.physics
         physics = _named("physics", physics, presets)
         drawn_from = _named("randomisation", self.randomisation, RANDOMISATIONS)
-        interval = self.decision_interval
         if interval is None:
             interval = task.decision_interval_s or physics.timestep
         steps = round(interval / physics.timestep)
@@ -227,6 +235,8 @@ def config_for(
 ) -> EnvConfig:
     """Change the settings, by default the usual ones, as keywords of an environment's class say.
 
+    Parameters and other settings of the task are keywords, too.
+
     Raises
     ------
     UnexpectedArgumentError
@@ -237,13 +247,23 @@ def config_for(
     parameters = inspect.signature(adapter).parameters.values()
     own = [each.name for each in parameters if each.kind != each.VAR_KEYWORD]
     known = [*_settings(EnvConfig), *own]
+    config = config or EnvConfig()
+    task = given.get("task", config.task)
+    if not isinstance(task, Task):  # whose settings are keywords, too
+        settings = task if isinstance(task, Mapping) else {"name": task}
+        of_task = dict.fromkeys([*named_function(settings).parameters, *ALWAYS[2:]])
+        more = {name: given[name] for name in given if name in of_task and name not in known}
+        known += of_task
+        if more:
+            given = {name: value for name, value in given.items() if name not in more}
+            given["task"] = {**settings, **more}
     for name in given:
         if name not in known:
             raise UnexpectedArgumentError(
                 f"the environment got an unexpected keyword argument {name!r}"
                 f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
             )
-    return replace(config or EnvConfig(), **given)
+    return replace(config, **given)
 
 
 def _settings(config: type[EnvConfig] | EnvConfig) -> list[str]:
@@ -316,10 +336,10 @@ def _list(names: Iterable[str]) -> str:
     return ", ".join(map(repr, names))
 
 
-def usual_body(task: str | Task) -> str:
-    """Name of the body that a task is for, unless another is asked for."""
-    name = task if isinstance(task, str) else task.name
-    return WORM_TASKS[name].body if name in WORM_TASKS else "current"
+def usual_body(task: TaskSettings | Task) -> BodyConfig:
+    """Body that a task is for, unless another is asked for."""
+    worm = task.worm if isinstance(task, Task) else named_function(task).worm
+    return worm or FLIES["current"]
 
 
 def _check_body(task: Task, body: BodyConfig) -> None:

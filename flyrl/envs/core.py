@@ -1,7 +1,7 @@
 """The one environment under every interface: a task on a batch of bodies, without Python loops."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from typing import Any, cast
 
@@ -416,14 +416,24 @@ class BatchedEnv:
     def _check_terms(self, state: EpisodeState) -> None:
         """Raise ValueError if a term does not give a row of its shape per simulation."""
         task = self.task
-        with np.errstate(all="ignore"):  # no time has passed yet, by which a term may divide
-            given = [
-                *((term.name, (term.size,), term.compute(state)) for term in task.means),
-                *((term.name, term.shape, term.compute(state)) for term in task.observation),
-                *((term.name, (), term.compute(state)) for term in task.reward),
-                *((end.outcome, (), end.holds(state)) for end in task.terminations),
-            ]
-        for name, shape, values in given:
+        rows: list[tuple[str, tuple[int, ...], Callable[[Any], NDArray[Any]]]] = [
+            *((term.name, (term.size,), term.compute) for term in task.means),
+            *((term.name, term.shape, term.compute) for term in task.observation),
+            *((term.name, (), term.compute) for term in task.reward),
+            *((term.name, (), term.compute) for term in task.errors),
+            *((end.outcome, (), end.holds) for end in task.terminations),
+        ]
+        if task.succeeds_in_time is not None:
+            rows.append((SUCCESS, (), task.succeeds_in_time))
+        for name, shape, compute in rows:
+            try:
+                with np.errstate(all="ignore"):  # no time has passed yet, by which it may divide
+                    values = compute(state)
+            except KeyError as error:
+                raise ValueError(
+                    f"the task's term {name!r} needs the reward or mean {error}, which the task "
+                    "does not have (see task.without)"
+                ) from error
             if np.shape(values) != (self.num_envs, *shape):
                 raise ValueError(
                     f"the task's term {name!r} must give an array of shape {('n', *shape)} for n "

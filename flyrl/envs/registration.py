@@ -1,7 +1,7 @@
 """Gymnasium ids."""
 
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
@@ -34,13 +34,23 @@ def register_envs() -> None:
     """Register every id; a second call changes nothing."""
     for env_id, task in ENV_IDS.items():
         if env_id not in gymnasium.registry:
-            env_class = "FlyrlGoalEnv" if task in _GOAL_TASKS else "FlyrlEnv"
+            spec = own_spec(task, task in _GOAL_TASKS)
             gymnasium.register(
                 id=env_id,
-                entry_point=f"flyrl.envs.single:{env_class}",
-                vector_entry_point="flyrl.envs.vector:FlyrlVectorEnv",
-                kwargs={"task": task},
+                entry_point=spec.entry_point,
+                vector_entry_point=spec.vector_entry_point,
+                kwargs=spec.kwargs,
             )
+
+
+def own_spec(task: Any, has_goals: bool) -> EnvSpec:
+    """What Gymnasium makes a task of one's own from, of which it has no id."""
+    return EnvSpec(
+        id="flyrl/Task-v0",
+        entry_point=f"flyrl.envs.single:{'FlyrlGoalEnv' if has_goals else 'FlyrlEnv'}",
+        vector_entry_point="flyrl.envs.vector:FlyrlVectorEnv",
+        kwargs={"task": task},
+    )
 
 
 def limited_spec(spec: EnvSpec | None, max_decisions: int | None) -> EnvSpec | None:

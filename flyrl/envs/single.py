@@ -22,7 +22,7 @@ from flyrl.tasks import RUNNING
 
 
 class FlyrlEnv(gymnasium.Env[Any, Any]):
-    """One fly, or one worm; the arguments are those of `EnvConfig`.
+    """One fly, or one worm; the arguments are those of `EnvConfig`, and settings of the task.
 
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
     anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad), "goal" (the target's x and

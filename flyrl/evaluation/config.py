@@ -10,12 +10,12 @@ from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition, all_conditions
 from flyrl.evaluation.lazy import LazySequence
-from flyrl.evaluation.metrics import SMALLEST_EFFECTS
+from flyrl.evaluation.metrics import SMALLEST_EFFECTS, check_metrics
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
-from flyrl.tasks import Episode, Task
+from flyrl.tasks import Episode, Task, TaskSettings
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, check_fields, not_negative, one_of, within
 
@@ -44,8 +44,8 @@ class EvaluationConfig:
         Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that
         go with the task.
     task
-        A name in `flyrl.tasks.TASK_NAMES` or a task of your own, with a flat observation or goals,
-        and a time limit.
+        As `EnvConfig` takes it, with a time limit. A Dict observation without goals comes as a
+        vector.
     terrains
         Names (see `flyrl.terrains.TERRAINS`) or configs; their labels differ from one another.
     episodes
@@ -96,7 +96,7 @@ class EvaluationConfig:
 
     policies: tuple[str, ...] = ()
     controllers: tuple[str, ...] | None = None
-    task: str | Task = "target"
+    task: TaskSettings | Task = "target"
     terrains: tuple[str | Terrain, ...] = ("flat",)
     episodes: Annotated[int, Within(1, MAX_EPISODES)] = 50
     seed: Annotated[int, Within(0, MAX_SEED)] = 0
@@ -122,21 +122,19 @@ class EvaluationConfig:
             raise ValueError("policies or controllers must name at least one, got none")
         if not self.terrains:
             raise ValueError("terrains must name at least one, got none")
-        for metric, effect in self.smallest_effects.items():
-            one_of("smallest_effects", metric, SMALLEST_EFFECTS)
-            not_negative(f"smallest_effects.{metric}", effect)
         one_of("study", self.study, (None, *STUDIES))
         for i, episode in enumerate(self.film):
             within(f"film[{i}]", episode, 0, self.episodes - 1)
         if len(set(self.film)) < len(self.film):
             raise ValueError(f"film must name every episode once, got {list(self.film)}")
         task = self.resolved_task
-        if not task.has_vectors:
-            raise ValueError(
-                f"task must be one with a flat observation or goals, got {task.name!r}"
-            )
         if task.time_limit_s is None:
-            raise ValueError(f"task must be one with a time limit, got {task.name!r}")
+            raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
+        check_metrics(task)
+        known = (*SMALLEST_EFFECTS, *(term.name for term in task.errors))
+        for metric, effect in self.smallest_effects.items():
+            one_of("smallest_effects", metric, known)
+            not_negative(f"smallest_effects.{metric}", effect)
         names = [terrain.label for terrain in self.terrain_configs]
         if len(set(names)) < len(names):
             raise ValueError(f"terrains must differ in name, got {', '.join(names)}")
@@ -155,6 +153,7 @@ class EvaluationConfig:
             physics=self.physics,
             randomisation=self.randomisation,
             log_gait=True,
+            as_vectors=True,
         )
 
     @property

@@ -12,9 +12,10 @@ from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entry_point import is_policy_factory, make_from_factory
 from flyrl.evaluation.fixed import controller_names, make_fixed
 from flyrl.evaluation.learned import make_learned
-from flyrl.evaluation.metrics import LOWER_IS_BETTER, decisive_metrics
+from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.summary import metric_values
+from flyrl.tasks import Task
 from flyrl.validation import one_of
 
 
@@ -53,7 +54,9 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     return entrants
 
 
-def best_reference(rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: float) -> str:
+def best_reference(
+    rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: float, task: Task | None = None
+) -> str:
     """Entrant that the others are compared with, unless the config names one.
 
     The best fixed entrant that sees what the task asks, by the means of the task's decisive metrics
@@ -67,6 +70,8 @@ def best_reference(rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: floa
         Records of a protocol.
     horizon_s
         Stands in for the time to goal of an episode without success, s.
+    task
+        Says what decides; None: the built-in task that the rows name.
     """
     walked = list(rows["controller"].unique())
     fixed = [each for each in entrants if each["kind"] == "fixed" and each["name"] in walked]
@@ -77,9 +82,9 @@ def best_reference(rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: floa
         own = rows[rows["controller"] == name]
         means = {
             metric: float(metric_values(own, metric, horizon_s).mean())
-            for metric in decisive_metrics(own["task"].iloc[0])
+            for metric in decisive_metrics(task or own["task"].iloc[0])
         }
-        return [-mean if metric in LOWER_IS_BETTER else mean for metric, mean in means.items()]
+        return [-mean if lower_is_better(metric) else mean for metric, mean in means.items()]
 
     best: str = max(names, key=worth)
     return best

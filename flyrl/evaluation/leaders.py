@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from flyrl.evaluation.metrics import LOWER_IS_BETTER, SMALLEST_EFFECTS, decisive_metrics
+from flyrl.evaluation.metrics import SMALLEST_EFFECTS, decisive_metrics, lower_is_better
 from flyrl.evaluation.statistics import MIN_PAIRS, Interval, paired_difference
 from flyrl.evaluation.summary import metric_values, paired_values
 
@@ -55,6 +55,7 @@ def find_leaders(
     horizon_s: float,
     rng: np.random.Generator,
     effects: Mapping[str, float] = SMALLEST_EFFECTS,
+    decisive: Sequence[str] = (),
 ) -> list[Leader]:
     """The best on each terrain under each condition, in order of first appearance.
 
@@ -72,6 +73,8 @@ def find_leaders(
         Source of the resampling.
     effects
         Smallest effect of interest by metric; 0 of others.
+    decisive
+        The `decisive_metrics` of the task; none: of the built-in one that the rows name.
     """
     return [
         replace(
@@ -81,7 +84,7 @@ def find_leaders(
                     str(name): own
                     for name, own in walked.groupby("controller", sort=False, observed=True)
                 },
-                decisive_metrics(walked["task"].iloc[0]),
+                decisive or decisive_metrics(walked["task"].iloc[0]),
                 horizon_s,
                 rng,
                 effects,
@@ -106,7 +109,7 @@ def _leader(
     metric, *finer = metrics
     means = {name: metric_values(rows, metric, horizon_s).mean() for name, rows in own.items()}
     best, *others = sorted(
-        own, key=lambda name: means[name] * (1 if metric in LOWER_IS_BETTER else -1)
+        own, key=lambda name: means[name] * (1 if lower_is_better(metric) else -1)
     )
     differences = {
         name: paired_difference(paired_values(own[best], own[name], metric, horizon_s), rng)

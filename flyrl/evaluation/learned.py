@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +15,18 @@ from flyrl.files import file_digest
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file
 from flyrl.policies.library import policy_name
-from flyrl.tasks import Task, term_digests
+from flyrl.tasks import Task, code_digests, code_of, task_record
 from flyrl.terrains import terrain_label
 from flyrl.validation import one_of
 
 
 def changed_terms(entrant: Entrant, task: Task) -> list[str]:
-    """Modules of the user's own terms that are not what a learned policy was trained with."""
+    """Modules of the user's task and terms that are not what a policy was trained with."""
     training = entrant.record.get("training")
     before = training.get("terms") if isinstance(training, dict) else None
     if not isinstance(before, dict):  # fixed, or from before they were noted
         return []
-    now = term_digests(task.added)
+    now = code_digests(code_of(task))
     return [module for module, digest in now.items() if before.get(module) != digest]
 
 
@@ -106,18 +106,25 @@ def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
     try:
         policy.check_task(task)
     except PolicyFileError as error:
-        trained_in = policy.bundle.env.get("task")
-        terms = trained_in.get("terms", []) if isinstance(trained_in, dict) else []
-        if terms == list(task.added):
+        record = policy.bundle.env.get("task")
+        then = _changes(record if isinstance(record, dict) else {})
+        now = _changes(task_record(task))
+        if then == now:
             raise PolicyFileError(f"{file}: {error}") from error
         raise PolicyFileError(
-            f"{file}: {error}; it was trained with task.terms={_hydra_list(terms)}, "
-            f"here they are {_hydra_list(task.added)}"
+            f"{file}: {error}; it was trained with {then}, here it is {now}"
         ) from error
 
 
-def _hydra_list(names: Sequence[str]) -> str:
-    return f"[{','.join(map(str, names))}]"
+def _changes(record: Mapping[str, Any]) -> str:
+    """What was changed of a task's terms, as one would type it."""
+    texts = []
+    for key in ("terms", "without"):
+        names = record.get(key)
+        if key == "terms" or names:
+            listed = map(str, names) if isinstance(names, list) else ()
+            texts.append(f"task.{key}=[{','.join(listed)}]")
+    return " ".join(texts)
 
 
 def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:

@@ -12,7 +12,8 @@ can be. How it walked (strides, slip, what its way cost) is told of the time it 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -26,7 +27,8 @@ from flyrl.evaluation.gait import (
     tripod_coordination,
 )
 from flyrl.rollouts.records import BoolArray, EpisodeRecord, FloatArray
-from flyrl.tasks import ERRORS
+from flyrl.tasks import ERRORS, TASKS, Task
+from flyrl.validation import one_of
 
 PATH_SAMPLING_S: Final = 0.1
 """A path is measured from point to point at least this far apart, s.
@@ -51,7 +53,7 @@ METRICS: Final[dict[str, str]] = {
     "yaw_change_deg": "heading at the end minus heading at the start, deg, left positive",
     "goal_distance_mm": "distance left to the goal at the end, mm",
     "goal_progress_mm": "how much closer to the goal the end was than the start, mm",
-    **ERRORS,
+    **{name: description for name, (description, _) in ERRORS.items()},
     "work_nj_per_mm": "work of the servos ÷ path length, nJ/mm",
     "slip_share": "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
     "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs; "
@@ -75,69 +77,87 @@ GAIT_METRICS: Final = (
 )
 """Those that need a log of the gait."""
 
-COMPARED: Final = ("success", "time_to_goal_s", "speed_mm_s", "return")
-"""What controllers are compared by, episode by episode, unless the task has metrics of its own."""
+_GENERAL: Final = frozenset({"success", *METRICS}) - ERRORS.keys()
+"""Metrics that are no error of a task."""
 
-LOWER_IS_BETTER: Final = frozenset({"time_to_goal_s", *ERRORS})
-"""Of the metrics that controllers are compared by, those that are better the lower they are."""
+
+def lower_is_better(metric: str) -> bool:
+    """Whether a metric that controllers are compared by is better the lower it is.
+
+    So are the time to a goal and every error of a task.
+    """
+    return metric == "time_to_goal_s" or metric not in _GENERAL
+
 
 SMALLEST_EFFECTS: Final[dict[str, float]] = {
     "success": 0.05,
     "time_to_goal_s": 0.1,
     "speed_mm_s": 1.0,
     "advance_mm": 1.0,
-    "heading_error_deg": 4.0,
-    "path_error_mm": 0.25,
-    "speed_error_mm_s": 0.5,
-    "yaw_rate_error_deg_s": 15.0,
-    "bend_error_deg": 1.5,
-    "recruited_share": 0.05,
+    **{name: effect for name, (_, effect) in ERRORS.items()},
 }
 """Smallest difference of interest by metric, in its unit; a smaller one is no one's win.
 
 The rule: of a share 0.05; of way and time about a stride of a fly (1 mm, 0.1 s), of speed that way
-in 1 s; of an error about a quarter of what the task tolerates in a success.
+in 1 s. Errors of tasks bring their own.
 """
 
-_COMPARED_IN_TASK: Final = {
-    "traverse": ("success", "time_to_goal_s", "advance_mm", "speed_mm_s", "return"),
-    # to keep up what is asked takes as long as the episode, and is no question of speed
-    "velocity": ("success", "speed_error_mm_s", "yaw_rate_error_deg_s", "return"),
-    "heading": ("success", "heading_error_deg", "return"),
-    "path": ("success", "time_to_goal_s", "path_error_mm", "return"),
-    **dict.fromkeys(
-        ("worm_crawl", "worm_crawl_box"), ("success", "advance_mm", "recruited_share", "return")
-    ),
-    **dict.fromkeys(
-        ("worm_hang", "worm_hang_box"), ("success", "bend_error_deg", "recruited_share", "return")
-    ),
-}
+
+def decisive_metrics(task: Task | str) -> tuple[str, ...]:
+    """Metrics that decide who is best in a task, one after the other; see `flyrl.tasks.Task`.
+
+    Of a name that is not built in, those of most tasks.
+    """
+    return task.decisive if isinstance(task, Task) else _attributes(task, "decisive")
 
 
-_DECISIVE: Final = {
-    "traverse": ("advance_mm",),
-    "velocity": ("success", "speed_error_mm_s"),
-    "heading": ("success", "heading_error_deg"),
-    "path": ("success", "path_error_mm"),
-    "worm_crawl": ("advance_mm",),
-    "worm_crawl_box": ("advance_mm",),
-    "worm_hang": ("success", "bend_error_deg"),
-    "worm_hang_box": ("success", "bend_error_deg"),
-}
-
-
-def decisive_metrics(task: str) -> tuple[str, ...]:
-    """What decides who is best in a task, and then who of those that are equal in it."""
-    return _DECISIVE.get(task, ("success", "time_to_goal_s"))
-
-
-def compared_metrics(task: str) -> tuple[str, ...]:
+def compared_metrics(task: Task | str) -> tuple[str, ...]:
     """Names of the metrics that controllers are compared by in a task, `success` first."""
-    return _COMPARED_IN_TASK.get(task, COMPARED)
+    own = task.compared if isinstance(task, Task) else _attributes(task, "compared")
+    return tuple(dict.fromkeys(("success", *own, *decisive_metrics(task), "return")))
+
+
+def _attributes(name: str, attribute: str) -> tuple[str, ...]:
+    owner = TASKS[name]() if name in TASKS else Task
+    found: tuple[str, ...] = getattr(owner, attribute)
+    return found
+
+
+def recorded_metrics(
+    protocol: Mapping[str, Any], key: Literal["decisive", "compared"]
+) -> list[str]:
+    """The `decisive_metrics`, or `compared_metrics`, of the task of a protocol.
+
+    One from before they were recorded is of a built-in task.
+    """
+    of_task = decisive_metrics if key == "decisive" else compared_metrics
+    return list(protocol[key] if key in protocol else of_task(protocol["task"]))
+
+
+def meanings(protocol: Mapping[str, Any]) -> dict[str, str]:
+    """Meaning of every metric by name, with those of the errors of a protocol's task."""
+    table = protocol.get("table") or {}
+    return {**METRICS, **{each["name"]: each["description"] for each in table.get("errors", ())}}
+
+
+def check_metrics(task: Task) -> None:
+    """Check that a task's errors have names of their own, and that it is compared by metrics.
+
+    Raises
+    ------
+    ValueError
+        If not.
+    """
+    own = [term.name for term in task.errors]
+    for name in own:
+        if name in _GENERAL:
+            raise ValueError(f"an error of {task.name} must not have the name of the metric {name}")
+    for name in (*task.decisive, *task.compared):
+        one_of(f"metric that decides {task.name}", name, [*sorted(_GENERAL), *own])
 
 
 def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
-    """All metrics of `METRICS` for one episode, in that order."""
+    """All metrics of `METRICS` for one episode, in that order, then errors of a user's own task."""
     position = record.position_w[:, :2]
     displacement = displacement_mm(position)
     path = path_length_mm(position, record.time_s)
@@ -160,6 +180,7 @@ def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
         **{name: record.errors.get(name) for name in ERRORS},
         **gait_metrics(record, path),
         "drive_variation": drive_variation(record.drive, record.time_s),
+        **{name: value for name, value in record.errors.items() if name not in ERRORS},
     }
 
 

@@ -29,7 +29,7 @@ ROW_KEYS: Final[Mapping[str, tuple[type, ...]]] = {
     "condition": _TEXT,
     **dict.fromkeys(METRICS, _OPTIONAL),
 }
-"""Columns, and the types of their values in JSON."""
+"""Columns, and the types of their values in JSON; errors of a user's own task come after them."""
 
 _DTYPES: Final = {
     key: "category" if types == _TEXT else "float64"
@@ -70,7 +70,17 @@ def episode_table(rows: Sequence[Json]) -> pd.DataFrame:
                     f"{key} must be finite or None, got {value} in episode {row['episode']} of "
                     f"{row['controller']}"
                 )
-    return pd.DataFrame(rows, columns=list(ROW_KEYS)).astype(_DTYPES)
+    own = [key for key in (rows[0] if rows else ()) if key not in ROW_KEYS]
+    for key in own:
+        if not key.isidentifier():
+            raise ValueError(f"a metric must be a word of letters, digits and _, got {key!a:.60}")
+    table = pd.DataFrame(rows, columns=[*ROW_KEYS, *own])
+    return table.astype({**_DTYPES, **dict.fromkeys(own, "float64")})
+
+
+def metric_columns(table: pd.DataFrame) -> list[str]:
+    """Metrics in a table of rows: `METRICS`, then errors of a user's own task."""
+    return [*METRICS, *(str(key) for key in table.columns if key not in ROW_KEYS)]
 
 
 def joined(tables: Sequence[pd.DataFrame]) -> pd.DataFrame:

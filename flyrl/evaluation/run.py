@@ -22,7 +22,7 @@ from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import best_reference, make_entrants
 from flyrl.evaluation.lazy import LazySequence
-from flyrl.evaluation.metrics import SMALLEST_EFFECTS
+from flyrl.evaluation.metrics import SMALLEST_EFFECTS, compared_metrics, decisive_metrics
 from flyrl.evaluation.parts import Part, Parts
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json, episode_row, episode_table, joined
@@ -112,7 +112,9 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
     walked = list(rows["controller"].unique())
     reference = protocol["reference"]
     if reference not in walked:
-        reference = best_reference(rows, protocol["entrants"], config.horizon_s)
+        reference = best_reference(
+            rows, protocol["entrants"], config.horizon_s, config.resolved_task
+        )
     return Results(
         protocol={
             **protocol,
@@ -125,7 +127,12 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         },
         episodes=rows,
         summary=summarise(
-            rows, reference, config.horizon_s, np.random.default_rng(config.seed), config.vary
+            rows,
+            reference,
+            config.horizon_s,
+            np.random.default_rng(config.seed),
+            config.vary,
+            config.resolved_task,
         ),
         drawn={
             terrain.label: _plain_episodes(config.draw_episodes(terrain))
@@ -229,14 +236,22 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
     protocol: Json = {
         "seed": config.seed,
         "task": task.name,
+        "parameters": {name: record[name] for name in task.parameters},
         "terms": record["terms"],
+        "without": record["without"],
         "weights": record["weights"],
+        "decisive": decisive_metrics(task),
+        "compared": compared_metrics(task),
         "table": task_table(task),
         "outcomes": list(task.outcomes[1:]),
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
         "reference": config.reference,
-        "smallest_effects": {**SMALLEST_EFFECTS, **config.smallest_effects},
+        "smallest_effects": {
+            **SMALLEST_EFFECTS,
+            **{term.name: term.smallest_effect for term in task.errors},
+            **config.smallest_effects,
+        },
         "entrants": [dict(entrant.record) for entrant in entrants],
         "terrains": [
             {

@@ -12,12 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flyrl.evaluation.conditions import compared_conditions
-from flyrl.evaluation.metrics import (
-    LOWER_IS_BETTER,
-    METRICS,
-    compared_metrics,
-    decisive_metrics,
-)
+from flyrl.evaluation.metrics import compared_metrics, decisive_metrics, lower_is_better
+from flyrl.evaluation.rows import metric_columns
 from flyrl.evaluation.statistics import (
     adjusted,
     distribution,
@@ -27,7 +23,7 @@ from flyrl.evaluation.statistics import (
     probability_of_improvement,
     success_rate,
 )
-from flyrl.tasks import OUTCOMES
+from flyrl.tasks import OUTCOMES, Task
 
 
 def summarise(
@@ -36,6 +32,7 @@ def summarise(
     horizon_s: float,
     rng: np.random.Generator,
     vary: Mapping[str, Sequence[Any]] | None = None,
+    task: Task | None = None,
 ) -> list[dict[str, Any]]:
     """One summary per terrain, condition and controller, in order of first appearance.
 
@@ -54,6 +51,8 @@ def summarise(
         Source of the resampling.
     vary
         Quantities that were varied, and their values.
+    task
+        Says what to compare by; None: the built-in task that the rows name.
 
     Raises
     ------
@@ -71,6 +70,8 @@ def summarise(
     names = list(rows["controller"].unique())
     if reference not in names:
         raise ValueError(f"reference must be one of {', '.join(names)}, got {reference!r}")
+    compared = compared_metrics(task or rows["task"].iloc[0])
+    decisive = decisive_metrics(task or rows["task"].iloc[0])
     summary = []
     for _, walked in rows.groupby(place, sort=False, observed=True):
         others = walked[walked["controller"] == reference]
@@ -82,7 +83,7 @@ def summarise(
             if name != reference:
                 row["paired"] = {
                     "reference": reference,
-                    "differences": paired_differences(own, others, horizon_s, rng),
+                    "differences": paired_differences(own, others, compared, horizon_s, rng),
                 }
             summary.append(row)
     _adjust(summary)
@@ -94,6 +95,7 @@ def summarise(
                 walked[walked["condition"] == row["condition"]],
                 walked[walked["condition"] == usual],
                 (row["controller"], reference),
+                decisive,
                 horizon_s,
                 rng,
             )
@@ -121,23 +123,27 @@ def summarise_controller(rows: pd.DataFrame) -> dict[str, Any]:
         "successes": outcomes["success"],
         "outcomes": {outcome: outcomes[outcome] for outcome in kinds},
         "success_rate": asdict(success_rate(outcomes["success"], len(rows))),
-        "metrics": {key: asdict(distribution(rows[key])) for key in METRICS},
+        "metrics": {key: asdict(distribution(rows[key])) for key in metric_columns(rows)},
         "paired": None,
     }
 
 
 def paired_differences(
-    own: pd.DataFrame, others: pd.DataFrame, horizon_s: float, rng: np.random.Generator
+    own: pd.DataFrame,
+    others: pd.DataFrame,
+    compared: Sequence[str],
+    horizon_s: float,
+    rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Mean differences own - other, one per metric that the task is compared by.
+    """Mean differences own - other, one per metric in `compared`.
 
     Each with its interval, `p_value`, `effect_size`, and `improvement`: the share of episodes in
     which own is the better one.
     """
     found = {}
-    for metric in compared_metrics(own["task"].iloc[0]):
+    for metric in compared:
         differences = paired_values(own, others, metric, horizon_s)
-        gains = -differences if metric in LOWER_IS_BETTER else differences
+        gains = -differences if lower_is_better(metric) else differences
         found[metric] = {
             **asdict(paired_difference(differences, rng)),
             "p_value": p_value(differences, rng),
@@ -151,6 +157,7 @@ def interactions(
     changed: pd.DataFrame,
     usual: pd.DataFrame,
     names: tuple[str, str],
+    decisive: Sequence[str],
     horizon_s: float,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
@@ -165,6 +172,8 @@ def interactions(
         Rows on one terrain under the condition and under the usual one.
     names
         The controller and the one that it is compared with.
+    decisive
+        These metrics.
     horizon_s
         Stands in for the time to goal of an episode without success, s.
     rng
@@ -183,7 +192,7 @@ def interactions(
         metric: asdict(
             paired_difference((change(own, metric) - change(other, metric)).dropna(), rng)
         )
-        for metric in decisive_metrics(changed["task"].iloc[0])
+        for metric in decisive
     }
 
 

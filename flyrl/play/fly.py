@@ -10,14 +10,13 @@ import numpy as np
 from flyrl.envs.core import BatchedEnv
 from flyrl.play.fly_panel import LEFT, RIGHT, STEERING, STOP, FlyView, fly_sections
 from flyrl.play.fly_scenery import Scenery
-from flyrl.play.fly_setting import CHOICES, INTERVAL_S, SWITCHES, PlayedFlyConfig
+from flyrl.play.fly_setting import CHOICES, INTERVAL_S, REACH, SWITCHES, PlayedFlyConfig
 from flyrl.play.fly_steering import BY_HAND, pilot_name, pilots
 from flyrl.play.fly_walk import FlyWalk
 from flyrl.play.panel import Section, Setting
 from flyrl.rollouts import Policy
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
 from flyrl.tasks.target import is_inside
-from flyrl.tasks.terms import REACH
 from flyrl.validation import one_of, random_seed, within
 
 KEY_STEP: Final = 0.1

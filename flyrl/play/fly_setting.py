@@ -87,10 +87,19 @@ class PlayedFlyConfig:
         )
 
 
+_TARGET: Final = TASKS["target"]()
+
+REACH: Final[float] = _TARGET.parameters["reach"]
+"""mm; so close to the target, a policy gets another one."""
+
+DISTANCE: Final[tuple[float, float]] = _TARGET.parameters["distance"]
+"""mm; least and greatest distance of a target when it is drawn."""
+
+
 def _arrived(state: TaskState) -> FloatArray:
     """1 where the target was not reached before the decision and is now, (n,)."""
     before = terms.goal_distance(state.previous.position_w, state.goal)
-    return terms.reached(state) * (before >= terms.REACH)
+    return terms.reached(state, REACH) * (before >= REACH)
 
 
 def _play_task(task: Task) -> Task:
@@ -103,7 +112,7 @@ def _play_task(task: Task) -> Task:
     return replace(task, reward=tuple(ways.values()), terminations=FAILURES, time_limit_s=None)
 
 
-PLAY_TASK: Final = _play_task(TASKS["target"])
+PLAY_TASK: Final = _play_task(_TARGET)
 """The task `target`, without an end but failure: what is observed, and what a decision does, is the
 same, so that its policies fit."""
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.envs.core import BatchedEnv, Observation
-from flyrl.play.fly_setting import ENDLESS, INTERVAL_S, PlayedFlyConfig
+from flyrl.play.fly_setting import DISTANCE, ENDLESS, INTERVAL_S, PlayedFlyConfig
 from flyrl.simulation.batch import SHOWN
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING, RewardTerm
@@ -138,7 +138,7 @@ class FlyWalk:
     def draw_goal(self) -> None:
         """Put the target somewhere else: the next one of the episode."""
         x, y, _ = self.state.position_w[0]
-        self.lead_to(*draw_target(self._goals, (float(x), float(y)), self.bounds))
+        self.lead_to(*draw_target(self._goals, (float(x), float(y)), self.bounds, DISTANCE))
 
     def lead_to(self, x_w: float, y_w: float) -> None:
         """Move the target, mm."""

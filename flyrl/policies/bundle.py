@@ -178,7 +178,7 @@ def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
 
 def observation_layout(task: Task) -> tuple[TermLayout, ...]:
     """Layout of a task's observation as a vector; see `flyrl.policies.vectors`."""
-    return tuple(TermLayout(term.name, term.size) for term in task.observation)
+    return tuple(TermLayout(term.name, term.size) for term in task.flattened().observation)
 
 
 def action_bounds(task: Task) -> tuple[tuple[float, ...], tuple[float, ...]]:

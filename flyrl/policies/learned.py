@@ -21,7 +21,7 @@ from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, is_law, law_na
 from flyrl.policies.lstm import LSTM, advance
 from flyrl.policies.mlp import evaluate
 from flyrl.policies.vectors import vectors
-from flyrl.tasks import Task, task_named
+from flyrl.tasks import Task, task_from
 from flyrl.validation import file_path
 
 
@@ -42,6 +42,7 @@ class LearnedPolicy:
         self._parameters = bundle.network.packed()
         self._is_tanh = bundle.network.activation == "tanh"
         self._is_squashed = bundle.squashing == "tanh"
+        self._term_sizes = {term.name: term.size for term in bundle.observation}
         self._low = np.array(bundle.action_low)
         self._high = np.array(bundle.action_high)
         self._is_integer = bundle.squashing == "argmax"
@@ -84,7 +85,7 @@ class LearnedPolicy:
         """
         if not deterministic:
             raise ValueError("deterministic: False; allowed: True (a bundle holds no noise)")
-        values = vectors(observation)
+        values = vectors(observation, self._term_sizes)
         size = self.bundle.num_inputs
         if values.ndim not in (1, 2) or values.shape[-1] != size:
             raise ValueError(
@@ -189,7 +190,7 @@ def load_policy(
         No task of that name, or one that does not show what a fixed law needs.
     """
     if isinstance(task, str):
-        task = task_named(task)
+        task = task_from(task)
     path = file_path("path of a policy", Path(path) if isinstance(path, os.PathLike) else path)
     name = str(path)
     if is_law(name) and not path.exists():

@@ -18,6 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
+from flyrl.entry_points import is_entry_point
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.envs.spaces import action_space, observation_space
@@ -31,7 +32,7 @@ from flyrl.policies.export import (
 from flyrl.policies.learned import LearnedPolicy
 from flyrl.policies.lstm import LSTM
 from flyrl.policies.normaliser import Normaliser
-from flyrl.tasks import Task, task_named
+from flyrl.tasks import Task, task_from
 
 ALGORITHMS: Final[Mapping[str, type[BaseAlgorithm]]] = {
     "ppo": PPO,
@@ -177,9 +178,15 @@ def export_sb3(
     if task is None:
         record = bundle.env.get("task")
         name = str(record.get("name") if isinstance(record, Mapping) else record)
-        task = EnvConfig(name, body=bundle.env.get("body")).resolved_task
+        if is_entry_point(name):
+            raise PolicyFileError(
+                f"the policy was trained in {name}, which is code that would be run; if you know "
+                f"who made it, say task={name!r}"
+            )
+        task = EnvConfig(name, body=bundle.env.get("body"), as_vectors=True).resolved_task
     elif isinstance(task, str):
-        task = task_named(task)
+        task = task_from(task)
+    task = task.flattened()
     LearnedPolicy(bundle).check_task(task)
     # a model without an environment, made as SB3's own `load` does it
     of_policy: dict[str, Any] = {

@@ -5,7 +5,6 @@ After Wang-Chen et al. 2024 (doi 10.1038/s41592-024-02497-y).
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Final
 
 import matplotlib as mpl
@@ -21,11 +20,10 @@ from flyrl.report.palette import colours
 from flyrl.report.paper import PAPER_STYLE, Plot, light
 from flyrl.report.style import WIDTH_IN, outcome_dot
 from flyrl.report.wording import outcome_name
-from flyrl.tasks import TASKS
 from flyrl.terrains import LITERATURE
 
 STUDY: Final = EvaluationConfig(
-    task=dataclasses.replace(TASKS["traverse"], time_limit_s=1.5),
+    task={"name": "traverse", "time_limit": 1.5},
     controllers=("cpg", "rule_based", "hybrid"),
     terrains=LITERATURE,
     episodes=20,

@@ -18,7 +18,7 @@ import pandas as pd
 
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
-from flyrl.report.figures import METRIC_LABELS
+from flyrl.report.figures import metric_label
 from flyrl.report.wording import outcome_name
 
 DIGITS: Final = 5
@@ -56,7 +56,7 @@ def episode_columns(results: Results, metrics: list[str]) -> list[Json]:
         _named("controller", rows["controller"]),
         _named("outcome", rows["outcome"].map(outcome_name)),
         *(
-            {"key": metric, "label": METRIC_LABELS[metric], "values": _numbers(rows[metric])}
+            {"key": metric, "label": metric_label(metric), "values": _numbers(rows[metric])}
             for metric in metrics
         ),
         {"key": "seed", "label": "seed", "values": rows["seed"].tolist()},

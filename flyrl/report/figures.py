@@ -63,6 +63,18 @@ METRIC_LABELS: Final = {
     "drive_variation": "change of drive (1/s)",
 }
 
+_UNITS: Final = ("mm_s", "deg_s", "rad_s", "mm", "deg", "rad", "s")
+
+
+def metric_label(metric: str) -> str:
+    """Label of a metric; of an error of a user's own task its name, with the unit that ends it."""
+    if metric in METRIC_LABELS:
+        return METRIC_LABELS[metric]
+    unit = next((each for each in _UNITS if metric.endswith(f"_{each}")), "")
+    name = metric.removesuffix(f"_{unit}").replace("_", " ")
+    return f"{name} ({unit.replace('_', '/')})" if unit else name
+
+
 MAX_DOTS: Final = 400
 """Dots of one row beyond which their outline stands for them, to keep the page small."""
 
@@ -152,7 +164,7 @@ def distributions_figure(
                 if values.size:
                     _episodes(axes, values, own, place, edges, marker(colour[name]))
                     _quartiles(axes, values, place)
-            axes.set_xlabel(METRIC_LABELS[metric])
+            axes.set_xlabel(metric_label(metric))
             if metric == "time_to_goal_s":
                 axes.axvline(horizon_s, color=marker("line"), linewidth=1)
                 axes.set_xlim(left=0)
@@ -207,7 +219,7 @@ def paired_figure(
                     )
             if metric == "success":
                 axes.set_xlim(-1.05, 1.05)
-            axes.set_xlabel(f"Δ {METRIC_LABELS[metric]}")
+            axes.set_xlabel(f"Δ {metric_label(metric)}")
         return svg_text(figure, f"paired-{terrain}")
 
 
@@ -256,7 +268,7 @@ def doses_figure(
                     axes.vlines(beside, low, high, color=shade, alpha=0.35, linewidth=4)
                     axes.plot(beside, middle, "o", color=shade, markersize=4.5, label=name)
             axes.set_xlabel(quantity.replace("_", " "))
-            title = "success (%)" if metric == "success" else METRIC_LABELS[metric]
+            title = "success (%)" if metric == "success" else metric_label(metric)
             axes.set_title(title, loc="left")
             if not is_ordered:
                 axes.set_xticks(places, values, fontsize=9)

@@ -18,10 +18,9 @@ from flyrl.evaluation.conditions import compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.metrics import (
     GAIT_METRICS,
-    LOWER_IS_BETTER,
-    METRICS,
-    compared_metrics,
-    decisive_metrics,
+    lower_is_better,
+    meanings,
+    recorded_metrics,
 )
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.steering import Steering
@@ -29,7 +28,7 @@ from flyrl.files import OutputFolder
 from flyrl.report.close_up import steering_figure
 from flyrl.report.curves import Evaluations
 from flyrl.report.episodes import episodes_section
-from flyrl.report.figures import METRIC_LABELS, success_figure
+from flyrl.report.figures import metric_label, success_figure
 from flyrl.report.learning import curves_section, generalisation_section
 from flyrl.report.origin import origin_json
 from flyrl.report.palette import colours, stylesheet
@@ -59,6 +58,7 @@ from flyrl.report.wording import (
     leaders_by_condition,
     level_text,
     outcome_name,
+    parameters_text,
     rates,
     shared_text,
     title,
@@ -181,9 +181,10 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     leaders = all_leaders(results)
     usual_leaders = [each for each in leaders if each.condition == usual_condition.label]
     table, steering = results.protocol.get("table"), additions.get("steering")
-    decisive = decisive_metrics(results.protocol["task"])
-    effects = effects_text(decisive, METRIC_LABELS, results.protocol)
-    labels: dict[str, str] = dict(METRIC_LABELS)
+    decisive = recorded_metrics(results.protocol, "decisive")
+    measured = results.summary[0]["metrics"]
+    labels = {metric: metric_label(metric) for metric in ("success", *measured)}
+    effects = effects_text(decisive, labels, results.protocol)
     if (table or {}).get("actions") == "neurons":
         labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
@@ -208,18 +209,18 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "all_leaders": leaders,
         "leaders_by_condition": leaders_by_condition(leaders),
         "decisive": decisive,
-        "lower_is_better": LOWER_IS_BETTER,
+        "lower_is_better": [metric for metric in measured if lower_is_better(metric)],
         "protocol": results.protocol,
         "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
         "stylesheet": Markup(stylesheet()),
         "colours": colours(names),
         "metrics": {
             metric: text
-            for metric, text in METRICS.items()
-            if any(row["metrics"][metric]["n"] for row in results.summary)
+            for metric, text in meanings(results.protocol).items()
+            if metric in measured and any(row["metrics"][metric]["n"] for row in results.summary)
         },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
-        "compared": compared_metrics(results.protocol["task"]),
+        "compared": recorded_metrics(results.protocol, "compared"),
         "labels": labels,
         "success_svg": Markup(success_figure(usual, condition_text(usual_condition))),
         "rows": [table_row(row) for row in usual],
@@ -235,6 +236,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "drive_map": Markup(drive_map_section(results, additions.get("drive_map"))),
         "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
         "table": table,
+        "parameters": parameters_text(results.protocol),
         "loop_parts": control_loop(results.protocol) if table else [],
         "failures": [outcome_name(each) for each in failures],
         "shapes": outcome_shapes([SUCCESS, TIMEOUT, *failures]),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.evaluation.leaders import Leader, find_leaders
-from flyrl.evaluation.metrics import compared_metrics
+from flyrl.evaluation.metrics import recorded_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
@@ -19,9 +19,9 @@ from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.report.close_up import drive_map_figure, gait_figure
 from flyrl.report.figures import (
     MAX_DOTS,
-    METRIC_LABELS,
     distributions_figure,
     doses_figure,
+    metric_label,
     paired_figure,
     profiles_figure,
 )
@@ -36,7 +36,7 @@ from flyrl.terrains import terrain_on_record
 
 def spread_metrics(protocol: Json) -> list[str]:
     """Metrics with more than two values that the task is compared by."""
-    return [metric for metric in compared_metrics(protocol["task"]) if metric != "success"]
+    return [metric for metric in recorded_metrics(protocol, "compared") if metric != "success"]
 
 
 def usual_rows(results: Results) -> list[Json]:
@@ -54,6 +54,7 @@ def all_leaders(results: Results) -> list[Leader]:
         protocol["horizon_s"],
         np.random.default_rng(protocol["seed"]),
         protocol.get("smallest_effects", {}),
+        recorded_metrics(protocol, "decisive"),
     )
     return sorted(found, key=lambda leader: labels.index(leader.condition))
 
@@ -172,14 +173,14 @@ def study_section(results: Results) -> Json | None:
     return {
         "title": study.title,
         "source": study.source,
-        "metric": METRIC_LABELS[study.metric],
+        "metric": metric_label(study.metric),
         "body": results.protocol.get("body", {}).get("name", "unknown"),
         "judgements": judge(study, results.summary),
         "figures": [
             {
                 "source": figures.source,
                 "body": figures.body,
-                "metric": METRIC_LABELS[figures.metric],
+                "metric": metric_label(figures.metric),
                 "rows": [
                     {
                         "terrain": terrain,

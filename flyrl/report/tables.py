@@ -12,11 +12,11 @@ from typing import Any, Final
 import pandas as pd
 
 from flyrl.evaluation.leaders import Leader
-from flyrl.evaluation.metrics import METRICS, compared_metrics
+from flyrl.evaluation.metrics import recorded_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
-from flyrl.report.figures import METRIC_LABELS
+from flyrl.report.figures import metric_label
 from flyrl.report.wording import format_number, leader_cells, percent
 from flyrl.text import csv_table, plain_name
 
@@ -59,7 +59,7 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
     leaders
         The best on each terrain under each condition.
     """
-    compared = compared_metrics(results.protocol["task"])
+    compared = recorded_metrics(results.protocol, "compared")
     terrains = list(dict.fromkeys(row["terrain"] for row in results.summary))
     files = {
         "summary.csv": csv_table(summary_table(results.summary)),
@@ -99,7 +99,7 @@ def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
             "success_rate_high": row["success_rate"]["high"],
             **{
                 f"{metric}_{key}": row["metrics"][metric][key]
-                for metric in METRICS
+                for metric in row["metrics"]
                 for key in ("n", "mean", "median", "q1", "q3")
             },
         }
@@ -210,7 +210,7 @@ def _printed_summary(summary: Sequence[Json], compared: Sequence[str]) -> pd.Dat
             {
                 **_who(row),
                 "success (%)": _share(row["success_rate"]),
-                **{METRIC_LABELS[metric]: _spread(row["metrics"][metric]) for metric in spreads},
+                **{metric_label(metric): _spread(row["metrics"][metric]) for metric in spreads},
             }
             for row in summary
         )
@@ -219,11 +219,12 @@ def _printed_summary(summary: Sequence[Json], compared: Sequence[str]) -> pd.Dat
 
 def _printed_metrics(summary: Sequence[Json]) -> pd.DataFrame:
     """A row per condition and metric, a column per controller; metrics that nobody has left out."""
-    present = [metric for metric in METRICS if any(row["metrics"][metric]["n"] for row in summary)]
+    metrics = summary[0]["metrics"]
+    present = [metric for metric in metrics if any(row["metrics"][metric]["n"] for row in summary)]
     cells: dict[tuple[str, str], Json] = {}
     for row in summary:
         texts = {"success (%)": _share(row["success_rate"])}
-        texts |= {METRIC_LABELS[metric]: _spread(row["metrics"][metric]) for metric in present}
+        texts |= {metric_label(metric): _spread(row["metrics"][metric]) for metric in present}
         for label, text in texts.items():
             place = {"condition": row["condition"], "metric": label}
             cells.setdefault((row["condition"], label), place)[row["controller"]] = text
@@ -239,7 +240,7 @@ def _printed_leaders(leaders: Sequence[Leader]) -> pd.DataFrame:
                 "terrain": leader.terrain,
                 "condition": leader.condition,
                 "best": ", ".join(leader.names),
-                "by": METRIC_LABELS[leader.metric],
+                "by": metric_label(leader.metric),
                 "mean": cells["value"],
                 "next": leader.next_name or "",
                 "next mean": cells["next"],
@@ -255,7 +256,7 @@ def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
             {
                 "condition": row["condition"],
                 f"controller, less {row['paired']['reference']}": row["controller"],
-                "metric": METRIC_LABELS[metric],
+                "metric": metric_label(metric),
                 "difference": _interval(difference),
                 "p": _p(difference["p_value"]),
                 "p corrected": _p(difference["p_adjusted"]),
@@ -272,7 +273,7 @@ def _printed_interactions(summary: Sequence[Json]) -> pd.DataFrame:
         {
             "condition": row["condition"],
             f"controller, less {row['paired']['reference']}": row["controller"],
-            "metric": METRIC_LABELS[metric],
+            "metric": metric_label(metric),
             "difference of differences": _interval(interaction),
         }
         for row, metric, interaction in _interacting(summary)

@@ -261,6 +261,13 @@ def title(protocol: Json, summary: Sequence[Json]) -> str:
     return f"{protocol['task']} on {terrains}"
 
 
+def parameters_text(protocol: Json) -> str:
+    """Parameters of the task, but for its time limit, as one would type them; empty without any."""
+    own = {key: value for key, value in protocol.get("parameters", {}).items() if value is not None}
+    own.pop("time_limit", None)
+    return ", ".join(f"{key}={str(value).replace(' ', '')}" for key, value in own.items())
+
+
 def outcome_name(outcome: str) -> str:
     """How an episode ended, in words."""
     return "time out" if outcome == "timeout" else outcome.replace("_", " ")

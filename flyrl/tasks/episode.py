@@ -26,6 +26,12 @@ FIRST_GROUND_SEED = 2**32
 """Beyond all seeds of episodes, so that a ground has nothing in common with what else is drawn."""
 
 
+MOST_DRAWS: Final = 10_000
+"""A goal that does not lie on the terrain is drawn again, so many times at most."""
+
+TIME: Final = Within(1e-4, 3600)
+"""s; a time in a task lies within this."""
+
 LENGTHS: Final = Within(-1e4, 1e4)
 """mm; places in an episode lie within this."""
 

@@ -1,37 +1,44 @@
-"""A task of the table with a user's own terms, weights and time limit."""
+"""A task with terms of the user's own added, replaced, removed and weighed; tasks as records."""
 
-import math
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
+from flyrl.entry_points import is_entry_point, look_up
 from flyrl.files import file_digest
 from flyrl.tasks.task import (
     SUCCESS,
     UNSTABLE,
+    ErrorTerm,
     MeanTerm,
     ObservationTerm,
     RewardTerm,
     Task,
+    Term,
     Termination,
 )
-from flyrl.validation import number, one_of, positive
+from flyrl.validation import number, one_of
 
-Term = ObservationTerm | RewardTerm | MeanTerm | Termination
-
-TERM_TYPES: Final = (ObservationTerm, RewardTerm, MeanTerm, Termination)
+TABLES: Final[Mapping[str, type[Term]]] = {
+    "observation": ObservationTerm,
+    "reward": RewardTerm,
+    "means": MeanTerm,
+    "terminations": Termination,
+    "errors": ErrorTerm,
+}
+"""Tables of a task, and what their rows are."""
 
 
 def extended(
     task: Task,
     terms: Mapping[str, Term],
     weights: Mapping[str, float],
-    time_limit_s: float | None = None,
+    without: Sequence[str] = (),
 ) -> Task:
-    """Append terms to a task's tables, weigh its rewards anew, and shorten its episodes.
+    """Take rows out of a task's tables, add others, and weigh its rewards anew.
 
     Parameters
     ----------
@@ -39,57 +46,141 @@ def extended(
         What to start from; it stays as it is.
     terms
         By the place that each comes from, `module:attribute`, which goes into records. An
-        observation term is appended to the observation, a reward term to the reward, and so on.
+        observation term goes to the end of the observation, a reward term to that of the reward,
+        and so on; but a term that has the name of one that is taken out goes to its place.
     weights
-        Of reward terms by name, the task's own and the appended ones.
-    time_limit_s
-        s until an episode is truncated, at most the task's own; None takes that.
+        Of reward terms by name, the task's own and the added ones.
+    without
+        Names of the terms to take out, of terminations their outcomes. Where several tables have
+        one of that name, `reward.success` says which.
 
     Raises
     ------
     ValueError
-        A term that is of no such type or whose name is taken in its table, a weight that is no
-        finite number or of no reward term, or a time limit that the task does not allow.
+        A term that is of no such type or whose name is taken in its table, a name to take out that
+        is in no table or in several, no observation that is left, or a weight that is no finite
+        number or of no reward term.
     """
-    own = math.inf if task.time_limit_s is None else task.time_limit_s
-    if time_limit_s is not None and positive("task.time_limit", time_limit_s) > own:
-        raise ValueError(
-            f"task.time_limit must be at most that of {task.name}, {own} s, got {time_limit_s}"
-        )
     for source, term in terms.items():
-        if not isinstance(term, TERM_TYPES):
-            names = ", ".join(kind.__name__ for kind in TERM_TYPES)
+        if not isinstance(term, get_args(Term)):
+            names = ", ".join(kind.__name__ for kind in TABLES.values())
             raise ValueError(f"term {source!r} must be one of {names}, got {term!r}")
-    observation = (*task.observation, *_of(ObservationTerm, terms))
-    reward = (*task.reward, *_of(RewardTerm, terms))
-    means = (*task.means, *_of(MeanTerm, terms))
-    terminations = (*task.terminations, *_of(Termination, terms))
-    _check_unique("observation", [term.name for term in observation])
-    _check_unique("reward", [term.name for term in reward])
-    _check_unique("means", [term.name for term in means])
-    _check_unique("terminations", [term.outcome for term in terminations])
-    for name, weight in weights.items():
-        one_of("task.weights", name, [term.name for term in reward])
-        number(f"task.weights.{name}", weight)
+    removed = [_place(task, name) for name in without]
+    tables: dict[str, Any] = {
+        table: _changed(task, table, removed, terms.values()) for table in TABLES
+    }
+    if not tables["observation"]:
+        raise ValueError("task.without must leave a term of the observation")
+    kept = {
+        source: term
+        for source, term in task.added.items()
+        if not any(place == _name_of(term) for place in removed)
+    }
+    own = {_name_of(term) for term in task.added.values()}
+    known = {term.name: None for term in (*task.reward, *tables["reward"])}
+    for name in weights:
+        one_of("task.weights", name, known)
+    weighed = {name: number(f"task.weights.{name}", weight) for name, weight in weights.items()}
+    tables["reward"] = tuple(
+        replace(term, weight=weighed.get(term.name, term.weight)) for term in tables["reward"]
+    )
     return replace(
         task,
-        observation=observation,
-        reward=tuple(replace(term, weight=weights.get(term.name, term.weight)) for term in reward),
-        means=means,
-        terminations=terminations,
-        added=(*task.added, *terms),
-        time_limit_s=task.time_limit_s if time_limit_s is None else time_limit_s,
+        **tables,
+        added={**kept, **terms},
+        removed=(
+            *task.removed,
+            *(".".join(place) for place in removed if place not in own),
+        ),
     )
 
 
+def _name_of(term: Term) -> tuple[str, str]:
+    """Table and name of a term."""
+    table = next(table for table, kind in TABLES.items() if isinstance(term, kind))
+    return table, term.outcome if isinstance(term, Termination) else term.name
+
+
+def _place(task: Task, name: str) -> tuple[str, str]:
+    """Table and name of the term that a name to take out means."""
+    places = [_name_of(term) for table in TABLES for term in getattr(task, table)]
+    found = [place for place in places if name in (place[1], ".".join(place))]
+    if not found:
+        one_of("task.without", name, dict.fromkeys(place[1] for place in places))
+    if len(found) > 1:
+        full = " or ".join(".".join(place) for place in found)
+        raise ValueError(f"task.without must say which {name!r}, {full}, got {name!r}")
+    return found[0]
+
+
+def _changed(
+    task: Task, table: str, removed: Sequence[tuple[str, str]], terms: Iterable[Term]
+) -> tuple[Any, ...]:
+    """A table without the removed rows, with the terms that are of its kind."""
+    new = [term for term in terms if isinstance(term, TABLES[table])]
+    rows: list[Term] = []
+    for row in getattr(task, table):
+        place = _name_of(row)
+        if place not in removed:
+            rows.append(row)
+            continue
+        heir = next((term for term in new if _name_of(term) == place), None)
+        if heir is not None:
+            rows.append(heir)
+            new.remove(heir)
+    rows += new
+    _check_unique(table, [_name_of(row)[1] for row in rows])
+    return tuple(rows)
+
+
+def _check_unique(table: str, names: list[str]) -> None:
+    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
+    if count > 1:
+        raise ValueError(
+            f"the names in a task's {table} must differ, got {name!r} {count} times; to replace "
+            f"a term, add its name to task.without"
+        )
+
+
+def load_terms(names: Sequence[str]) -> dict[str, Term]:
+    """Import terms by name, `module:attribute` each; importing a module runs its code.
+
+    Returns
+    -------
+    The terms by these names, in this order.
+
+    Raises
+    ------
+    ValueError
+        A name that is given twice, or there is no such term (see `flyrl.entry_points.look_up`).
+    """
+    terms: dict[str, Term] = {}
+    for i, name in enumerate(names):
+        key = f"task.terms[{i}]"
+        if name in terms:
+            raise ValueError(f"{key} is {name!r}, which is there already")
+        terms[name] = look_up(key, name, {}, _is_term, "term")
+    return terms
+
+
+def _is_term(value: object) -> bool:
+    return isinstance(value, get_args(Term))
+
+
 def task_record(task: Task) -> dict[str, Any]:
-    """A task as plain JSON values: what `extended` makes it from."""
+    """A task as plain JSON values: what `flyrl.tasks.task_from` makes it from."""
     return {
         "name": task.name,
+        **{name: _plain(value) for name, value in task.parameters.items()},
         "terms": list(task.added),
+        "without": list(task.removed),
         "weights": {term.name: term.weight for term in task.reward},
         "time_limit": task.time_limit_s,
     }
+
+
+def _plain(value: Any) -> Any:
+    return list(map(_plain, value)) if isinstance(value, tuple) else value
 
 
 def task_table(task: Task) -> dict[str, Any]:
@@ -116,27 +207,23 @@ def task_table(task: Task) -> dict[str, Any]:
             {"name": term.name, "weight": term.weight, "description": term.description}
             for term in task.reward
         ],
+        "errors": [{"name": term.name, "description": term.description} for term in task.errors],
     }
 
 
-def term_digests(names: Iterable[str]) -> dict[str, str | None]:
-    """SHA-256 of the modules that terms come from, by module; None where there is no file.
+def code_of(task: Task) -> list[str]:
+    """Names, `module:attribute`, of the user's own code that a task is made of."""
+    return [name for name in (task.name, *task.added) if is_entry_point(name)]
+
+
+def code_digests(names: Iterable[str]) -> dict[str, str | None]:
+    """SHA-256 of the modules of a user's own code, by module; None where there is no file.
 
     Parameters
     ----------
     names
-        `module:attribute` each, of terms that are loaded.
+        `module:attribute` each, of what is loaded.
     """
     modules = dict.fromkeys(name.partition(":")[0] for name in names)
     files = {name: getattr(sys.modules.get(name), "__file__", None) for name in modules}
     return {name: file and file_digest(Path(file)) for name, file in files.items()}
-
-
-def _of(kind: type[Any], terms: Mapping[str, Term]) -> list[Any]:
-    return [term for term in terms.values() if isinstance(term, kind)]
-
-
-def _check_unique(table: str, names: list[str]) -> None:
-    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
-    if count > 1:
-        raise ValueError(f"the names in a task's {table} must differ, got {name!r} {count} times")

@@ -1,13 +1,14 @@
 """HybridTurning: the bare decision problem of the descending drive, as in the literature."""
 
-from typing import Final
+from typing import Annotated
 
 import numpy as np
 
 from flyrl.tasks import terms
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives
-from flyrl.tasks.episode import Episode, draw_oscillators, draw_spawn
+from flyrl.tasks.episode import TIME, Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.failures import FAILURES
+from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
 from flyrl.terrains import Terrain
 
@@ -19,39 +20,43 @@ def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Epis
     return Episode(seed, spawn, 0.0, (), phases, magnitudes, difficulty=difficulty)
 
 
-HYBRID_TURNING: Final = Task(
-    name="hybrid_turning",
-    observation=(
-        ObservationTerm(
-            "joints", (3, 42), -5000.0, 5000.0, terms.joints,
-            "angles (rad), velocities (rad/s) and actuator torques (µN·mm) of the leg joints",
-            spread=(0.13, 15.0, 2.0),
+@TaskFunction
+def hybrid_turning(time_limit: Annotated[float | None, TIME] = None) -> Task:
+    """Walk as you like, one physics step per decision; `time_limit`, s, may be None."""
+    return Task(
+        observation=(
+            ObservationTerm(
+                "joints", (3, 42), -5000.0, 5000.0, terms.joints,
+                "angles (rad), velocities (rad/s) and actuator torques (µN·mm) of the leg joints",
+                spread=(0.13, 15.0, 2.0),
+            ),
+            ObservationTerm(
+                "fly", (4, 3), -5000.0, 5000.0, terms.thorax,
+                "position (mm), velocity (mm/s), yaw-pitch-roll (rad) and their rates (rad/s)",
+                # no fly senses where in the world it is, so that is as exact as the end effectors
+                spread=(0.0, 10.0, 0.05, 6.0),
+            ),
+            ObservationTerm(
+                "contact_forces", (36, 3), -1e6, 1e6, terms.contact_forces,
+                "ground's force on each sensed leg segment (µN, world frame)",
+                spread=8.0,
+            ),
+            ObservationTerm(
+                "end_effectors", (6, 3), -1000.0, 1000.0, terms.end_effectors,
+                "position of each leg's Tarsus5 (mm, world frame)",
+            ),
+            ObservationTerm(
+                "fly_orientation", (3,), -1.0, 1.0, terms.heading, "unit heading (world frame)",
+                spread=0.05,
+            ),
         ),
-        ObservationTerm(
-            "fly", (4, 3), -5000.0, 5000.0, terms.thorax,
-            "position (mm), velocity (mm/s), yaw-pitch-roll (rad) and their rates (rad/s)",
-            # no fly senses where in the world it is, so that is as exact as the end effectors
-            spread=(0.0, 10.0, 0.05, 6.0),
-        ),
-        ObservationTerm(
-            "contact_forces", (36, 3), -1e6, 1e6, terms.contact_forces,
-            "ground's force on each sensed leg segment (µN, world frame)",
-            spread=8.0,
-        ),
-        ObservationTerm(
-            "end_effectors", (6, 3), -1000.0, 1000.0, terms.end_effectors,
-            "position of each leg's Tarsus5 (mm, world frame)",
-        ),
-        ObservationTerm(
-            "fly_orientation", (3,), -1.0, 1.0, terms.heading, "unit heading (world frame)",
-            spread=0.05,
-        ),
-    ),
-    is_flat=False,
-    reward=(RewardTerm("forward", 1.0, terms.forward_progress, "mm along +x"),),
-    terminations=FAILURES,
-    time_limit_s=None,
-    decision_interval_s=None,
-    actions=Drives(DRIVE_LOW, DRIVE_HIGH),
-    sample_episode=sample_episode,
-)  # fmt: skip
+        is_flat=False,
+        reward=(RewardTerm("forward", 1.0, terms.forward_progress, "mm along +x"),),
+        terminations=FAILURES,
+        time_limit_s=time_limit,
+        decision_interval_s=None,
+        actions=Drives(DRIVE_LOW, DRIVE_HIGH),
+        sample_episode=sample_episode,
+        decisive=("advance_mm",),
+        compared=("advance_mm", "speed_mm_s"),
+    )  # fmt: skip

@@ -1,20 +1,22 @@
-"""Path: follow a smooth random path of 24 mm to its end, within 4 s."""
+"""Path: follow a smooth random path to its end, in time."""
 
 from dataclasses import replace
-from typing import Final
+from functools import partial
+from typing import Annotated, Any, Final
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from flyrl.tasks import hybrid_turning, terms
-from flyrl.tasks.actions import Drives
-from flyrl.tasks.episode import Episode
+from flyrl.tasks import terms
+from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
+from flyrl.tasks.errors import error
 from flyrl.tasks.failures import FAILURES, lost_time
+from flyrl.tasks.function import TaskFunction
+from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
-    ErrorTerm,
     Mask,
     ObservationTerm,
     RewardTerm,
@@ -24,34 +26,28 @@ from flyrl.tasks.task import (
 )
 from flyrl.terrains import TARGET as TARGET_MARKER
 from flyrl.terrains import Bounds, Terrain
-
-LENGTH: Final = 24.0
-"""mm."""
-
-SMALLEST_RADIUS: Final = 5.0
-"""mm, of the path's curves; at 10 mm/s such a curve takes a turn of 2 rad/s."""
-
-SMOOTHNESS: Final = 3.0
-"""mm along the path over which its curvature is smoothed (standard deviation)."""
+from flyrl.validation import Within
 
 BOUNDS_MARGIN: Final = 1.5
 """mm; no path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
 
-TOLERATED_DEVIATION: Final = 1.0
-"""mm, mean over the episode so far: with more, the end does not count."""
-
 
 def draw_path(
-    start: tuple[float, float], rng: np.random.Generator, difficulty: float = 1.0
+    start: tuple[float, float],
+    rng: np.random.Generator,
+    difficulty: float,
+    length: float,
+    radius: float,
+    smoothness: float,
 ) -> Array:
     """Points PATH_SPACING apart from `start`, mm, (k, 2).
 
     With the difficulty, the first direction grows from straight ahead to any, the curves from none
-    to the sharpest, and the length from half of LENGTH; a shorter path repeats its last point.
+    to the sharpest, and the length from half of `length`; a shorter path repeats its last point.
     """
-    steps = round(LENGTH / terms.PATH_SPACING)
-    noise = gaussian_filter1d(rng.normal(size=steps), SMOOTHNESS / terms.PATH_SPACING)
-    curvature = difficulty * (noise / np.abs(noise).max() / SMALLEST_RADIUS)
+    steps = round(length / terms.PATH_SPACING)
+    noise = gaussian_filter1d(rng.normal(size=steps), smoothness / terms.PATH_SPACING)
+    curvature = difficulty * (noise / np.abs(noise).max() / radius)
     first = difficulty * rng.uniform(-np.pi, np.pi)
     direction = first + np.cumsum(curvature) * terms.PATH_SPACING
     offsets = np.cumsum(np.stack([np.cos(direction), np.sin(direction)], axis=1), axis=0)
@@ -60,15 +56,33 @@ def draw_path(
     return np.asarray(np.vstack([start, start + offsets * terms.PATH_SPACING]))
 
 
-def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
-    """Draw a spawn, a path on the terrain that starts there, and the CPG's start."""
-    episode = hybrid_turning.sample_episode(terrain, seed, difficulty)
+def sample_episode(
+    terrain: Terrain,
+    seed: int,
+    difficulty: float = 1.0,
+    *,
+    length: float,
+    radius: float,
+    smoothness: float,
+) -> Episode:
+    """Draw a spawn, a path on the terrain that starts there, and the CPG's start.
+
+    Raises
+    ------
+    ValueError
+        If the terrain has no room for the path.
+    """
+    episode = bare_episode(terrain, seed, difficulty)
     rng = np.random.default_rng([seed, 1])
     x, y, _ = episode.spawn_position_w
-    while True:
-        path = draw_path((x, y), rng, difficulty)
+    for _ in range(MOST_DRAWS):
+        path = draw_path((x, y), rng, difficulty, length, radius, smoothness)
         if _is_inside(path, terrain.bounds):
             break
+    else:
+        raise ValueError(
+            f"task.length must leave a path room on the terrain {terrain.name!r}, got {length} mm"
+        )
     end_x, end_y = (float(value) for value in path[-1])
     command = tuple(float(value) for value in path.ravel())
     return replace(episode, goal=(end_x, end_y), command=command)
@@ -80,54 +94,88 @@ def _is_inside(path: Array, bounds: Bounds) -> bool:
     return bool(((path >= low) & (path <= high)).all())
 
 
-def was_followed(state: TaskState) -> Mask:
+def was_followed(state: TaskState, reach: float, tolerance: float) -> Mask:
     """Whether the path's end is reached, and the fly kept to the path on the way, (n,)."""
     mean_deviation = state.totals["deviation"] / np.maximum(state.fly.time, 1e-9)
-    return terms.is_at_target(state) & (mean_deviation <= TOLERATED_DEVIATION)
+    return terms.is_at_target(state, reach) & (mean_deviation <= tolerance)
 
 
-def followed(state: TaskState) -> Array:
+def followed(state: TaskState, reach: float, tolerance: float) -> Array:
     """1 where the path was followed to its end, (n,)."""
-    return was_followed(state).astype(np.float64)
+    return was_followed(state, reach, tolerance).astype(np.float64)
 
 
-PATH: Final = Task(
-    name="path",
-    observation=(
-        ObservationTerm(
-            "target_direction", (2,), -1.0, 1.0, terms.path_direction_b,
-            "cos and sin of the bearing of a point 4 mm ahead on the path, left positive",
-            is_bearing=True,
+@TaskFunction
+def path(
+    length: Annotated[float, Within(2, 1000)] = 24.0,
+    radius: Annotated[float, Within(0.5, 1000)] = 5.0,
+    smoothness: Annotated[float, Within(0.1, 1000)] = 3.0,
+    look_ahead: Annotated[float, Within(0.5, 1000)] = 4.0,
+    reach: Annotated[float, Within(1e-3, 1000)] = 1.0,
+    tolerance: Annotated[float, Within(1e-3, 1000)] = 1.0,
+    time_limit: Annotated[float, TIME] = 4.0,
+) -> Task:
+    """Follow a path.
+
+    Parameters
+    ----------
+    length
+        Of the path, mm.
+    radius
+        Smallest radius of the path's curves, mm; at 10 mm/s a curve of 5 mm takes a turn of
+        2 rad/s.
+    smoothness
+        mm along the path over which its curvature is smoothed (standard deviation).
+    look_ahead
+        mm along the path from its point nearest to the fly to the one that it is shown.
+    reach
+        The end is reached within this horizontal distance of the thorax, mm.
+    tolerance
+        mm from the path, mean over the episode so far: with more, the end does not count.
+    time_limit
+        s until the episode is cut off.
+    """
+    judged: dict[str, Any] = {"reach": reach, "tolerance": tolerance}
+    return Task(
+        observation=(
+            ObservationTerm(
+                "target_direction", (2,), -1.0, 1.0,
+                partial(terms.path_direction_b, look_ahead=look_ahead),
+                f"cos and sin of the bearing of a point {look_ahead:g} mm ahead on the path, left "
+                "positive",
+                is_bearing=True,
+            ),
+            ObservationTerm(
+                "path_distance", (1,), 0.0, 4.0, terms.path_distance,
+                "distance to the path, in 5 mm",
+            ),
+            ObservationTerm(
+                "target_distance", (1,), 0.0, 4.0, terms.target_distance,
+                "horizontal distance to the path's end, in 15 mm",
+            ),
+            *SENSES,
         ),
-        ObservationTerm(
-            "path_distance", (1,), 0.0, 4.0, terms.path_distance, "distance to the path, in 5 mm"
+        reward=(
+            RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
+            RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
+            RewardTerm(
+                "success", 2.0, partial(followed, **judged), "the path was followed to its end"
+            ),
+            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
+            # no failure may save the time that it cuts off
+            lost_time(-0.5),
         ),
-        ObservationTerm(
-            "target_distance", (1,), 0.0, 4.0, terms.target_distance,
-            "horizontal distance to the path's end, in 15 mm",
+        terminations=(Termination(SUCCESS, partial(was_followed, **judged)), *FAILURES),
+        time_limit_s=time_limit,
+        props=(TARGET_MARKER,),
+        sample_episode=partial(
+            sample_episode, length=length, radius=radius, smoothness=smoothness
         ),
-        *SENSES,
-    ),
-    is_flat=True,
-    reward=(
-        RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
-        RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
-        RewardTerm("success", 2.0, followed, "the path was followed to its end"),
-        RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-        # no failure may save the time that it cuts off
-        lost_time(-0.5),
-    ),
-    terminations=(
-        Termination(SUCCESS, was_followed),
-        *FAILURES,
-    ),
-    time_limit_s=4.0,
-    decision_interval_s=0.02,
-    actions=Drives(),
-    props=(TARGET_MARKER,),
-    sample_episode=sample_episode,
-    difficulty="first direction, from 0 to ±180°, curves, from none, length, from 12 to 24 mm",
-    success=f"thorax within {terms.REACH:g} mm of the path's end, having kept to the path within "
-    f"{TOLERATED_DEVIATION:g} mm on average",
-    errors=(ErrorTerm("path_error_mm", LENGTH, terms.off_path),),
-)  # fmt: skip
+        difficulty="first direction, from 0 to ±180°, curves, from none, length, from "
+        f"{length / 2:g} to {length:g} mm",
+        success=f"thorax within {reach:g} mm of the path's end, having kept to the path within "
+        f"{tolerance:g} mm on average",
+        errors=(error("path_error_mm", length, terms.off_path),),
+        decisive=("success", "path_error_mm"),
+        compared=("time_to_goal_s", "path_error_mm"),
+    )  # fmt: skip

@@ -11,6 +11,8 @@ all the same. Hindsight would otherwise make successes of failures, since the pl
 failed is the goal that its last decision is replayed with.
 """
 
+from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -18,8 +20,9 @@ from numpy.typing import ArrayLike
 
 from flyrl.tasks import terms
 from flyrl.tasks.failures import FAILURES, decisions_lost
+from flyrl.tasks.function import variant_of
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.target import TARGET, sample_episode
+from flyrl.tasks.target import target
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DESIRED_GOAL,
@@ -62,14 +65,16 @@ def distance(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Array:
     return np.asarray(GOAL_UNIT * np.hypot(offset[..., 0], offset[..., 1]))
 
 
-def is_reached(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Mask:
-    """Whether goals (..., 2) lie within REACH of each other, (...)."""
-    return np.asarray(distance(achieved_goal, desired_goal) < terms.REACH)
+def is_reached(achieved_goal: ArrayLike, desired_goal: ArrayLike, reach: float) -> Mask:
+    """Whether goals (..., 2) lie within `reach`, mm, of each other, (...)."""
+    return np.asarray(distance(achieved_goal, desired_goal) < reach)
 
 
-def is_away(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
-    """1 where goals (..., 2) do not lie within REACH of each other, else 0, (...)."""
-    return np.asarray(~is_reached(achieved_goal, desired_goal), dtype=np.float64)
+def is_away(
+    achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike, reach: float
+) -> Array:
+    """1 where goals (..., 2) do not lie within `reach`, mm, of each other, else 0, (...)."""
+    return np.asarray(~is_reached(achieved_goal, desired_goal, reach), dtype=np.float64)
 
 
 def distances(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
@@ -87,14 +92,14 @@ def _goals(state: TaskState) -> tuple[ArrayLike, ArrayLike]:
     return ACHIEVED.shown(_place(state)), DESIRED.shown(_goal(state))
 
 
-def at_goal(state: TaskState) -> Mask:
+def at_goal(state: TaskState, reach: float) -> Mask:
     """Whether the goal is reached, as the goals are observed, (n,)."""
-    return is_reached(*_goals(state))
+    return is_reached(*_goals(state), reach)
 
 
-def away(state: TaskState) -> Array:
+def away(state: TaskState, reach: float) -> Array:
     """1 where the goal is not reached, as the goals are observed, (n,)."""
-    return is_away(*_goals(state), 0.0)
+    return is_away(*_goals(state), 0.0, reach)
 
 
 def goal_distances(state: TaskState) -> Array:
@@ -102,39 +107,35 @@ def goal_distances(state: TaskState) -> Array:
     return distances(*_goals(state), decisions_lost(state))
 
 
-TARGET_GOAL: Final = Task(
-    name="target_goal",
-    observation=(
-        ACHIEVED,
-        DESIRED,
-        ObservationTerm(
-            "compass", (2,), -1.0, 1.0, terms.compass, "cos and sin of the heading from +x"
+@variant_of(target)
+def target_goal(task: Task) -> Task:
+    """Steer to a target, with goals that can be swapped afterwards."""
+    reach = task.parameters["reach"]
+    return replace(
+        task,
+        observation=(
+            ACHIEVED,
+            DESIRED,
+            ObservationTerm(
+                "compass", (2,), -1.0, 1.0, terms.compass, "cos and sin of the heading from +x"
+            ),
+            *SENSES,
         ),
-        *SENSES,
-    ),
-    is_flat=False,
-    reward=(
-        RewardTerm("away", -1.0, away, "1 where the target is not reached", is_away),
-        RewardTerm(
-            "distance", 0.0, goal_distances,
-            "mm to the target, for this decision and each that a failure cuts off", distances,
+        is_flat=False,
+        reward=(
+            RewardTerm(
+                "away", -1.0, partial(away, reach=reach), "1 where the target is not reached",
+                partial(is_away, reach=reach),
+            ),
+            RewardTerm(
+                "distance", 0.0, goal_distances,
+                "mm to the target, for this decision and each that a failure cuts off", distances,
+            ),
+            # no failure may save the decisions that it cuts off
+            RewardTerm(
+                "lost_time", -1.0, decisions_lost, "decisions left when the fly fails", is_lost
+            ),
         ),
-        # no failure may save the decisions that it cuts off
-        RewardTerm(
-            "lost_time", -1.0, decisions_lost, "decisions left when the fly fails", is_lost
-        ),
-    ),
-    terminations=(
-        Termination(SUCCESS, at_goal),
-        *FAILURES,
-    ),
-    time_limit_s=TARGET.time_limit_s,
-    decision_interval_s=TARGET.decision_interval_s,
-    actions=TARGET.actions,
-    props=TARGET.props,
-    sample_episode=sample_episode,
-    difficulty=TARGET.difficulty,
-    is_reached=is_reached,
-    errors=TARGET.errors,
-    success=TARGET.success,
-)  # fmt: skip
+        terminations=(Termination(SUCCESS, partial(at_goal, reach=reach)), *FAILURES),
+        is_reached=partial(is_reached, reach=reach),
+    )  # fmt: skip

@@ -1,18 +1,19 @@
 """A task is a table: what is observed, what is rewarded, what ends an episode."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flyrl.bodies.worm import WormConfig
 from flyrl.simulation.state import FlyState
 from flyrl.simulation.worms import WormState
-from flyrl.tasks.actions import Actions
+from flyrl.tasks.actions import Actions, Drives
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, Prop, Terrain
-from flyrl.validation import not_negative, number, one_of, positive
+from flyrl.validation import not_negative, number, positive
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -201,32 +202,29 @@ class MeanTerm:
         positive(f"time_constant_s of {self.name!r}", self.time_constant_s)
 
 
-ERRORS: Final = {
-    "heading_error_deg": "angle between heading and where it should point, deg",
-    "path_error_mm": "distance to the path, mm",
-    "speed_error_mm_s": "difference from the commanded forward speed, mm/s",
-    "yaw_rate_error_deg_s": "difference from the commanded yaw rate, deg/s",
-    "bend_error_deg": "difference from the commanded bend of a worm, deg",
-    "recruited_share": "share of a worm's motor neurons that are recruited",
-}
-"""What a body may be off by, or spend: names, which end in their units, and what they mean."""
-
-
 @dataclass(frozen=True)
 class ErrorTerm:
     """How far a body is from doing what it is asked to, for evaluations; no policy sees it.
 
     An evaluation takes the mean over an episode's decisions, and over the time that a failure cut
-    off it counts `worst`. `compute` gives (n,), none below 0.
+    off it counts `worst`. `compute` gives (n,), none below 0. The name is that of a metric, and
+    ends in its unit, as in "path_error_mm". `smallest_effect` is the smallest difference of
+    interest, in that unit.
     """
 
     name: str
     worst: float
     compute: Compute
+    description: str
+    smallest_effect: float = 0.0
 
     def __post_init__(self) -> None:
-        one_of("name of an error term", self.name, ERRORS)
+        if not isinstance(self.name, str) or not self.name.isidentifier():
+            raise ValueError(
+                f"name of an error term must be a word of letters, digits and _, got {self.name!r}"
+            )
         positive(f"worst of {self.name!r}", self.worst)
+        not_negative(f"smallest_effect of {self.name!r}", self.smallest_effect)
 
 
 @dataclass(frozen=True)
@@ -252,6 +250,9 @@ class Termination:
         return self.outcome == SUCCESS
 
 
+Term = ObservationTerm | RewardTerm | MeanTerm | Termination | ErrorTerm
+
+
 class EpisodeSampler(Protocol):
     """Draws an episode from a seed; one of difficulty 1 is what a policy is judged on."""
 
@@ -260,29 +261,31 @@ class EpisodeSampler(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """A decision problem on top of the descending drive, or of muscles.
 
     Attributes
     ----------
-    name
-        Key in `TASKS` or `WORM_TASKS`.
     observation
         Terms in the order of the observation vector.
+    reward, terminations
+        Tables; a simulation that blew up ends as "unstable" before any of them is asked.
+    sample_episode
+        Draws an episode from a seed.
+    time_limit_s
+        s until an episode is truncated, or None.
     is_flat
         Whether an observation is one vector (else a dict: in a task with goals of both goals and
         "observation", the vector of all other terms; in any other of arrays by term name).
-    reward, terminations
-        Tables; a simulation that blew up ends as "unstable" before any of them is asked.
-    time_limit_s
-        s until an episode is truncated, or None.
     decision_interval_s
         s for which a decision is held; None means one physics step.
     actions
         What an action is, and what it commands.
-    sample_episode
-        Draws an episode from a seed.
+    succeeds_in_time
+        Whether an episode that lasts until the time limit is a success then; without it, none is.
+    means
+        Running means that the other terms are computed from.
     difficulty
         What grows with the difficulty of an episode; empty where nothing does.
     is_reached
@@ -292,35 +295,50 @@ class Task:
         holds or the fly fails (see `flyrl.tasks.FAILURES`).
     errors
         What an evaluation measures besides success and return.
-    succeeds_in_time
-        Whether an episode that lasts until the time limit is a success then; without it, none is.
-    means
-        Running means that the other terms are computed from.
+    decisive
+        Metrics of an evaluation that decide who is best: the first one, and among those that are
+        equal in it the next.
+    compared
+        Metrics that an evaluation compares by, besides success, the decisive ones and the return.
     success
         Definition of a success, in words; empty where there is none.
     props
         What stands or moves on the ground, besides it; `sample_episode` says where.
+    name
+        By which it is found: built in, or `module:attribute`. Its task function sets it.
+    parameters
+        Of the task function, by name; it sets them.
+    worm
+        What it was made for; None of a fly. The task function sets it.
     added
-        Where the terms come from that were added to the table (see `extended`): module:attribute.
+        Terms that were added to the table (see `extended`), by where they come from:
+        `module:attribute`.
+    removed
+        Rows of the task function's table that were taken out, as `table.name`.
     """
 
-    name: str
     observation: tuple[ObservationTerm, ...]
-    is_flat: bool
     reward: tuple[RewardTerm, ...]
     terminations: tuple[Termination, ...]
-    time_limit_s: float | None
-    decision_interval_s: float | None
-    actions: Actions
     sample_episode: EpisodeSampler
+    time_limit_s: float | None
+    is_flat: bool = True
+    decision_interval_s: float | None = 0.02
+    actions: Actions = field(default_factory=Drives)
     succeeds_in_time: Callable[[Any], Mask] | None = None
     means: tuple[MeanTerm, ...] = ()
-    added: tuple[str, ...] = ()
     difficulty: str = ""
     is_reached: Callable[[ArrayLike, ArrayLike], Mask] | None = None
     errors: tuple[ErrorTerm, ...] = ()
+    decisive: tuple[str, ...] = ("success", "time_to_goal_s")
+    compared: tuple[str, ...] = ("time_to_goal_s", "speed_mm_s")
     success: str = ""
     props: tuple[Prop, ...] = ()
+    name: str = "task"
+    parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    worm: WormConfig | None = None
+    added: Mapping[str, Term] = field(default_factory=dict, hash=False)
+    removed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         first = tuple(term.name for term in self.observation[:2])
@@ -339,6 +357,17 @@ class Task:
     def has_vectors(self) -> bool:
         """Whether an observation is one vector, or goals and a vector: what policies take."""
         return self.is_flat or self.has_goals
+
+    def flattened(self) -> "Task":
+        """The same task, whose observation is one vector, for policies that take no dict.
+
+        Terms stand in alphabetical order, each row by row, as `gymnasium.spaces.flatten` has them.
+        A task with vectors stays as it is.
+        """
+        if self.has_vectors:
+            return self
+        terms = tuple(sorted(self.observation, key=lambda term: term.name))
+        return replace(self, observation=terms, is_flat=True)
 
     @property
     def outcomes(self) -> tuple[str, ...]:
@@ -395,11 +424,12 @@ class Task:
         return np.asarray(self.is_reached(achieved_goal, desired_goal) | is_failure)
 
     def slices(self) -> dict[str, slice]:
-        """Where each observation term lies in a flat observation."""
-        ends = np.cumsum([term.size for term in self.observation])
+        """Where each observation term lies in a flat observation; see `flattened`."""
+        terms = self.flattened().observation
+        ends = np.cumsum([term.size for term in terms])
         return {
             term.name: slice(int(end) - term.size, int(end))
-            for term, end in zip(self.observation, ends, strict=True)
+            for term, end in zip(terms, ends, strict=True)
         }
 
 

@@ -15,17 +15,6 @@ FALL_TILT = np.deg2rad(75.0)
 
 _COS_FALL_TILT = float(np.cos(FALL_TILT))
 
-REACH = 1.0
-"""mm; a target is reached when the thorax is within this horizontal distance."""
-
-ON_HEADING = np.deg2rad(15.0)
-"""rad; a fly is on a heading when its own is within this angle of it."""
-
-COMMAND_S = 1.0
-"""s; how long a command of speed and yaw rate holds before the next one."""
-
-TOLERATED_SPEED, TOLERATED_YAW_RATE = 2.0, 1.0
-"""mm/s and rad/s; a fly is on command when its means over a stride are within these of it."""
 
 STRIDE_S = 1 / 12
 """s; period of the oscillators. Speed and yaw rate sway with it, by more than what is tolerated."""
@@ -33,11 +22,7 @@ STRIDE_S = 1 / 12
 PATH_SPACING = 0.5
 """mm between two points of a path."""
 
-LOOK_AHEAD = 4.0
-"""mm along the path from its point nearest to the fly to the one that it is shown."""
-
-FINISH_LINE = 22.0
-"""mm; x at which the ground is crossed."""
+Pair = tuple[float, float]
 
 CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
@@ -69,17 +54,20 @@ def heading_error(state: TaskState) -> Array:
     return np.asarray((error + np.pi) % (2 * np.pi) - np.pi)
 
 
-def command_at(state: TaskState, time: Array) -> Array:
-    """Commanded forward speed (mm/s) and yaw rate (rad/s) at a time since the reset, (n, 2)."""
+def command_at(state: TaskState, time: Array, command_s: float) -> Array:
+    """Commanded forward speed (mm/s) and yaw rate (rad/s) at a time since the reset, (n, 2).
+
+    Each command holds for `command_s`, s, and the last one on.
+    """
     commands = state.command.reshape(len(time), -1, 2)
-    number = np.minimum(_command_number(time), commands.shape[1] - 1)
+    number = np.minimum(_command_number(time, command_s), commands.shape[1] - 1)
     chosen: Array = commands[np.arange(len(time)), number]
     return chosen
 
 
-def _command_number(time: Array) -> NDArray[np.intp]:
+def _command_number(time: Array, command_s: float) -> NDArray[np.intp]:
     # a time that is a command's end but for rounding belongs to the next
-    return np.floor(time / COMMAND_S + 1e-6).astype(np.intp)
+    return np.floor(time / command_s + 1e-6).astype(np.intp)
 
 
 def velocity_over_decision(state: TaskState) -> Array:
@@ -89,10 +77,13 @@ def velocity_over_decision(state: TaskState) -> Array:
     return np.stack([forward_way(state), turned], axis=1) / duration[:, None]
 
 
-def command_deviation(state: TaskState) -> Array:
-    """Mean speed and yaw rate minus the command, in units of what is tolerated, (n, 2)."""
-    deviation = state.means["velocity"] - command_at(state, state.previous.time)
-    return deviation / (TOLERATED_SPEED, TOLERATED_YAW_RATE)
+def command_deviation(state: TaskState, command_s: float, tolerance: Pair) -> Array:
+    """Mean speed and yaw rate minus the command, in units of what is tolerated, (n, 2).
+
+    `tolerance` is mm/s and rad/s.
+    """
+    deviation = state.means["velocity"] - command_at(state, state.previous.time, command_s)
+    return deviation / tolerance
 
 
 def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[np.intp]]:
@@ -129,17 +120,17 @@ def forward_direction_b(state: TaskState) -> Array:
     return _unit_vectors(-state.fly.yaw)
 
 
-def finish_distance(state: TaskState) -> Array:
-    """Distance to the finish line along +x in units of 15 mm, (n, 1)."""
-    return (FINISH_LINE - state.fly.position_w[:, :1]) / 15.0
+def finish_distance(state: TaskState, finish_line: float) -> Array:
+    """Distance to the finish line at an x, mm, along +x in units of 15 mm, (n, 1)."""
+    return (finish_line - state.fly.position_w[:, :1]) / 15.0
 
 
-def path_direction_b(state: TaskState) -> Array:
-    """Unit vector to the path's point that is LOOK_AHEAD beyond the nearest one, (n, 2)."""
+def path_direction_b(state: TaskState, look_ahead: float) -> Array:
+    """Unit vector to the path's point that is `look_ahead`, mm, beyond the nearest one, (n, 2)."""
     position_w = state.fly.position_w
     _, nearest = path_position(state, position_w)
     path = state.command.reshape(len(nearest), -1, 2)
-    ahead = np.minimum(nearest + round(LOOK_AHEAD / PATH_SPACING), path.shape[1] - 1)
+    ahead = np.minimum(nearest + round(look_ahead / PATH_SPACING), path.shape[1] - 1)
     offset_b = _to_yaw_frame(
         path[np.arange(len(nearest)), ahead] - position_w[:, :2], state.fly.yaw
     )
@@ -151,15 +142,15 @@ def path_distance(state: TaskState) -> Array:
     return path_position(state, state.fly.position_w)[0][:, None] / 5.0
 
 
-def commanded_velocity(state: TaskState) -> Array:
+def commanded_velocity(state: TaskState, command_s: float) -> Array:
     """Commanded forward speed in units of 20 mm/s, and yaw rate in units of 10 rad/s, (n, 2)."""
-    return command_at(state, state.fly.time) / (20.0, 10.0)
+    return command_at(state, state.fly.time, command_s) / (20.0, 10.0)
 
 
-def command_time_left(state: TaskState) -> Array:
+def command_time_left(state: TaskState, command_s: float) -> Array:
     """Time until the next command, s, (n, 1)."""
     time = state.fly.time
-    return ((_command_number(time) + 1) * COMMAND_S - time)[:, None]
+    return ((_command_number(time, command_s) + 1) * command_s - time)[:, None]
 
 
 def mean_velocity(state: TaskState) -> Array:
@@ -293,14 +284,14 @@ def off_path(state: TaskState) -> Array:
     return path_position(state, state.fly.position_w)[0]
 
 
-def off_speed(state: TaskState) -> Array:
+def off_speed(state: TaskState, command_s: float, tolerance: Pair) -> Array:
     """Mean forward speed from the commanded one, mm/s, (n,)."""
-    return np.abs(command_deviation(state)[:, 0]) * TOLERATED_SPEED
+    return np.abs(command_deviation(state, command_s, tolerance)[:, 0]) * tolerance[0]
 
 
-def off_yaw_rate(state: TaskState) -> Array:
+def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> Array:
     """Mean yaw rate from the commanded one, deg/s, (n,)."""
-    return np.rad2deg(np.abs(command_deviation(state)[:, 1]) * TOLERATED_YAW_RATE)
+    return np.rad2deg(np.abs(command_deviation(state, command_s, tolerance)[:, 1]) * tolerance[1])
 
 
 # --- rewards -------------------------------------------------------------------------------
@@ -329,9 +320,9 @@ def elapsed(state: TaskState) -> Array:
     return state.fly.time - state.previous.time
 
 
-def reached(state: TaskState) -> Array:
+def reached(state: TaskState, reach: float) -> Array:
     """1 where the target is reached, (n,)."""
-    return is_at_target(state).astype(np.float64)
+    return is_at_target(state, reach).astype(np.float64)
 
 
 def time_along_heading(state: TaskState) -> Array:
@@ -339,23 +330,23 @@ def time_along_heading(state: TaskState) -> Array:
     return elapsed(state) * np.cos(heading_error(state))
 
 
-def time_on_heading(state: TaskState) -> Array:
-    """Time since the last decision where the heading is within ON_HEADING, else 0, s, (n,)."""
-    return np.where(np.abs(heading_error(state)) < ON_HEADING, elapsed(state), 0.0)
+def time_on_heading(state: TaskState, tolerance: float) -> Array:
+    """Time since the last decision where the heading is within a tolerance, rad, s, (n,)."""
+    return np.where(np.abs(heading_error(state)) < tolerance, elapsed(state), 0.0)
 
 
-def time_tracked(state: TaskState) -> Array:
+def time_tracked(state: TaskState, command_s: float, tolerance: Pair) -> Array:
     """Time since the last decision, times how well the command was followed (0 to 1), s, (n,).
 
     exp(-(d / 2)²) of both deviations d from the command; see `command_deviation`.
     """
-    deviation = command_deviation(state) / 2
+    deviation = command_deviation(state, command_s, tolerance) / 2
     return np.asarray(elapsed(state) * np.exp(-(deviation**2).sum(axis=1)))
 
 
-def time_on_command(state: TaskState) -> Array:
+def time_on_command(state: TaskState, command_s: float, tolerance: Pair) -> Array:
     """Time since the last decision where both means are as commanded, else 0, s, (n,)."""
-    is_on = (np.abs(command_deviation(state)) < 1.0).all(axis=1)
+    is_on = (np.abs(command_deviation(state, command_s, tolerance)) < 1.0).all(axis=1)
     return np.where(is_on, elapsed(state), 0.0)
 
 
@@ -371,22 +362,22 @@ def path_deviation(state: TaskState) -> Array:
     return path_position(state, state.fly.position_w)[0] * elapsed(state)
 
 
-def crossed(state: TaskState) -> Array:
+def crossed(state: TaskState, finish_line: float) -> Array:
     """1 where the finish line is crossed, (n,)."""
-    return has_crossed(state).astype(np.float64)
+    return has_crossed(state, finish_line).astype(np.float64)
 
 
 # --- terminations --------------------------------------------------------------------------
 
 
-def is_at_target(state: TaskState) -> Mask:
-    """Whether the thorax is within REACH of the target, (n,)."""
-    return np.asarray(goal_distance(state.fly.position_w, state.goal) < REACH)
+def is_at_target(state: TaskState, reach: float) -> Mask:
+    """Whether the thorax is within `reach` of the target, mm, horizontally, (n,)."""
+    return np.asarray(goal_distance(state.fly.position_w, state.goal) < reach)
 
 
-def has_crossed(state: TaskState) -> Mask:
-    """Whether the thorax is beyond FINISH_LINE, (n,)."""
-    return np.asarray(state.fly.position_w[:, 0] > FINISH_LINE)
+def has_crossed(state: TaskState, finish_line: float) -> Mask:
+    """Whether the thorax is beyond an x, mm, (n,)."""
+    return np.asarray(state.fly.position_w[:, 0] > finish_line)
 
 
 def has_fallen(state: TaskState) -> Mask:

@@ -1,44 +1,84 @@
-"""Traverse: cross the ground along +x, to x = 22 mm, within 3 s."""
+"""Traverse: cross the ground along +x, to a finish line, in time."""
 
-from typing import Final
+from functools import partial
+from typing import Annotated
 
 from flyrl.tasks import terms
-from flyrl.tasks.actions import Drives
+from flyrl.tasks.episode import TIME, Episode
+from flyrl.tasks.errors import error
 from flyrl.tasks.failures import FAILURES, lost_time
-from flyrl.tasks.hybrid_turning import sample_episode
+from flyrl.tasks.function import TaskFunction
+from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import SUCCESS, ErrorTerm, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.terrains import Terrain
+from flyrl.validation import Within
 
-TRAVERSE: Final = Task(
-    name="traverse",
-    observation=(
-        ObservationTerm(
-            "target_direction", (2,), -1.0, 1.0, terms.forward_direction_b,
-            "cos and sin of the bearing of the world's x axis, left positive",
-            is_bearing=True,
+
+def sample_episode(
+    terrain: Terrain, seed: int, difficulty: float = 1.0, *, finish_line: float
+) -> Episode:
+    """Draw a spawn and the CPG's start, on ground that has the finish line on it.
+
+    Raises
+    ------
+    ValueError
+        If it has not.
+    """
+    edge = terrain.bounds.x_max
+    if finish_line >= edge:
+        raise ValueError(
+            f"task.finish_line must lie on the terrain, below x = {edge:g} mm, got {finish_line}"
+        )
+    return bare_episode(terrain, seed, difficulty)
+
+
+@TaskFunction
+def traverse(
+    finish_line: Annotated[float, Within(3, 1e4)] = 22.0,
+    time_limit: Annotated[float, TIME] = 3.0,
+) -> Task:
+    """Cross the ground.
+
+    Parameters
+    ----------
+    finish_line
+        x that the thorax must pass, mm; it starts within 2 mm of x = 0.
+    time_limit
+        s until the episode is cut off.
+    """
+    return Task(
+        observation=(
+            ObservationTerm(
+                "target_direction", (2,), -1.0, 1.0, terms.forward_direction_b,
+                "cos and sin of the bearing of the world's x axis, left positive",
+                is_bearing=True,
+            ),
+            ObservationTerm(
+                "finish_distance", (1,), -4.0, 4.0,
+                partial(terms.finish_distance, finish_line=finish_line),
+                "distance to the finish line along +x, in 15 mm",
+            ),
+            *SENSES,
         ),
-        ObservationTerm(
-            "finish_distance", (1,), -4.0, 4.0, terms.finish_distance,
-            "distance to the finish line along +x, in 15 mm",
+        reward=(
+            RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
+            RewardTerm(
+                "success", 2.0, partial(terms.crossed, finish_line=finish_line),
+                "the ground is crossed",
+            ),
+            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
+            # no failure may save the time that it cuts off
+            lost_time(-0.5),
         ),
-        *SENSES,
-    ),
-    is_flat=True,
-    reward=(
-        RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
-        RewardTerm("success", 2.0, terms.crossed, "the ground is crossed"),
-        RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-        # no failure may save the time that it cuts off
-        lost_time(-0.5),
-    ),
-    terminations=(
-        Termination(SUCCESS, terms.has_crossed),
-        *FAILURES,
-    ),
-    time_limit_s=3.0,
-    decision_interval_s=0.02,
-    actions=Drives(),
-    sample_episode=sample_episode,
-    success=f"thorax beyond x = {terms.FINISH_LINE:g} mm",
-    errors=(ErrorTerm("heading_error_deg", 180.0, terms.turn_to_finish),),
-)  # fmt: skip
+        terminations=(
+            Termination(SUCCESS, partial(terms.has_crossed, finish_line=finish_line)),
+            *FAILURES,
+        ),
+        time_limit_s=time_limit,
+        sample_episode=partial(sample_episode, finish_line=finish_line),
+        success=f"thorax beyond x = {finish_line:g} mm",
+        errors=(error("heading_error_deg", 180.0, terms.turn_to_finish),),
+        decisive=("advance_mm",),
+        compared=("time_to_goal_s", "advance_mm", "speed_mm_s"),
+    )  # fmt: skip

@@ -1,94 +1,152 @@
-"""Velocity: walk at a commanded forward speed and yaw rate, which change every second, for 4 s.
+"""Velocity: walk at a commanded forward speed and yaw rate, which change every now and then.
 
 Speed and yaw rate sway with every stride, so they are judged by their running means over about one
-(`STRIDE_S`), which the fly is shown. A success is to be on command for 3 of the 4 s: with both
-means within 2 mm/s and 1 rad/s of what is commanded. The rest is for getting there after a change.
+(`STRIDE_S`), which the fly is shown. A success is to be on command for most of the time: with both
+means within a tolerance of what is commanded. The rest is for getting there after a change.
 """
 
+import math
 from dataclasses import replace
-from typing import Final
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
 
-from flyrl.tasks import hybrid_turning, terms
-from flyrl.tasks.actions import Drives
-from flyrl.tasks.episode import Episode
+from flyrl.tasks import terms
+from flyrl.tasks.episode import TIME, Episode
+from flyrl.tasks.errors import error
 from flyrl.tasks.failures import FAILURES
+from flyrl.tasks.function import TaskFunction
+from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import ErrorTerm, Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.task import Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.terrains import Terrain
+from flyrl.validation import Within, ordered
 
-NUM_COMMANDS: Final = 4
-
-SPEEDS: Final = (2.0, 12.0)
-"""mm/s; at the drive (1, 1) a fly walks straight at 13. None is so slow that standing would do."""
-
-YAW_RATES: Final = (-2.5, 2.5)
-"""rad/s; at the drive (1.25, 0.25) a fly turns at 3."""
-
-ON_COMMAND_S: Final = 3.0
-"""s on command that make a success."""
+Pair = tuple[float, float]
 
 
-def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
-    """Draw a spawn, the commands (uniform), and the CPG's start.
+def sample_episode(
+    terrain: Terrain,
+    seed: int,
+    difficulty: float = 1.0,
+    *,
+    speed: Pair,
+    yaw_rate: Pair,
+    commands: int,
+) -> Episode:
+    """Draw a spawn, a number of commands (uniform), and the CPG's start.
 
-    With the difficulty, the ranges of the commands grow from their middle.
+    With the difficulty, the ranges of the commands, mm/s and rad/s, grow from their middle.
     """
     rng = np.random.default_rng([seed, 1])
-    lowest, highest = np.array([SPEEDS, YAW_RATES]).T
+    lowest, highest = np.array([speed, yaw_rate]).T
     middle, reach = (lowest + highest) / 2, difficulty * (highest - lowest) / 2
     low, high = middle - reach, middle + reach
-    commands = rng.uniform(low, high, size=(NUM_COMMANDS, 2))
-    command = tuple(float(value) for value in commands.ravel())
-    return replace(hybrid_turning.sample_episode(terrain, seed, difficulty), command=command)
+    drawn = rng.uniform(low, high, size=(commands, 2))
+    command = tuple(float(value) for value in drawn.ravel())
+    return replace(bare_episode(terrain, seed, difficulty), command=command)
 
 
-def was_on_command(state: TaskState) -> Mask:
-    """Whether the fly was on command for ON_COMMAND_S, (n,)."""
+def was_on_command(state: TaskState, seconds: float) -> Mask:
+    """Whether the fly was on command for so many s, (n,)."""
     # but for rounding: the total is a sum of decisions
-    return state.totals["on_command"] >= ON_COMMAND_S - 1e-6
+    return state.totals["on_command"] >= seconds - 1e-6
 
 
-VELOCITY: Final = Task(
-    name="velocity",
-    observation=(
-        ObservationTerm(
-            "command", (2,), -1.0, 1.0, terms.commanded_velocity,
-            "commanded forward speed, in 20 mm/s, and yaw rate, in 10 rad/s",
+@TaskFunction
+def velocity(
+    speed: Annotated[Pair, Within(-20, 20)] = (2.0, 12.0),
+    yaw_rate: Annotated[Pair, Within(-10, 10)] = (-2.5, 2.5),
+    command_time: Annotated[float, TIME] = 1.0,
+    tolerance: Annotated[Pair, Within(1e-3, 100)] = (2.0, 1.0),
+    on_command: Annotated[float, TIME] = 3.0,
+    time_limit: Annotated[float, TIME] = 4.0,
+) -> Task:
+    """Follow commands of speed and yaw rate.
+
+    Parameters
+    ----------
+    speed
+        Least and greatest forward speed that is commanded, mm/s. At the drive (1, 1) a fly walks
+        straight at 13; by default none is so slow that standing would do.
+    yaw_rate
+        Least and greatest yaw rate, rad/s, left positive; at the drive (1.25, 0.25) a fly turns at
+        3.
+    command_time
+        How long a command holds before the next one, s.
+    tolerance
+        A fly is on command when its mean speed and yaw rate over a stride are within these of it,
+        mm/s and rad/s.
+    on_command
+        s on command, in all, that make a success.
+    time_limit
+        s until the episode is cut off.
+    """
+    slowest, fastest = ordered("task.speed", speed)
+    right, left = ordered("task.yaw_rate", yaw_rate)
+    judged: dict[str, Any] = {"command_s": command_time, "tolerance": tolerance}
+    turn = f"±{left:g}" if right == -left else f"{right:g} to {left:g}"
+    middle = (right + left) / 2
+    return Task(
+        observation=(
+            ObservationTerm(
+                "command", (2,), -1.0, 1.0,
+                partial(terms.commanded_velocity, command_s=command_time),
+                "commanded forward speed, in 20 mm/s, and yaw rate, in 10 rad/s",
+            ),
+            ObservationTerm(
+                "command_time", (1,), 0.0, command_time,
+                partial(terms.command_time_left, command_s=command_time),
+                "s until the next command",
+            ),
+            ObservationTerm(
+                "mean_velocity", (2,), -5.0, 5.0, terms.mean_velocity,
+                "mean forward speed, in 20 mm/s, and yaw rate, in 10 rad/s, over about a stride",
+                spread=0.15,
+            ),
+            *SENSES,
         ),
-        ObservationTerm(
-            "command_time", (1,), 0.0, 1.0, terms.command_time_left, "s until the next command"
+        reward=(
+            RewardTerm(
+                "tracking", 1.0, partial(terms.time_tracked, **judged),
+                "s times how well the command is followed",
+            ),
+            RewardTerm(
+                "on_command", 1.0, partial(terms.time_on_command, **judged),
+                f"s within {tolerance[0]:g} mm/s and {tolerance[1]:g} rad/s of it",
+            ),
         ),
-        ObservationTerm(
-            "mean_velocity", (2,), -5.0, 5.0, terms.mean_velocity,
-            "mean forward speed, in 20 mm/s, and yaw rate, in 10 rad/s, over about a stride",
-            spread=0.15,
+        terminations=FAILURES,
+        time_limit_s=time_limit,
+        sample_episode=partial(
+            sample_episode, speed=speed, yaw_rate=yaw_rate,
+            commands=math.ceil(time_limit / command_time - 1e-9),
         ),
-        *SENSES,
-    ),
-    is_flat=True,
-    reward=(
-        RewardTerm("tracking", 1.0, terms.time_tracked, "s times how well the command is followed"),
-        RewardTerm("on_command", 1.0, terms.time_on_command, "s within 2 mm/s and 1 rad/s of it"),
-    ),
-    terminations=FAILURES,
-    time_limit_s=NUM_COMMANDS * terms.COMMAND_S,
-    decision_interval_s=0.02,
-    actions=Drives(),
-    sample_episode=sample_episode,
-    difficulty="range of the commands, from 7 mm/s to 2-12, and from 0 to ±2.5 rad/s",
-    succeeds_in_time=was_on_command,
-    means=(
-        MeanTerm(
-            "velocity", 2, terms.STRIDE_S, terms.velocity_over_decision,
-            "forward speed, mm/s, and yaw rate, rad/s",
+        difficulty=f"range of the commands, from {(slowest + fastest) / 2:g} mm/s to "
+        f"{slowest:g}-{fastest:g}, and from {middle:g} to {turn} rad/s",
+        succeeds_in_time=partial(was_on_command, seconds=on_command),
+        means=(
+            MeanTerm(
+                "velocity", 2, terms.STRIDE_S, terms.velocity_over_decision,
+                "forward speed, mm/s, and yaw rate, rad/s",
+            ),
         ),
-    ),
-    success=f"within {terms.TOLERATED_SPEED:g} mm/s and {terms.TOLERATED_YAW_RATE:g} rad/s of the "
-    f"command for {ON_COMMAND_S:g} s",
-    errors=(
-        ErrorTerm("speed_error_mm_s", SPEEDS[1], terms.off_speed),
-        ErrorTerm("yaw_rate_error_deg_s", float(np.rad2deg(YAW_RATES[1])), terms.off_yaw_rate),
-    ),
-)  # fmt: skip
+        success=f"within {tolerance[0]:g} mm/s and {tolerance[1]:g} rad/s of the command for "
+        f"{on_command:g} s",
+        errors=(
+            error("speed_error_mm_s", _largest(speed), partial(terms.off_speed, **judged)),
+            error(
+                "yaw_rate_error_deg_s", float(np.rad2deg(_largest(yaw_rate))),
+                partial(terms.off_yaw_rate, **judged),
+            ),
+        ),
+        decisive=("success", "speed_error_mm_s"),
+        # to keep up what is asked takes as long as the episode, and is no question of speed
+        compared=("speed_error_mm_s", "yaw_rate_error_deg_s"),
+    )  # fmt: skip
+
+
+def _largest(pair: Pair) -> float:
+    """Largest size in a range; of a fly that stands it is the error. Above 0, so that it counts."""
+    return max(abs(pair[0]), abs(pair[1])) or 1.0

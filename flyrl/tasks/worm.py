@@ -1,62 +1,41 @@
 """Tasks for worms: their muscles are the action, one number of recruited neurons per muscle.
 
-worm_crawl: crawl along +x as far as possible in 5 s. worm_hang: bend as told, with as few motor
-neurons as possible. Each has a variant with continuous actions, for algorithms that need these.
+worm_crawl: crawl along +x as far as possible. worm_hang: bend as told, with as few motor neurons as
+possible. Each has a variant with continuous actions, for algorithms that need these. They are made
+for a worm, since a worm may have any number of muscles.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Annotated
 
 import numpy as np
 
-from flyrl.bodies.worm import WormConfig
+from flyrl.bodies.worm import CRAWLER, HANGER, WormConfig
 from flyrl.muscles import MotorPool
 from flyrl.simulation.randomisation import UNVARIED
 from flyrl.tasks import worm_terms as terms
 from flyrl.tasks.actions import Neurons
-from flyrl.tasks.episode import Episode
-from flyrl.tasks.task import ErrorTerm, ObservationTerm, RewardTerm, Task
+from flyrl.tasks.episode import TIME, Episode
+from flyrl.tasks.errors import error
+from flyrl.tasks.function import TaskFunction, variant_of
+from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
 from flyrl.terrains import Terrain
-from flyrl.validation import one_of
+from flyrl.validation import Within, one_of
 
-START_ANGLE: Final = 0.2
-"""rad; the joints of a worm that starts are bent by up to this, and so is its heading turned."""
-
-GREATEST_BEND: Final = 1.5
-"""rad; the bend that worm_hang asks for is within this, to either side."""
+_ANGLE = Within(0, 3)
 
 
-@dataclass(frozen=True)
-class WormTask:
-    """A task that is made to measure, since a worm may have any number of muscles.
+def _muscles(worm: WormConfig) -> Neurons:
+    """Actions of a worm: two muscles at each joint."""
+    pool = MotorPool.from_image(worm.profile_path)
+    return Neurons((len(pool),) * (2 * worm.joints))
 
-    Attributes
-    ----------
-    body
-        The usual worm: a name in `flyrl.bodies.worm.WORMS`.
-    make
-        Makes the task for a worm, from its name and its actions.
-    is_integer
-        Whether actions are whole numbers.
-    """
 
-    body: str
-    make: Callable[[str, WormConfig, Neurons], Task]
-    is_integer: bool
-
-    def task(self, name: str, worm: WormConfig) -> Task:
-        """The task of this name for a worm.
-
-        Raises
-        ------
-        ValueError
-            If there is no such profile of the worm's muscles, or the worm cannot do the task.
-        """
-        pool = MotorPool.from_image(worm.profile_path)
-        actions = Neurons((len(pool),) * (2 * worm.joints), self.is_integer)
-        return self.make(name, worm, actions)
+def _with_box(task: Task) -> Task:
+    """The same task with continuous actions."""
+    assert isinstance(task.actions, Neurons)
+    return replace(task, actions=replace(task.actions, is_integer=False))
 
 
 def _senses(worm: WormConfig) -> tuple[ObservationTerm, ...]:
@@ -77,28 +56,39 @@ def _senses(worm: WormConfig) -> tuple[ObservationTerm, ...]:
     )  # fmt: skip
 
 
-def _start(worm: WormConfig, rng: np.random.Generator) -> tuple[float, ...]:
-    return tuple(map(float, rng.uniform(-START_ANGLE, START_ANGLE, size=worm.joints)))
+def _start(worm: WormConfig, rng: np.random.Generator, angle: float) -> tuple[float, ...]:
+    return tuple(map(float, rng.uniform(-angle, angle, size=worm.joints)))
 
 
 def _crawling_episode(
-    worm: WormConfig, terrain: Terrain, seed: int, difficulty: float = 1.0
+    terrain: Terrain,
+    seed: int,
+    difficulty: float = 1.0,
+    *,
+    worm: WormConfig,
+    start_angle: float,
 ) -> Episode:
     rng = np.random.default_rng(seed)
-    yaw = float(rng.uniform(-START_ANGLE, START_ANGLE))
+    yaw = float(rng.uniform(-start_angle, start_angle))
     return Episode(
         seed=seed,
         spawn_position_w=(0.0, 0.0, 0.0),
         spawn_yaw=yaw,
         goal=(),
-        joint_angles=_start(worm, rng),
+        joint_angles=_start(worm, rng, start_angle),
         randomisation=UNVARIED,
         difficulty=difficulty,
     )
 
 
 def _hanging_episode(
-    worm: WormConfig, terrain: Terrain, seed: int, difficulty: float = 1.0
+    terrain: Terrain,
+    seed: int,
+    difficulty: float = 1.0,
+    *,
+    worm: WormConfig,
+    bend: float,
+    start_angle: float,
 ) -> Episode:
     rng = np.random.default_rng(seed)
     return Episode(
@@ -106,26 +96,44 @@ def _hanging_episode(
         spawn_position_w=(0.0, 0.0, 0.0),
         spawn_yaw=0.0,
         goal=(),
-        command=(float(rng.uniform(-GREATEST_BEND, GREATEST_BEND)),),
-        joint_angles=_start(worm, rng),
+        command=(float(rng.uniform(-bend, bend)),),
+        joint_angles=_start(worm, rng, start_angle),
         randomisation=UNVARIED,
         difficulty=difficulty,
     )
 
 
-def crawling(name: str, worm: WormConfig, actions: Neurons) -> Task:
-    """Crawl along +x, as far as possible in 5 s; two lengths of the worm are a success.
+@TaskFunction
+def worm_crawl(
+    worm: WormConfig = CRAWLER,
+    lengths: Annotated[float, Within(0.01, 1000)] = 2.0,
+    start_angle: Annotated[float, _ANGLE] = 0.2,
+    time_limit: Annotated[float, TIME] = 5.0,
+) -> Task:
+    """Crawl along +x, as far as possible.
+
+    Parameters
+    ----------
+    worm
+        What crawls.
+    lengths
+        Way along +x that is a success, in lengths of the worm.
+    start_angle
+        The joints of a worm that starts are bent by up to this, and so is its heading turned, rad.
+    time_limit
+        s until the episode is cut off.
 
     Raises
     ------
     ValueError
-        If the worm cannot crawl.
+        If the worm cannot crawl, or there is no such profile of its muscles.
     """
-    one_of(f"mount of a worm in the task {name!r}", worm.mount, ("crawling",))
-    way = 2.0 * worm.segments * worm.segment_length
+    one_of("mount of a worm in the task 'worm_crawl'", worm.mount, ("crawling",))
+    way = lengths * worm.segments * worm.segment_length
+    actions = _muscles(worm)
     recruited = partial(terms.recruited_share, pools=actions.pools)
+    as_long = "twice" if lengths == 2.0 else f"{lengths:g} times"
     return Task(
-        name=name,
         observation=(
             ObservationTerm(
                 "heading", (2,), -1.0, 1.0, terms.heading,
@@ -137,24 +145,57 @@ def crawling(name: str, worm: WormConfig, actions: Neurons) -> Task:
             ),
             *_senses(worm),
         ),
-        is_flat=True,
         reward=(RewardTerm("progress", 0.2, terms.progress, "mm along +x"),),
         terminations=(),
-        time_limit_s=5.0,
+        time_limit_s=time_limit,
         decision_interval_s=0.05,
         actions=actions,
-        sample_episode=partial(_crawling_episode, worm),
+        sample_episode=partial(_crawling_episode, worm=worm, start_angle=start_angle),
         succeeds_in_time=partial(terms.has_crawled, way=way),
-        success=f"{way:g} mm along +x, twice the worm's length",
-        errors=(ErrorTerm("recruited_share", 1.0, recruited),),
+        success=f"{way:g} mm along +x, {as_long} the worm's length",
+        errors=(error("recruited_share", 1.0, recruited),),
+        decisive=("advance_mm",),
+        compared=("advance_mm", "recruited_share"),
     )  # fmt: skip
 
 
-def hanging(name: str, worm: WormConfig, actions: Neurons) -> Task:
-    """Bend as told for 2 s, with few neurons; success is to be within 0.1 rad in the end."""
+@variant_of(worm_crawl)
+def worm_crawl_box(task: Task) -> Task:
+    """Crawl, with continuous actions."""
+    return _with_box(task)
+
+
+@TaskFunction
+def worm_hang(
+    worm: WormConfig = HANGER,
+    bend: Annotated[float, Within(0, 2)] = 1.5,
+    tolerance: Annotated[float, Within(1e-3, 3)] = 0.1,
+    start_angle: Annotated[float, _ANGLE] = 0.2,
+    time_limit: Annotated[float, TIME] = 2.0,
+) -> Task:
+    """Bend as told, with few neurons; a success is to be bent so at the end.
+
+    Parameters
+    ----------
+    worm
+        What bends.
+    bend
+        Greatest bend that is asked for, to either side, rad.
+    tolerance
+        A worm that is off by less has bent as told, rad.
+    start_angle
+        The joints of a worm that starts are bent by up to this, rad.
+    time_limit
+        s until the episode is cut off.
+
+    Raises
+    ------
+    ValueError
+        If there is no such profile of the worm's muscles.
+    """
+    actions = _muscles(worm)
     recruited = partial(terms.recruited_share, pools=actions.pools)
     return Task(
-        name=name,
         observation=(
             ObservationTerm(
                 "command", (1,), -2.0, 2.0, terms.command, "bend that is asked for, in rad"
@@ -165,30 +206,33 @@ def hanging(name: str, worm: WormConfig, actions: Neurons) -> Task:
             ),
             *_senses(worm),
         ),
-        is_flat=True,
         reward=(
             RewardTerm("error", -1.0, terms.absolute_bend_error, "rad off what is asked for"),
-            RewardTerm("bent", 0.5, terms.bent, "1 while the worm is bent as told"),
+            RewardTerm(
+                "bent", 0.5, partial(terms.bent, tolerance=tolerance),
+                "1 while the worm is bent as told",
+            ),
             RewardTerm("recruitment", -0.2, recruited, "share of all neurons that are recruited"),
         ),
         terminations=(),
-        time_limit_s=2.0,
+        time_limit_s=time_limit,
         decision_interval_s=0.05,
         actions=actions,
-        sample_episode=partial(_hanging_episode, worm),
-        succeeds_in_time=terms.has_bent,
-        success=f"within {terms.BENT_WITHIN:g} rad of the bend at the end",
-        errors=(
-            ErrorTerm("bend_error_deg", 180.0, terms.bend_error_deg),
-            ErrorTerm("recruited_share", 1.0, recruited),
+        sample_episode=partial(
+            _hanging_episode, worm=worm, bend=bend, start_angle=start_angle
         ),
+        succeeds_in_time=partial(terms.has_bent, tolerance=tolerance),
+        success=f"within {tolerance:g} rad of the bend at the end",
+        errors=(
+            error("bend_error_deg", 180.0, terms.bend_error_deg),
+            error("recruited_share", 1.0, recruited),
+        ),
+        decisive=("success", "bend_error_deg"),
+        compared=("bend_error_deg", "recruited_share"),
     )  # fmt: skip
 
 
-WORM_TASKS: Final[Mapping[str, WormTask]] = {
-    "worm_hang": WormTask("worm_hanger", hanging, is_integer=True),
-    "worm_hang_box": WormTask("worm_hanger", hanging, is_integer=False),
-    "worm_crawl": WormTask("worm_crawler", crawling, is_integer=True),
-    "worm_crawl_box": WormTask("worm_crawler", crawling, is_integer=False),
-}
-"""Tasks for worms by name."""
+@variant_of(worm_hang)
+def worm_hang_box(task: Task) -> Task:
+    """Bend as told, with continuous actions."""
+    return _with_box(task)

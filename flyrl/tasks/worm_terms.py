@@ -1,13 +1,8 @@
 """What the tables of the tasks for worms compute; the first axis is the simulation."""
 
-from typing import Final
-
 import numpy as np
 
 from flyrl.tasks.task import Array, Mask, WormTaskState
-
-BENT_WITHIN: Final = 0.1
-"""rad; a worm that is off by less has bent as told."""
 
 
 def heading(state: WormTaskState) -> Array:
@@ -68,14 +63,14 @@ def bend_error_deg(state: WormTaskState) -> Array:
     return np.degrees(absolute_bend_error(state))
 
 
-def has_bent(state: WormTaskState) -> Mask:
-    """Whether the worm is bent as told, within `BENT_WITHIN`, (n,)."""
-    return np.asarray(absolute_bend_error(state) < BENT_WITHIN)
+def has_bent(state: WormTaskState, tolerance: float) -> Mask:
+    """Whether the worm is bent as told, within `tolerance`, rad, (n,)."""
+    return np.asarray(absolute_bend_error(state) < tolerance)
 
 
-def bent(state: WormTaskState) -> Array:
+def bent(state: WormTaskState, tolerance: float) -> Array:
     """1 where the worm is bent as told, else 0, (n,)."""
-    return has_bent(state).astype(np.float64)
+    return has_bent(state, tolerance).astype(np.float64)
 
 
 def recruited_share(state: WormTaskState, pools: tuple[int, ...]) -> Array:

@@ -19,7 +19,7 @@ from flyrl.policies.export import bundle_from_sb3
 from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record
-from flyrl.tasks import Episode, term_digests
+from flyrl.tasks import Episode, code_digests, code_of
 from flyrl.training.checkpoint import learner_state, save_checkpoint
 from flyrl.training.config import TrainingConfig, lasting_settings, training_record
 from flyrl.training.curriculum import Curriculum
@@ -212,7 +212,7 @@ class RunCallback(BaseCallback):
                 "seed": self._config.seed,
                 "decisions": self.num_timesteps,
                 "evaluation": evaluation,
-                "terms": term_digests(self._config.env.resolved_task.added),
+                "terms": code_digests(code_of(self._config.env.resolved_task)),
                 "settings": lasting_settings(self._config),
                 "physics_preset": preset_record(self._config.env.scene.physics),
             },

@@ -2,13 +2,14 @@
 
 import dataclasses
 import datetime
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
 from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
 from flyrl.tasks import FAILURES
+from flyrl.text import plain_name
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig, HindsightConfig, PPOConfig
 from flyrl.training.curriculum import CurriculumConfig
 from flyrl.training.loggers import LoggerConfig
@@ -70,7 +71,7 @@ class TrainingConfig:
     Attributes
     ----------
     env
-        What to train in; a task with a flat observation or goals.
+        What to train in, with a time limit. A Dict observation without goals comes as a vector.
     algo
         What to train with.
     training
@@ -96,10 +97,10 @@ class TrainingConfig:
                 f"controller must be hybrid or cpg in a training, got {legs.name!r}, which ignores "
                 "the drive, so that no policy can steer it"
             )
+        if task.time_limit_s is None:
+            raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
         if not task.has_vectors:
-            raise ValueError(
-                f"task must be one with a flat observation or goals, got {task.name!r} with a Dict"
-            )
+            object.__setattr__(self, "env", replace(self.env, as_vectors=True))
         if task.has_goals and not self.algo.takes_dicts:
             raise ValueError(
                 f"algo must be one that takes the Dict of a task with goals, as {task.name!r}, "
@@ -137,8 +138,7 @@ class TrainingConfig:
                 "algo.her must be false unless goals and failures decide all rewards and "
                 f"terminations, got true in {task.name!r} with {others[0]!r}"
             )
-        if task.time_limit_s is None:
-            raise ValueError(f"algo.her must be false without a time limit, as in {task.name!r}")
+        assert task.time_limit_s is not None  # __post_init__ checked
         decisions = round(task.time_limit_s / self.env.decision_interval_s)
         algo.check_episodes(self.training.num_envs, decisions)
 
@@ -146,7 +146,7 @@ class TrainingConfig:
         """Name of a run that starts now: date, time, task, terrain, algorithm, seed, label."""
         parts = (
             now.strftime("%Y-%m-%d_%H%M%S"),
-            self.env.resolved_task.name,
+            plain_name(self.env.resolved_task.name),
             self.env.scene.terrain.label,
             self.algo.name,
             str(self.seed),

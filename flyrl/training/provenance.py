@@ -13,7 +13,7 @@ import numba
 import flyrl
 from flyrl.files import file_digest
 from flyrl.resources import version
-from flyrl.tasks import term_digests
+from flyrl.tasks import code_digests
 from flyrl.text import printable
 from flyrl.training.runs import flat
 
@@ -34,17 +34,18 @@ _OWN_FOLDERS: Final = ("assets", "configs", "flyrl")
 """Of a checkout: what a run depends on."""
 
 
-def provenance(terms: Sequence[str] = ()) -> dict[str, Any]:
+def provenance(code: Sequence[str] = ()) -> dict[str, Any]:
     """Commit, versions and CPU, as plain JSON values; what cannot be known is null.
 
     Parameters
     ----------
-    terms
-        Names of a user's own terms, `module:attribute` each; of the modules, the SHA-256 is noted.
+    code
+        Names of a user's own task and terms, `module:attribute` each; the SHA-256 of the modules
+        is noted.
     """
     return {
         "git": _git(),
-        "terms": term_digests(terms),
+        "terms": code_digests(code),
         "python": platform.python_version(),
         "packages": {name: version(name) for name in _PACKAGES},
         "system": platform.platform(),

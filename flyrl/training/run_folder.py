@@ -35,6 +35,7 @@ import yaml
 
 from flyrl.files import new_folder, write_bytes, write_text
 from flyrl.simulation.physics import preset_record
+from flyrl.tasks import code_of
 from flyrl.text import csv_text
 from flyrl.training.checkpoint import load_checkpoint
 from flyrl.training.config import TrainingConfig, training_record
@@ -149,11 +150,11 @@ class RunFolder:
 
     @staticmethod
     def _origin(config: TrainingConfig, started: datetime.datetime) -> dict[str, Any]:
-        terms = config.env.resolved_task.added
         return {
             "started": started.isoformat(),
             "physics_preset": preset_record(config.env.scene.physics),
-            **provenance(terms),
+            "decisive": list(config.env.resolved_task.decisive),
+            **provenance(code_of(config.env.resolved_task)),
         }
 
     def _write_changes(self, name: str) -> None:

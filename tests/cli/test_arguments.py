@@ -191,11 +191,23 @@ def test_no_sweep(arguments):
 def test_a_controller_of_ones_own_is_a_group_of_its_own():
     given = ["seed=1", "controller=my_lab:Wave", "controller.amplitude=0.3", "task=path"]
     expected = [
-        "seed=1", "~controller", "+controller.name=my_lab:Wave", "+controller.amplitude=0.3",
+        "seed=1", "~controller", "+controller.name=my_lab:Wave", "++controller.amplitude=0.3",
         "task=path",
     ]  # fmt: skip
     assert with_own_things(given) == expected
     assert check_arguments("train", expected) is None
+
+
+def test_a_task_of_ones_own_is_the_choice_own():
+    given = ["task=my_lab:forage", "task.sources=2", "task.terms=[my_terms:HEIGHT]", "seed=1"]
+    expected = [
+        "task=own", "task.name=my_lab:forage", "++task.sources=2",
+        "++task.terms=[my_terms:HEIGHT]", "seed=1",
+    ]  # fmt: skip
+    assert with_own_things(given) == expected
+    for command in ("train", "evaluate"):
+        kept = [word for word in expected if command == "train" or word != "seed=1"]
+        assert check_arguments(command, kept) is None
 
 
 def test_a_built_in_controller_stays_as_it_is():

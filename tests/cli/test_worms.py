@@ -53,7 +53,10 @@ def test_a_controller_of_legs_is_an_error():
             "error: body.profile must be one of 'human'",
         ),
         (["task=worm_hang", "+controller.name=cpg"], "controller"),
-        (["task=worm_hang", "task.time_limit=3"], "error: task.time_limit must be at most that of"),
+        (
+            ["task=worm_hang", "task.time_limit=-3"],
+            "error: task.time_limit must be a finite number",
+        ),
         (["task=worm_crawl", "randomisation=default"], "of a worm must be of sensor_noise alone"),
     ],
 )

@@ -41,7 +41,7 @@ def model(single):
 
 @pytest.fixture(scope="module")
 def policy(model):
-    return LearnedPolicy(bundle_from_sb3(model, observation_layout(TASKS["target"]), {}, {}))
+    return LearnedPolicy(bundle_from_sb3(model, observation_layout(TASKS["target"]()), {}, {}))
 
 
 def _evaluate(actor, env):

@@ -8,7 +8,7 @@ from flyrl.tasks import TASKS
 ID = "flyrl:flyrl/Target-v0"
 SETTINGS = {"decision_interval": 0.1, "physics": "fast"}
 LIMIT = 30  # decisions
-SIZE = sum(term.size for term in TASKS["target"].observation)
+SIZE = sum(term.size for term in TASKS["target"]().observation)
 
 pytestmark = pytest.mark.slow  # to import TorchRL takes seconds
 

@@ -42,8 +42,9 @@ def _failing():
 
 
 def _terms(overrides):
-    """The terms of its own that a training or an evaluation asks for."""
-    return next((each for each in overrides if each.startswith("task.terms=")), "")
+    """The task and the terms of its own that a training or an evaluation asks for."""
+    keys = ("task.terms=", "task.without=", "task=my_")
+    return tuple(each for each in overrides if each.startswith(keys))
 
 
 FAILING = dict(_failing())

@@ -80,7 +80,7 @@ def test_noise_on_nothing_is_refused() -> None:
     with pytest.raises(
         ValueError, match=r"sensor_noise is 0\.2; it must be 0 in the task 'target'"
     ):
-        EnvConfig(unsensed(TASKS["target"]), randomisation=NOISY)
+        EnvConfig(unsensed(TASKS["target"]()), randomisation=NOISY)
 
 
 @pytest.mark.parametrize("spread", [-1.0, (1.0,), (1.0, np.nan)])

@@ -9,4 +9,4 @@ def test_every_task_has_an_id():
 
 
 def test_tasks_with_goals_are_registered_as_such():
-    assert set(_GOAL_TASKS) == {name for name, task in TASKS.items() if task.has_goals}
+    assert set(_GOAL_TASKS) == {name for name, task in TASKS.items() if task().has_goals}

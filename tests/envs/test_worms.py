@@ -17,7 +17,8 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.randomisation import Randomisation, RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
-from flyrl.tasks import WORM_TASKS, Neurons, RewardTerm, Termination, extended, task_named
+from flyrl.tasks import Neurons, RewardTerm, Termination, extended, task_named
+from tests.tasks.test_worm import WORM_TASKS
 
 IDS = {
     "flyrl/WormCrawl-v0": "worm_crawl",

@@ -8,7 +8,7 @@ from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions, value_text
 from flyrl.tasks import TASKS
 
-SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
+SHORT = dataclasses.replace(TASKS["target"](), time_limit_s=0.2)
 STRONG = {
     "drive_latency": 0.05,
     "missing_legs": ("LM",),

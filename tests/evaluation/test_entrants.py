@@ -21,8 +21,8 @@ from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.tasks import TASKS, ObservationTerm, extended
 
-TARGET = TASKS["target"]
-VELOCITY = TASKS["velocity"]
+TARGET = TASKS["target"]()
+VELOCITY = TASKS["velocity"]()
 
 
 def save_policy(path, *, training=None, env=None, observation=None):
@@ -109,7 +109,7 @@ def test_a_policy_of_other_terms_names_them_and_imports_nothing(tmp_path):
     with pytest.raises(
         PolicyFileError,
         match=r"term 10 was height \(1 values\), here it is missing; it was trained with "
-        r"task\.terms=\[no_such_module:HEIGHT\], here they are \[\]",
+        r"task\.terms=\[no_such_module:HEIGHT\], here it is task\.terms=\[\]",
     ):
         make_entrants(EvaluationConfig(policies=(path,)))
 

@@ -5,7 +5,7 @@ import numpy as np
 from flyrl.evaluation import EvaluationConfig, evaluate, walk_examples
 from flyrl.tasks import TASKS
 
-SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
+SHORT = dataclasses.replace(TASKS["target"](), time_limit_s=0.2)
 
 
 def test_examples_are_the_episodes_that_were_evaluated():

@@ -13,9 +13,7 @@ from flyrl.evaluation.metrics import (
 )
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.rollouts.records import Gait
-from flyrl.tasks import TASK_NAMES, TASKS, terms
-from flyrl.tasks.path import TOLERATED_DEVIATION
-from flyrl.tasks.worm_terms import BENT_WITHIN
+from flyrl.tasks import TASK_NAMES, TASKS
 from tests.synthetic import make_record
 
 
@@ -66,11 +64,11 @@ def test_what_decides_a_task_has_a_smallest_effect(task):
 
 def test_the_smallest_effect_of_an_error_is_a_quarter_of_what_is_tolerated():
     tolerated = {
-        "heading_error_deg": np.degrees(terms.ON_HEADING),
-        "path_error_mm": TOLERATED_DEVIATION,
-        "speed_error_mm_s": terms.TOLERATED_SPEED,
-        "yaw_rate_error_deg_s": np.degrees(terms.TOLERATED_YAW_RATE),
-        "bend_error_deg": np.degrees(BENT_WITHIN),
+        "heading_error_deg": 15.0,
+        "path_error_mm": 1.0,
+        "speed_error_mm_s": 2.0,
+        "yaw_rate_error_deg_s": np.degrees(1.0),
+        "bend_error_deg": np.degrees(0.1),
     }
     for metric, tolerance in tolerated.items():
         assert SMALLEST_EFFECTS[metric] == pytest.approx(tolerance / 4, rel=0.1)

@@ -14,7 +14,7 @@ from flyrl.simulation.physics import PRESET_VERSIONS
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS, Termination, extended
 
-SHORT = dataclasses.replace(TASKS["target"], time_limit_s=0.2)
+SHORT = dataclasses.replace(TASKS["target"](), time_limit_s=0.2)
 CONFIG = EvaluationConfig(
     task=SHORT, controllers=("cpg", "zero"), episodes=3, reference="zero", num_threads=1
 )

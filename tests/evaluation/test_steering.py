@@ -45,7 +45,7 @@ def test_a_task_without_a_bearing_has_none(task):
 
 
 def test_the_bearing_is_found_by_its_mark_not_by_its_name():
-    first, *others = TASKS["target"].observation
-    unmarked = replace(TASKS["target"], observation=(replace(first, is_bearing=False), *others))
+    first, *others = TASKS["target"]().observation
+    unmarked = replace(TASKS["target"](), observation=(replace(first, is_bearing=False), *others))
     asked = config(unmarked, controllers=("pursuit",))
     assert measure_steering(asked, asked.terrain_configs[0]) is None

@@ -10,11 +10,10 @@ from flyrl.controllers.gait_log import BITS
 from flyrl.envs.core import BatchedEnv
 from flyrl.play.fly import PlayedFly
 from flyrl.play.fly_panel import GAIT_PLACES, gait_rows
-from flyrl.play.fly_setting import PlayedFlyConfig
+from flyrl.play.fly_setting import DISTANCE, PlayedFlyConfig
 from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
-from flyrl.tasks.target import TARGET_DISTANCE
 from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
@@ -177,7 +176,7 @@ def test_a_policy_that_arrives_gets_another_target(fly):
         fly.step(8)
         targets.append([fly.figures()[f"target_{axis}_mm"] for axis in "xy"])
         distance = values(fly)["to the target, mm"]
-        assert TARGET_DISTANCE[0] - 2 < distance < TARGET_DISTANCE[1] + 2
+        assert DISTANCE[0] - 2 < distance < DISTANCE[1] + 2
     assert targets[0] == targets[1]
 
 

@@ -133,7 +133,7 @@ def _task(*terms: tuple[str, int]) -> Task:
         ObservationTerm(name, (size,), -1.0, 1.0, lambda state: state.goal, "")
         for name, size in terms
     )
-    return replace(TASKS["target"], name="other", observation=observation)
+    return replace(TASKS["target"](), name="other", observation=observation)
 
 
 def test_fitting_layout_passes(bundle):

@@ -10,7 +10,7 @@ from flyrl.policies import LearnedPolicy, load_policy, observation_layout, save_
 from flyrl.tasks import TASKS
 from tests.policies.conftest import random_network
 
-SIZE = sum(term.size for term in observation_layout(TASKS["target"]))
+SIZE = sum(term.size for term in observation_layout(TASKS["target"]()))
 
 
 @pytest.fixture(params=["tanh", "clip"])
@@ -20,14 +20,14 @@ def steering(request, bundle):
         bundle,
         network=random_network((SIZE, 64, 64, 2), "tanh"),
         squashing=request.param,
-        observation=observation_layout(TASKS["target"]),
+        observation=observation_layout(TASKS["target"]()),
     )
 
 
 @pytest.fixture
 def goal_policy(bundle, tmp_path):
     """The same for the task with goals, saved and loaded."""
-    layout = observation_layout(TASKS["target_goal"])
+    layout = observation_layout(TASKS["target_goal"]())
     network = random_network((sum(term.size for term in layout), 64, 64, 2), "tanh")
     save_bundle(replace(bundle, network=network, observation=layout), tmp_path / "p.safetensors")
     return load_policy(tmp_path / "p.safetensors")

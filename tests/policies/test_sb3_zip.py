@@ -32,7 +32,7 @@ from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, random_network
 
 ENV = EnvConfig("target", terrain="gapped")
-SIZE = sum(term.size for term in observation_layout(TASKS["target"]))
+SIZE = sum(term.size for term in observation_layout(TASKS["target"]()))
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def _bundle(bundle, squashing="clip", activation="tanh", hidden=(16, 8)):
         bundle,
         network=random_network((SIZE, *hidden, 2), activation),
         squashing=squashing,
-        observation=observation_layout(TASKS["target"]),
+        observation=observation_layout(TASKS["target"]()),
         env=env_record(ENV),
     )
 
@@ -348,7 +348,7 @@ def test_export_for_an_unknown_task_is_refused(bundle):
         export_sb3(replace(_bundle(bundle), env={"task": {"name": "fly"}}))
 
 
-CHOICES = replace(TASKS["target"], actions=Neurons((16, 8)))
+CHOICES = replace(TASKS["target"](), actions=Neurons((16, 8)))
 TWO_MUSCLES = replace(CRAWLER, segments=2)
 
 

@@ -88,5 +88,5 @@ def test_the_total_score_is_that_of_the_three_rules():
 def test_a_step_under_the_rules_takes_as_long_as_the_recorded_one():
     table = figures.rules_plot().table
     per_sample = np.diff(table["leg_phases_LM"])
-    rising = per_sample[per_sample > 0]
-    assert np.median(rising) * 1e3 == pytest.approx(2 * np.pi / 0.135)
+    ordered = per_sample[per_sample > 0]
+    assert np.median(ordered) * 1e3 == pytest.approx(2 * np.pi / 0.135)

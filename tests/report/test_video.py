@@ -31,7 +31,7 @@ from flyrl.tasks import TASKS, task_named
 from flyrl.terrains import TERRAINS
 
 CONFIG = EvaluationConfig(
-    task=dataclasses.replace(TASKS["target"], time_limit_s=0.1),
+    task=dataclasses.replace(TASKS["target"](), time_limit_s=0.1),
     controllers=("cpg",),
     episodes=2,
     num_threads=1,

@@ -6,6 +6,7 @@ import pytest
 
 from flyrl.evaluation import EvaluationConfig, evaluate, walk_examples
 from flyrl.report.html import format_report
+from flyrl.report.wording import parameters_text
 from tests.evaluation.test_worms import CRAWL, HANG
 from tests.report.test_close_up import walked
 from tests.report.test_html import Page
@@ -60,3 +61,9 @@ def test_a_headline_starts_its_sentences_with_capitals():
     }  # fmt: skip
     text = shown(format_report(results))
     assert "Learned with ppo on flat: 1 training seed (" in text
+
+
+def test_parameters_stand_as_one_would_type_them():
+    protocol = {"parameters": {"distance": [3.0, 30.0], "reach": 1.0, "time_limit": 3.0}}
+    assert parameters_text(protocol) == "distance=[3.0,30.0], reach=1.0"
+    assert parameters_text({}) == ""  # results from before they were noted

@@ -20,7 +20,7 @@ def _is_over(state):
 
 
 TASK = dataclasses.replace(
-    TASKS["target"],
+    TASKS["target"](),
     name="countdown",
     time_limit_s=LIMIT_S,
     terminations=(Termination("success", _is_over),),
@@ -178,7 +178,7 @@ def test_a_simulation_that_diverges_is_recorded_where_it_was_last_sound(env):
 FALLING = dataclasses.replace(
     TASK,
     terminations=(Termination("fall", _is_over),),
-    errors=(ErrorTerm("heading_error_deg", 180.0, lambda state: 1000 * state.fly.time),),
+    errors=(ErrorTerm("heading_error_deg", 180.0, lambda state: 1000 * state.fly.time, ""),),
 )
 
 

@@ -7,11 +7,10 @@ import pytest
 from PIL import Image
 
 from flyrl.bodies.fly import FLIES, FlyConfig, LegMuscles
-from flyrl.cli.terms import load_terms
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.conditions import Condition
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.tasks import TASKS, extended
+from flyrl.tasks import TASKS, extended, load_terms
 
 LIMP = FlyConfig(muscles=LegMuscles(strength=0.0))
 
@@ -79,7 +78,7 @@ def test_a_fly_with_servos_has_no_tensions():
 
 def test_tensions_can_be_observed():
     name = "flyrl.tasks.senses:MUSCLE_TENSIONS"
-    task = extended(TASKS["target"], load_terms([name]), {})
+    task = extended(TASKS["target"](), load_terms([name]), {})
     env = BatchedEnv(EnvConfig(task=task, body="fly_muscles"), 2, num_threads=1)
     env.reset(seeds=[0, 1])
     observation = env.step(np.ones((2, 2))).observation

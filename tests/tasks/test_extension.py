@@ -10,16 +10,18 @@ from flyrl.tasks import (
     FAILURES,
     OUTCOMES,
     TASKS,
+    ErrorTerm,
     MeanTerm,
     ObservationTerm,
     RewardTerm,
     Termination,
+    code_digests,
     extended,
+    task_from,
     task_record,
-    term_digests,
 )
 
-TARGET = TASKS["target"]
+TARGET = TASKS["target"]()
 
 
 def _ones(state):
@@ -49,19 +51,73 @@ def test_rewards_are_weighed_anew_by_name():
     assert weights == expected
 
 
-def test_the_record_says_what_to_extend_the_task_with():
-    task = extended(TARGET, {"a:HEIGHT": HEIGHT, "b:SLIP": SLIP}, {"progress": 0.1}, 1.5)
-    record = task_record(task)
-    assert record["terms"] == ["a:HEIGHT", "b:SLIP"]
-    terms = dict(zip(record["terms"], (HEIGHT, SLIP), strict=True))
-    own = TASKS[record["name"]]
-    assert extended(own, terms, record["weights"], record["time_limit"]) == task
+def test_the_record_says_what_to_make_the_task_of(monkeypatch):
+    module = types.ModuleType("own_terms")
+    module.HEIGHT, module.TILT = HEIGHT, dataclasses.replace(HEIGHT, name="tilt")
+    monkeypatch.setitem(sys.modules, "own_terms", module)
+    terms = {"own_terms:HEIGHT": module.HEIGHT, "own_terms:TILT": module.TILT}
+    own = TASKS["target"](distance=(3, 30), time_limit=6)
+    task = extended(own, terms, {"progress": 0.1}, ["tilt", "reward.success"])
+    assert task_record(task) == {
+        "name": "target",
+        "distance": [3.0, 30.0],
+        "bearing": 180.0,
+        "reach": 1.0,
+        "time_limit": 6.0,
+        "terms": ["own_terms:HEIGHT", "own_terms:TILT"],
+        "without": ["observation.tilt", "reward.success"],
+        "weights": {"progress": 0.1, "time": -0.5, "lost_time": -0.5},
+    }
+    assert task_from(task_record(task)) == task
 
 
-@pytest.mark.parametrize(("time_limit_s", "message"), [(3.02, "at most .* 3.0 s"), (0, "above 0")])
-def test_a_time_limit_beyond_the_tasks_own_is_refused(time_limit_s, message):
-    with pytest.raises(ValueError, match=r"task\.time_limit must be .*" + message):
-        extended(TARGET, {}, {}, time_limit_s)
+def test_a_term_that_is_taken_out_is_gone():
+    task = extended(TARGET, {}, {}, ["tilt", "time", "left_arena", "heading_error_deg"])
+    assert [term.name for term in task.observation] == [
+        term.name for term in TARGET.observation if term.name != "tilt"
+    ]
+    assert [term.name for term in task.reward] == ["progress", "success", "lost_time"]
+    assert [end.outcome for end in task.terminations] == ["success", "fall"]
+    assert task.errors == ()
+
+
+def test_a_term_goes_to_the_place_of_the_one_of_its_name_that_is_taken_out():
+    tilt = dataclasses.replace(HEIGHT, name="tilt")
+    task = extended(TARGET, {"a:TILT": tilt, "a:HEIGHT": HEIGHT}, {}, ["tilt"])
+    place = [term.name for term in TARGET.observation].index("tilt")
+    assert task.observation[place] == tilt
+    assert task.observation[-1] == HEIGHT
+    assert len(task.observation) == len(TARGET.observation) + 1
+
+
+def test_an_added_term_can_be_taken_out_again():
+    added = extended(TARGET, {"a:HEIGHT": HEIGHT}, {})
+    again = extended(added, {}, {}, ["height"])
+    assert again == TARGET
+
+
+def test_weights_of_terms_that_are_taken_out_do_not_matter():
+    weights = {term.name: term.weight for term in TARGET.reward}
+    task = extended(TARGET, {}, weights, ["time"])
+    assert [term.name for term in task.reward] == ["progress", "success", "lost_time"]
+
+
+def test_an_error_of_ones_own_goes_to_the_errors():
+    slip = ErrorTerm("slip_mm", 5.0, _ones, "mm that legs slip", smallest_effect=0.5)
+    assert extended(TARGET, {"a:SLIP": slip}, {}).errors == (*TARGET.errors, slip)
+
+
+@pytest.mark.parametrize(
+    ("without", "message"),
+    [
+        (["tlit"], r"task\.without must be one of .*'tlit'; did you mean 'tilt'"),
+        (["success"], "say which 'success', reward.success or terminations.success"),
+        ([term.name for term in TARGET.observation], "must leave a term of the observation"),
+    ],
+)
+def test_what_cannot_be_taken_out(without, message):
+    with pytest.raises(ValueError, match=message):
+        extended(TARGET, {}, {}, without)
 
 
 def test_the_module_of_terms_has_a_digest(tmp_path, monkeypatch):
@@ -72,11 +128,7 @@ def test_the_module_of_terms_has_a_digest(tmp_path, monkeypatch):
     # of "abc", as FIPS 180 has it
     digest = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
     names = ["some_terms:A", "some_terms:B", "nowhere:C"]
-    assert term_digests(names) == {"some_terms": digest, "nowhere": None}
-
-
-def test_a_task_without_a_time_limit_takes_any():
-    assert extended(TASKS["hybrid_turning"], {}, {}, 100).time_limit_s == 100
+    assert code_digests(names) == {"some_terms": digest, "nowhere": None}
 
 
 @pytest.mark.parametrize(
@@ -95,9 +147,9 @@ def test_what_does_not_fit_is_refused(terms, weights, message):
         extended(TARGET, terms, weights)
 
 
-@pytest.mark.parametrize("name", TASKS)
+@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if not task.worm])
 def test_every_task_ends_when_the_fly_fails(name):
-    assert set(FAILURES) <= set(TASKS[name].terminations)
+    assert set(FAILURES) <= set(TASKS[name]().terminations)
 
 
 @pytest.mark.parametrize("shape", [6, (0,), (1.5,), [1]])

@@ -5,11 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flyrl.tasks import RewardTerm, extended
+from flyrl.tasks import TASKS, RewardTerm, extended
 from flyrl.tasks.failures import failure_info
-from flyrl.tasks.target_goal import TARGET_GOAL, is_reached
+from flyrl.tasks.target_goal import is_reached
 from tests.tasks.test_terms import fly_state, task_state, turned
 
+TARGET_GOAL = TASKS["target_goal"]()
 # 5, 0.9 and 1.1 mm apart
 ACHIEVED = [[0.0, 0.0], [1.0, 1.0], [1.0, 1.0]]
 DESIRED = [[0.3, 0.4], [1.09, 1.0], [1.0, 1.11]]
@@ -23,8 +24,8 @@ DENSE = extended(TARGET_GOAL, {}, {"away": -3.0, "distance": -0.1})
 
 
 def test_a_goal_is_reached_within_1_mm() -> None:
-    assert is_reached(ACHIEVED, DESIRED).tolist() == [False, True, False]
-    assert not is_reached(ACHIEVED[0], DESIRED[0])
+    assert is_reached(ACHIEVED, DESIRED, 1.0).tolist() == [False, True, False]
+    assert not is_reached(ACHIEVED[0], DESIRED[0], 1.0)
 
 
 def test_the_reward_of_goals_is_weighed_as_the_tables() -> None:

@@ -5,12 +5,13 @@ import pytest
 
 from flyrl.tasks import TASKS, Episode, Task
 from flyrl.tasks.episode import draw_oscillators
-from flyrl.tasks.heading import HEADING
-from flyrl.tasks.path import PATH
-from flyrl.tasks.target import TARGET
-from flyrl.tasks.velocity import VELOCITY
 from flyrl.terrains import LITERATURE, TERRAINS, Flat
 from tests.tasks.test_terms import fly_state, task_state
+
+HEADING = TASKS["heading"]()
+PATH = TASKS["path"]()
+TARGET = TASKS["target"]()
+VELOCITY = TASKS["velocity"]()
 
 
 @pytest.mark.parametrize("terrain", LITERATURE)
@@ -43,7 +44,7 @@ def test_targets_lie_in_every_direction() -> None:
 
 @pytest.mark.parametrize("name", TASKS)
 def test_an_episode_is_a_function_of_its_seed(name: str) -> None:
-    task, config = TASKS[name], Flat()
+    task, config = TASKS[name](), Flat()
     assert task.sample_episode(config, 5) == task.sample_episode(config, 5)
     assert task.sample_episode(config, 5) != task.sample_episode(config, 6)
 
@@ -63,7 +64,7 @@ def test_the_normalised_action_spans_the_drive_range() -> None:
 
 def test_the_bare_action_is_the_drive() -> None:
     drive = np.array([[1.2, 0.2], [-0.5, 1.5]])
-    np.testing.assert_allclose(TASKS["hybrid_turning"].actions.commands(drive), drive)
+    np.testing.assert_allclose(TASKS["hybrid_turning"]().actions.commands(drive), drive)
 
 
 def test_slices_cover_the_observation_once() -> None:
@@ -124,7 +125,7 @@ def test_success_in_time_is_a_total_of_seconds(name: str, term: str, needed: flo
     decisions = round(needed / 0.02)
     total = sum([0.02] * decisions)  # as the environment adds it up
     state = task_state(fly_state(2), **{term: [total - 0.02, total]})
-    assert TASKS[name].succeeds_in_time(state).tolist() == [False, True]
+    assert TASKS[name]().succeeds_in_time(state).tolist() == [False, True]
 
 
 def test_a_path_counts_only_if_it_was_kept_to() -> None:
@@ -185,11 +186,108 @@ def test_an_episode_can_be_drawn_at_every_difficulty(name: str, terrain: str) ->
     config = TERRAINS[terrain]
     for difficulty in np.linspace(0, 1, 11):
         for seed in range(10):
-            episode = TASKS[name].sample_episode(config, seed, float(difficulty))
+            episode = TASKS[name]().sample_episode(config, seed, float(difficulty))
             assert episode.difficulty == difficulty
 
 
 @pytest.mark.parametrize("name", TASKS)
 def test_a_task_says_whether_its_episodes_can_be_easier(name: str) -> None:
-    easy, usual = (TASKS[name].sample_episode(Flat(), 5, d) for d in (0.0, 1.0))
-    assert (replace(easy, difficulty=1.0) != usual) == bool(TASKS[name].difficulty)
+    easy, usual = (TASKS[name]().sample_episode(Flat(), 5, d) for d in (0.0, 1.0))
+    assert (replace(easy, difficulty=1.0) != usual) == bool(TASKS[name]().difficulty)
+
+
+def test_targets_lie_where_the_parameters_say() -> None:
+    task = TASKS["target"](distance=(20, 30), bearing=90)
+    for seed in range(100):
+        episode = task.sample_episode(Flat(), seed)
+        offset = np.subtract(episode.goal, episode.spawn_position_w[:2])
+        assert 20 <= np.hypot(*offset) <= 30
+        assert offset[0] >= 0
+
+
+def test_a_reach_says_when_a_target_is_reached() -> None:
+    task = TASKS["target"](reach=2)
+    state = task_state(fly_state(2), goal=[[1.9, 0], [2.1, 0]])
+    assert task.terminations[0].holds(state).tolist() == [True, False]
+    reward = {term.name: term for term in task.reward}
+    assert reward["success"].compute(state).tolist() == [1.0, 0.0]
+    assert task.success == "thorax within 2 mm of the target"
+
+
+def test_a_longer_episode_of_velocity_has_more_commands() -> None:
+    # a command every 0.5 s for 6 s
+    task = TASKS["velocity"](time_limit=6, command_time=0.5, speed=(5, 5), yaw_rate=(0, 1))
+    command = np.reshape(task.sample_episode(Flat(), 3).command, (-1, 2))
+    assert command.shape == (12, 2)
+    assert set(command[:, 0]) == {5.0}
+    assert 0 <= command[:, 1].min() < command[:, 1].max() <= 1
+
+
+def test_tolerances_of_velocity_say_who_is_on_command() -> None:
+    task = TASKS["velocity"](tolerance=(1, 1), on_command=0.5)
+    state = task_state(
+        fly_state(2, time=[0.52, 0.52]),
+        fly_state(2, time=[0.5, 0.5]),
+        command=[[5, 0]] * 2,
+        means={"velocity": [[5.9, 0.0], [6.1, 0.0]]},
+        on_command=[0.5, 0.4],
+    )
+    on_command = task.reward[1].compute(state)
+    np.testing.assert_allclose(on_command, [0.02, 0.0], atol=1e-12)
+    assert task.succeeds_in_time(state).tolist() == [True, False]
+    np.testing.assert_allclose(task.errors[0].compute(state), [0.9, 1.1])
+
+
+def test_a_path_is_as_long_as_asked_and_shows_what_lies_ahead() -> None:
+    task = TASKS["path"](length=10, look_ahead=1)
+    episode = task.sample_episode(Flat(), 0)
+    points = np.reshape(episode.command, (-1, 2))
+    assert len(points) == 21  # 0.5 mm apart
+    straight = np.stack([np.arange(21) / 2, np.zeros(21)], axis=1)
+    state = task_state(fly_state(position_w=[[0, 1, 1]]), command=[straight.ravel()])
+    expected = np.array([1, -1]) / np.sqrt(2)
+    np.testing.assert_allclose(task.observation[0].compute(state)[0], expected)
+
+
+def test_a_heading_without_pushes() -> None:
+    task = TASKS["heading"](push_times=[], turn=30, tolerance=5, kept=1)
+    episodes = [task.sample_episode(Flat(), seed) for seed in range(100)]
+    assert {episode.pushes for episode in episodes} == {()}
+    turns = np.rad2deg([episode.command[0] for episode in episodes])
+    assert 25 < np.abs(turns).max() <= 30
+    assert task.success == "within 5 degrees of the heading for 1 s"
+
+
+def test_the_finish_line_ends_the_ground() -> None:
+    task = TASKS["traverse"](finish_line=10)
+    state = task_state(fly_state(2, position_w=[[9.9, 0, 1], [10.1, 0, 1]]))
+    assert task.terminations[0].holds(state).tolist() == [False, True]
+    np.testing.assert_allclose(task.observation[1].compute(state), [[0.1 / 15], [-0.1 / 15]])
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "message"),
+    [
+        ("target", {"distance": (60, 80)}, r"task\.distance must leave a target room"),
+        ("path", {"length": 400, "radius": 1000}, r"task\.length must leave a path room"),
+        ("traverse", {"finish_line": 300}, r"task\.finish_line must lie on the terrain, below x ="),
+    ],
+)
+def test_a_terrain_that_is_too_small_is_refused(name, parameters, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        TASKS[name](**parameters).sample_episode(TERRAINS["blocks"], 0)
+
+
+def test_a_reach_beyond_the_nearest_target_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"task\.reach must be below the least task\.distance"):
+        TASKS["target"](distance=(1, 5))
+
+
+def test_a_worm_has_a_way_and_a_bend_as_asked() -> None:
+    # 5 segments of a worm are 18 mm
+    crawl = TASKS["worm_crawl"](lengths=0.5)
+    assert crawl.succeeds_in_time.keywords == {"way": 9.0}
+    hang = TASKS["worm_hang_box"](bend=0.5, tolerance=0.3)
+    bends = [hang.sample_episode(Flat(), seed).command[0] for seed in range(100)]
+    assert 0.4 < np.abs(bends).max() <= 0.5
+    assert hang.success == "within 0.3 rad of the bend at the end"

@@ -128,7 +128,7 @@ def test_progress_counts_mm_towards_the_target() -> None:
 
 
 def test_a_fall_costs_as_much_as_waiting_for_the_time_limit() -> None:
-    task = TASKS["target"]
+    task = TASKS["target"]()
     weights = {term.name: term.weight for term in task.reward}
     fallen = task_state(fly_state(rotation_w=turned(roll=np.pi)), goal=[[5, 5]])
     assert time_lost(fallen) == pytest.approx(2.0)
@@ -137,7 +137,7 @@ def test_a_fall_costs_as_much_as_waiting_for_the_time_limit() -> None:
 
 def test_target_is_reached_within_its_radius_whatever_the_height() -> None:
     state = task_state(fly_state(2, position_w=[[0.9, 0, 5], [1.1, 0, 0]]), goal=[[0, 0], [0, 0]])
-    assert terms.is_at_target(state).tolist() == [True, False]
+    assert terms.is_at_target(state, 1.0).tolist() == [True, False]
 
 
 def test_a_fall_is_a_tilt_beyond_75_degrees() -> None:
@@ -168,20 +168,20 @@ def test_time_counts_as_on_heading_within_15_degrees() -> None:
     rotations = np.concatenate([turned(yaw=np.deg2rad(a)) for a in (14, -14, 16)])
     after = fly_state(3, time=[0.02] * 3, rotation_w=rotations)
     state = task_state(after, before, command=[[0.0]] * 3)
-    np.testing.assert_allclose(terms.time_on_heading(state), [0.02, 0.02, 0])
+    np.testing.assert_allclose(terms.time_on_heading(state, np.deg2rad(15)), [0.02, 0.02, 0])
 
 
 def test_commands_change_every_second() -> None:
     command = [[1, 10, 2, 20, 3, 30]] * 4
     state = task_state(fly_state(4, time=[0, 0.98, 1 - 1e-9, 7]), command=command)
     np.testing.assert_array_equal(
-        terms.command_at(state, state.fly.time), [[1, 10], [1, 10], [2, 20], [3, 30]]
+        terms.command_at(state, state.fly.time, 1.0), [[1, 10], [1, 10], [2, 20], [3, 30]]
     )
 
 
 def test_the_time_to_the_next_command() -> None:
     state = task_state(fly_state(3, time=[0, 0.98, 1 - 1e-9]))
-    np.testing.assert_allclose(terms.command_time_left(state), [[1], [0.02], [1]], atol=1e-6)
+    np.testing.assert_allclose(terms.command_time_left(state, 1.0), [[1], [0.02], [1]], atol=1e-6)
 
 
 def test_perfect_tracking_counts_whole_and_a_deviation_less() -> None:
@@ -189,7 +189,7 @@ def test_perfect_tracking_counts_whole_and_a_deviation_less() -> None:
     means = {"velocity": [[10, 1.5], [14, 1.5], [10, -0.5]]}
     state = task_state(after, before, command=[[10, 1.5]] * 3, means=means)
     np.testing.assert_allclose(
-        terms.time_tracked(state), [0.02, 0.02 * np.exp(-1), 0.02 * np.exp(-1)]
+        terms.time_tracked(state, 1.0, (2.0, 1.0)), [0.02, 0.02 * np.exp(-1), 0.02 * np.exp(-1)]
     )
 
 
@@ -197,7 +197,7 @@ def test_a_fly_is_on_command_within_2_mm_per_s_and_1_rad_per_s() -> None:
     before, after = fly_state(4, time=[0] * 4), fly_state(4, time=[0.02] * 4)
     means = {"velocity": [[8.1, 2.4], [11.9, 0.6], [7.9, 1.5], [10, 2.6]]}
     state = task_state(after, before, command=[[10, 1.5]] * 4, means=means)
-    np.testing.assert_allclose(terms.time_on_command(state), [0.02, 0.02, 0, 0])
+    np.testing.assert_allclose(terms.time_on_command(state, 1.0, (2.0, 1.0)), [0.02, 0.02, 0, 0])
 
 
 def test_the_velocity_over_a_decision_is_way_and_turn_over_time() -> None:
@@ -217,7 +217,9 @@ def test_progress_along_a_path_counts_its_points() -> None:
     assert terms.path_deviation(state) == pytest.approx(0.1 * np.hypot(0.1, 0.5))
     # 4 mm beyond the nearest point, (2.5, 0)
     expected = np.array([6.5 - 2.6, 0.5])
-    np.testing.assert_allclose(terms.path_direction_b(state)[0], expected / np.hypot(*expected))
+    np.testing.assert_allclose(
+        terms.path_direction_b(state, 4.0)[0], expected / np.hypot(*expected)
+    )
 
 
 def test_the_way_forward_is_along_the_heading_before() -> None:
@@ -228,9 +230,9 @@ def test_the_way_forward_is_along_the_heading_before() -> None:
 
 def test_distance_to_the_finish_line_is_in_15_mm_and_falls_below_0_beyond_it() -> None:
     state = task_state(fly_state(2, position_w=((7.0, 3.0, 1.0), (25.0, 0.0, 1.0))))
-    np.testing.assert_allclose(terms.finish_distance(state), [[1.0], [-0.2]])
+    np.testing.assert_allclose(terms.finish_distance(state, 22.0), [[1.0], [-0.2]])
 
 
 def test_the_ground_is_crossed_at_22_mm() -> None:
     state = task_state(fly_state(2, position_w=[[21.9, 0, 1], [22.1, 5, 1]]))
-    assert terms.has_crossed(state).tolist() == [False, True]
+    assert terms.has_crossed(state, 22.0).tolist() == [False, True]

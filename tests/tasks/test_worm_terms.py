@@ -90,7 +90,7 @@ def test_the_bend_error_is_the_sum_of_the_angles_less_the_command() -> None:
 def test_a_worm_has_bent_if_it_is_off_by_less_than_a_tenth() -> None:
     worm = worm_state(3, joint_angles=[[0.0, 0.099], [-0.099, 0.0], [0.0, 0.101]])
     state = task_state(worm, command=[[0.0]] * 3)
-    assert terms.has_bent(state).tolist() == [True, True, False]
+    assert terms.has_bent(state, 0.1).tolist() == [True, True, False]
 
 
 def test_a_worm_has_crawled_once_it_has_come_far_enough() -> None:

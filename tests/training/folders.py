@@ -38,7 +38,7 @@ def make_run(
     (folder / "evaluations.csv").write_text("\n".join(table) + "\n")
     status = {"decisions": 200, "wall_time_s": 12.5, "interrupted_by": interrupted_by}
     (folder / "status.json").write_text(json.dumps(status))
-    layout = observation_layout(TASKS["target"])
+    layout = observation_layout(TASKS["target"]())
     inputs = sum(term.size for term in layout)
     layer = Layer(np.zeros((2, inputs), np.float32), np.full(2, bias, np.float32))
     network = MLP((layer,), "tanh")

@@ -77,7 +77,7 @@ def test_run_folder_is_complete(run):
 
 def test_policy_knows_where_it_comes_from(run):
     bundle = load_policy(run.folder).bundle
-    assert bundle.observation == observation_layout(TASKS["target"])
+    assert bundle.observation == observation_layout(TASKS["target"]())
     assert bundle.env == env_record(PPO_CONFIG.env)
     assert bundle.training["algo"] == "ppo"
     settings = bundle.training["settings"]  # which its seeds have in common
@@ -171,7 +171,7 @@ def test_a_training_that_diverges_says_so(config, tmp_path):
         train(replace(config, algo=algo), tmp_path)
 
 
-SHORT_GOAL = replace(TASKS["target_goal"], time_limit_s=0.2)
+SHORT_GOAL = replace(TASKS["target_goal"](), time_limit_s=0.2)
 
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
@@ -221,7 +221,7 @@ def test_a_curriculum_makes_the_training_harder_but_not_the_evaluation(tmp_path)
     curriculum = CurriculumConfig(enabled=True, step=0.25, window=4, raise_at=0.0)
     config = replace(
         PPO_CONFIG,
-        env=EnvConfig(replace(TASKS["target"], time_limit_s=0.1)),
+        env=EnvConfig(replace(TASKS["target"](), time_limit_s=0.1)),
         training=replace(SCHEDULE, curriculum=curriculum),
     )
     run = train(config, tmp_path)

@@ -97,7 +97,7 @@ def other_env():
 
 def _at_the_edge(terrain, seed, difficulty=1.0):
     """An episode in which some flies leave the arena."""
-    episode = TASKS["target_goal"].sample_episode(terrain, seed, difficulty)
+    episode = TASKS["target_goal"]().sample_episode(terrain, seed, difficulty)
     edge = terrain.bounds.x_max - 0.2 * (1 + seed % 8)
     return dataclasses.replace(episode, spawn_position_w=(edge, *episode.spawn_position_w[1:]))
 
@@ -105,7 +105,9 @@ def _at_the_edge(terrain, seed, difficulty=1.0):
 @pytest.fixture(scope="module")
 def goal_envs():
     """Two with goals, and episodes of 10 decisions or less."""
-    task = dataclasses.replace(TASKS["target_goal"], time_limit_s=0.2, sample_episode=_at_the_edge)
+    task = dataclasses.replace(
+        TASKS["target_goal"](), time_limit_s=0.2, sample_episode=_at_the_edge
+    )
     return [FlyrlVecEnv(EnvConfig(task), num_envs=4, num_threads=1) for _ in range(2)]
 
 

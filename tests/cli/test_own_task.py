@@ -1,0 +1,123 @@
+"""A task of a user's own from the command line: trained, resumed, evaluated, reproduced."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from flyrl.cli.config import env_config, training_config
+from flyrl.cli.tune import compose_training
+from flyrl.envs.record import env_record
+from flyrl.policies import load_bundle, load_policy, save_bundle
+from flyrl.policies.bundle import PolicyFileError
+from flyrl.policies.sb3_zip import export_sb3
+from flyrl.training.runs import read_record
+from tests.tiny import TINY_ARGUMENTS
+from tests.training.folders import make_run
+
+ROOT = Path(__file__).parents[2]
+TASK = ("task=my_lab:forage", "task.sources=2", "task.without=[tilt]", "task.weights.found=3")
+
+
+@pytest.fixture
+def my_lab(tmp_path, monkeypatch):
+    """The current folder, with the example's task in it."""
+    shutil.copy(ROOT / "examples" / "forage.py", tmp_path / "my_lab.py")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "my_lab", raising=False)
+    yield tmp_path
+    sys.modules.pop("my_lab", None)
+
+
+@pytest.mark.usefixtures("my_lab")
+def test_the_record_of_an_environment_gives_it_back():
+    record = env_record(env_config({**_groups(), "task": {"name": "my_lab:forage", "sources": 2}}))
+    assert record["task"]["name"] == "my_lab:forage"
+    assert record["task"]["sources"] == 2
+    assert record["task"]["apart"] == 5.0
+    assert env_record(env_config(record)) == record
+
+
+@pytest.mark.usefixtures("my_lab")
+def test_a_parameter_that_does_not_exist_is_named():
+    settings = {**_groups(), "task": {"name": "my_lab:forage", "source": 2}}
+    with pytest.raises(ValueError, match="task has no 'source'; did you mean 'sources'"):
+        env_config(settings)
+
+
+@pytest.mark.usefixtures("my_lab")
+def test_it_can_be_tuned():
+    settings = compose_training(["task=my_lab:forage", "task.sources=2", "physics=fast"])
+    assert settings["task"]["sources"] == 2
+    assert training_config(settings).env.resolved_task.name == "my_lab:forage"
+
+
+def _groups():
+    return {
+        "body": {"name": "current"},
+        "terrain": {"name": "flat"},
+        "controller": {"name": "hybrid"},
+        "physics": {"timestep": 1e-3},
+    }
+
+
+def strangers_run(folder):
+    """A run whose settings and whose policy name a task that does not exist here."""
+    run = make_run(folder)
+    settings = read_record(run)
+    settings["task"] = {"name": "stranger:task", "time_limit": 3.0}
+    (run / "config.yaml").write_text(yaml.safe_dump(settings))
+    bundle = load_bundle(run / "last.safetensors")
+    bundle.env["task"]["name"] = "stranger:task"
+    save_bundle(bundle, run / "last.safetensors")
+    return run
+
+
+def test_loading_a_policy_imports_nothing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "stranger.py").write_text("import pathlib\npathlib.Path('ran').touch()\n")
+    run = strangers_run(tmp_path / "run")
+    policy = load_policy(run)
+    with pytest.raises(PolicyFileError, match=r"stranger:task, which is code that would be run"):
+        export_sb3(policy.bundle)
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("command", [("train.py", "resume=run"), ("flyrl", "reproduce", "run")])
+def test_the_task_of_a_strangers_run_needs_consent(tmp_path, run_here, command):
+    strangers_run(tmp_path / "run")
+    (tmp_path / "stranger.py").write_text("import pathlib\npathlib.Path('ran').touch()\n")
+    result = run_here(*command)
+    assert result.returncode == 2
+    assert "names code that would be run: stranger:task. Add" in result.stderr
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.slow
+def test_a_task_of_ones_own_trains_is_evaluated_and_reproduced(my_lab, run_here):
+    trained = run_here("train.py", *TASK, *TINY_ARGUMENTS, "video_after=false")
+    assert trained.returncode == 0, trained.stderr
+    run = Path(trained.stdout.splitlines()[-1].removeprefix("run: "))
+    assert "my_lab_forage" in run.name
+    task = read_record(my_lab / run)["task"]
+    assert (task["name"], task["sources"]) == ("my_lab:forage", 2)
+    assert (task["without"], task["weights"]["found"]) == (["observation.tilt"], 3.0)
+    assert "sources_missed" in (my_lab / run / "evaluations.csv").read_text().splitlines()[0]
+    again = run_here("flyrl", "reproduce", str(run), "--trust")
+    assert "policy: identical, bit for bit" in again.stdout, again.stderr
+    shown = ("episodes=2", "videos=false", "close_ups=false", "physics=fast", "folder=report")
+    evaluated = run_here(
+        "evaluate.py", *TASK, "task.time_limit=0.2", f"policies=[{run}]", "controllers=[pursuit]",
+        *shown,
+    )  # fmt: skip
+    assert evaluated.returncode == 0, evaluated.stderr
+    assert "warning" not in evaluated.stderr
+    header = (my_lab / "report" / "episodes.csv").read_text().splitlines()[0]
+    assert header.endswith(",sources_missed")
+    refused = run_here("flyrl", "reproduce", "report/report.html")
+    assert "names code that would be run: my_lab:forage" in refused.stderr
+    repeated = run_here("flyrl", "reproduce", "report/report.html", "--trust")
+    assert "episodes: identical, bit for bit" in repeated.stdout, repeated.stderr
