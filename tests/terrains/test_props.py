@@ -24,7 +24,7 @@ BALL = Prop("ball", "sphere", (1.0,), path=to_and_fro)
 
 
 def task_with(*props):
-    return dataclasses.replace(TASKS["hybrid_turning"], props=props, decision_interval_s=0.02)
+    return dataclasses.replace(TASKS["hybrid_turning"](), props=props, decision_interval_s=0.02)
 
 
 def started(task, places, n=2, **settings):
