@@ -30,10 +30,13 @@ from flyrl.tasks.failures import lost_time
 from flyrl.tasks.hybrid_turning import sample_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import draw_target
-from flyrl.terrains import Terrain
+from flyrl.terrains import Prop, Terrain
 from flyrl.validation import Within
 
 Array = NDArray[np.float64]
+
+SOURCE_RADIUS = 0.3
+"""mm; so large is a source seen, which a fly walks through."""
 
 
 def draw_sources(
@@ -45,7 +48,12 @@ def draw_sources(
     places = [episode.spawn_position_w[:2]]
     for _ in range(sources):
         places.append(draw_target(rng, places[-1], terrain.bounds, (apart, apart)))
-    return replace(episode, command=tuple(value for place in places[1:] for value in place))
+    height = terrain.base_height + SOURCE_RADIUS
+    return replace(
+        episode,
+        command=tuple(value for place in places[1:] for value in place),
+        props=tuple(value for x, y in places[1:] for value in (x, y, height)),
+    )
 
 
 def _found(state: TaskState) -> NDArray[np.intp]:
@@ -109,6 +117,10 @@ def forage(
         ),
         terminations=(Termination(SUCCESS, partial(has_all, sources=sources)), *FAILURES),
         sample_episode=partial(draw_sources, sources=sources, apart=apart),
+        props=tuple(
+            Prop(f"source_{i}", "sphere", (SOURCE_RADIUS,), (0.95, 0.75, 0.1, 1.0))
+            for i in range(1, sources + 1)
+        ),
         time_limit_s=time_limit,
         success=f"{sources} sources reached within {reach:g} mm, in turn",
         errors=(

@@ -67,6 +67,7 @@ def test_the_task_of_the_example_leads_from_source_to_source():
     places = np.reshape(env.episodes[0].command, (3, 2))
     starts = np.vstack([env.episodes[0].spawn_position_w[:2], places[:-1]])
     np.testing.assert_allclose(np.linalg.norm(places - starts, axis=1), 5.0)
+    np.testing.assert_array_equal(env.flies.props()[0, :, :2], places)
     pursuit = fixed_policy("pursuit", law_named("pursuit"), env.task)
     found, outcome = [0.0], "running"
     while outcome == "running":
