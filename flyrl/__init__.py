@@ -18,7 +18,9 @@ if TYPE_CHECKING:
         construct_rules_graph,
         filter_edges,
     )
-    from flyrl.front import make, make_sb3, make_vec, walk
+    from flyrl.front.environments import make, make_sb3, make_vec
+    from flyrl.front.runs import train
+    from flyrl.front.walks import walk
     from flyrl.policies import load_policy
     from flyrl.tasks import OUTCOMES
 
@@ -31,10 +33,11 @@ _ON_DEMAND: Final = {
     "construct_rules_graph": "flyrl.controllers",
     "filter_edges": "flyrl.controllers",
     "load_policy": "flyrl.policies",
-    "make": "flyrl.front",
-    "make_sb3": "flyrl.front",
-    "make_vec": "flyrl.front",
-    "walk": "flyrl.front",
+    "make": "flyrl.front.environments",
+    "make_sb3": "flyrl.front.environments",
+    "make_vec": "flyrl.front.environments",
+    "train": "flyrl.front.runs",
+    "walk": "flyrl.front.walks",
 }
 
 __all__ = [
@@ -48,6 +51,7 @@ __all__ = [
     "make",
     "make_sb3",
     "make_vec",
+    "train",
     "walk",
 ]
 

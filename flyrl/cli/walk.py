@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         A file that cannot be read or written.
     """
     from flyrl.files import write_text  # noqa: PLC0415
-    from flyrl.front import walk  # noqa: PLC0415
+    from flyrl.front.walks import walk  # noqa: PLC0415
     from flyrl.text import csv_table  # noqa: PLC0415
 
     recording: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""The front door: what most users of flyrl call, as `flyrl.walk`, `flyrl.make` and the like."""
+"""Walks of one fly: recorded, as a table, and filmed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import gymnasium
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +16,6 @@ from flyrl.anatomy import JOINTS, LEGS
 from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
 from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.registration import ENV_IDS
-from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.files import write_bytes
 from flyrl.report.video import FPS, encode
 from flyrl.simulation.overlay import Overlay
@@ -26,7 +23,7 @@ from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import RUNNING
 from flyrl.tasks.terms import thorax
-from flyrl.validation import float_array, one_of, positive
+from flyrl.validation import float_array, positive
 
 Array = NDArray[np.float64]
 Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLike]
@@ -34,44 +31,6 @@ Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLi
 
 FRAME_S: Final = 0.01
 """Simulated time between two pictures of a video, s: a quarter of real time."""
-
-
-def make(task: str, **settings: Any) -> gymnasium.Env[Any, Any]:
-    """Make a Gymnasium environment of a task, as `gymnasium.make` does by its id.
-
-    Parameters
-    ----------
-    task
-        Name of the task, e.g. "target".
-    settings
-        Arguments of `EnvConfig`, and of `gymnasium.make`.
-    """
-    return gymnasium.make(_env_id(task), **settings)
-
-
-def make_vec(task: str, num_envs: int = 1, **settings: Any) -> gymnasium.vector.VectorEnv:
-    """Make a Gymnasium vector environment of a task; arguments as in `make`."""
-    return gymnasium.make_vec(_env_id(task), num_envs=num_envs, **settings)
-
-
-def make_sb3(task: str, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
-    """Make a Stable-Baselines3 VecEnv of a task.
-
-    Parameters
-    ----------
-    task
-        Name of the task.
-    num_envs
-        Number of flies.
-    settings
-        Arguments of `EnvConfig` and of `FlyrlVecEnv`.
-    """
-    return FlyrlVecEnv(None, num_envs, task=task, **settings)
-
-
-def _env_id(task: str) -> str:
-    ids = {name: env_id for env_id, name in ENV_IDS.items()}
-    return ids[one_of("task", task, ids)]
 
 
 def walk(

@@ -1,4 +1,4 @@
-"""The front door: walks with their tables, recordings replayed, environments by task."""
+"""Walks with their tables and videos, and recordings replayed."""
 
 import numpy as np
 import pytest
@@ -103,11 +103,3 @@ def test_a_walk_is_filmed(walk, tmp_path):
         pytest.skip(str(error))
     assert path.stat().st_size > 1000
     assert b"ftyp" in path.read_bytes()[:16]
-
-
-def test_environments_by_task():
-    assert flyrl.make("target", terrain="blocks").spec.id == "flyrl/Target-v0"
-    assert flyrl.make_vec("target", num_envs=2).num_envs == 2
-    assert flyrl.make_sb3("target", num_envs=2, terrain="blocks").num_envs == 2
-    with pytest.raises(ValueError, match="did you mean 'target'"):
-        flyrl.make("targt")
