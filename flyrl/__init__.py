@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         filter_edges,
     )
     from flyrl.front.environments import make, make_sb3, make_vec
+    from flyrl.front.results import evaluate
     from flyrl.front.runs import train
     from flyrl.front.walks import walk
     from flyrl.policies import load_policy
@@ -32,6 +33,7 @@ _ON_DEMAND: Final = {
     "RuleBasedSteppingCoordinator": "flyrl.controllers",
     "construct_rules_graph": "flyrl.controllers",
     "filter_edges": "flyrl.controllers",
+    "evaluate": "flyrl.front.results",
     "load_policy": "flyrl.policies",
     "make": "flyrl.front.environments",
     "make_sb3": "flyrl.front.environments",
@@ -46,6 +48,7 @@ __all__ = [
     "PreprogrammedSteps",
     "RuleBasedSteppingCoordinator",
     "construct_rules_graph",
+    "evaluate",
     "filter_edges",
     "load_policy",
     "make",

@@ -124,7 +124,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
             "crashes": crashes,
         },
         episodes=rows,
-        summary=summarise(
+        summaries=summarise(
             rows, reference, config.horizon_s, np.random.default_rng(config.seed), config.vary
         ),
         drawn={

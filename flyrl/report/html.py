@@ -173,7 +173,7 @@ def script_hash(script: str) -> str:
 def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str, Any]:
     """All that the page's template is given; see `write_report`."""
     videos, examples = additions.get("videos", ()), additions.get("examples", ())
-    walked = [row["controller"] for row in results.summary]
+    walked = [row["controller"] for row in results.summaries]
     entered = [entrant["name"] for entrant in results.protocol["entrants"]]
     names = list(dict.fromkeys([*walked, *entered]))
     usual = usual_rows(results)
@@ -188,7 +188,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
         *(table or {}).get("failures", ()),
-        *(name for row in results.summary for name, count in row["outcomes"].items() if count),
+        *(name for row in results.summaries for name, count in row["outcomes"].items() if count),
     ]
     failures = [each for each in dict.fromkeys(outcomes) if each not in (SUCCESS, TIMEOUT)]
     controllers = len({row["controller"] for row in usual})
@@ -196,7 +196,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     if controllers < 2:
         comparing.clear()
     return {
-        "title": title(results.protocol, results.summary),
+        "title": title(results.protocol, results.summaries),
         "headline": headline(usual_leaders, controllers, condition_text(usual_condition)),
         "notes": list(filter(None, [*comparing, training_note(results.protocol)])),
         "condition": condition_text(usual_condition),
@@ -216,7 +216,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "metrics": {
             metric: text
             for metric, text in METRICS.items()
-            if any(row["metrics"][metric]["n"] for row in results.summary)
+            if any(row["metrics"][metric]["n"] for row in results.summaries)
         },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
         "compared": compared_metrics(results.protocol["task"]),
@@ -245,7 +245,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "gait_metrics": [
             metric
             for metric in (*GAIT_METRICS, "drive_variation")
-            if any(row["metrics"][metric]["n"] for row in results.summary)
+            if any(row["metrics"][metric]["n"] for row in results.summaries)
         ],
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],

@@ -5,8 +5,8 @@ import pytest
 
 from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings
-from flyrl.cli.evaluate import training_evaluations
 from flyrl.evaluation import EvaluationConfig
+from flyrl.front.results import training_evaluations
 from tests.tiny import TINY_ARGUMENTS
 from tests.training.folders import make_run
 
