@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +17,9 @@ from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
 from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
+from flyrl.front.recordings import save_table
 from flyrl.report.video import FPS, encode
+from flyrl.report.walk_figure import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import FlyState
@@ -217,6 +219,44 @@ class Walk:
         rests = moved < STANCE_SPEED * np.diff(time)[:, None]
         stance: Array = grounded * np.concatenate([np.ones((1, NUM_LEGS)), rests])
         return stance
+
+    def plot(self, joints: Sequence[str] = SHOWN_JOINTS) -> WalkFigure:
+        """Draw speed, angles of some joints, and which legs stand, over the time.
+
+        Parameters
+        ----------
+        joints
+            Names in `flyrl.anatomy.JOINTS`.
+
+        Returns
+        -------
+        A figure of matplotlib, for `savefig`; a notebook shows it.
+
+        Raises
+        ------
+        ValueError
+            There is no such joint.
+        """
+        return walk_figure(self.frame(), joints)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the table to a file: ".csv", ".npz", ".parquet" or ".nwb", by its suffix.
+
+        Parameters
+        ----------
+        path
+            See `flyrl.front.recordings.save_table` for what each holds.
+
+        Raises
+        ------
+        ValueError
+            Another suffix; or a package that it takes is missing, the message says how to get it.
+        OSError
+            The file cannot be written.
+        """
+        scene = self.env.config.fly_scene
+        about = f"{scene.controller.name} controller on {scene.terrain.label} ground"
+        return save_table(path, self.frame(), about)
 
     def _repr_html_(self) -> str:
         return self.frame().head().to_html() + f"<p>{len(self.rows)} samples; {self.outcome}</p>"

@@ -1,0 +1,99 @@
+"""A walk of one fly over time: its speed, the angles of some joints, and which legs stand when."""
+
+from __future__ import annotations
+
+import io
+import itertools
+from collections.abc import Sequence
+from typing import Final
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from flyrl.anatomy import JOINTS, LEGS
+from flyrl.evaluation.gait import without_blips
+from flyrl.report.close_up import spans
+from flyrl.report.paper import LEG_COLOURS, PAPER_STYLE, light
+from flyrl.report.style import WIDTH_IN
+from flyrl.report.time_curves import STRIDE_S
+from flyrl.validation import one_of
+
+SHOWN_JOINTS: Final = ("joint_LFCoxa", "joint_LFFemur", "joint_LFTibia")
+
+_DASHES: Final = ("-", "--", "-.", ":")
+
+
+class WalkFigure(Figure):
+    """A figure of matplotlib that a notebook shows, too, where pyplot was never imported."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=144)
+        return buffer.getvalue()
+
+
+def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> WalkFigure:
+    """Draw a walk.
+
+    Parameters
+    ----------
+    table
+        A row per sample, with the columns of `flyrl.front.walks.Walk.frame`.
+    joints
+        Whose angles are shown, names in `flyrl.anatomy.JOINTS`.
+
+    Raises
+    ------
+    ValueError
+        There is no such joint.
+    """
+    for joint in joints:
+        one_of("joints", joint, JOINTS)
+    time_s = table.time_s.to_numpy()
+    with mpl.rc_context(PAPER_STYLE):
+        figure = WalkFigure(figsize=(WIDTH_IN, 5.4), layout="constrained")
+        speed, angles, gait = figure.subplots(3, sharex=True, height_ratios=(1, 1.4, 1))
+        _draw_speed(speed, table, time_s)
+        for joint, dashes in zip(joints, itertools.cycle(_DASHES)):
+            label = joint.removeprefix("joint_")
+            degrees = np.degrees(table[joint])
+            angles.plot(time_s, degrees, dashes, color=light("ink"), lw=1.1, label=label)
+        angles.set_ylabel("joint angle (°)")
+        if joints:
+            angles.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=4, fontsize=7)
+        _draw_gait(gait, table, time_s)
+        gait.set_xlabel("time (s); bars: the leg stands")
+        gait.set_xlim(time_s[0], max(time_s[-1], time_s[0] + 1e-3))
+    return figure
+
+
+def _draw_speed(axes: Axes, table: pd.DataFrame, time_s: NDArray[np.float64]) -> None:
+    """Speed over the ground, and its mean over a stride."""
+    speed = pd.Series(np.hypot(table.vx_mm_s, table.vy_mm_s))
+    axes.plot(time_s, speed, color=light("line"), lw=0.8)
+    interval_s = _interval_s(time_s)
+    mean = speed.rolling(max(1, round(STRIDE_S / interval_s)), center=True, min_periods=1).mean()
+    axes.plot(time_s, mean, color=light("c0"), lw=1.6)
+    axes.set_ylabel(f"speed (mm/s),\nmean over {STRIDE_S:g} s")
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_gait(axes: Axes, table: pd.DataFrame, time_s: NDArray[np.float64]) -> None:
+    """Bars where a leg stands: on the ground, its tip at rest; blips of some ms are left out."""
+    interval_s = _interval_s(time_s)
+    stands = table[[f"stance_{leg}" for leg in LEGS]].to_numpy(dtype=bool)
+    raster = without_blips(stands, interval_s)
+    for place, name in enumerate(LEG_COLOURS):
+        bars = [(time_s[0] + start, size) for start, size in spans(raster[:, place], interval_s)]
+        axes.broken_barh(bars, (place - 0.32, 0.64), facecolor=light(name), linewidth=0)
+    axes.set_yticks(range(len(LEGS)), LEGS)
+    axes.set_ylim(len(LEGS) - 0.4, -0.6)
+    axes.grid(visible=False)
+
+
+def _interval_s(time_s: NDArray[np.float64]) -> float:
+    return float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1e-3
