@@ -24,8 +24,9 @@ from flyrl.evaluation import evaluate as walk_episodes
 from flyrl.files import OutputFolder, write_text
 from flyrl.policies.laws import is_law
 from flyrl.progress import progress_bar as make_bar
-from flyrl.report import View, record_videos, write_report
+from flyrl.report import record_videos, write_report
 from flyrl.report.html import REPORT_FILE, Additions, format_report
+from flyrl.report.video import FILMED
 from flyrl.simulation.rendering import Camera
 from flyrl.tasks import Task
 from flyrl.training.learn import Run
@@ -128,7 +129,7 @@ class Comparison(Results):
         """What the report shows beside the results."""
         config = self.config
         missing = {(crash["controller"], crash["terrain"]) for crash in self.protocol["crashes"]}
-        view = View(camera=camera)
+        view = replace(FILMED, camera=camera)
         filmed, note = record_videos(config, missing, view) if videos else ([], None)
         with make_bar(1, is_shown=config.progress, unit=" parts", description="reporting") as bar:
             terrain = config.terrain_configs[0]
@@ -201,7 +202,8 @@ def evaluate(
         if name not in known:
             raise UnexpectedArgumentError(
                 f"an evaluation has no setting {name!r}{did_you_mean(name, known)} (allowed: "
-                f"{', '.join(known)})"
+                f"{', '.join(known)})",
+                name,
             )
     config = EvaluationConfig(
         **_entrants(entrants),

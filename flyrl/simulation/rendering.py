@@ -95,7 +95,7 @@ class FlyRenderer:
         self._ground = base_height(config.terrain)
         self._boxes = terrain_boxes(config.terrain)
         self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
-        self._trace = Trace(self._ground)
+        self._traces: dict[int, Trace] = {}
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
         self._offscreen = Offscreen(self._model, width, height)
         self._camera = mujoco.MjvCamera()
@@ -135,8 +135,9 @@ class FlyRenderer:
         """What is drawn into the scene; the trace goes on with every picture."""
         marks: list[Mark] = []
         if self._overlay.trace:
-            self._trace.add(self._data.time, thorax, flies.ground(sim) or self._boxes)
-            marks += self._trace.marks()
+            trace = self._traces.setdefault(sim, Trace(self._ground))
+            trace.add(self._data.time, thorax, flies.ground(sim) or self._boxes)
+            marks += trace.marks()
         if self._overlay.forces:
             forces_w = flies.senses["contact_forces_w"][sim]
             marks += force_arrows(forces_w, self._data.xpos[self._feet])

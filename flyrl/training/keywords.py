@@ -3,7 +3,7 @@
 from dataclasses import fields
 from typing import Any, Final
 
-from flyrl.envs.config import UnexpectedArgumentError
+from flyrl.envs.config import UnexpectedArgumentError, config_for
 from flyrl.envs.core import EnvConfig
 from flyrl.tasks import Task
 from flyrl.training.algorithms import ALGORITHMS
@@ -52,16 +52,18 @@ def config_from_keywords(
         A value that is not allowed.
     """
     kind = ALGORITHMS[one_of("algo", algo, ALGORITHMS)]
-    of_env = {item.name for item in fields(EnvConfig) if item.init} - {"task", "log_gait"}
     of_algo = {item.name for item in fields(kind)}
     of_schedule = {item.name for item in fields(ScheduleConfig)} - {_TOTAL}
-    known = sorted(of_env | of_algo | of_schedule | {"total_timesteps"})
-    for name in settings:
-        if name not in known:
-            raise UnexpectedArgumentError(
-                f"a training of {algo} has no setting {name!r}{_hint(name, known)}"
-            )
-    env = EnvConfig(task, **_only(settings, of_env))
+    of_env = {name: settings[name] for name in settings.keys() - of_algo - of_schedule}
+    try:
+        env = config_for(EnvConfig, {"task": task, **of_env})
+    except UnexpectedArgumentError as error:
+        known = [item.name for item in fields(EnvConfig) if item.init]
+        known = sorted({*known, *of_algo, *of_schedule, "total_timesteps"} - {"task", "log_gait"})
+        raise UnexpectedArgumentError(
+            f"a training of {algo} has no setting {error.name!r}{_hint(error.name, known)}",
+            error.name,
+        ) from None
     tuned = tuned_settings(env.resolved_task.name, algo)
     schedule = {**tuned["training"], **_only(settings, of_schedule)}
     if total_timesteps is not None:
