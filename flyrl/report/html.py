@@ -140,8 +140,8 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
 
 
 def format_report(results: Results, **additions: Unpack[Additions]) -> str:
-    """Text of the report; see `write_report`."""
-    return format_page(report_context(results, **additions))
+    """Text of a report with no files beside it; see `write_report`."""
+    return format_page({**report_context(results, **additions), "folders": None})
 
 
 def format_page(context: Mapping[str, Any]) -> str:
