@@ -32,7 +32,7 @@ class WalkFigure(Figure):
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
-        self.savefig(buffer, format="png", dpi=144)
+        self.savefig(buffer, format="png", dpi=100)
         return buffer.getvalue()
 
 
@@ -72,13 +72,13 @@ def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> Wa
 
 
 def _draw_speed(axes: Axes, table: pd.DataFrame, time_s: NDArray[np.float64]) -> None:
-    """Speed over the ground, and its mean over a stride."""
-    speed = pd.Series(np.hypot(table.vx_mm_s, table.vy_mm_s))
-    axes.plot(time_s, speed, color=light("line"), lw=0.8)
-    interval_s = _interval_s(time_s)
-    mean = speed.rolling(max(1, round(STRIDE_S / interval_s)), center=True, min_periods=1).mean()
-    axes.plot(time_s, mean, color=light("c0"), lw=1.6)
-    axes.set_ylabel(f"speed (mm/s),\nmean over {STRIDE_S:g} s")
+    """Speed over the ground, at every moment and of the mean velocity over a stride."""
+    velocity = table[["vx_mm_s", "vy_mm_s"]]
+    axes.plot(time_s, np.linalg.norm(velocity, axis=1), color=light("line"), lw=0.8)
+    window = max(1, round(STRIDE_S / _interval_s(time_s)))
+    mean = velocity.rolling(window, center=True, min_periods=1).mean()
+    axes.plot(time_s, np.linalg.norm(mean, axis=1), color=light("c0"), lw=1.6)
+    axes.set_ylabel(f"speed (mm/s),\nover {STRIDE_S:g} s")
     axes.set_ylim(bottom=0.0)
 
 
