@@ -13,7 +13,8 @@ from flyrl.tasks import Task
 from flyrl.training.config import TrainingConfig
 from flyrl.training.keywords import config_from_keywords
 from flyrl.training.learn import Run
-from flyrl.training.learn import train as learn
+from flyrl.training.learn import resume as go_on
+from flyrl.training.learn import train as start
 from flyrl.training.loggers import LoggerConfig
 from flyrl.training.run_folder import RunFolder
 from flyrl.training.runs import read_run, training_returns
@@ -25,11 +26,11 @@ class TrainingInterrupted(KeyboardInterrupt):
     Attributes
     ----------
     run
-        The run as far as it came; `python train.py resume=<its folder>` goes on with it.
+        The run as far as it came; `resume=` goes on with it, here or in `python train.py`.
     """
 
     def __init__(self, run: Run) -> None:
-        state = "is finished" if run.interrupted_by is None else "can go on"
+        state = "is finished" if run.interrupted_by is None else "can be resumed"
         super().__init__(f"interrupted; the run {state}: {run.folder}")
         self.run = run
 
@@ -42,6 +43,7 @@ def train(
     total_timesteps: int | None = None,
     logger: str | LoggerConfig | None = None,
     runs_folder: str | Path = "runs",
+    resume: str | Path | Run | None = None,
     video_after: bool = True,
     **settings: Any,
 ) -> Run:
@@ -61,6 +63,9 @@ def train(
         "wandb", "mlflow" or settings of one: where the metrics go beside the run folder.
     runs_folder
         Folder in which the run's own folder is made.
+    resume
+        An interrupted run of the same settings, or its folder: it goes on from its latest
+        checkpoint, and ends with the bits of an uninterrupted one.
     video_after
         Whether to film the best policy on a held-out episode, where a GL library can be used.
     settings
@@ -78,14 +83,19 @@ def train(
     TypeError
         A setting that does not exist; the message names the closest one. A ValueError, too.
     ValueError
-        A value that is not allowed, or the training diverged.
+        A value that is not allowed, a run that cannot be resumed, or the training diverged.
     TrainingInterrupted
         After Ctrl-C or SIGTERM, with the run as far as it came. A KeyboardInterrupt.
     """
     config = config_from_keywords(
         task, algo, seed=seed, total_timesteps=total_timesteps, logger=logger, **settings
     )
-    run = learn(config, runs_folder, at_end=partial(illustrate, config, with_video=video_after))
+    at_end = partial(illustrate, config, with_video=video_after)
+    if resume is None:
+        run = start(config, runs_folder, at_end=at_end)
+    else:
+        folder = resume.folder if isinstance(resume, Run) else resume
+        run = go_on(config, folder, at_end=at_end)
     if run.signal is not None:  # what follows shall not start, even if the run came to its end
         raise TrainingInterrupted(run)
     return run

@@ -226,7 +226,7 @@ class Walk:
         Parameters
         ----------
         joints
-            Names in `flyrl.anatomy.JOINTS`.
+            Names in `flyrl.anatomy.JOINTS`; none leaves their panel out.
 
         Returns
         -------

@@ -44,7 +44,7 @@ def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> Wa
     table
         A row per sample, with the columns of `flyrl.front.walks.Walk.frame`.
     joints
-        Whose angles are shown, names in `flyrl.anatomy.JOINTS`.
+        Whose angles are shown, names in `flyrl.anatomy.JOINTS`; none leaves the panel out.
 
     Raises
     ------
@@ -55,19 +55,15 @@ def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> Wa
         one_of("joints", joint, JOINTS)
     time_s = table.time_s.to_numpy()
     with mpl.rc_context(PAPER_STYLE):
-        figure = WalkFigure(figsize=(WIDTH_IN, 5.4), layout="constrained")
-        speed, angles, gait = figure.subplots(3, sharex=True, height_ratios=(1, 1.4, 1))
-        _draw_speed(speed, table, time_s)
-        for joint, dashes in zip(joints, itertools.cycle(_DASHES)):
-            label = joint.removeprefix("joint_")
-            degrees = np.degrees(table[joint])
-            angles.plot(time_s, degrees, dashes, color=light("ink"), lw=1.1, label=label)
-        angles.set_ylabel("joint angle (°)")
+        heights = [1.0, 1.4, 1.0] if joints else [1.0, 1.0]
+        figure = WalkFigure(figsize=(WIDTH_IN, 0.6 + 1.4 * sum(heights)), layout="constrained")
+        panels = figure.subplots(len(heights), sharex=True, height_ratios=heights)
+        _draw_speed(panels[0], table, time_s)
         if joints:
-            angles.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=4, fontsize=7)
-        _draw_gait(gait, table, time_s)
-        gait.set_xlabel("time (s); bars: the leg stands")
-        gait.set_xlim(time_s[0], max(time_s[-1], time_s[0] + 1e-3))
+            _draw_joints(panels[1], table[list(joints)], time_s)
+        _draw_gait(panels[-1], table, time_s)
+        panels[-1].set_xlabel("time (s); bars: the leg stands")
+        panels[-1].set_xlim(time_s[0], max(time_s[-1], time_s[0] + 1e-3))
     return figure
 
 
@@ -80,6 +76,16 @@ def _draw_speed(axes: Axes, table: pd.DataFrame, time_s: NDArray[np.float64]) ->
     axes.plot(time_s, np.linalg.norm(mean, axis=1), color=light("c0"), lw=1.6)
     axes.set_ylabel(f"speed (mm/s),\nover {STRIDE_S:g} s")
     axes.set_ylim(bottom=0.0)
+
+
+def _draw_joints(axes: Axes, angles: pd.DataFrame, time_s: NDArray[np.float64]) -> None:
+    """A line per joint."""
+    for joint, dashes in zip(angles, itertools.cycle(_DASHES), strict=False):
+        label = str(joint).removeprefix("joint_")
+        degrees = np.degrees(angles[joint])
+        axes.plot(time_s, degrees, dashes, color=light("ink"), lw=1.1, label=label)
+    axes.set_ylabel("joint angle (°)")
+    axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=4, fontsize=7)
 
 
 def _draw_gait(axes: Axes, table: pd.DataFrame, time_s: NDArray[np.float64]) -> None:

@@ -120,16 +120,36 @@ def test_a_run_loads_its_policy(run):
         run.policy("first")
 
 
-def test_ctrl_c_ends_a_training_in_order(tmp_path):
+def interrupted(folder, **settings):
+    """Train in a folder until there is a checkpoint, then press Ctrl-C; return what is raised."""
+
     def interrupt():
-        while not any(tmp_path.glob("*/checkpoints/[!.]*.pt")):
+        while not any(folder.glob("*/checkpoints/[!.]*.pt")):
             time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGINT)
 
-    long = TINY | {"total_timesteps": 1_000_000, "evaluation_interval": 1_000_000}
     threading.Thread(target=interrupt, daemon=True).start()
     with pytest.raises(KeyboardInterrupt) as caught:
-        flyrl.train(SHORT_TARGET, runs_folder=tmp_path, **long)
-    assert isinstance(caught.value, TrainingInterrupted)
-    assert caught.value.run.interrupted_by == signal.SIGINT
-    assert 0 < caught.value.run.policy("last").bundle.training["decisions"] < 1_000_000
+        flyrl.train(SHORT_TARGET, runs_folder=folder, **settings)
+    return caught.value
+
+
+def test_ctrl_c_ends_a_training_in_order(tmp_path):
+    long = TINY | {"total_timesteps": 1_000_000, "evaluation_interval": 1_000_000}
+    stop = interrupted(tmp_path, **long)
+    assert isinstance(stop, TrainingInterrupted)
+    assert stop.run.interrupted_by == signal.SIGINT
+    assert 0 < stop.run.policy("last").bundle.training["decisions"] < 1_000_000
+
+
+def test_an_interrupted_run_is_resumed_to_the_same_bits(tmp_path):
+    longer = TINY | {"total_timesteps": 1024, "evaluation_interval": 1024}
+    stop = interrupted(tmp_path / "part", **longer)
+    with pytest.raises(ValueError, match="other settings"):
+        flyrl.train(SHORT_TARGET, resume=stop.run, **longer | {"seed": 1})
+    resumed = flyrl.train(SHORT_TARGET, resume=stop.run, **longer)
+    whole = flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "whole", **longer)
+    assert resumed.folder == stop.run.folder
+    ours, theirs = (load_file(each.folder / "last.safetensors") for each in (resumed, whole))
+    for name, values in theirs.items():
+        np.testing.assert_array_equal(ours[name], values)

@@ -31,6 +31,10 @@ def test_chosen_joints_are_shown_in_degrees(table):
     np.testing.assert_allclose(shown, np.degrees([0.1, 0.2]))
 
 
+def test_without_joints_there_is_no_panel_of_them(table):
+    assert len(walk_figure(table, joints=[]).axes) == 2
+
+
 def test_a_leg_has_a_bar_while_it_stands(table):
     _, _, gait = walk_figure(table).axes
     (bar,) = gait.collections[0].get_paths()
