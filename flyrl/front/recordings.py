@@ -107,6 +107,8 @@ def _series(table: pd.DataFrame, series: Callable[..., Any]) -> list[Any]:
         ("magnitudes", [f"magnitude_{leg}" for leg in LEGS], "1", 1.0, f"of oscillators: {legs}"),
         ("adhesion", [f"adhesion_{leg}" for leg in LEGS], "1", 1.0, f"1 where a leg grips: {legs}"),
         ("stance", [f"stance_{leg}" for leg in LEGS], "1", 1.0, f"1 where a leg stands: {legs}"),
+        ("retraction", [f"retracts_{leg}" for leg in LEGS], "1", 1.0, f"reflex, 1 in: {legs}"),
+        ("stumbling", [f"stumbles_{leg}" for leg in LEGS], "1", 1.0, f"reflex, 1 in: {legs}"),
         ("contact_forces", forces, "N", 1e-6, f"x, y, z in the world of each of {legs}"),
     ]
     if command:

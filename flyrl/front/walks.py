@@ -22,7 +22,7 @@ from flyrl.report.video import FPS, encode
 from flyrl.report.walk_figure import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
-from flyrl.simulation.state import FlyState
+from flyrl.simulation.state import FlyState, LegStates
 from flyrl.tasks import RUNNING
 from flyrl.tasks.terms import thorax
 from flyrl.validation import float_array, positive
@@ -139,17 +139,19 @@ def _record(config: EnvConfig, commands: Commands, num_steps: int, every: float,
     env = BatchedEnv(replace(config, decision_interval=per_decision * timestep), 1, 1)
     observation = env.reset(seeds=[seed])
     states, rows, outcome = [env.flies.state()], [env.flies.integration_state()[0]], RUNNING
+    legs = [env.flies.leg_states(0)]
     for step in range(0, num_steps, per_decision):
         seen = {name: values[0] for name, values in dict(observation).items()}
         transition = env.step(commands(step, step * timestep, seen)[None])
         observation = transition.observation
         if (step + per_decision) % per_sample == 0:
             states.append(env.flies.state())
+            legs.append(env.flies.leg_states(0))
             rows.append(env.flies.integration_state()[0])
         if transition.done[0]:
             outcome = str(transition.outcome[0])
             break
-    return Walk(env, states, np.array(rows), outcome)
+    return Walk(env, states, legs, np.array(rows), outcome)
 
 
 @dataclass(frozen=True)
@@ -162,6 +164,8 @@ class Walk:
         What simulated it.
     states
         The fly at every sample, the first at its start.
+    legs
+        What its legs did at every sample: grip, and reflexes.
     rows
         MuJoCo's integration state at every sample, (T, size).
     outcome
@@ -170,6 +174,7 @@ class Walk:
 
     env: BatchedEnv
     states: list[FlyState]
+    legs: list[LegStates]
     rows: Array
     outcome: str
 
@@ -180,7 +185,8 @@ class Walk:
         `yaw_rad`, `pitch_rad`, `roll_rad`; the command by its names; of every joint its angle,
         rad, by its name, and `torque_…`, µN·mm; of every leg `phase_…`, `magnitude_…`,
         `adhesion_…`, `stance_…` (on the ground, and its tip at rest: hind legs brush the ground
-        as they swing) and the ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame.
+        as they swing), `retracts_…` and `stumbles_…` (1 while a reflex corrects it), and the
+        ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame.
         """
         of = _stacked(self.states)
         fly = np.stack([thorax(_Seen(state)) for state in self.states])[:, 0]  # type: ignore[arg-type]
@@ -206,6 +212,9 @@ class Walk:
             columns[f"magnitude_{leg}"] = of["magnitudes"][:, i]
             columns[f"adhesion_{leg}"] = of["adhesion"][:, i]
             columns[f"stance_{leg}"] = stance[:, i]
+            for reflex in ("retracts", "stumbles"):
+                corrected = [getattr(each, reflex)[i] for each in self.legs]
+                columns[f"{reflex}_{leg}"] = np.array(corrected, dtype=np.float64)
             for axis, name in enumerate("xyz"):
                 columns[f"f{name}_{leg}"] = forces[:, i, axis]
         return pd.DataFrame(columns)

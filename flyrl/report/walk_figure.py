@@ -62,7 +62,6 @@ def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> Wa
         if joints:
             _draw_joints(panels[1], table[list(joints)], time_s)
         _draw_gait(panels[-1], table, time_s)
-        panels[-1].set_xlabel("time (s); bars: the leg stands")
         panels[-1].set_xlim(time_s[0], max(time_s[-1], time_s[0] + 1e-3))
     return figure
 
@@ -89,13 +88,25 @@ def _draw_joints(axes: Axes, angles: pd.DataFrame, time_s: NDArray[np.float64]) 
 
 
 def _draw_gait(axes: Axes, table: pd.DataFrame, time_s: NDArray[np.float64]) -> None:
-    """Bars where a leg stands: on the ground, its tip at rest; blips of some ms are left out."""
+    """Bars where a leg stands: on the ground, its tip at rest; blips of some ms are left out.
+
+    Thin ones on them where a reflex corrects the leg.
+    """
     interval_s = _interval_s(time_s)
-    stands = table[[f"stance_{leg}" for leg in LEGS]].to_numpy(dtype=bool)
+    stands, retracts, stumbles = (
+        table[[f"{name}_{leg}" for leg in LEGS]].to_numpy(dtype=bool)
+        for name in ("stance", "retracts", "stumbles")
+    )
     raster = without_blips(stands, interval_s)
     for place, name in enumerate(LEG_COLOURS):
-        bars = [(time_s[0] + start, size) for start, size in spans(raster[:, place], interval_s)]
-        axes.broken_barh(bars, (place - 0.32, 0.64), facecolor=light(name), linewidth=0)
+        for shown, height, colour in (
+            (raster, 0.64, light(name)),
+            (retracts | stumbles, 0.2, light("ink")),
+        ):
+            bars = [(time_s[0] + start, size) for start, size in spans(shown[:, place], interval_s)]
+            axes.broken_barh(bars, (place - height / 2, height), facecolor=colour, linewidth=0)
+    note = "; dark: a reflex corrects it" if (retracts | stumbles).any() else ""
+    axes.set_xlabel(f"time (s); bars: the leg stands{note}")
     axes.set_yticks(range(len(LEGS)), LEGS)
     axes.set_ylim(len(LEGS) - 0.4, -0.6)
     axes.grid(visible=False)

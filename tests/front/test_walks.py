@@ -45,6 +45,13 @@ def test_stance_is_less_than_contact_and_legs_stand_about_half_of_the_time(walk)
         assert 0.3 < stands.mean() < 0.9
 
 
+def test_reflexes_of_the_hybrid_controller_are_in_the_table_and_a_cpg_has_none(walk):
+    reflexes = "^(retracts|stumbles)_"
+    mixed = flyrl.walk("hybrid", terrain="mixed", seconds=0.3).frame()
+    assert set(np.unique(mixed.filter(regex=reflexes))) == {0.0, 1.0}
+    assert not walk.frame().filter(regex=reflexes).to_numpy().any()
+
+
 def test_a_drive_may_be_a_function_of_time_and_observation():
     seen = []
 

@@ -14,7 +14,9 @@ def table():
     time_s = np.arange(50) / 100
     columns = {"time_s": time_s, "vx_mm_s": np.full(50, 3.0), "vy_mm_s": np.full(50, 4.0)}
     columns |= {joint: np.full(50, i / 10) for i, joint in enumerate(JOINTS)}
-    columns |= {f"stance_{leg}": np.zeros(50) for leg in LEGS}
+    names = ("stance", "retracts", "stumbles")
+    columns |= {f"{name}_{leg}": np.zeros(50) for name in names for leg in LEGS}
+    columns["stumbles_RH"] = (time_s > 0.395).astype(float)
     columns["stance_LF"] = (time_s < 0.25).astype(float)
     return pd.DataFrame(columns)
 
@@ -35,12 +37,16 @@ def test_without_joints_there_is_no_panel_of_them(table):
     assert len(walk_figure(table, joints=[]).axes) == 2
 
 
-def test_a_leg_has_a_bar_while_it_stands(table):
+def test_a_leg_has_a_bar_while_it_stands_and_while_a_reflex_corrects_it(table):
     _, _, gait = walk_figure(table).axes
-    (bar,) = gait.collections[0].get_paths()
+    stances, reflexes = gait.collections[::2], gait.collections[1::2]
+    (bar,) = stances[0].get_paths()
     assert bar.get_extents().x0 == pytest.approx(0.0)
     assert bar.get_extents().x1 == pytest.approx(0.25)
-    assert [len(each.get_paths()) for each in gait.collections[1:]] == [0] * 5
+    assert [len(each.get_paths()) for each in stances[1:]] == [0] * 5
+    (bar,) = reflexes[5].get_paths()
+    assert bar.get_extents().x0 == pytest.approx(0.4)
+    assert [len(each.get_paths()) for each in reflexes[:5]] == [0] * 5
 
 
 def test_a_notebook_shows_it(table):
