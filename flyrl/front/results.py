@@ -9,6 +9,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
+from flyrl.controllers import Controller
+from flyrl.entry_points import is_entry_point, load_module
 from flyrl.envs.config import UnexpectedArgumentError
 from flyrl.envs.record import env_record, plain
 from flyrl.evaluation import (
@@ -51,7 +53,7 @@ class Comparison(Results):
 
     @property
     def is_complete(self) -> bool:
-        """Whether everyone is in it: who raises an error on a terrain is out there."""
+        """Whether everyone is in it: who crashed on a terrain is excluded there."""
         return not self.protocol["crashes"]
 
     def report(
@@ -148,8 +150,8 @@ class Comparison(Results):
     def _repr_html_(self) -> str:
         shown = self.summary[["terrain", "condition", "controller", "episodes", "success_rate"]]
         crashes = "".join(
-            f"<p>{html.escape(each['controller'])} is out on {html.escape(each['terrain'])}: "
-            f"{html.escape(each['error'])}</p>"
+            f"<p>{html.escape(each['controller'])} crashed on {html.escape(each['terrain'])} "
+            f"and is excluded there: {html.escape(each['error'])}</p>"
             for each in self.protocol["crashes"]
         )
         return shown.to_html(index=False) + crashes
@@ -173,8 +175,8 @@ def evaluate(
         One or several of: a run; the name of a fixed controller ("cpg", "hybrid", "pursuit", …);
         that of a policy that comes with flyrl ("target-flat"), a run folder or a policy file; a
         function `(time_s, observation) -> drive`; an object with the `predict` of
-        Stable-Baselines3 (see `flyrl.evaluation.own.own_policy`). None takes the fixed controllers
-        that go with the task.
+        Stable-Baselines3 (see `flyrl.evaluation.own.own_policy`); any of these, or a leg controller
+        of your own, as module:attribute. None takes the fixed controllers that go with the task.
     task
         Name of the task, or a task of your own.
     terrains
@@ -221,7 +223,7 @@ _OWN_ARGUMENTS: Final = ("policies", "controllers", "progress", "command", "sett
 
 
 def compare(config: EvaluationConfig, folder: str | Path | None = None) -> Comparison:
-    """Let everyone walk the episodes; warn on stderr of those who are out because of an error.
+    """Let everyone walk the episodes; warn on stderr of those who crashed.
 
     Parameters
     ----------
@@ -238,7 +240,8 @@ def compare(config: EvaluationConfig, folder: str | Path | None = None) -> Compa
     results = walk_episodes(config, folder)
     for crash in results.protocol["crashes"]:
         print(
-            f"warning: {crash['controller']} is out on {crash['terrain']}: {crash['error']}",
+            f"warning: {crash['controller']} crashed on {crash['terrain']} and is excluded there: "
+            f"{crash['error']}",
             file=sys.stderr,
         )
     return Comparison(**vars(results), config=config)
@@ -265,9 +268,13 @@ def _named(entrant: Any) -> Any:
 
 
 def _is_fixed(entrant: Any) -> bool:
-    """Whether it is the name of a fixed controller; `module:attribute` is that of a policy."""
-    is_name = isinstance(entrant, str) and ":" not in entrant
-    return is_name and is_law(entrant) and not Path(entrant).exists()
+    """Whether it is the name of a fixed controller: built in, or a class of the user's own."""
+    if not isinstance(entrant, str) or Path(entrant).exists():
+        return False
+    if is_entry_point(entrant):
+        defined = load_module(entrant, "entrants", "my_lab:law").get(entrant.partition(":")[2])
+        return isinstance(defined, type) and issubclass(defined, Controller)
+    return is_law(entrant)
 
 
 def _record(config: EvaluationConfig) -> dict[str, Any]:

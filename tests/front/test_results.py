@@ -112,8 +112,18 @@ def test_a_function_that_fails_is_out_and_the_others_go_on(capsys):
     walked = flyrl.evaluate([late, "zero"], **SHORT)
     assert not walked.is_complete
     assert list(walked.summary.controller) == ["zero"]
-    assert "late is out on flat: RuntimeError: not yet" in walked._repr_html_()
-    assert "warning: late is out on flat" in capsys.readouterr().err
+    assert (
+        "late crashed on flat and is excluded there: RuntimeError: not yet" in walked._repr_html_()
+    )
+    assert "warning: late crashed on flat" in capsys.readouterr().err
+
+
+def test_things_of_ones_own_take_part_by_name():
+    walked = flyrl.evaluate(
+        ["tests.controllers.own:Wave", "tests.front.test_results:turning"], **SHORT
+    )
+    kinds = {each["name"]: each["kind"] for each in walked.protocol["entrants"]}
+    assert kinds == {"turning": "own", "tests.controllers.own:Wave": "fixed"}
 
 
 @pytest.mark.parametrize(
