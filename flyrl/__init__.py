@@ -18,7 +18,10 @@ if TYPE_CHECKING:
         construct_rules_graph,
         filter_edges,
     )
-    from flyrl.front import make, make_sb3, make_vec, walk
+    from flyrl.front.environments import make, make_sb3, make_vec
+    from flyrl.front.results import evaluate
+    from flyrl.front.runs import train
+    from flyrl.front.walks import walk
     from flyrl.policies import load_policy
     from flyrl.tasks import OUTCOMES
 
@@ -30,11 +33,13 @@ _ON_DEMAND: Final = {
     "RuleBasedSteppingCoordinator": "flyrl.controllers",
     "construct_rules_graph": "flyrl.controllers",
     "filter_edges": "flyrl.controllers",
+    "evaluate": "flyrl.front.results",
     "load_policy": "flyrl.policies",
-    "make": "flyrl.front",
-    "make_sb3": "flyrl.front",
-    "make_vec": "flyrl.front",
-    "walk": "flyrl.front",
+    "make": "flyrl.front.environments",
+    "make_sb3": "flyrl.front.environments",
+    "make_vec": "flyrl.front.environments",
+    "train": "flyrl.front.runs",
+    "walk": "flyrl.front.walks",
 }
 
 __all__ = [
@@ -43,11 +48,13 @@ __all__ = [
     "PreprogrammedSteps",
     "RuleBasedSteppingCoordinator",
     "construct_rules_graph",
+    "evaluate",
     "filter_edges",
     "load_policy",
     "make",
     "make_sb3",
     "make_vec",
+    "train",
     "walk",
 ]
 

@@ -1,6 +1,10 @@
-"""The order of the tests, and Ctrl-C in them."""
+"""The order of the tests, Ctrl-C in them, and commands of a terminal."""
 
 import signal
+import subprocess
+import sys
+
+import pytest
 
 
 def pytest_configure():
@@ -12,3 +16,29 @@ def pytest_configure():
 def pytest_collection_modifyitems(items):
     """Slow ones first: at the end, no process is to wait for another's long test."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+@pytest.fixture
+def run_here(tmp_path, monkeypatch, capsys):
+    """Run `train.py`, `evaluate.py` or `flyrl` with arguments, in `tmp_path`.
+
+    It runs in this process, which has loaded everything: quicker.
+    """
+    from flyrl.cli import evaluate, train
+    from flyrl.cli.main import main
+
+    commands = {"train.py": train.main, "evaluate.py": evaluate.main, "flyrl": main}
+
+    def run_here(program, *arguments):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")  # so that what a sweep sets is put back
+        command = [program, *arguments]
+        monkeypatch.setattr(sys, "argv", command.copy())
+        capsys.readouterr()
+        try:
+            status = commands[program]() or 0
+        except SystemExit as end:
+            status = end.code
+        return subprocess.CompletedProcess(command, status, *capsys.readouterr())
+
+    return run_here

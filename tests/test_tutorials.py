@@ -33,8 +33,8 @@ def kinds(cell):
     return [output.get("name") or sorted(output["data"]) for output in cell.outputs]
 
 
-def test_there_are_nine():
-    assert [path.values[0].name[:2] for path in NOTEBOOKS] == [f"{i:02}" for i in range(1, 10)]
+def test_there_are_eleven():
+    assert [path.values[0].name[:2] for path in NOTEBOOKS] == [f"{i:02}" for i in range(1, 12)]
 
 
 def test_a_path_of_the_machine_is_not_stored():

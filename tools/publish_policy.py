@@ -133,7 +133,7 @@ def judge(run: Path, record: dict[str, Any], episodes: int, num_threads: int) ->
         progress=True,
     )
     kept = ("controller", "outcomes", "success_rate", "metrics", "paired")
-    results = [{key: row[key] for key in kept} for row in evaluate(config).summary]
+    results = [{key: row[key] for key in kept} for row in evaluate(config).summaries]
     return {
         "episodes": episodes,
         "seed": config.seed,

@@ -22,6 +22,7 @@ from flyrl.cli.groups import config_groups
 from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml, usable_folder
 from flyrl.resources import configs_folder, install_command
+from flyrl.training.tuned import tuned_name
 from flyrl.validation import did_you_mean, one_of
 
 HYDRA_VERSION = "1.3"
@@ -37,6 +38,15 @@ _MODULES: Final = {
     "ray": "ray",
 }
 """Extra -> module that it installs."""
+
+
+def _tuned(*, _root_: DictConfig) -> str:
+    """Choice of the group `tuned` that goes with those of task and algorithm."""
+    return tuned_name(_root_.get("task"), _root_.get("algo"))
+
+
+# `configs/train.yaml` asks for it; again where a module is loaded anew
+OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
 
 
 class UsageError(ValueError):

@@ -7,7 +7,7 @@ import shlex
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from flyrl.cli.entry import Start, run_command
 from flyrl.cli.statuses import LEFT_OUT
 from flyrl.files import OutputFolder, new_folder, usable_folder
-from flyrl.progress import progress_bar
 from flyrl.text import plain_name
 
 if TYPE_CHECKING:
@@ -130,49 +129,17 @@ def compare(
     -------
     The report's path, and whether everyone is in it: who crashes on a terrain is not.
     """
-    from flyrl.evaluation import (  # noqa: PLC0415
-        drop_parts,
-        evaluate,
-        measure_drive_map,
-        measure_steering,
-        walk_examples,
-        write_results,
-    )
-    from flyrl.report import View, record_videos, write_report  # noqa: PLC0415
+    from flyrl.front.results import compare  # noqa: PLC0415
 
-    results = evaluate(config, folder)
-    for crash in results.protocol["crashes"]:
-        print(
-            f"warning: {crash['controller']} is out on {crash['terrain']}: {crash['error']}",
-            file=sys.stderr,
-        )
-    write_results(results, folder)
-    drop_parts(folder)
-    missing = {(crash["controller"], crash["terrain"]) for crash in results.protocol["crashes"]}
-    view = View(camera=settings.camera)
-    videos, note = record_videos(config, missing, view) if settings.videos else ([], None)
-    with progress_bar(
-        2, is_shown=settings.progress_bar, unit=" parts", description="reporting"
-    ) as bar:
-        examples = walk_examples(config, results.examples) if settings.close_ups else []
-        has_map = settings.close_ups and settings.drive_map and config.legs is not None
-        drive_map = measure_drive_map(config, config.terrain_configs[0]) if has_map else None
-        steering = (
-            measure_steering(config, config.terrain_configs[0]) if settings.close_ups else None
-        )
-        bar.update()
-        report = write_report(
-            results,
-            folder,
-            videos=videos,
-            examples=examples,
-            drive_map=drive_map,
-            steering=steering,
-            curves=training_evaluations(results.protocol["entrants"]),
-            note=note,
-        )
-        bar.update()
-    return report, not missing
+    results = compare(config, folder)
+    report = results.write(
+        folder,
+        videos=settings.videos,
+        camera=settings.camera,
+        close_ups=settings.close_ups,
+        drive_map=settings.drive_map,
+    )
+    return report, results.is_complete
 
 
 def results_folder(path: str | Path) -> Path:
@@ -189,24 +156,3 @@ def results_folder(path: str | Path) -> Path:
     folder = usable_folder(Path(path))
     OutputFolder(folder).check_free(*RESULTS_FILES, REPORT_FILE)
     return folder
-
-
-def training_evaluations(
-    entrants: Sequence[Mapping[str, Any]],
-) -> dict[str, Sequence[Mapping[str, float]]]:
-    """Held-out evaluations during training, by entrant; of those alone that come from a run folder.
-
-    Parameters
-    ----------
-    entrants
-        Of the protocol of results.
-    """
-    from flyrl.training.runs import is_run, read_run  # noqa: PLC0415
-
-    folders = {
-        entrant["name"]: Path(entrant["source"]).parent
-        for entrant in entrants
-        if entrant["kind"] == "learned"
-    }
-    runs = {name: read_run(folder) for name, folder in folders.items() if is_run(folder)}
-    return {name: run.evaluations for name, run in runs.items() if run.evaluations}

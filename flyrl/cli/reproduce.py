@@ -83,7 +83,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument(
         "--trust",
         action="store_true",
-        help="run the code that it names (terms, policies as module:factory, pickles)",
+        help="run the code that it names (terms, policies as module:attribute, pickles)",
     )
     parser.set_defaults(run=run)
 

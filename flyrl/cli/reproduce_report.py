@@ -46,10 +46,10 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         A file cannot be read, or written.
     """
     from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
-    from flyrl.cli.evaluate import results_folder, training_evaluations  # noqa: PLC0415
-    from flyrl.evaluation import evaluate, write_results  # noqa: PLC0415
+    from flyrl.cli.evaluate import results_folder  # noqa: PLC0415
     from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
-    from flyrl.report import read_origin, write_report  # noqa: PLC0415
+    from flyrl.front.results import compare  # noqa: PLC0415
+    from flyrl.report import read_origin  # noqa: PLC0415
 
     origin = read_origin(path)
     record = origin["settings"]
@@ -60,12 +60,9 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     config = evaluation_config(record, settings, " ".join(sys.argv))
     if output is not None:
         results_folder(output)
-    results = evaluate(config)
+    results = compare(config)
     if output is not None:
-        write_results(results, output)
-        curves = training_evaluations(results.protocol["entrants"])
-        repeat = write_report(results, output, curves=curves, note="Videos are left out.")
-        print(f"repeat: {repeat}")
+        print(f"repeat: {results.write(output, videos=False, close_ups=False)}")
     lines = _origins_differ(origin, results.protocol)
     is_same = episodes_digest(results.episodes) == origin["episodes_sha256"]
     print(f"episodes: {'identical, bit for bit' if is_same else 'they differ'}")

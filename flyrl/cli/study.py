@@ -208,7 +208,7 @@ def _run_trial(
     from optuna.trial import TrialState  # noqa: PLC0415
 
     from flyrl.cli.search_space import short_text  # noqa: PLC0415
-    from flyrl.cli.train import illustrate  # noqa: PLC0415
+    from flyrl.front.runs import illustrate  # noqa: PLC0415
     from flyrl.training.learn import Run, resume, train  # noqa: PLC0415
     from flyrl.training.runs import read_run  # noqa: PLC0415
 

@@ -90,6 +90,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
             return earlier.path
         interrupted = earlier.path
         config = training_config({**record, **earlier.settings})
+    from flyrl.front.runs import illustrate  # noqa: PLC0415
+
     show = partial(illustrate, config, with_video=record["video_after"])
     report, is_complete = None, True
     with whole_job(shares):
@@ -240,31 +242,3 @@ def _earlier(config: TrainingConfig, start: Start) -> RunSummary | None:
         if run.state == "interrupted" and run.has_checkpoint:
             found = found or run
     return found
-
-
-def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:
-    """Draw the learning curve into the run folder; at the end, film the best policy too."""
-    from flyrl.evaluation import EvaluationConfig  # noqa: PLC0415
-    from flyrl.files import write_bytes  # noqa: PLC0415
-    from flyrl.report import record_videos, write_learning_curve  # noqa: PLC0415
-    from flyrl.training.run_folder import RunFolder  # noqa: PLC0415
-    from flyrl.training.runs import read_run, training_returns  # noqa: PLC0415
-
-    folder = finished.folder
-    write_learning_curve(folder, read_run(folder).evaluations, training_returns(folder))
-    best = RunFolder(folder).best
-    if with_video and finished.interrupted_by is None and best.exists():
-        scene = config.env.scene
-        episodes = EvaluationConfig(
-            policies=(str(best),),
-            controllers=(),
-            task=config.env.resolved_task,
-            terrains=(scene.terrain,),
-            body=scene.body,
-            physics=scene.physics,
-            randomisation=config.env.resolved_randomisation,
-            episodes=1,
-        )
-        videos, _ = record_videos(episodes)
-        for video in videos:
-            write_bytes(folder / "best.mp4", video.mp4)

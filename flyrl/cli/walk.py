@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from flyrl.cli.program import path_argument
+
+_FILES: Final = {
+    "csv": "CSV",
+    "npz": "NumPy's arrays",
+    "parquet": "Parquet (needs pyarrow)",
+    "nwb": "Neurodata Without Borders (needs pynwb)",
+}
+"""Kinds of files that a walk's table can go to, by their suffix."""
 
 
 def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -38,7 +46,16 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         "and adhesion_LF, …; or an NPZ with joints (T, 42) and adhesion (T, 6)",
     )
     parser.add_argument("--rate-hz", type=float, help="samples per second of the recording")
-    parser.add_argument("--csv", type=path_argument, metavar="FILE", help="write the table there")
+    for suffix, kind in _FILES.items():
+        parser.add_argument(
+            f"--{suffix}",
+            type=path_argument,
+            metavar="FILE",
+            help=f"write the table there, as {kind}",
+        )
+    parser.add_argument(
+        "--plot", type=path_argument, metavar="FILE", help="draw it there: .png, .svg or .pdf"
+    )
     parser.add_argument("--video", type=path_argument, metavar="FILE", help="write an MP4 there")
     parser.add_argument(
         "--camera", choices=("follow", "top"), default="follow", help="from where it is filmed"
@@ -56,10 +73,12 @@ def run(options: argparse.Namespace) -> int:
     OSError
         A file that cannot be read or written.
     """
-    from flyrl.files import write_text  # noqa: PLC0415
-    from flyrl.front import walk  # noqa: PLC0415
-    from flyrl.text import csv_table  # noqa: PLC0415
+    from flyrl.front.walks import walk  # noqa: PLC0415
 
+    files = {suffix: getattr(options, suffix) for suffix in _FILES}
+    for suffix, path in files.items():
+        if path is not None and path.suffix != f".{suffix}":
+            raise ValueError(f"--{suffix} must name a file that ends in .{suffix}, got {path}")
     recording: dict[str, Any] = {}
     if options.joints is not None:
         recording = {**_recording(options.joints), "rate_hz": options.rate_hz}
@@ -74,12 +93,14 @@ def run(options: argparse.Namespace) -> int:
         body=options.body,
         **recording,
     )
-    table = walked.frame()
-    if options.csv is not None:
-        write_text(options.csv, csv_table(table, float_format="%.6g"))
-        print(f"table: {options.csv}")
+    for path in filter(None, files.values()):
+        print(f"table: {walked.save(path)}")
+    if options.plot is not None:
+        walked.plot().savefig(options.plot)
+        print(f"plot: {options.plot}")
     if options.video is not None:
         print(f"video: {walked.video(options.video, options.camera)}")
+    table = walked.frame()
     first, last = table.iloc[0], table.iloc[-1]
     print(
         f"{last.time_s - first.time_s:.3g} s, {last.x_mm - first.x_mm:.2f} mm along x, "

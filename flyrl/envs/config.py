@@ -227,7 +227,17 @@ class EnvConfig:
 
 
 class UnexpectedArgumentError(TypeError, ValueError):
-    """A keyword that no environment has: a TypeError, by which TorchRL knows it, as in Python."""
+    """A keyword that no environment has: a TypeError, by which TorchRL knows it, as in Python.
+
+    Attributes
+    ----------
+    name
+        The keyword; empty where Gymnasium raised the error anew, with its own words added.
+    """
+
+    def __init__(self, message: str, name: str = "") -> None:
+        super().__init__(message)
+        self.name = name
 
 
 def config_for(
@@ -261,7 +271,8 @@ def config_for(
         if name not in known:
             raise UnexpectedArgumentError(
                 f"the environment got an unexpected keyword argument {name!r}"
-                f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
+                f"{did_you_mean(name, known)} (allowed: {', '.join(known)})",
+                name,
             )
     return replace(config, **given)
 

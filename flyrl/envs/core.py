@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flyrl.envs.config import EnvConfig, Observation, Transition
 from flyrl.envs.flies import Flies
 from flyrl.envs.noise import SensorNoise, generator
-from flyrl.envs.rendering import Renderer, make_renderer
+from flyrl.envs.rendering import USUAL_VIEW, Renderer, View, make_renderer
 from flyrl.envs.simulation import BodyState, Simulation
 from flyrl.envs.worms import Worms
 from flyrl.simulation.batch import FlyBatch
@@ -52,6 +52,8 @@ class BatchedEnv:
         Number of simulations.
     num_threads
         Native threads; 0 takes one per CPU.
+    view
+        How pictures look.
 
     Attributes
     ----------
@@ -67,9 +69,12 @@ class BatchedEnv:
         Decisions until the task truncates an episode; None without a time limit.
     """
 
-    def __init__(self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0) -> None:
+    def __init__(
+        self, config: EnvConfig, num_envs: int = 1, num_threads: int = 0, view: View = USUAL_VIEW
+    ) -> None:
         num_envs = whole_number("num_envs", num_envs, 1, MOST_SIMS)
         self.config = config
+        self.view = view
         self.task = config.resolved_task
         self.num_envs = num_envs
         self.simulation = build_simulation(config, num_envs, num_threads)
@@ -300,7 +305,7 @@ class BatchedEnv:
         )
 
     def render(self, i: int = 0) -> NDArray[np.uint8]:
-        """Picture of body i and its target, (480, 640, 3).
+        """Picture of body i and its target, (height, width, 3).
 
         Raises
         ------
@@ -309,7 +314,7 @@ class BatchedEnv:
         """
         self._check_open()
         if self._renderer is None:
-            self._renderer = make_renderer(self.config)
+            self._renderer = make_renderer(self.config, self.view)
         episode = self.episodes[i]
         return self._renderer.render(self.batch, i, goal=episode.goal if episode else ())
 

@@ -1,21 +1,86 @@
 """Pictures of the bodies of an environment."""
 
-from typing import Any, Final, Protocol
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Protocol, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig
-from flyrl.simulation.rendering import FlyRenderer
+from flyrl.simulation.overlay import PLAIN, Overlay
+from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worm_rendering import WormRenderer
+from flyrl.validation import one_of, whole_number
 
 RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
 """What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
 
 
+LARGEST_SIDE: Final = 4096
+"""Of a picture, px."""
+
+IN_SCENE: Final = ("target", "leg_colours", "trace", "forces")
+"""Fields of an Overlay that a renderer draws; the others are written onto videos afterwards."""
+
+Drawn = Overlay | Sequence[str]
+"""What is drawn beside the body: an Overlay, or names in `IN_SCENE`, those beside the target."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How pictures of an environment look.
+
+    Parameters
+    ----------
+    camera
+        "follow" looks from ahead, "top" straight down, "goal" from the start towards the target,
+        where there is one (see `FlyRenderer`). A worm has no goal camera: there it is "follow".
+    overlay
+        What is drawn beside the body; names stand for an Overlay that has these and the target.
+    width, height
+        Of the picture, px.
+
+    Raises
+    ------
+    ValueError
+        There is no such camera or overlay, or a side is too long.
+    """
+
+    camera: Camera = "follow"
+    overlay: Drawn = PLAIN
+    width: int = 640
+    height: int = 480
+
+    def __post_init__(self) -> None:
+        one_of("camera", self.camera, get_args(Camera))
+        for name in ("width", "height"):
+            whole_number(name, getattr(self, name), 1, LARGEST_SIDE)
+        if isinstance(self.overlay, str) or not isinstance(self.overlay, Overlay | Sequence):
+            raise ValueError(
+                f"overlay must be an Overlay, or a list of {', '.join(IN_SCENE)}, got "
+                f"{self.overlay!r}"
+            )
+        if not isinstance(self.overlay, Overlay):
+            for name in self.overlay:
+                one_of("overlay", name, IN_SCENE)
+
+    @property
+    def drawn(self) -> Overlay:
+        """What is drawn beside the body."""
+        if isinstance(self.overlay, Overlay):
+            return self.overlay
+        return replace(PLAIN, **dict.fromkeys(self.overlay, True))
+
+
+USUAL_VIEW: Final = View()
+
+
 class Renderer(Protocol):
     """Draws bodies with a camera that follows them."""
+
+    pixels_per_mm: float
 
     def render(self, batch: Any, sim: int = 0, goal: tuple[float, ...] = ()) -> NDArray[np.uint8]:
         """Draw simulation `sim` of a batch, and the target at `goal` (x, y in mm), if any."""
@@ -26,7 +91,7 @@ class Renderer(Protocol):
         ...
 
 
-def make_renderer(config: EnvConfig) -> Renderer:
+def make_renderer(config: EnvConfig, view: View) -> Renderer:
     """Renderer of the bodies of an environment.
 
     Raises
@@ -34,8 +99,10 @@ def make_renderer(config: EnvConfig) -> Renderer:
     RenderingUnavailableError
         If no GL context can be made.
     """
-    scene = config.scene
-    return FlyRenderer(scene) if isinstance(scene, SceneConfig) else WormRenderer(scene)
+    scene, size = config.scene, (view.width, view.height)
+    if isinstance(scene, SceneConfig):
+        return FlyRenderer(scene, *size, view.camera, view.drawn)
+    return WormRenderer(scene, *size, "follow" if view.camera == "goal" else view.camera)
 
 
 def check_render_mode(render_mode: str | None) -> str | None:

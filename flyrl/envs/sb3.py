@@ -13,8 +13,10 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.options import episode_with_options
-from flyrl.envs.rendering import RENDERING, check_render_mode
+from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
 from flyrl.envs.spaces import action_space, observation_space
+from flyrl.simulation.overlay import PLAIN
+from flyrl.simulation.rendering import Camera
 from flyrl.validation import random_seed
 
 
@@ -39,6 +41,8 @@ class FlyrlVecEnv(VecEnv):
         Fly i starts with the seed `seed + i`; None draws from the operating system.
     render_mode
         None or "rgb_array".
+    camera, overlay, width, height
+        How pictures look: see `flyrl.envs.rendering.View`.
     **settings
         Arguments of `EnvConfig`, in place of those of `config`.
 
@@ -55,14 +59,22 @@ class FlyrlVecEnv(VecEnv):
         num_threads: int = 0,
         seed: int | None = None,
         render_mode: str | None = None,
+        camera: Camera = "follow",
+        overlay: Drawn = PLAIN,
+        width: int = 640,
+        height: int = 480,
         **settings: Any,
     ) -> None:
         config = self.config = config_for(type(self), settings, config)
-        self.core = BatchedEnv(config, num_envs, num_threads)
+        view = View(camera, overlay, width, height)
+        self.core = BatchedEnv(config, num_envs, num_threads, view)
         self.render_mode = check_render_mode(render_mode)
         super().__init__(num_envs, observation_space(self.core.task), action_space(self.core.task))
         self.metadata = RENDERING
-        self._arguments = (config, num_envs, num_threads, seed, render_mode)
+        self._arguments = (
+            *(config, num_envs, num_threads, seed, render_mode),
+            *(camera, overlay, width, height),
+        )
         self._actions: NDArray[Any] = np.zeros((num_envs, self.core.task.actions.size))
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
@@ -205,7 +217,7 @@ class FlyrlVecEnv(VecEnv):
         return [is_monitored for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Pictures of the bodies, (480, 640, 3) each, or None without a render mode."""
+        """Pictures of the bodies, (height, width, 3) each, or None without a render mode."""
         if self.render_mode is None:
             return [None] * self.num_envs
         return [self.core.render(i) for i in range(self.num_envs)]

@@ -15,9 +15,11 @@ from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.registration import limited_spec
-from flyrl.envs.rendering import RENDERING, check_render_mode
+from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
 from flyrl.envs.spaces import action_space, action_vectors, observation_space
+from flyrl.simulation.overlay import PLAIN
 from flyrl.simulation.randomisation import UNVARIED
+from flyrl.simulation.rendering import Camera
 from flyrl.tasks import RUNNING
 
 
@@ -41,17 +43,32 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
     ----------
     render_mode
         None or "rgb_array".
+    camera, overlay, width, height
+        How pictures look: see `flyrl.envs.rendering.View`.
     """
 
     metadata: dict[str, Any] = RENDERING
 
-    def __init__(self, render_mode: str | None = None, **config: Any) -> None:
+    def __init__(
+        self,
+        render_mode: str | None = None,
+        camera: Camera = "follow",
+        overlay: Drawn = PLAIN,
+        width: int = 640,
+        height: int = 480,
+        **config: Any,
+    ) -> None:
         self.render_mode = check_render_mode(render_mode)
         self.config = config_for(type(self), config)
-        self.core = BatchedEnv(self.config, num_envs=1, num_threads=1)
+        view = View(camera, overlay, width, height)
+        self.core = BatchedEnv(self.config, num_envs=1, num_threads=1, view=view)
         self.action_space = action_space(self.core.task)
         self.observation_space = observation_space(self.core.task)
-        self._settings = {"render_mode": render_mode, **config}
+        self._settings = {
+            "render_mode": render_mode,
+            **vars(view),
+            **config,
+        }
         self._spec: EnvSpec | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -114,7 +131,7 @@ class FlyrlEnv(gymnasium.Env[Any, Any]):
         return info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Picture of the body, (480, 640, 3), or None without a render mode."""
+        """Picture of the body, (height, width, 3), or None without a render mode."""
         return None if self.render_mode is None else self.core.render()
 
     def close(self) -> None:

@@ -15,9 +15,11 @@ from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation, Transition
 from flyrl.envs.options import episode_with_options
 from flyrl.envs.registration import limited_spec
-from flyrl.envs.rendering import RENDERING, check_render_mode
+from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
 from flyrl.envs.spaces import action_space, action_vectors, observation_space
+from flyrl.simulation.overlay import PLAIN
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
+from flyrl.simulation.rendering import Camera
 from flyrl.tasks import RUNNING, Episode
 from flyrl.validation import random_seed, whole_number
 
@@ -41,6 +43,8 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         wrapper TimeLimit does to a single environment. The outcome of such an end stays "running".
     render_mode
         None or "rgb_array".
+    camera, overlay, width, height
+        How pictures look: see `flyrl.envs.rendering.View`.
 
     Raises
     ------
@@ -55,13 +59,18 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        camera: Camera = "follow",
+        overlay: Drawn = PLAIN,
+        width: int = 640,
+        height: int = 480,
         **config: Any,
     ) -> None:
         if max_episode_steps is not None:
             whole_number("max_episode_steps", max_episode_steps, 1, 2**31)
         self.render_mode = check_render_mode(render_mode)
         self.config = config_for(type(self), config)
-        self.core = BatchedEnv(self.config, num_envs, num_threads)
+        view = View(camera, overlay, width, height)
+        self.core = BatchedEnv(self.config, num_envs, num_threads, view)
         num_envs = self.num_envs = self.core.num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**RENDERING, "autoreset_mode": self.autoreset_mode}
@@ -81,6 +90,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
             "autoreset_mode": autoreset_mode,
             "max_episode_steps": max_episode_steps,
             "render_mode": render_mode,
+            **vars(view),
             **config,
         }
         self._spec: EnvSpec | None = None
@@ -240,7 +250,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         return replace(transition, truncated=transition.truncated | is_over)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """Pictures of the bodies, (480, 640, 3) each, or None without a render mode."""
+        """Pictures of the bodies, (height, width, 3) each, or None without a render mode."""
         if self.render_mode is None:
             return None
         return tuple(self.core.render(i) for i in range(self.num_envs))

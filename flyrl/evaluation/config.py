@@ -39,7 +39,8 @@ class EvaluationConfig:
     ----------
     policies
         Learned policies: run folders, policy files or names, or algorithm:file.zip of a model that
-        Stable-Baselines3 saved. And your own: module:factory, which is imported and called.
+        Stable-Baselines3 saved. And your own, see `flyrl.evaluation.own.own_policy`: objects and
+        functions, or either by its name, module:attribute, which is imported.
     controllers
         Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that
         go with the task.
@@ -94,7 +95,7 @@ class EvaluationConfig:
         A value that is not allowed.
     """
 
-    policies: tuple[str, ...] = ()
+    policies: tuple[object, ...] = ()
     controllers: tuple[str, ...] | None = None
     task: TaskSettings | Task = "target"
     terrains: tuple[str | Terrain, ...] = ("flat",)
@@ -118,6 +119,12 @@ class EvaluationConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        for i, policy in enumerate(self.policies):
+            if not (isinstance(policy, str) or callable(policy) or hasattr(policy, "predict")):
+                raise ValueError(
+                    f"policies[{i}] must be text, a function, or an object with predict(), got "
+                    f"{policy!r}"
+                )
         if not self.policies and self.controllers == ():
             raise ValueError("policies or controllers must name at least one, got none")
         if not self.terrains:

@@ -9,10 +9,10 @@ import pandas as pd
 
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
-from flyrl.evaluation.entry_point import is_policy_factory, make_from_factory
 from flyrl.evaluation.fixed import controller_names, make_fixed
 from flyrl.evaluation.learned import make_learned
 from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
+from flyrl.evaluation.own import is_own_name, make_own
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.summary import metric_values
 from flyrl.tasks import Task
@@ -36,9 +36,11 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     fixed = [make_fixed(name, config) for name in names]
     taken = {entrant.name for entrant in fixed}
     learned: list[Entrant] = []
-    for path in config.policies:
-        make = make_from_factory if is_policy_factory(path) else make_learned
-        entrant = make(path, config, taken)
+    for given in config.policies:
+        if isinstance(given, str) and not is_own_name(given):
+            entrant = make_learned(given, config, taken)
+        else:
+            entrant = make_own(given, config, taken)
         taken.add(entrant.name)
         learned.append(entrant)
     entrants = [*learned, *fixed]

@@ -30,6 +30,7 @@ from flyrl.evaluation.rows import (
     episodes_digest,
     plain_rows,
 )
+from flyrl.evaluation.tables import differences_table, summary_table
 from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
 from flyrl.files import OutputFolder, load_arrays
 from flyrl.rollouts.records import EpisodeRecord
@@ -88,8 +89,8 @@ class Results:
         How it was done, as plain JSON values: see `PROTOCOL_KEYS`.
     episodes
         One row per walked episode: see `flyrl.evaluation.rows`.
-    summary
-        One per terrain and controller: see `SUMMARY_KEYS`.
+    summaries
+        One per terrain, condition and controller: see `SUMMARY_KEYS`.
     drawn
         The episodes that everybody walks, by terrain; plain values, made when asked for.
     trajectories
@@ -100,10 +101,20 @@ class Results:
 
     protocol: Json
     episodes: pd.DataFrame
-    summary: list[Json]
+    summaries: list[Json]
     drawn: Mapping[str, Sequence[Json]] = field(default_factory=dict)
     trajectories: Mapping[int, Trajectory] = field(default_factory=dict)
     examples: Sequence[EpisodeRecord] = ()
+
+    @property
+    def summary(self) -> pd.DataFrame:
+        """The summaries as a table: success with its interval, and the spread of every metric."""
+        return summary_table(self.summaries)
+
+    @property
+    def differences(self) -> pd.DataFrame:
+        """Paired comparisons with the reference as a table, a row per metric."""
+        return differences_table(self.summaries)
 
     def to_json(self) -> Json:
         """The contents of `results.json`."""
@@ -112,7 +123,7 @@ class Results:
             "protocol": self.protocol,
             "drawn": {terrain: list(episodes) for terrain, episodes in self.drawn.items()},
             "episodes": list(plain_rows(self.episodes)),
-            "summary": self.summary,
+            "summary": self.summaries,
         }
 
 
@@ -257,7 +268,7 @@ def results_text(results: Results) -> Iterator[str]:
         If the results do not follow the schema, or hold a number that is not finite.
     """
     outcomes = _check_protocol(results.protocol)
-    for index, row in enumerate(results.summary):
+    for index, row in enumerate(results.summaries):
         _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
     try:
         yield f'{{\n "schema": {json.dumps(SCHEMA)},\n "protocol": '
@@ -270,7 +281,7 @@ def results_text(results: Results) -> Iterator[str]:
         yield '\n },\n "episodes": ['
         yield from _lines(_checked(plain_rows(results.episodes), outcomes))
         yield '],\n "summary": ['
-        yield from _lines(results.summary)
+        yield from _lines(results.summaries)
         yield "]\n}\n"
     except ValueError as error:
         raise ResultsError(str(error)) from error

@@ -126,7 +126,7 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
             "crashes": crashes,
         },
         episodes=rows,
-        summary=summarise(
+        summaries=summarise(
             rows,
             reference,
             config.horizon_s,

@@ -3,11 +3,10 @@
 from flyrl.report.curves import write_learning_curve, write_learning_curves
 from flyrl.report.html import write_report
 from flyrl.report.origin import read_origin
-from flyrl.report.video import Video, View, record_videos
+from flyrl.report.video import Video, record_videos
 
 __all__ = [
     "Video",
-    "View",
     "read_origin",
     "record_videos",
     "write_learning_curve",

@@ -140,8 +140,8 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
 
 
 def format_report(results: Results, **additions: Unpack[Additions]) -> str:
-    """Text of the report; see `write_report`."""
-    return format_page(report_context(results, **additions))
+    """Text of a report with no files beside it; see `write_report`."""
+    return format_page({**report_context(results, **additions), "folders": None})
 
 
 def format_page(context: Mapping[str, Any]) -> str:
@@ -173,7 +173,7 @@ def script_hash(script: str) -> str:
 def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str, Any]:
     """All that the page's template is given; see `write_report`."""
     videos, examples = additions.get("videos", ()), additions.get("examples", ())
-    walked = [row["controller"] for row in results.summary]
+    walked = [row["controller"] for row in results.summaries]
     entered = [entrant["name"] for entrant in results.protocol["entrants"]]
     names = list(dict.fromkeys([*walked, *entered]))
     usual = usual_rows(results)
@@ -182,14 +182,14 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     usual_leaders = [each for each in leaders if each.condition == usual_condition.label]
     table, steering = results.protocol.get("table"), additions.get("steering")
     decisive = recorded_metrics(results.protocol, "decisive")
-    measured = results.summary[0]["metrics"]
+    measured = results.summaries[0]["metrics"]
     labels = {metric: metric_label(metric) for metric in ("success", *measured)}
     effects = effects_text(decisive, labels, results.protocol)
     if (table or {}).get("actions") == "neurons":
         labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
         *(table or {}).get("failures", ()),
-        *(name for row in results.summary for name, count in row["outcomes"].items() if count),
+        *(name for row in results.summaries for name, count in row["outcomes"].items() if count),
     ]
     failures = [each for each in dict.fromkeys(outcomes) if each not in (SUCCESS, TIMEOUT)]
     controllers = len({row["controller"] for row in usual})
@@ -197,7 +197,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     if controllers < 2:
         comparing.clear()
     return {
-        "title": title(results.protocol, results.summary),
+        "title": title(results.protocol, results.summaries),
         "headline": headline(usual_leaders, controllers, condition_text(usual_condition)),
         "notes": list(filter(None, [*comparing, training_note(results.protocol)])),
         "condition": condition_text(usual_condition),
@@ -217,7 +217,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "metrics": {
             metric: text
             for metric, text in meanings(results.protocol).items()
-            if metric in measured and any(row["metrics"][metric]["n"] for row in results.summary)
+            if metric in measured and any(row["metrics"][metric]["n"] for row in results.summaries)
         },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
         "compared": recorded_metrics(results.protocol, "compared"),
@@ -247,7 +247,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "gait_metrics": [
             metric
             for metric in (*GAIT_METRICS, "drive_variation")
-            if any(row["metrics"][metric]["n"] for row in results.summary)
+            if any(row["metrics"][metric]["n"] for row in results.summaries)
         ],
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],

@@ -42,7 +42,7 @@ def spread_metrics(protocol: Json) -> list[str]:
 def usual_rows(results: Results) -> list[Json]:
     """Summary under the usual condition."""
     label = compared_conditions(results.protocol["vary"])[0].label
-    return [row for row in results.summary if row["condition"] == label]
+    return [row for row in results.summaries if row["condition"] == label]
 
 
 def all_leaders(results: Results) -> list[Leader]:
@@ -89,7 +89,7 @@ def drive_map_section(results: Results, drive_map: DriveMap | None) -> str:
 
 
 def _is_learned(entrant: Json) -> bool:
-    return entrant.get("kind") in ("learned", "entry_point")
+    return entrant.get("kind") in ("learned", "own")
 
 
 def terrain_section(
@@ -97,7 +97,7 @@ def terrain_section(
 ) -> Json:
     """Figures, tables and videos of a terrain; where quantities were varied, their doses."""
     horizon_s = results.protocol["horizon_s"]
-    summary = [row for row in results.summary if row["terrain"] == terrain]
+    summary = [row for row in results.summaries if row["terrain"] == terrain]
     walked = results.episodes["controller"][results.episodes["terrain"] == terrain]
     if results.protocol["vary"]:
         return {
@@ -123,7 +123,7 @@ def terrain_section(
             results.drawn.get(terrain, ()),
         ),
         **_gait(terrain, examples),
-        "paired": Markup(paired_figure(results.episodes, results.summary, terrain, horizon_s)),
+        "paired": Markup(paired_figure(results.episodes, results.summaries, terrain, horizon_s)),
         "differences": _differences(summary),
         "reasons": _reasons(summary),
         "players": players(videos, examples, terrain),
@@ -175,7 +175,7 @@ def study_section(results: Results) -> Json | None:
         "source": study.source,
         "metric": metric_label(study.metric),
         "body": results.protocol.get("body", {}).get("name", "unknown"),
-        "judgements": judge(study, results.summary),
+        "judgements": judge(study, results.summaries),
         "figures": [
             {
                 "source": figures.source,
@@ -202,7 +202,7 @@ def _doses(results: Results, terrain: str) -> list[Json]:
     metrics = [
         metric
         for metric in spread_metrics(results.protocol)
-        if any(row["metrics"][metric]["n"] for row in results.summary)
+        if any(row["metrics"][metric]["n"] for row in results.summaries)
     ]
     return [
         {
@@ -210,7 +210,7 @@ def _doses(results: Results, terrain: str) -> list[Json]:
             "text": f"{QUANTITIES[name].text[0].upper()}{QUANTITIES[name].text[1:]}",
             "figure": Markup(
                 doses_figure(
-                    results.summary,
+                    results.summaries,
                     terrain,
                     name,
                     [Condition(name, value).label for value in values],

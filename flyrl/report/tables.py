@@ -16,6 +16,14 @@ from flyrl.evaluation.metrics import recorded_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
+from flyrl.evaluation.tables import (
+    compared_pairs,
+    differences_table,
+    interacting_pairs,
+    interactions_table,
+    place_of,
+    summary_table,
+)
 from flyrl.report.figures import metric_label
 from flyrl.report.wording import format_number, leader_cells, percent
 from flyrl.text import csv_table, plain_name
@@ -60,51 +68,27 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
         The best on each terrain under each condition.
     """
     compared = recorded_metrics(results.protocol, "compared")
-    terrains = list(dict.fromkeys(row["terrain"] for row in results.summary))
+    terrains = list(dict.fromkeys(row["terrain"] for row in results.summaries))
     files = {
-        "summary.csv": csv_table(summary_table(results.summary)),
-        "summary.tex": _latex(_printed_summary(results.summary, compared), _SPREADS),
+        "summary.csv": csv_table(summary_table(results.summaries)),
+        "summary.tex": _latex(_printed_summary(results.summaries, compared), _SPREADS),
         "leaders.csv": csv_table(leaders_table(leaders)),
         "leaders.tex": _latex(_printed_leaders(leaders), _LEADS),
     }
-    differences = differences_table(results.summary)
+    differences = differences_table(results.summaries)
     if not differences.empty:
         files["differences.csv"] = csv_table(differences)
     for terrain in terrains:
-        rows = [row for row in results.summary if row["terrain"] == terrain]
+        rows = [row for row in results.summaries if row["terrain"] == terrain]
         name = plain_name(terrain)
         files[f"metrics-{name}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
         if any(row["paired"] for row in rows):
             files[f"differences-{name}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
-        if _interacting(rows):
+        if interacting_pairs(rows):
             files[f"interactions-{name}.tex"] = _latex(_printed_interactions(rows), _INTERACTIONS)
-    if _interacting(results.summary):
-        files["interactions.csv"] = csv_table(interactions_table(results.summary))
+    if interacting_pairs(results.summaries):
+        files["interactions.csv"] = csv_table(interactions_table(results.summaries))
     return files
-
-
-def summary_table(summary: Sequence[Json]) -> pd.DataFrame:
-    """A row per terrain, condition and controller: success with its interval, and all metrics.
-
-    Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_mean`, `m_median`,
-    `m_q1` and `m_q3`; NaN without any.
-    """
-    return pd.DataFrame(
-        {
-            **_who(row),
-            "episodes": row["episodes"],
-            "successes": row["successes"],
-            "success_rate": row["success_rate"]["value"],
-            "success_rate_low": row["success_rate"]["low"],
-            "success_rate_high": row["success_rate"]["high"],
-            **{
-                f"{metric}_{key}": row["metrics"][metric][key]
-                for metric in row["metrics"]
-                for key in ("n", "mean", "median", "q1", "q3")
-            },
-        }
-        for row in summary
-    )
 
 
 def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
@@ -134,81 +118,12 @@ def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def differences_table(summary: Sequence[Json]) -> pd.DataFrame:
-    """A row per terrain, condition, controller and metric: how it compares with the reference.
-
-    Mean difference with its interval, or the reason why it has none; p-value, plain and corrected;
-    probability of improvement with its interval; effect size.
-    """
-    return pd.DataFrame(
-        {
-            **_who(row),
-            "reference": row["paired"]["reference"],
-            "metric": metric,
-            "pairs": difference["n"],
-            "difference": difference["value"],
-            "low": difference["low"],
-            "high": difference["high"],
-            "no_interval": difference["reason"],
-            "p": difference["p_value"],
-            "p_corrected": difference["p_adjusted"],
-            "improvement": difference["improvement"]["value"],
-            "improvement_low": difference["improvement"]["low"],
-            "improvement_high": difference["improvement"]["high"],
-            "effect_size": difference["effect_size"],
-        }
-        for row, metric, difference in _compared(summary)
-    )
-
-
-def interactions_table(summary: Sequence[Json]) -> pd.DataFrame:
-    """A row per terrain, condition, controller and metric: difference of differences.
-
-    The controller's change from the usual condition less that of the reference, with its interval,
-    or the reason why it has none.
-    """
-    return pd.DataFrame(
-        {
-            **_who(row),
-            "reference": row["paired"]["reference"],
-            "metric": metric,
-            "episodes": interaction["n"],
-            "interaction": interaction["value"],
-            "low": interaction["low"],
-            "high": interaction["high"],
-            "no_interval": interaction["reason"],
-        }
-        for row, metric, interaction in _interacting(summary)
-    )
-
-
-def _interacting(summary: Sequence[Json]) -> list[tuple[Json, str, Json]]:
-    return [
-        (row, metric, interaction)
-        for row in summary
-        for metric, interaction in ((row["paired"] or {}).get("interactions") or {}).items()
-    ]
-
-
-def _compared(summary: Sequence[Json]) -> list[tuple[Json, str, Json]]:
-    return [
-        (row, metric, difference)
-        for row in summary
-        if row["paired"]
-        for metric, difference in row["paired"]["differences"].items()
-    ]
-
-
-def _who(row: Json) -> Json:
-    return {key: row[key] for key in ("terrain", "condition", "controller")}
-
-
 def _printed_summary(summary: Sequence[Json], compared: Sequence[str]) -> pd.DataFrame:
     spreads = [metric for metric in compared if metric != "success"]
     return _without_empty(
         pd.DataFrame(
             {
-                **_who(row),
+                **place_of(row),
                 "success (%)": _share(row["success_rate"]),
                 **{metric_label(metric): _spread(row["metrics"][metric]) for metric in spreads},
             }
@@ -263,7 +178,7 @@ def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
                 "better in (%)": _share(difference["improvement"]),
                 "effect size": format_number(difference["effect_size"], 2),
             }
-            for row, metric, difference in _compared(summary)
+            for row, metric, difference in compared_pairs(summary)
         )
     )
 
@@ -276,7 +191,7 @@ def _printed_interactions(summary: Sequence[Json]) -> pd.DataFrame:
             "metric": metric_label(metric),
             "difference of differences": _interval(interaction),
         }
-        for row, metric, interaction in _interacting(summary)
+        for row, metric, interaction in interacting_pairs(summary)
     )
 
 

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 
 from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv, build_simulation
+from flyrl.envs.rendering import View, make_renderer
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.progress import progress_bar
 from flyrl.report.captions import Picture, clock_text, ending_text, titled, with_scale_bar
@@ -24,9 +25,7 @@ from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.marks import FORCE_PER_MM
 from flyrl.simulation.overlay import Overlay
-from flyrl.simulation.rendering import Camera, FlyRenderer, RenderingUnavailableError
-from flyrl.simulation.scene import SceneConfig
-from flyrl.simulation.worm_rendering import WormRenderer
+from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
 from flyrl.simulation.worms import WormBatch
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import Terrain
@@ -58,26 +57,8 @@ WORM_PACE: Final = Pace(1 / FPS, 5.0)
 """Real time."""
 
 
-@dataclass(frozen=True)
-class View:
-    """How a video looks.
-
-    Attributes
-    ----------
-    camera
-        "goal" looks towards the target, where there is one; see `FlyRenderer`. For a worm, which
-        has no such camera, it is "follow".
-    overlay
-        What is drawn beside the body.
-    width, height
-        Of the picture, px; even numbers.
-    """
-
-    camera: Camera = "goal"
-    overlay: Overlay = field(default_factory=Overlay)
-    width: int = WIDTH
-    height: int = HEIGHT
-
+FILMED: Final = View("goal", Overlay(), WIDTH, HEIGHT)
+"""How videos look."""
 
 HOLD_FRAMES: Final = 20
 """Frames for which the end stands still, so that it can be read."""
@@ -134,7 +115,7 @@ class Video:
 def record_videos(
     config: EvaluationConfig,
     missing: Collection[tuple[str, str]] = (),
-    view: View = View(),
+    view: View = FILMED,
 ) -> tuple[list[Video], str | None]:
     """Film every entrant on every terrain, on the episodes that the evaluation names.
 
@@ -182,7 +163,7 @@ def record_video(
     terrain: Terrain,
     episode: Episode,
     index: int = 0,
-    view: View = View(),
+    view: View = FILMED,
 ) -> Video:
     """Film one entrant on one episode: its beginning (see `Pace`), and how it ends.
 
@@ -200,7 +181,7 @@ def record_video(
             ending = (time_s, outcome)
             if time_s <= camera.pace.longest_s + 1e-9:
                 picture = camera.take(body, episode)
-                shown = clock_text(time_s, camera.pace.frame_s * FPS) if view.overlay.clock else ""
+                shown = clock_text(time_s, camera.pace.frame_s * FPS) if view.drawn.clock else ""
                 pictures.append(titled(picture, entrant.name, shown))
     time_s, outcome = ending
     text = ending_text(outcome, time_s, camera.pace.longest_s)
@@ -221,16 +202,9 @@ class _Camera:
     """What takes the pictures of a body: of a fly its legs' doings too, of a worm its tensions."""
 
     def __init__(self, config: EnvConfig, view: View) -> None:
-        scene, size = config.scene, (view.width, view.height)
-        self._overlay = view.overlay
-        self._renderer: FlyRenderer | WormRenderer
-        if isinstance(scene, SceneConfig):
-            self.pace = FLY_PACE
-            self._renderer = FlyRenderer(scene, *size, view.camera, view.overlay)
-        else:
-            self.pace = WORM_PACE
-            camera = "follow" if view.camera == "goal" else view.camera
-            self._renderer = WormRenderer(scene, *size, camera)
+        self._overlay = view.drawn
+        self._renderer = make_renderer(config, view)
+        self.pace = FLY_PACE if config.creature == "fly" else WORM_PACE
 
     def take(self, body: FlyBatch | WormBatch, episode: Episode) -> Picture:
         """Take a picture of the first body of a batch."""

@@ -36,7 +36,7 @@ _MEANINGS: Final = {
 
 
 @dataclass(frozen=True)
-class Walk:
+class WalkVideo:
     """What is filmed.
 
     Attributes
@@ -72,22 +72,22 @@ class Walk:
 
 
 WALKS: Final = {
-    "walk_cpg_without_adhesion": Walk(
+    "walk_cpg_without_adhesion": WalkVideo(
         "CPG, without adhesion",
         controller="cpg",
         body=FlyConfig(adhesion_gain=0.0),
         overlay=Overlay(leg_colours=False, forces=True),
         coloured=(),
     ),
-    "walk_cpg": Walk("CPG, with adhesion", controller="cpg", overlay=Overlay(forces=True)),
-    "walk_rules": Walk("rule-based", controller="rule_based"),
-    "walk_hybrid": Walk(
+    "walk_cpg": WalkVideo("CPG, with adhesion", controller="cpg", overlay=Overlay(forces=True)),
+    "walk_rules": WalkVideo("rule-based", controller="rule_based"),
+    "walk_hybrid": WalkVideo(
         "hybrid: CPG and reflexes",
         terrain="mixed",
         duration_s=1.5,
         coloured=("grips", "retracts", "stumbles"),
     ),
-    "turn_video": Walk(
+    "turn_video": WalkVideo(
         "drive (1.2, 0.2)",
         drive=(1.2, 0.2),
         duration_s=1.5,
@@ -99,7 +99,7 @@ WALKS: Final = {
 """Walks of the literature, by the names of their videos."""
 
 
-def film_walk(walk: Walk) -> Film:
+def film_walk(walk: WalkVideo) -> Film:
     """Film a walk, a quarter as fast as life.
 
     Returns

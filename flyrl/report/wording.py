@@ -16,7 +16,7 @@ NOTHING: Final = 1e-9
 _SHARED: Final = {"goal": "goal", "command": "command", "pushes": "pushes"}
 """Fields of an episode that are named where they hold something."""
 
-_TAUGHT: Final = ("learned", "entry_point")
+_TAUGHT: Final = ("learned", "own")
 """Kinds of entrants that may have been trained."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # reading records takes no physics engine
     from flyrl.envs.core import BatchedEnv
 
 
+@runtime_checkable
 class Policy(Protocol):
     """What acts; the signature is Stable-Baselines3's."""
 

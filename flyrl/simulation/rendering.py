@@ -93,7 +93,8 @@ class FlyRenderer:
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
         self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
-        self._trace = Trace(config.terrain)
+        self._terrain = config.terrain
+        self._traces: dict[int, Trace] = {}
         self._markers = [i for i, prop in enumerate(config.props) if prop.at_goal]
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
         self._offscreen = Offscreen(self._model, width, height)
@@ -132,8 +133,9 @@ class FlyRenderer:
         """What is drawn into the scene; the trace goes on with every picture."""
         marks: list[Mark] = []
         if self._overlay.trace:
-            self._trace.add(self._data.time, thorax, flies.ground(sim))
-            marks += self._trace.marks()
+            trace = self._traces.setdefault(sim, Trace(self._terrain))
+            trace.add(self._data.time, thorax, flies.ground(sim))
+            marks += trace.marks()
         if self._overlay.forces:
             forces_w = flies.senses["contact_forces_w"][sim]
             marks += force_arrows(forces_w, self._data.xpos[self._feet])
@@ -203,8 +205,8 @@ class Offscreen:
             self._model, data, self._option, None, camera, everything, self._scene
         )
         for geom in self._scene.geoms[: self._scene.ngeom]:
-            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-                # decoration casts no shadow: the ground's own is speckles where shadows end
+            if geom.type in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD):
+                # decoration casts no shadow: the ground's own is speckles
                 geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         add_marks(marks, self._scene)
         mujoco.mjr_render(self._viewport, self._scene, self._context)

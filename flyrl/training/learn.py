@@ -1,11 +1,14 @@
 """Training itself: a config goes in, a run folder with a policy comes out."""
 
+import base64
+import html
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
+import pandas as pd
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import (
@@ -17,6 +20,7 @@ from stable_baselines3.common.logger import (
 from torch.utils.tensorboard import SummaryWriter
 
 from flyrl.envs.sb3 import FlyrlVecEnv
+from flyrl.policies import LearnedPolicy, load_bundle
 from flyrl.training.algorithms import OnPolicyConfig
 from flyrl.training.callback import GoesOn, RunCallback, fly_env
 from flyrl.training.checkpoint import restore_learner
@@ -33,7 +37,9 @@ from flyrl.training.runs import (
     held,
     read_record,
     read_rows,
+    read_run,
 )
+from flyrl.validation import one_of
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,35 @@ class Run:
     interrupted_by: int | None
     is_pruned: bool = False
     signal: int | None = None
+
+    def policy(self, which: Literal["best", "last"] = "best") -> LearnedPolicy:
+        """Load the policy with the best evaluation, or that of the end.
+
+        Raises
+        ------
+        PolicyFileError
+            The file cannot be read; of an interrupted run, there may be no best one yet.
+        """
+        one_of("which", which, ("best", "last"))
+        return LearnedPolicy(load_bundle(getattr(RunFolder(self.folder), which)))
+
+    @property
+    def learning_curve(self) -> pd.DataFrame:
+        """Evaluations on the held-out episodes, a row each.
+
+        Columns: `decisions` so far, `success_rate`, `mean_return`, `mean_duration_s`, `advance_mm`
+        along x, the task's mean errors, and totals of the reward's terms without their weights as
+        `unweighted_…`.
+        """
+        return pd.DataFrame(read_run(self.folder).evaluations)
+
+    def _repr_html_(self) -> str:
+        drawn = self.folder / "learning_curve.svg"
+        picture = ""
+        if drawn.exists():
+            data = base64.b64encode(drawn.read_bytes()).decode()
+            picture = f'<img alt="learning curve" src="data:image/svg+xml;base64,{data}">'
+        return f"<p>{html.escape(str(self.folder))}</p>{picture}"
 
 
 _LARGEST_WEIGHT: Final = 1e5

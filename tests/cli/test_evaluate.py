@@ -5,8 +5,8 @@ import pytest
 
 from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings
-from flyrl.cli.evaluate import training_evaluations
 from flyrl.evaluation import EvaluationConfig
+from flyrl.front.results import training_evaluations
 from tests.tiny import TINY_ARGUMENTS
 from tests.training.folders import make_run
 
@@ -149,7 +149,10 @@ def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_p
     asked = ("policies=[own_policies:broken]", "controllers=[zero]", "physics=fast", "folder=out")
     result = run_here("evaluate.py", *asked, *short)
     assert result.returncode == 1, result.stderr
-    assert "warning: broken is out on flat: ArithmeticError: out of ideas" in result.stderr
+    assert (
+        "warning: broken crashed on flat and is excluded there: ArithmeticError: out of ideas"
+        in result.stderr
+    )
     contents = json.loads((tmp_path / "out" / "results.json").read_text())
     assert [row["controller"] for row in contents["episodes"]] == ["zero"] * 3
     assert not (tmp_path / "out" / "parts").exists()

@@ -21,6 +21,17 @@ def test_a_walk_is_written_as_a_table(tmp_path, capsys):
     assert "mm along x" in capsys.readouterr().out
 
 
+def test_a_walk_is_drawn_and_written_by_kind(tmp_path, capsys):
+    files = {"npz": tmp_path / "walk.npz", "plot": tmp_path / "walk.svg"}
+    words = [word for kind, path in files.items() for word in (f"--{kind}", str(path))]
+    assert main([*SHORT, *words]) == 0
+    with np.load(files["npz"]) as arrays:
+        assert arrays["joints"].shape == (64, 42)
+    assert files["plot"].read_text().startswith("<?xml")
+    assert main([*SHORT, "--csv", "walk.txt"]) == 2
+    assert "--csv must name a file that ends in .csv" in capsys.readouterr().err
+
+
 def test_a_table_can_be_replayed(tmp_path, capsys):
     pd.DataFrame(POSE, columns=JOINTS).to_csv(tmp_path / "own.csv", index=False)
     np.savez(tmp_path / "own.npz", joints=POSE, adhesion=np.ones((3, 6)))

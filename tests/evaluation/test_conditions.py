@@ -95,7 +95,7 @@ def test_everyone_walks_under_every_condition(results):
     walked = list(columns.itertuples(index=False, name=None))
     expected = [(a, b, c) for a in labels for b in ("hybrid", "zero") for c in range(3)]
     assert walked == expected
-    assert [(row["condition"], row["controller"]) for row in results.summary] == [
+    assert [(row["condition"], row["controller"]) for row in results.summaries] == [
         (label, name) for label in labels for name in ("hybrid", "zero")
     ]
 

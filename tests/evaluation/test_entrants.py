@@ -293,6 +293,14 @@ def own_policies(tmp_path, monkeypatch):
         "    raise KeyError('nothing')\n"
         "def nothing(task):\n"
         "    return 3\n"
+        "def law(time_s, observation):\n"
+        "    return 0.5 + time_s, 1\n"
+        "def many(a, b, c):\n"
+        "    return 1, 1\n"
+        "class Kept:\n"
+        "    def predict(self, observation, state=None, episode_start=None, deterministic=True):\n"
+        "        return observation[:, :2], state\n"
+        "kept = Kept()\n"
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
@@ -310,9 +318,28 @@ def test_a_factory_of_a_users_own_makes_an_entrant(own_policies):
     np.testing.assert_allclose(TARGET.actions.commands(action), 0.5, atol=1e-6)
 
 
+def test_a_function_of_time_and_observation_is_an_entrant(own_policies):
+    config = EvaluationConfig(policies=("own_policies:law",), controllers=())
+    (entrant,) = make_entrants(config)
+    assert (entrant.name, entrant.record["source"]) == ("law", "own_policies:law")
+    size = sum(term.size for term in TARGET.observation)
+    first, state = entrant.policy.predict(np.zeros((1, size)))
+    second, _ = entrant.policy.predict(np.zeros((1, size)), state)
+    drives = TARGET.actions.commands(np.concatenate([first, second]))
+    np.testing.assert_allclose(drives, [[0.5, 1.0], [0.52, 1.0]], atol=1e-6)
+
+
+def test_an_object_that_predicts_is_an_entrant(own_policies):
+    config = EvaluationConfig(policies=("own_policies:kept",), controllers=())
+    (entrant,) = make_entrants(config)
+    assert entrant.policy.predict(np.ones((1, 3)))[0].shape == (1, 2)
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
+        ("own_policies:Kept", "must be an object with predict"),
+        ("own_policies:many", r"a function of \(time_s, observation\)"),
         ("own_policies:stedy", "did you mean 'steady'"),
         ("own_policies:broken", "raised KeyError: 'nothing'"),
         ("own_policies:nothing", "must return a policy with predict"),

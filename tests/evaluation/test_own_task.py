@@ -53,8 +53,8 @@ def test_its_error_is_a_metric(results):
     assert [*results.episodes.columns[-1:]] == ["way_off_mm"]
     # 7 or 8 of 10 decisions are walked, the others count 50
     assert (results.episodes["way_off_mm"] > 0.2 * 50).all()
-    assert results.summary[0]["metrics"]["way_off_mm"]["n"] == 12
-    assert list(METRICS) == [*results.summary[0]["metrics"]][:-1]
+    assert results.summaries[0]["metrics"]["way_off_mm"]["n"] == 12
+    assert list(METRICS) == [*results.summaries[0]["metrics"]][:-1]
 
 
 def test_its_outcome_is_told(results):
@@ -71,7 +71,7 @@ def test_it_is_decided_by_what_it_says(results):
     effects, decisive = results.protocol["smallest_effects"], ["way_off_mm"]
     (leader,) = find_leaders(results.episodes, 0.2, rng, effects, decisive)
     assert (leader.names, leader.metric) == (("zero",), "way_off_mm")
-    (paired,) = (row["paired"] for row in results.summary if row["paired"])
+    (paired,) = (row["paired"] for row in results.summaries if row["paired"])
     assert list(paired["differences"]) == compared
     assert results.protocol["reference"] == "zero"
 

@@ -36,7 +36,7 @@ def test_everyone_walks_the_same_episodes(results):
 def test_the_reference_is_the_one_that_was_asked_for(results):
     # the best is cpg
     assert results.protocol["reference"] == "zero"
-    compared = {row["controller"]: row["paired"] for row in results.summary}
+    compared = {row["controller"]: row["paired"] for row in results.summaries}
     assert compared["zero"] is None
     assert compared["cpg"]["reference"] == "zero"
 
@@ -80,7 +80,7 @@ def test_a_termination_of_a_users_own_is_an_outcome_of_its_own(tmp_path):
     task = extended(SHORT, {"mine:LATE": late}, {"progress": 0.1})
     results = evaluate(dataclasses.replace(CONFIG, task=task))
     assert set(results.episodes["outcome"]) == {"had_enough"}
-    assert results.summary[0]["outcomes"]["had_enough"] == 3
+    assert results.summaries[0]["outcomes"]["had_enough"] == 3
     assert results.protocol["terms"] == ["mine:LATE"]
     assert results.protocol["weights"]["progress"] == 0.1
     write_results(results, tmp_path)
@@ -103,7 +103,7 @@ def test_randomised_flies_are_the_same_for_everyone_and_on_record(tmp_path):
 
 
 def test_walking_beats_standing(results):
-    cpg, zero = results.summary
+    cpg, zero = results.summaries
     assert cpg["metrics"]["path_length_mm"]["median"] > 1.0
     assert zero["metrics"]["path_length_mm"]["median"] < 0.5
 
@@ -116,7 +116,7 @@ def test_results_come_back_from_their_files(results, tmp_path):
 def test_batches_and_threads_do_not_change_the_result(results):
     other = evaluate(dataclasses.replace(CONFIG, num_envs=2, num_threads=2))
     assert_frame_equal(other.episodes, results.episodes)
-    assert other.summary == results.summary
+    assert other.summaries == results.summaries
 
 
 @pytest.mark.parametrize("num_envs", [1, 64])
@@ -208,6 +208,6 @@ def test_an_interrupted_evaluation_goes_on_where_it_was(factory, tmp_path):
     factory.policy = EndsAfter(10, Ended())  # enough for that one alone
     resumed = evaluate(config, tmp_path)
     assert_frame_equal(resumed.episodes, whole.episodes)
-    assert resumed.summary == whole.summary
+    assert resumed.summaries == whole.summaries
     for path, other in zip(resumed.trajectories.values(), whole.trajectories.values(), strict=True):
         np.testing.assert_array_equal(path.position_w, other.position_w)

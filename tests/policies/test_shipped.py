@@ -77,7 +77,7 @@ def test_policy_solves_its_task_as_often_as_its_card_says_and_standing_does_not(
         episodes=EPISODES,
         seed=held_out["seed"] + 1,
     )
-    policy, zero = evaluate(config).summary
+    policy, zero = evaluate(config).summaries
     promised = held_out["results"][0]  # learned policies come first
     assert policy["success_rate"]["high"] >= promised["success_rate"]["low"]
     assert policy["successes"] > zero["successes"]

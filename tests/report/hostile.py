@@ -46,11 +46,11 @@ def hostile_results():
     results.drawn[HOSTILE[1]] = results.drawn.pop("flat")
     text = str.maketrans({"\x00": "", "\udc80": ""})  # figures are no XML with these: not loaded
     names = {"flat": HOSTILE[1], **{old: new.translate(text) for old, new in names.items()}}
-    for rows in (protocol["entrants"], protocol["terrains"], results.summary):
+    for rows in (protocol["entrants"], protocol["terrains"], results.summaries):
         for row in rows:
             keys = row.keys() & {"name", "controller", "terrain"}
             row.update({key: names[row[key]] for key in keys})
-    for row in results.summary:
+    for row in results.summaries:
         row["outcomes"] = dict.fromkeys(HOSTILE, 1)
         if row["paired"]:
             row["paired"]["reference"] = names[row["paired"]["reference"]]

@@ -41,11 +41,11 @@ def figures(results):
         }
 
     return {
-        "success": success_figure(results.summary),
+        "success": success_figure(results.summaries),
         "distributions": distributions_figure(
             results.episodes, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s", "return"]
         ),
-        "paired": paired_figure(results.episodes, results.summary, "flat", HORIZON_S),
+        "paired": paired_figure(results.episodes, results.summaries, "flat", HORIZON_S),
         "aligned": aligned_figure(walks("flat"), "flat"),
         "ground": ground_figure(walks("gapped"), gapped, gapped.compiled()),
     }
@@ -138,7 +138,7 @@ def test_an_outline_is_as_high_as_the_root_of_its_episodes():
 def test_doses_tell_success_in_per_cent():
     varied = make_results(("target-ppo", "hybrid"), episodes=3, vary={"push": (0, 8)})
     labels = ["push=0", "push=8"]
-    shown = texts(doses_figure(varied.summary, "flat", "push", labels, ["success"]))
+    shown = texts(doses_figure(varied.summaries, "flat", "push", labels, ["success"]))
     assert "success (%)" in shown
     assert {"0", "100"} <= set(shown)
 
@@ -159,24 +159,24 @@ def test_titles_of_paths_are_not_cut_off():
 
 
 def test_same_results_same_figure(results, figures):
-    assert success_figure(results.summary) == figures["success"]
+    assert success_figure(results.summaries) == figures["success"]
 
 
 def test_success_shows_counts(results, figures):
-    row = results.summary[0]
+    row = results.summaries[0]
     assert f"{row['successes']}/{row['episodes']}" in texts(figures["success"])
 
 
 def test_names_are_text_not_markup_nor_mathematics():
     results = make_results(("cpg", "hybrid"), episodes=2)
-    for row in results.summary:
+    for row in results.summaries:
         row["controller"] = row["controller"].replace("cpg", "<b>$x_1$&")
-    assert "<b>$x_1$&" in texts(success_figure(results.summary))
+    assert "<b>$x_1$&" in texts(success_figure(results.summaries))
 
 
 def test_no_comparison_no_paired_figure():
     results = make_results(("hybrid",), episodes=2)
-    assert paired_figure(results.episodes, results.summary, "flat", HORIZON_S) == ""
+    assert paired_figure(results.episodes, results.summaries, "flat", HORIZON_S) == ""
 
 
 def test_swarm_keeps_lonely_dots_on_the_line():

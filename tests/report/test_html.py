@@ -197,7 +197,7 @@ def varied():
     rows["success"] &= ~is_pushed
     rows["time_to_goal_s"] = rows["time_to_goal_s"].mask(is_pushed)
     summary = summarise(rows, "cpg", 3.0, np.random.default_rng(0), vary)
-    return replace(results, episodes=rows, summary=summary)
+    return replace(results, episodes=rows, summaries=summary)
 
 
 def test_a_report_with_conditions_names_them_wherever_it_ranks(varied):
@@ -217,7 +217,7 @@ def test_a_report_with_conditions_holds_the_interactions(varied):
     text = format_report(varied)
     table = text[text.index('id="interactions-flat"') :]
     cells = re.findall(r"<td.*?</td>", table[: table.index("</table>")], re.DOTALL)
-    rate = varied.summary[1]["success_rate"]["value"]
+    rate = varied.summaries[1]["success_rate"]["value"]
     assert "push=8" in cells[1]
     assert f'data-value="{-rate}"' in cells[2]  # all that it was better by is lost
 
@@ -231,7 +231,7 @@ def test_training_seeds_are_counted_with_a_caution_at_one():
 
 def test_nothing_is_claimed_of_an_unknown_training():
     known = {"name": "a", "kind": "learned", "training": {"settings": {"seed": 1}}}
-    unknown = {"name": "b", "kind": "entry_point"}
+    unknown = {"name": "b", "kind": "own"}
     assert held_out_text({"entrants": [known, unknown]}) == (
         "As recorded, a trained in flyrl, on episodes of other seeds. Nothing is recorded of the "
         "episodes that b may know."
@@ -264,11 +264,11 @@ def test_a_lead_in_success_is_told_in_per_cent():
 
 
 def test_rates_count_episodes(results):
-    text = rates(results.summary, results.protocol)
+    text = rates(results.summaries, results.protocol)
     flat, gapped = (
         next(
             row
-            for row in results.summary
+            for row in results.summaries
             if row["controller"] == "target-ppo" and row["terrain"] == terrain
         )
         for terrain in ("flat", "gapped")
@@ -282,7 +282,7 @@ def test_rates_count_episodes(results):
 
 def test_without_a_learned_policy_the_best_controller_is_spoken_of():
     results = make_results(("cpg", "hybrid", "pursuit"), episodes=8)
-    assert rates(results.summary, results.protocol).startswith("pursuit succeeds")
+    assert rates(results.summaries, results.protocol).startswith("pursuit succeeds")
 
 
 def test_the_command_is_shown_and_escaped(page, text):
@@ -296,7 +296,7 @@ def test_names_are_escaped():
     results.episodes["controller"] = (
         results.episodes["controller"].astype(str).str.replace("cpg", evil)
     )
-    for row in results.summary:
+    for row in results.summaries:
         row["controller"] = row["controller"].replace("cpg", evil)
     for entrant in results.protocol["entrants"]:
         entrant["name"] = entrant["name"].replace("cpg", evil)
@@ -360,7 +360,7 @@ def test_videos_are_carried_along():
 
 
 def test_results_without_paths_give_a_report_without_them(results):
-    bare = type(results)(results.protocol, results.episodes, results.summary)
+    bare = type(results)(results.protocol, results.episodes, results.summaries)
     text = format_report(bare)
     # the control loop, success; distributions and pairs of two terrains
     assert Page(text).count("svg") == 2 + 2 * 2
@@ -549,7 +549,7 @@ def test_the_matrix_tells_where_a_policy_was_trained(results):
     rates = [
         row["success_rate"]["value"]
         for terrain in ("flat", "gapped")
-        for row in results.summary
+        for row in results.summaries
         if (row["terrain"], row["controller"]) == (terrain, "target-ppo")
     ]
     # alone in its training: the other one was trained elsewhere

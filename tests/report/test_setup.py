@@ -26,7 +26,7 @@ LEGGED = ("policy", "leg controller")
 def results():
     results = copy.deepcopy(make_results(("target-ppo", "cpg"), episodes=2, reference="cpg"))
     results.protocol["entrants"][0]["training"] = TRAINING
-    for row in results.summary:
+    for row in results.summaries:
         row["metrics"]["work_nj_per_mm"].update(n=2, mean=12.5, q1=11.0, q3=14.0)
     return results
 
@@ -51,7 +51,7 @@ def test_gait_and_effort_have_a_table_of_the_metrics_that_somebody_has(results, 
     headings = [attrs.get("title", "") for tag, attrs in page.tags if tag == "th"]
     assert sum("work of the servos" in text for text in headings) == 1
     assert not any("duty" in text or "leg stands" in text for text in headings)
-    variation = results.summary[0]["metrics"]["drive_variation"]["mean"]
+    variation = results.summaries[0]["metrics"]["drive_variation"]["mean"]
     values = [attrs.get("data-value") for tag, attrs in page.tags if tag == "td"]
     assert "12.5" in values
     assert str(variation) in values

@@ -8,9 +8,10 @@ import pytest
 from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.metrics import METRICS
 from flyrl.evaluation.statistics import Interval
+from flyrl.evaluation.tables import differences_table, summary_table
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.sections import all_leaders
-from flyrl.report.tables import differences_table, format_tables, summary_table
+from flyrl.report.tables import format_tables
 from tests.synthetic import make_results
 
 
@@ -48,9 +49,9 @@ def test_files_have_plain_names(files):
 def test_the_summary_has_a_row_per_controller_and_terrain(results, files):
     found = list(csv.DictReader(io.StringIO(files["summary.csv"])))
     assert [(row["terrain"], row["controller"]) for row in found] == [
-        (row["terrain"], row["controller"]) for row in results.summary
+        (row["terrain"], row["controller"]) for row in results.summaries
     ]
-    for row, expected in zip(found, results.summary, strict=True):
+    for row, expected in zip(found, results.summaries, strict=True):
         assert float(row["success_rate_low"]) == expected["success_rate"]["low"]
         speed = expected["metrics"]["speed_mm_s"]
         for key in ("median", "q1", "q3"):
@@ -60,10 +61,10 @@ def test_the_summary_has_a_row_per_controller_and_terrain(results, files):
 
 
 def test_differences_tell_all_there_is_to_know(results):
-    table = differences_table(results.summary)
+    table = differences_table(results.summaries)
     assert len(table) == 2 * 2 * 4  # terrains, controllers, metrics
     row = table[(table["controller"] == "target-ppo") & (table["metric"] == "return")].iloc[1]
-    expected = results.summary[3]["paired"]["differences"]["return"]
+    expected = results.summaries[3]["paired"]["differences"]["return"]
     assert (row["terrain"], row["reference"], row["pairs"]) == ("gapped", "hybrid", 6)
     assert row["low"] == expected["low"] < row["difference"] < row["high"]
     assert row["p_corrected"] == expected["p_adjusted"]
@@ -106,7 +107,7 @@ def test_all_latex_is_whole(files):
 
 def test_names_are_escaped():
     results = make_results(("cpg", "hybrid"), episodes=2)
-    for row in results.summary:
+    for row in results.summaries:
         row["controller"] = row["controller"].replace("cpg", "50%_a&b<c")
     text = tables(results)["summary.tex"]
     assert r"50\%\_a\&b$<$c & 0" in text
@@ -116,7 +117,7 @@ def test_names_are_escaped():
 def test_no_name_is_latex_or_a_formula(terrain):
     results = make_results(("cpg", "hybrid"), episodes=2)
     name = "=\\input{a}\n\n$x^2$~"
-    for row in results.summary:
+    for row in results.summaries:
         row["terrain"] = terrain
         row["controller"] = row["controller"].replace("cpg", name)
     files = format_tables(results, all_leaders(results))
@@ -135,7 +136,7 @@ def test_every_metric_has_a_label():
 def test_numbers_in_latex_are_short(results):
     results = copy.deepcopy(results)
     (row,) = (
-        row for row in results.summary if row["controller"] == "cpg" and row["terrain"] == "flat"
+        row for row in results.summaries if row["controller"] == "cpg" and row["terrain"] == "flat"
     )
     row["success_rate"] = {"value": 0.5, "low": 0.25, "high": 0.75}
     row["metrics"]["return"] = {"n": 2, "median": 0, "mean": -1.234, "q1": -2.0, "q3": 34.56}
@@ -167,7 +168,7 @@ def test_conditions_have_their_column(results, files):
     assert [row[:2] for row in rows(told["leaders.tex"])[1:]] == [
         ["flat", "push=0"], ["flat", "push=8"]
     ]  # fmt: skip
-    assert len(summary_table(varied.summary)) == 2 * 2
+    assert len(summary_table(varied.summaries)) == 2 * 2
 
 
 def test_one_controller_alone_has_no_differences():

@@ -1,31 +1,29 @@
-"""The front door: what most users of flyrl call, as `flyrl.walk`, `flyrl.make` and the like."""
+"""Walks of one fly: recorded, as a table, and filmed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import gymnasium
 import numpy as np
 import pandas as pd
-from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
 from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.registration import ENV_IDS, own_spec
-from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.files import write_bytes
+from flyrl.front.recordings import save_table
 from flyrl.report.video import FPS, encode
+from flyrl.report.walk_figure import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
-from flyrl.simulation.state import FlyState
-from flyrl.tasks import RUNNING, Task, TaskSettings, task_from
+from flyrl.simulation.state import FlyState, LegStates
+from flyrl.tasks import RUNNING
 from flyrl.tasks.terms import thorax
 from flyrl.validation import float_array, positive
 
@@ -35,52 +33,6 @@ Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLi
 
 FRAME_S: Final = 0.01
 """Simulated time between two pictures of a video, s: a quarter of real time."""
-
-
-def make(task: TaskSettings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
-    """Make a Gymnasium environment of a task, as `gymnasium.make` does by its id.
-
-    Parameters
-    ----------
-    task
-        As `EnvConfig` takes it: a name, e.g. "target", or module:function of your own, a task
-        function, a table, or a mapping.
-    settings
-        Arguments of `EnvConfig`, settings of the task, e.g. distance=(3, 30), and arguments of
-        `gymnasium.make`.
-    """
-    return gymnasium.make(_spec(task), **settings)
-
-
-def make_vec(
-    task: TaskSettings | Task, num_envs: int = 1, **settings: Any
-) -> gymnasium.vector.VectorEnv:
-    """Make a Gymnasium vector environment of a task; arguments as in `make`."""
-    return gymnasium.make_vec(_spec(task), num_envs=num_envs, **settings)
-
-
-def make_sb3(task: TaskSettings | Task, num_envs: int = 1, **settings: Any) -> FlyrlVecEnv:
-    """Make a Stable-Baselines3 VecEnv of a task.
-
-    Parameters
-    ----------
-    task
-        As in `make`.
-    num_envs
-        Number of flies.
-    settings
-        Arguments of `EnvConfig`, settings of the task, and arguments of `FlyrlVecEnv`.
-    """
-    return FlyrlVecEnv(None, num_envs, task=task, **settings)
-
-
-def _spec(task: TaskSettings | Task) -> str | EnvSpec:
-    """Id of a built-in task, or what Gymnasium makes another one from."""
-    ids = {name: env_id for env_id, name in ENV_IDS.items()}
-    if isinstance(task, str) and task in ids:
-        return ids[task]
-    has_goals = (task if isinstance(task, Task) else task_from(task)).has_goals
-    return own_spec(task, has_goals)
 
 
 def walk(
@@ -187,17 +139,19 @@ def _record(config: EnvConfig, commands: Commands, num_steps: int, every: float,
     env = BatchedEnv(replace(config, decision_interval=per_decision * timestep), 1, 1)
     observation = env.reset(seeds=[seed])
     states, rows, outcome = [env.flies.state()], [env.flies.integration_state()[0]], RUNNING
+    legs = [env.flies.leg_states(0)]
     for step in range(0, num_steps, per_decision):
         seen = {name: values[0] for name, values in dict(observation).items()}
         transition = env.step(commands(step, step * timestep, seen)[None])
         observation = transition.observation
         if (step + per_decision) % per_sample == 0:
             states.append(env.flies.state())
+            legs.append(env.flies.leg_states(0))
             rows.append(env.flies.integration_state()[0])
         if transition.done[0]:
             outcome = str(transition.outcome[0])
             break
-    return Walk(env, states, np.array(rows), outcome)
+    return Walk(env, states, legs, np.array(rows), outcome)
 
 
 @dataclass(frozen=True)
@@ -210,6 +164,8 @@ class Walk:
         What simulated it.
     states
         The fly at every sample, the first at its start.
+    legs
+        What its legs did at every sample: grip, and reflexes.
     rows
         MuJoCo's integration state at every sample, (T, size).
     outcome
@@ -218,6 +174,7 @@ class Walk:
 
     env: BatchedEnv
     states: list[FlyState]
+    legs: list[LegStates]
     rows: Array
     outcome: str
 
@@ -228,7 +185,8 @@ class Walk:
         `yaw_rad`, `pitch_rad`, `roll_rad`; the command by its names; of every joint its angle,
         rad, by its name, and `torque_…`, µN·mm; of every leg `phase_…`, `magnitude_…`,
         `adhesion_…`, `stance_…` (on the ground, and its tip at rest: hind legs brush the ground
-        as they swing) and the ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame.
+        as they swing), `retracts_…` and `stumbles_…` (1 while a reflex corrects it), and the
+        ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame.
         """
         of = _stacked(self.states)
         fly = np.stack([thorax(_Seen(state)) for state in self.states])[:, 0]  # type: ignore[arg-type]
@@ -254,6 +212,9 @@ class Walk:
             columns[f"magnitude_{leg}"] = of["magnitudes"][:, i]
             columns[f"adhesion_{leg}"] = of["adhesion"][:, i]
             columns[f"stance_{leg}"] = stance[:, i]
+            for reflex in ("retracts", "stumbles"):
+                corrected = [getattr(each, reflex)[i] for each in self.legs]
+                columns[f"{reflex}_{leg}"] = np.array(corrected, dtype=np.float64)
             for axis, name in enumerate("xyz"):
                 columns[f"f{name}_{leg}"] = forces[:, i, axis]
         return pd.DataFrame(columns)
@@ -267,6 +228,44 @@ class Walk:
         rests = moved < STANCE_SPEED * np.diff(time)[:, None]
         stance: Array = grounded * np.concatenate([np.ones((1, NUM_LEGS)), rests])
         return stance
+
+    def plot(self, joints: Sequence[str] = SHOWN_JOINTS) -> WalkFigure:
+        """Draw speed, angles of some joints, and which legs stand, over the time.
+
+        Parameters
+        ----------
+        joints
+            Names in `flyrl.anatomy.JOINTS`; none leaves their panel out.
+
+        Returns
+        -------
+        A figure of matplotlib, for `savefig`; a notebook shows it.
+
+        Raises
+        ------
+        ValueError
+            There is no such joint.
+        """
+        return walk_figure(self.frame(), joints)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the table to a file: ".csv", ".npz", ".parquet" or ".nwb", by its suffix.
+
+        Parameters
+        ----------
+        path
+            See `flyrl.front.recordings.save_table` for what each holds.
+
+        Raises
+        ------
+        ValueError
+            Another suffix; or a package that it takes is missing, the message says how to get it.
+        OSError
+            The file cannot be written.
+        """
+        scene = self.env.config.fly_scene
+        about = f"{scene.controller.name} controller on {scene.terrain.label} ground"
+        return save_table(path, self.frame(), about)
 
     def _repr_html_(self) -> str:
         return self.frame().head().to_html() + f"<p>{len(self.rows)} samples; {self.outcome}</p>"

@@ -1,4 +1,4 @@
-"""The front door: walks with their tables, recordings replayed, environments by task."""
+"""Walks with their tables and videos, and recordings replayed."""
 
 import numpy as np
 import pytest
@@ -43,6 +43,13 @@ def test_stance_is_less_than_contact_and_legs_stand_about_half_of_the_time(walk)
         stands = table[f"stance_{leg}"].to_numpy(dtype=bool)
         assert (stands <= in_contact).all()
         assert 0.3 < stands.mean() < 0.9
+
+
+def test_reflexes_of_the_hybrid_controller_are_in_the_table_and_a_cpg_has_none(walk):
+    reflexes = "^(retracts|stumbles)_"
+    mixed = flyrl.walk("hybrid", terrain="mixed", seconds=0.3).frame()
+    assert set(np.unique(mixed.filter(regex=reflexes))) == {0.0, 1.0}
+    assert not walk.frame().filter(regex=reflexes).to_numpy().any()
 
 
 def test_a_drive_may_be_a_function_of_time_and_observation():
@@ -103,11 +110,3 @@ def test_a_walk_is_filmed(walk, tmp_path):
         pytest.skip(str(error))
     assert path.stat().st_size > 1000
     assert b"ftyp" in path.read_bytes()[:16]
-
-
-def test_environments_by_task():
-    assert flyrl.make("target", terrain="blocks").spec.id == "flyrl/Target-v0"
-    assert flyrl.make_vec("target", num_envs=2).num_envs == 2
-    assert flyrl.make_sb3("target", num_envs=2, terrain="blocks").num_envs == 2
-    with pytest.raises(ValueError, match="did you mean 'target'"):
-        flyrl.make("targt")

@@ -1,0 +1,314 @@
+"""Evaluations: policies and controllers on the same episodes, their tables and their report."""
+
+from __future__ import annotations
+
+import html
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Final
+
+from flyrl.controllers import Controller
+from flyrl.entry_points import is_entry_point, load_module
+from flyrl.envs.config import UnexpectedArgumentError
+from flyrl.envs.record import env_record, plain
+from flyrl.evaluation import (
+    EvaluationConfig,
+    Results,
+    drop_parts,
+    measure_drive_map,
+    measure_steering,
+    walk_examples,
+    write_results,
+)
+from flyrl.evaluation import evaluate as walk_episodes
+from flyrl.files import OutputFolder, write_text
+from flyrl.policies.laws import is_law
+from flyrl.progress import progress_bar as make_bar
+from flyrl.report import record_videos, write_report
+from flyrl.report.html import REPORT_FILE, Additions, format_report
+from flyrl.report.video import FILMED
+from flyrl.simulation.rendering import Camera
+from flyrl.tasks import Task, TaskSettings
+from flyrl.training.learn import Run
+from flyrl.training.runs import is_run, read_run
+from flyrl.validation import did_you_mean
+
+_GROUPS: Final = ("task", "body", "physics", "randomisation")
+"""Of an environment's record, what an evaluation is composed of."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Comparison(Results):
+    """Results of an evaluation that was walked in this process, and can be filmed.
+
+    Attributes
+    ----------
+    config
+        What was asked for.
+    """
+
+    config: EvaluationConfig
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether everyone is in it: who crashed on a terrain is excluded there."""
+        return not self.protocol["crashes"]
+
+    def report(
+        self,
+        path: str | Path = "report.html",
+        *,
+        videos: bool = True,
+        camera: Camera = "goal",
+        close_ups: bool = True,
+        drive_map: bool = True,
+    ) -> Path:
+        """Write the report to one HTML file that needs no other; return its path.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        videos
+            Whether to film everyone, where a GL library can be used.
+        camera
+            From where they are filmed: "goal", "follow" or "top".
+        close_ups
+            Whether to show gait diagrams, curves over time, and what drives do.
+        drive_map
+            Whether these close-ups hold what each drive makes of a fly.
+
+        Raises
+        ------
+        ValueError
+            There is no such camera.
+        OSError
+            The file cannot be written.
+        """
+        path = Path(path)
+        shown = self._additions(videos, camera, close_ups, drive_map)
+        write_text(path, format_report(self, **shown))
+        return path
+
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        videos: bool = True,
+        camera: Camera = "goal",
+        close_ups: bool = True,
+        drive_map: bool = True,
+    ) -> Path:
+        """Write all that `python evaluate.py` writes to a folder; return the report's path.
+
+        That is results.json, episodes.csv and trajectories.npz, report.html, and the report's
+        figures and tables as files.
+
+        Parameters
+        ----------
+        folder
+            Made if missing.
+        videos, camera, close_ups, drive_map
+            As in `report`.
+
+        Raises
+        ------
+        OSError
+            The folder cannot be written to, or holds such a file that flyrl did not write.
+        """
+        folder = Path(folder)
+        OutputFolder(folder).check_free(REPORT_FILE)
+        write_results(self, folder)
+        drop_parts(folder)
+        shown = self._additions(videos, camera, close_ups, drive_map)
+        return write_report(self, folder, **shown)
+
+    def _additions(
+        self, videos: bool, camera: Camera, close_ups: bool, drive_map: bool
+    ) -> Additions:
+        """What the report shows beside the results."""
+        config = self.config
+        missing = {(crash["controller"], crash["terrain"]) for crash in self.protocol["crashes"]}
+        view = replace(FILMED, camera=camera)
+        filmed, note = record_videos(config, missing, view) if videos else ([], None)
+        with make_bar(1, is_shown=config.progress, unit=" parts", description="reporting") as bar:
+            terrain = config.terrain_configs[0]
+            has_map = close_ups and drive_map and config.legs is not None
+            additions = Additions(
+                videos=filmed,
+                examples=walk_examples(config, self.examples) if close_ups else [],
+                drive_map=measure_drive_map(config, terrain) if has_map else None,
+                steering=measure_steering(config, terrain) if close_ups else None,
+                curves=training_evaluations(self.protocol["entrants"]),
+                note=note,
+            )
+            bar.update()
+        return additions
+
+    def _repr_html_(self) -> str:
+        shown = self.summary[["terrain", "condition", "controller", "episodes", "success_rate"]]
+        crashes = "".join(
+            f"<p>{html.escape(each['controller'])} crashed on {html.escape(each['terrain'])} "
+            f"and is excluded there: {html.escape(each['error'])}</p>"
+            for each in self.protocol["crashes"]
+        )
+        return shown.to_html(index=False) + crashes
+
+
+def evaluate(
+    entrants: Any = None,
+    task: TaskSettings | Task = "target",
+    *,
+    terrains: Sequence[Any] = ("flat",),
+    episodes: int = 50,
+    folder: str | Path | None = None,
+    progress_bar: bool = True,
+    **settings: Any,
+) -> Comparison:
+    """Let policies and controllers walk the same episodes, with the bits of `evaluate.py`.
+
+    Parameters
+    ----------
+    entrants
+        One or several of: a run; the name of a fixed controller ("cpg", "hybrid", "pursuit", …);
+        that of a policy that comes with flyrl ("target-flat"), a run folder or a policy file; a
+        function `(time_s, observation) -> drive`; an object with the `predict` of
+        Stable-Baselines3 (see `flyrl.evaluation.own.own_policy`); any of these, or a leg controller
+        of your own, as module:attribute. None takes the fixed controllers that go with the task.
+    task
+        Name of the task, a mapping with its name and parameters, or a task of your own.
+    terrains
+        Names, or configs.
+    episodes
+        Per terrain; the same ones for everybody.
+    folder
+        Where each batch of episodes is kept until all are done, so that the same evaluation goes on
+        from there after an interruption; `write` it there in the end. None keeps nothing.
+    progress_bar
+        Whether to draw one on stderr.
+    settings
+        Of `EvaluationConfig`: `seed`, `body`, `physics`, `randomisation`, `vary`, `reference`, …
+
+    Raises
+    ------
+    TypeError
+        A setting that does not exist; the message names the closest one. A ValueError, too.
+    ValueError
+        An entrant or a value that cannot be used; or every entrant raised an error.
+    """
+    known = [item.name for item in fields(EvaluationConfig)]
+    known = [name for name in known if name not in _OWN_ARGUMENTS]
+    for name in settings:
+        if name not in known:
+            raise UnexpectedArgumentError(
+                f"an evaluation has no setting {name!r}{did_you_mean(name, known)} (allowed: "
+                f"{', '.join(known)})",
+                name,
+            )
+    config = EvaluationConfig(
+        **_entrants(entrants),
+        task=task,
+        terrains=(terrains,) if isinstance(terrains, str) else tuple(terrains),
+        episodes=episodes,
+        progress=progress_bar,
+        **settings,
+    )
+    return compare(replace(config, settings=_record(config)), folder)
+
+
+_OWN_ARGUMENTS: Final = ("policies", "controllers", "progress", "command", "settings")
+"""Fields of an EvaluationConfig that have arguments of other names, or none."""
+
+
+def compare(config: EvaluationConfig, folder: str | Path | None = None) -> Comparison:
+    """Let everyone walk the episodes; warn on stderr of those who crashed.
+
+    Parameters
+    ----------
+    config
+        Who, where, how often.
+    folder
+        As in `evaluate`.
+
+    Raises
+    ------
+    ValueError, OSError
+        As `flyrl.evaluation.evaluate` does.
+    """
+    results = walk_episodes(config, folder)
+    for crash in results.protocol["crashes"]:
+        print(
+            f"warning: {crash['controller']} crashed on {crash['terrain']} and is excluded there: "
+            f"{crash['error']}",
+            file=sys.stderr,
+        )
+    return Comparison(**vars(results), config=config)
+
+
+def _entrants(given: Any) -> dict[str, Any]:
+    """Policies and fixed controllers of an EvaluationConfig."""
+    if given is None:
+        return {"policies": (), "controllers": None}
+    if isinstance(given, str | Path | Run) or not isinstance(given, Iterable):
+        given = [given]
+    names = [_named(each) for each in given]
+    return {
+        "policies": tuple(name for name in names if not _is_fixed(name)),
+        "controllers": tuple(name for name in names if _is_fixed(name)),
+    }
+
+
+def _named(entrant: Any) -> Any:
+    """An entrant as an EvaluationConfig takes it: runs and paths by their path."""
+    if isinstance(entrant, Run):
+        return str(entrant.folder)
+    return str(entrant) if isinstance(entrant, Path) else entrant
+
+
+def _is_fixed(entrant: Any) -> bool:
+    """Whether it is the name of a fixed controller: built in, or a class of the user's own."""
+    if not isinstance(entrant, str) or Path(entrant).exists():
+        return False
+    if is_entry_point(entrant):
+        defined = load_module(entrant, "entrants", "my_lab:law").get(entrant.partition(":")[2])
+        return isinstance(defined, type) and issubclass(defined, Controller)
+    return is_law(entrant)
+
+
+def _record(config: EvaluationConfig) -> dict[str, Any]:
+    """Settings from which `flyrl reproduce` repeats the evaluation; none with things of Python's.
+
+    Keyed as `configs/evaluate.yaml` is.
+    """
+    is_named = isinstance(config.task, str | Mapping)
+    if not is_named or not all(isinstance(each, str) for each in config.policies):
+        return {}
+    env = env_record(config.env(config.terrains[0]))
+    own = {
+        item.name: plain(getattr(config, item.name))
+        for item in fields(config)
+        if item.name not in (*_GROUPS, "terrains", "progress", "command", "settings")
+    }
+    terrains = [env_record(config.env(terrain))["terrain"] for terrain in config.terrains]
+    return {**{key: env[key] for key in _GROUPS}, **own, "terrains": terrains}
+
+
+def training_evaluations(
+    entrants: Sequence[Mapping[str, Any]],
+) -> dict[str, Sequence[Mapping[str, float]]]:
+    """Held-out evaluations during training, by entrant; of those alone that come from a run folder.
+
+    Parameters
+    ----------
+    entrants
+        Of the protocol of results.
+    """
+    folders = {
+        entrant["name"]: Path(entrant["source"]).parent
+        for entrant in entrants
+        if entrant["kind"] == "learned"
+    }
+    runs = {name: read_run(folder) for name, folder in folders.items() if is_run(folder)}
+    return {name: run.evaluations for name, run in runs.items() if run.evaluations}

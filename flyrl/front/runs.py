@@ -1,0 +1,123 @@
+"""Trainings: settings go in, a run comes out."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from flyrl.evaluation import EvaluationConfig
+from flyrl.files import write_bytes
+from flyrl.report import record_videos, write_learning_curve
+from flyrl.tasks import Task, TaskSettings
+from flyrl.training.config import TrainingConfig
+from flyrl.training.keywords import config_from_keywords
+from flyrl.training.learn import Run
+from flyrl.training.learn import resume as go_on
+from flyrl.training.learn import train as start
+from flyrl.training.loggers import LoggerConfig
+from flyrl.training.run_folder import RunFolder
+from flyrl.training.runs import read_run, training_returns
+
+
+class TrainingInterrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM ended a training in order: policy and checkpoint are saved.
+
+    Attributes
+    ----------
+    run
+        The run as far as it came; `resume=` goes on with it, here or in `python train.py`.
+    """
+
+    def __init__(self, run: Run) -> None:
+        state = "is finished" if run.interrupted_by is None else "can be resumed"
+        super().__init__(f"interrupted; the run {state}: {run.folder}")
+        self.run = run
+
+
+def train(
+    task: TaskSettings | Task = "target",
+    algo: str = "ppo",
+    *,
+    seed: int = 0,
+    total_timesteps: int | None = None,
+    logger: str | LoggerConfig | None = None,
+    runs_folder: str | Path = "runs",
+    resume: str | Path | Run | None = None,
+    video_after: bool = True,
+    **settings: Any,
+) -> Run:
+    """Train a policy, with the bits of `python train.py` with the same settings.
+
+    Parameters
+    ----------
+    task
+        Name of the task, e.g. "target", or a task of your own.
+    algo
+        Name of the algorithm, e.g. "ppo" or "sac".
+    seed
+        Of the network, the exploration and the episodes.
+    total_timesteps
+        Decisions to collect, over all flies.
+    logger
+        "wandb", "mlflow" or settings of one: where the metrics go beside the run folder.
+    runs_folder
+        Folder in which the run's own folder is made.
+    resume
+        An interrupted run of the same settings, or its folder: it goes on from its latest
+        checkpoint, and ends with the bits of an uninterrupted one.
+    video_after
+        Whether to film the best policy on a held-out episode, where a GL library can be used.
+    settings
+        Settings of the environment (`terrain`, `controller`, `physics`, …: see `EnvConfig`), of
+        the task (`distance`, …: docs/tasks.md), of the algorithm (`learning_rate`, `gamma`, …: docs/settings.md) and of the schedule
+        (`num_envs`, `evaluation_interval`, `progress_bar`, …: see `ScheduleConfig`). Those that
+        are not given are the ones tuned for task and algorithm, else the usual ones.
+
+    Returns
+    -------
+    The run.
+
+    Raises
+    ------
+    TypeError
+        A setting that does not exist; the message names the closest one. A ValueError, too.
+    ValueError
+        A value that is not allowed, a run that cannot be resumed, or the training diverged.
+    TrainingInterrupted
+        After Ctrl-C or SIGTERM, with the run as far as it came. A KeyboardInterrupt.
+    """
+    config = config_from_keywords(
+        task, algo, seed=seed, total_timesteps=total_timesteps, logger=logger, **settings
+    )
+    at_end = partial(illustrate, config, with_video=video_after)
+    if resume is None:
+        run = start(config, runs_folder, at_end=at_end)
+    else:
+        folder = resume.folder if isinstance(resume, Run) else resume
+        run = go_on(config, folder, at_end=at_end)
+    if run.signal is not None:  # what follows shall not start, even if the run came to its end
+        raise TrainingInterrupted(run)
+    return run
+
+
+def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:
+    """Draw the learning curve into the run folder; at the end, film the best policy too."""
+    folder = finished.folder
+    write_learning_curve(folder, read_run(folder).evaluations, training_returns(folder))
+    best = RunFolder(folder).best
+    if with_video and finished.interrupted_by is None and best.exists():
+        scene = config.env.scene
+        episodes = EvaluationConfig(
+            policies=(str(best),),
+            controllers=(),
+            task=config.env.resolved_task,
+            terrains=(scene.terrain,),
+            body=scene.body,
+            physics=scene.physics,
+            randomisation=config.env.resolved_randomisation,
+            episodes=1,
+        )
+        videos, _ = record_videos(episodes)
+        for video in videos:
+            write_bytes(folder / "best.mp4", video.mp4)

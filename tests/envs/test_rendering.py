@@ -1,0 +1,103 @@
+"""Pictures of environments: camera, size, and what is drawn beside the fly."""
+
+import copy
+
+import gymnasium
+import numpy as np
+import pytest
+
+import flyrl
+from flyrl.simulation.overlay import EVERYTHING
+from flyrl.simulation.rendering import RenderingUnavailableError
+
+SIZE = {"width": 160, "height": 120}
+
+
+def picture(env, steps=6):
+    env.reset(seed=0)
+    try:
+        env.render()  # where a path begins
+        for _ in range(steps):
+            env.step(np.float32([0.5, 0.5]))
+        return env.render().astype(int)
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    finally:
+        env.close()
+
+
+def make(**settings):
+    return gymnasium.make("flyrl/Target-v0", render_mode="rgb_array", **SIZE, **settings)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return picture(make())
+
+
+def test_pictures_have_the_size_that_is_asked_for(plain):
+    assert plain.shape == (120, 160, 3)
+
+
+def test_the_camera_is_chosen(plain):
+    assert np.abs(picture(make(camera="top")) - plain).mean() > 5
+
+
+@pytest.mark.parametrize("name", ["leg_colours", "trace", "forces"])
+def test_grip_reflexes_path_and_forces_are_drawn_if_asked(plain, name):
+    changed = np.abs(picture(make(overlay=[name])) - plain).max(axis=2) > 20
+    assert 0 < changed.mean() < 0.5
+
+
+def test_an_overlay_may_be_given_whole(plain):
+    whole = picture(make(overlay=EVERYTHING))
+    assert (np.abs(whole - picture(make(overlay=["leg_colours", "trace", "forces"])))).max() == 0
+
+
+def test_a_copy_draws_alike(plain):
+    env = make(camera="top")
+    np.testing.assert_array_equal(picture(copy.deepcopy(env)), picture(env))
+
+
+def test_flies_of_a_batch_are_drawn_as_alone():
+    view = {"render_mode": "rgb_array", "overlay": ["trace"], "camera": "top", **SIZE}
+    envs = flyrl.make_vec("target", num_envs=2, **view)
+    single = flyrl.make("target", **view)
+    envs.reset(seed=5)
+    single.reset(seed=6)
+    try:
+        for _ in range(3):
+            envs.step(np.zeros((2, 2), np.float32))
+            single.step(np.zeros(2, np.float32))
+            both, alone = envs.render(), single.render()
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    np.testing.assert_array_equal(both[1], alone)
+    envs.close()
+    single.close()
+
+
+def test_sb3s_environments_take_them_too():
+    venv = flyrl.make_sb3("target", num_envs=1, render_mode="rgb_array", camera="top", **SIZE)
+    venv.reset()
+    try:
+        (image,) = venv.get_images()
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    assert image.shape == (120, 160, 3)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"camera": "topp"}, "camera must be one of .* did you mean 'top'"),
+        ({"overlay": ["forcs"]}, "overlay must be one of .* did you mean 'forces'"),
+        ({"overlay": ["clock"]}, "overlay must be one of 'target', 'leg_colours', 'trace'"),
+        ({"overlay": "forces"}, "overlay must be an Overlay, or a list of target"),
+        ({"width": 0}, "width must be a whole number from 1 to 4096"),
+        ({"camra": "top"}, "did you mean 'camera'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_when_the_environment_is_made(given, message):
+    with pytest.raises(ValueError, match=message):
+        gymnasium.make("flyrl/Target-v0", **given)

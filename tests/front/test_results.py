@@ -1,0 +1,143 @@
+"""Evaluations from Python: the bits of the command line, tables, reports, entrants of all kinds."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import flyrl
+from flyrl.evaluation.rows import episodes_digest
+from flyrl.policies import ConstantDrive
+from flyrl.report import read_origin
+from flyrl.tasks import TASKS
+
+SHORT = {"physics": "fast", "episodes": 2, "progress_bar": False, "num_threads": 1}
+NO_EXTRAS = {"videos": False, "close_ups": False}
+
+
+def turning(time_s, observation):
+    """To the left for a tenth of a second, then to the right."""
+    return (0.4, 1.2) if time_s < 0.1 else (1.2, 0.4)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return flyrl.evaluate(["cpg", "target-flat", turning, "zero"], terrains=["flat"], **SHORT)
+
+
+def test_python_and_command_line_walk_the_same_bits(run_here, tmp_path):
+    ours = flyrl.evaluate(["cpg", "target-flat"], "target", terrains=["flat", "mixed"], **SHORT)
+    done = run_here(
+        "evaluate.py", "policies=[target-flat]", "controllers=[cpg]", "terrains=[flat,mixed]",
+        "physics=fast", "episodes=2", "progress_bar=false", "num_threads=1", "videos=false",
+        "close_ups=false", "folder=there",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert (
+        "".join(flyrl.evaluation.rows.csv_text(ours.episodes))
+        == (tmp_path / "there" / "episodes.csv").read_text()
+    )
+    theirs = flyrl.evaluation.load_results(tmp_path / "there")
+    pd.testing.assert_frame_equal(ours.summary, theirs.summary)
+    pd.testing.assert_frame_equal(ours.differences, theirs.differences)
+
+
+def test_results_are_tables(results):
+    assert len(results.episodes) == 4 * 2
+    assert list(results.summary.controller) == ["target-flat", "turning", "cpg", "zero"]
+    assert list(results.summary.episodes) == [2] * 4
+    mean = results.episodes[results.episodes.controller == "cpg"].speed_mm_s.mean()
+    cpg = results.summary.set_index("controller").loc["cpg"]
+    assert cpg.speed_mm_s_mean == pytest.approx(mean)
+    assert set(results.differences.reference) == {"cpg"}
+
+
+def test_results_show_themselves_in_a_notebook(results):
+    shown = results._repr_html_()
+    assert "<td>turning</td>" in shown
+    assert "success_rate" in shown
+
+
+def test_a_report_is_one_file(results, tmp_path):
+    path = results.report(tmp_path / "mine.html", **NO_EXTRAS)
+    assert path == tmp_path / "mine.html"
+    assert [each.name for each in tmp_path.iterdir()] == ["mine.html"]
+    assert read_origin(path)["episodes_sha256"] == episodes_digest(results.episodes)
+
+
+def test_what_a_report_holds_can_be_repeated(run_here, tmp_path):
+    walked = flyrl.evaluate(
+        ["zero", "target-flat"], terrains=["random_blocks"], vary={"friction": [1, 2]}, **SHORT
+    )
+    walked.report(tmp_path / "mine.html", **NO_EXTRAS)
+    done = run_here("flyrl", "reproduce", "mine.html")
+    assert done.returncode == 0, done.stderr
+    assert "identical, bit for bit" in done.stdout
+
+
+def test_a_folder_holds_all_that_the_command_writes(results, tmp_path):
+    report = results.write(tmp_path / "new", **NO_EXTRAS)
+    assert report == tmp_path / "new" / "report.html"
+    pd.testing.assert_frame_equal(
+        flyrl.evaluation.load_results(tmp_path / "new").episodes, results.episodes
+    )
+    assert (tmp_path / "new" / "tables" / "summary.csv").is_file()
+
+
+def test_a_run_takes_part(tmp_path):
+    short = {"n_steps": 8, "batch_size": 16, "num_envs": 4, "evaluation_episodes": 2}
+    run = flyrl.train(
+        physics="fast", total_timesteps=32, runs_folder=tmp_path, progress_bar=False,
+        video_after=False, **short,
+    )  # fmt: skip
+    walked = flyrl.evaluate(run, **SHORT)
+    (entrant,) = walked.protocol["entrants"]
+    assert (entrant["name"], entrant["kind"]) == ("ppo", "learned")
+    assert entrant["source"] == str(run.folder / "best.safetensors")
+
+
+def test_an_object_with_predict_takes_part():
+    drive = ConstantDrive(1.0, 1.0, TASKS["target"].actions.of)
+    walked = flyrl.evaluate([drive, "hybrid"], **SHORT)
+    ours, theirs = (
+        walked.episodes[walked.episodes.controller == name].path_length_mm.to_numpy()
+        for name in ("ConstantDrive", "hybrid")
+    )
+    np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_function_that_fails_is_out_and_the_others_go_on(capsys):
+    def late(time_s, observation):
+        raise RuntimeError("not yet")
+
+    walked = flyrl.evaluate([late, "zero"], **SHORT)
+    assert not walked.is_complete
+    assert list(walked.summary.controller) == ["zero"]
+    assert (
+        "late crashed on flat and is excluded there: RuntimeError: not yet" in walked._repr_html_()
+    )
+    assert "warning: late crashed on flat" in capsys.readouterr().err
+
+
+def test_things_of_ones_own_take_part_by_name():
+    walked = flyrl.evaluate(
+        ["tests.controllers.own:Wave", "tests.front.test_results:turning"], **SHORT
+    )
+    kinds = {each["name"]: each["kind"] for each in walked.protocol["entrants"]}
+    assert kinds == {"turning": "own", "tests.controllers.own:Wave": "fixed"}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"entrants": "hybird"}, "hybird"),
+        ({"entrants": [5]}, r"policies\[0\] must be text, a function"),
+        ({"episods": 2}, "did you mean 'episodes'"),
+        ({"terrains": ["flatt"]}, "did you mean 'flat'"),
+        ({"task": "targt"}, "did you mean 'target'"),
+        ({"controllers": ("cpg",)}, "no setting 'controllers'"),
+        ({"entrants": lambda: 0}, r"function of \(time_s, observation\)"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        flyrl.evaluate(**given)

@@ -1,0 +1,155 @@
+"""Trainings from Python: the settings and the bits of the command line, and what a run gives."""
+
+import os
+import signal
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hydra import compose, initialize_config_dir
+from safetensors.numpy import load_file
+
+import flyrl
+from flyrl.cli.arguments import HYDRA_VERSION, plain_values
+from flyrl.cli.config import training_config
+from flyrl.front.runs import TrainingInterrupted
+from flyrl.resources import configs_folder
+from flyrl.tasks import TASKS
+from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.config import training_record
+from flyrl.training.keywords import config_from_keywords
+from flyrl.training.runs import read_record
+from tests.tiny import TINY_ARGUMENTS
+
+SHORT_TARGET = replace(TASKS["target"], time_limit_s=0.2)
+TINY = {
+    "physics": "fast",
+    "total_timesteps": 64,
+    "num_envs": 4,
+    "num_threads": 1,
+    "evaluation_interval": 32,
+    "evaluation_episodes": 2,
+    "checkpoint_interval": 32,
+    "progress_bar": False,
+    "n_steps": 8,
+    "batch_size": 16,
+    "n_epochs": 2,
+    "hidden_layers": (8,),
+    "video_after": False,
+}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return flyrl.train(SHORT_TARGET, runs_folder=tmp_path_factory.mktemp("runs"), **TINY)
+
+
+def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
+    done = run_here("train.py", *TINY_ARGUMENTS, "video_after=false")
+    folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("run: ")
+    assert read_record(run.folder) == read_record(folder)
+    ours, theirs = (
+        load_file(run.folder / "last.safetensors"),
+        load_file(folder / "last.safetensors"),
+    )
+    assert ours.keys() == theirs.keys()
+    for name, values in ours.items():
+        np.testing.assert_array_equal(values, theirs[name])
+
+
+def test_tuned_settings_are_those_of_the_command_line():
+    tuned = sorted(path.stem for path in (configs_folder() / "tuned").glob("*.yaml"))
+    pairs = [(name, algo) for name in tuned for algo in ALGORITHMS if name.endswith(f"_{algo}")]
+    for name, algo in pairs:
+        task = name.removesuffix(f"_{algo}")
+        if f"{task}_{algo}" != name or task.endswith("recurrent"):
+            continue  # recurrent_ppo ends with _ppo, too
+        with initialize_config_dir(str(configs_folder()), version_base=HYDRA_VERSION):
+            composed = plain_values(compose("train", [f"task={task}", f"algo={algo}"]))
+        expected = training_record(training_config(composed))
+        assert training_record(config_from_keywords(task, algo)) == expected, name
+
+
+def test_a_keyword_beats_the_tuned_setting():
+    config = config_from_keywords("traverse", gamma=0.5, num_envs=8)
+    assert (config.algo.gamma, config.algo.log_std_init) == (0.5, -1.5)
+    assert (config.training.num_envs, config.training.total_decisions) == (8, 400_000)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"learning_rat": 1e-3}, "did you mean 'learning_rate'"),
+        ({"terain": "flat"}, "did you mean 'terrain'"),
+        ({"total_decisions": 5}, "no setting 'total_decisions'"),
+        ({"buffer_size": 1000}, "'buffer_size', which is one of sac, tqc"),
+        ({"algo": "poo"}, "did you mean 'ppo'"),
+        ({"task": "targt"}, "did you mean 'target'"),
+        ({"gamma": 2}, r"algo\.gamma must lie within 0 and 1"),
+        ({"num_envs": 0}, r"training\.num_envs must be"),
+        ({"logger": "wandbb"}, "did you mean 'wandb'"),
+        ({"controller": "rule_based"}, "ignores"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused_before_any_work(given, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        flyrl.train(runs_folder=tmp_path / "runs", **given)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_run_has_its_learning_curve_as_a_table(run):
+    curve = run.learning_curve
+    assert isinstance(curve, pd.DataFrame)
+    assert list(curve.decisions) == [32, 64]
+    assert curve.success_rate.between(0, 1).all()
+    assert "unweighted_progress" in curve
+
+
+def test_a_run_shows_its_learning_curve_in_a_notebook(run):
+    assert 'src="data:image/svg+xml;base64,' in run._repr_html_()
+
+
+def test_a_run_loads_its_policy(run):
+    assert run.policy("last").bundle.training["decisions"] == 64
+    action, _ = run.policy().predict(flyrl.make("target").reset(seed=0)[0])
+    assert action.shape == (2,)
+    with pytest.raises(ValueError, match="which must be one of 'best', 'last'"):
+        run.policy("first")
+
+
+def interrupted(folder, **settings):
+    """Train in a folder until there is a checkpoint, then press Ctrl-C; return what is raised."""
+
+    def interrupt():
+        while not any(folder.glob("*/checkpoints/[!.]*.pt")):
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(KeyboardInterrupt) as caught:
+        flyrl.train(SHORT_TARGET, runs_folder=folder, **settings)
+    return caught.value
+
+
+def test_ctrl_c_ends_a_training_in_order(tmp_path):
+    long = TINY | {"total_timesteps": 1_000_000, "evaluation_interval": 1_000_000}
+    stop = interrupted(tmp_path, **long)
+    assert isinstance(stop, TrainingInterrupted)
+    assert stop.run.interrupted_by == signal.SIGINT
+    assert 0 < stop.run.policy("last").bundle.training["decisions"] < 1_000_000
+
+
+def test_an_interrupted_run_is_resumed_to_the_same_bits(tmp_path):
+    longer = TINY | {"total_timesteps": 1024, "evaluation_interval": 1024}
+    stop = interrupted(tmp_path / "part", **longer)
+    with pytest.raises(ValueError, match="other settings"):
+        flyrl.train(SHORT_TARGET, resume=stop.run, **longer | {"seed": 1})
+    resumed = flyrl.train(SHORT_TARGET, resume=stop.run, **longer)
+    whole = flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "whole", **longer)
+    assert resumed.folder == stop.run.folder
+    ours, theirs = (load_file(each.folder / "last.safetensors") for each in (resumed, whole))
+    for name, values in theirs.items():
+        np.testing.assert_array_equal(ours[name], values)
