@@ -70,9 +70,10 @@ def train(
         Whether to film the best policy on a held-out episode, where a GL library can be used.
     settings
         Settings of the environment (`terrain`, `controller`, `physics`, …: see `EnvConfig`), of
-        the task (`distance`, …: docs/tasks.md), of the algorithm (`learning_rate`, `gamma`, …: docs/settings.md) and of the schedule
-        (`num_envs`, `evaluation_interval`, `progress_bar`, …: see `ScheduleConfig`). Those that
-        are not given are the ones tuned for task and algorithm, else the usual ones.
+        the task (`distance`, …: docs/tasks.md), of the algorithm (`learning_rate`, `gamma`, …:
+        docs/settings.md) and of the schedule (`num_envs`, `evaluation_interval`, …: see
+        `ScheduleConfig`). Those that are not given are the ones tuned for task and algorithm, else
+        the usual ones.
 
     Returns
     -------
