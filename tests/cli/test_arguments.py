@@ -20,7 +20,7 @@ from flyrl.resources import configs_folder
         ("terain=flat", "there is no key 'terain'; did you mean 'terrain'."),
         (
             "terrain=gaped",
-            "terrain must be one of 'blocks', .*, got 'gaped'; did you mean 'gapped'",
+            "terrain must be one of 'air', .*, got 'gaped'; did you mean 'gapped'",
         ),
         ("terrain=null", "terrain must be one of .*, got None"),
         ("terrain=[flat]", "terrain must be one of .*, got .*flat"),

@@ -75,7 +75,7 @@ def test_wrong_command_lines_end_in_one_line(tmp_path, run_here, arguments, mess
 def test_help_names_the_choices(tmp_path):
     result = _python(tmp_path, str(ROOT / "train.py"), "--help")
     assert result.returncode == 0
-    assert "terrain: blocks, flat, gapped, hills, mixed, random_blocks" in result.stdout
+    assert "terrain: air, ball, blocks, flat, gapped, hills" in result.stdout
 
 
 def _terminate_beyond(folder, decisions):

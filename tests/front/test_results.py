@@ -96,7 +96,7 @@ def test_a_run_takes_part(tmp_path):
 
 
 def test_an_object_with_predict_takes_part():
-    drive = ConstantDrive(1.0, 1.0, TASKS["target"].actions.of)
+    drive = ConstantDrive(1.0, 1.0, TASKS["target"]().actions.of)
     walked = flyrl.evaluate([drive, "hybrid"], **SHORT)
     ours, theirs = (
         walked.episodes[walked.episodes.controller == name].path_length_mm.to_numpy()

@@ -24,7 +24,7 @@ from flyrl.training.keywords import config_from_keywords
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
 
-SHORT_TARGET = replace(TASKS["target"], time_limit_s=0.2)
+SHORT_TARGET = replace(TASKS["target"](), time_limit_s=0.2)
 TINY = {
     "physics": "fast",
     "total_timesteps": 64,

@@ -6,7 +6,7 @@ import pytest
 from flyrl.policies.function import FunctionPolicy, takes
 from flyrl.tasks import TASKS, task_named
 
-TARGET = TASKS["target"]
+TARGET = TASKS["target"]()
 NUM_INPUTS = sum(term.size for term in TARGET.observation)
 
 
@@ -41,7 +41,7 @@ def test_a_function_gets_the_observation_by_the_names_of_its_terms():
 
 
 def test_goals_are_observations_like_others():
-    task = TASKS["target_goal"]
+    task = TASKS["target_goal"]()
     seen = []
 
     def law(time_s, observation):
