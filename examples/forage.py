@@ -26,10 +26,10 @@ from flyrl.tasks import (
     Termination,
     terms,
 )
-from flyrl.tasks.failures import lost_time
 from flyrl.tasks.hybrid_turning import sample_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import draw_target
+from flyrl.tasks.terms import lost_time
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import Within
 

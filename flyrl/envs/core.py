@@ -32,7 +32,7 @@ from flyrl.tasks import (
     TaskState,
 )
 from flyrl.tasks.episode import LENGTHS
-from flyrl.tasks.failures import failure_info
+from flyrl.tasks.terms import failure_info
 from flyrl.validation import float_array, random_seed, whole_number
 
 __all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]

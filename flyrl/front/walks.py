@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
@@ -25,6 +26,7 @@ from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.tasks import RUNNING
 from flyrl.tasks.terms import thorax
+from flyrl.terrains import Ball
 from flyrl.validation import float_array, positive
 
 Array = NDArray[np.float64]
@@ -186,7 +188,8 @@ class Walk:
         rad, by its name, and `torque_…`, µN·mm; of every leg `phase_…`, `magnitude_…`,
         `adhesion_…`, `stance_…` (on the ground, and its tip at rest: hind legs brush the ground
         as they swing), `retracts_…` and `stumbles_…` (1 while a reflex corrects it), and the
-        ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame.
+        ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame. Of a tethered fly on a ball also its
+        fictive way: `fictive_x_mm`, `fictive_y_mm`, `fictive_yaw_rad`, from 0 on.
         """
         of = _stacked(self.states)
         fly = np.stack([thorax(_Seen(state)) for state in self.states])[:, 0]  # type: ignore[arg-type]
@@ -198,6 +201,8 @@ class Walk:
             columns[f"v{name}_mm_s"] = fly[:, 1, axis]
         for axis, name in enumerate(("yaw", "pitch", "roll")):
             columns[f"{name}_rad"] = fly[:, 2, axis]
+        if isinstance(self.env.config.fly_scene.terrain, Ball):
+            columns |= _fictive_way(of["time"], of["fictive_velocity_b"])
         if self.env.task.name != "joints_box":
             names = self.env.config.fly_scene.controller.command.names
             columns |= {f"command_{name}": of["command"][:, i] for i, name in enumerate(names)}
@@ -317,10 +322,22 @@ class _Seen:
     fly: FlyState
 
 
+def _fictive_way(time: Array, velocity_b: Array) -> dict[str, Array]:
+    """Way and yaw that the ball's turning amounts to, by the trapezoidal rule."""
+    yaw = cumulative_trapezoid(velocity_b[:, 2], time, initial=0)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    forward, left = velocity_b[:, 0], velocity_b[:, 1]
+    return {
+        "fictive_x_mm": cumulative_trapezoid(cos * forward - sin * left, time, initial=0),
+        "fictive_y_mm": cumulative_trapezoid(sin * forward + cos * left, time, initial=0),
+        "fictive_yaw_rad": yaw,
+    }
+
+
 def _stacked(states: list[FlyState]) -> dict[str, Array]:
     """Fields of the one fly at every sample, (T, ...)."""
     names = (
         "time", "command", "joint_angles", "actuator_torques", "phases", "magnitudes", "adhesion",
-        "contact_forces_w", "end_effectors_w",
+        "contact_forces_w", "end_effectors_w", "fictive_velocity_b",
     )  # fmt: skip
     return {name: np.stack([getattr(state, name)[0] for state in states]) for name in names}

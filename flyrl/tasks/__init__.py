@@ -12,7 +12,6 @@ from flyrl.tasks.extension import (
     task_record,
     task_table,
 )
-from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.function import (
     TASKS,
     TaskFunction,
@@ -43,6 +42,7 @@ from flyrl.tasks.task import (
     Termination,
     WormTaskState,
 )
+from flyrl.tasks.terms import FAILURES, lost_time
 
 __all__ = [
     "ACHIEVED_GOAL",
@@ -82,6 +82,7 @@ __all__ = [
     "code_of",
     "extended",
     "load_terms",
+    "lost_time",
     "named_function",
     "task_from",
     "task_named",

@@ -7,9 +7,9 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives
 from flyrl.tasks.episode import TIME, Episode, draw_oscillators, draw_spawn
-from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
+from flyrl.tasks.terms import FAILURES
 from flyrl.terrains import Terrain
 
 

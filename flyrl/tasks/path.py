@@ -10,7 +10,6 @@ from scipy.ndimage import gaussian_filter1d
 from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.errors import error
-from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
@@ -24,6 +23,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
+from flyrl.tasks.terms import FAILURES, lost_time
 from flyrl.terrains import TARGET as TARGET_MARKER
 from flyrl.terrains import Bounds, Terrain
 from flyrl.validation import Within

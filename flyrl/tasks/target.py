@@ -8,10 +8,10 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.errors import error
-from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.terms import FAILURES, lost_time
 from flyrl.terrains import TARGET as TARGET_MARKER
 from flyrl.terrains import Bounds, Terrain
 from flyrl.validation import Within, ordered

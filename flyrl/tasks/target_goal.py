@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.tasks import terms
-from flyrl.tasks.failures import FAILURES, decisions_lost
 from flyrl.tasks.function import variant_of
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import target
@@ -35,6 +34,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
+from flyrl.tasks.terms import FAILURES, decisions_lost
 
 GOAL_UNIT: Final = 10.0
 """mm."""

@@ -4,11 +4,23 @@ The first axis of every result is the simulation. What ends in `_b` is in the fl
 x forward along the heading's horizontal direction, y to the left.
 """
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.controllers.gait_log import grounded_legs_of
-from flyrl.tasks.task import Array, Mask, TaskState
+from flyrl.tasks.task import (
+    DECISIONS_LOST,
+    FALL,
+    IS_FAILURE,
+    LEFT_ARENA,
+    Array,
+    Mask,
+    RewardTerm,
+    TaskState,
+    Termination,
+)
 
 FALL_TILT = np.deg2rad(75.0)
 """rad; a thorax tilted further than this from level has fallen over."""
@@ -394,3 +406,39 @@ def has_left(state: TaskState) -> Mask:
         (x >= bounds.x_min) & (x <= bounds.x_max) & (y >= bounds.y_min) & (y <= bounds.y_max)
     )
     return np.asarray(~is_inside | (z < bounds.z_min))
+
+
+# --- failures, the rows that every table shares ---------------------------------------------
+
+FAILURES: Final = (
+    Termination(FALL, has_fallen),
+    Termination(LEFT_ARENA, has_left),
+)
+
+
+def has_failed(state: TaskState) -> Mask:
+    """Whether the fly failed or its physics blew up, (n,)."""
+    is_failure = state.fly.is_unstable.copy()
+    for failure in FAILURES:
+        is_failure |= failure.holds(state)
+    return is_failure
+
+
+def decisions_lost(state: TaskState) -> Array:
+    """Decisions left where the fly failed, else 0, (n,)."""
+    return np.where(has_failed(state), state.decisions_left, 0.0)
+
+
+def time_lost(state: TaskState) -> Array:
+    """Time left, s, where the fly failed, else 0, (n,)."""
+    return np.where(has_failed(state), state.remaining_s, 0.0)
+
+
+def failure_info(state: TaskState) -> dict[str, Array | Mask]:
+    """What replay with other goals must know of a decision besides its goals, (n,) by key."""
+    return {IS_FAILURE: has_failed(state), DECISIONS_LOST: decisions_lost(state)}
+
+
+def lost_time(weight: float) -> RewardTerm:
+    """Row of a reward table: a failure costs what the time that it cuts off could have cost."""
+    return RewardTerm("lost_time", weight, time_lost, "s left when the fly fails")

@@ -6,11 +6,11 @@ from typing import Annotated
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.errors import error
-from flyrl.tasks.failures import FAILURES, lost_time
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
+from flyrl.tasks.terms import FAILURES, lost_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within
 

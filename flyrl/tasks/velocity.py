@@ -15,11 +15,11 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.errors import error
-from flyrl.tasks.failures import FAILURES
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.terms import FAILURES
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 

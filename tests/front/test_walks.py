@@ -5,6 +5,7 @@ import pytest
 
 import flyrl
 from flyrl.anatomy import JOINTS, LEGS
+from flyrl.front.walks import _fictive_way
 from flyrl.simulation.rendering import RenderingUnavailableError
 
 GRIPS = [f"adhesion_{leg}" for leg in LEGS]
@@ -110,3 +111,25 @@ def test_a_walk_is_filmed(walk, tmp_path):
         pytest.skip(str(error))
     assert path.stat().st_size > 1000
     assert b"ftyp" in path.read_bytes()[:16]
+
+
+def test_on_a_ball_a_walk_has_its_fictive_way():
+    walk = flyrl.walk("cpg", (0.2, 1.2), body="tethered", terrain="ball", seconds=0.6, every=2e-3)
+    frame = walk.frame()
+    assert frame["fictive_x_mm"].iloc[0] == 0.0
+    # it turns left, on a ball that turns right
+    assert frame["fictive_yaw_rad"].iloc[-1] > 1.0
+    way = np.hypot(np.diff(frame["fictive_x_mm"]), np.diff(frame["fictive_y_mm"])).sum()
+    assert way > 3.0
+    assert np.ptp(frame["x_mm"]) < 0.05
+    assert "fictive_x_mm" not in flyrl.walk(seconds=0.01).frame()
+
+
+def test_a_fictive_way_round_a_circle_ends_where_it_began():
+    time = np.linspace(0, 1, 1001)
+    velocity = np.tile([10.0, 0.0, 2 * np.pi], (1001, 1))
+    way = _fictive_way(time, velocity)
+    assert way["fictive_yaw_rad"][-1] == pytest.approx(2 * np.pi)
+    assert way["fictive_x_mm"][-1] == pytest.approx(0.0, abs=1e-4)
+    # half round: the diameter of a circle of 10 mm
+    assert way["fictive_y_mm"][500] == pytest.approx(10 / np.pi, abs=1e-4)

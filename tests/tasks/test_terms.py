@@ -7,7 +7,7 @@ import pytest
 
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import TASKS, TaskState, terms
-from flyrl.tasks.failures import time_lost
+from flyrl.tasks.terms import time_lost
 from flyrl.terrains import Bounds
 
 
