@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and told apart."""
+"""Files: written whole or not at all, and recognised by their content."""
 
 import errno
 import hashlib

@@ -17,7 +17,7 @@ SETTLING_S: Final = 0.2
 """s of simulated time before anything is measured: the fly drops and gets going."""
 
 WINDOW_S: Final = 0.3
-"""s of simulated time that are measured at once; then the flies are put back to their start, lest
+"""s of simulated time that are measured at once; then the flies are put back to their start, before
 they walk off the terrain."""
 
 MAX_SETTLED: Final = 64

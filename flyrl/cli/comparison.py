@@ -64,7 +64,7 @@ def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
 
     Settings without an effect on the result set nothing apart, and of runs that are the same but
     for these, one counts. What follows from the task, terrain, algorithm, body or leg controller
-    (the learning rate that is SAC's default, say) is not told beside its name.
+    (the learning rate that is SAC's default, say) is not named beside it.
     """
     settings: dict[str, Settings] = {}
     chosen: dict[str, RunSummary] = {}
@@ -100,7 +100,7 @@ def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
 def _differing(settings: Sequence[Settings]) -> list[str]:
     """Keys whose values differ, also where the section of the key has the same name."""
     keys = dict.fromkeys(key for own in settings for key in own)
-    told = []
+    shown = []
     for key in keys:
         section = key.partition(".")[0]
         values: dict[str, set[str]] = {}
@@ -108,8 +108,8 @@ def _differing(settings: Sequence[Settings]) -> list[str]:
             name = None if section == key else own.get(section)
             values.setdefault(repr(name), set()).add(repr(own.get(key)))
         if any(len(different) > 1 for different in values.values()):
-            told.append(key)
-    return told
+            shown.append(key)
+    return shown
 
 
 def _grouped(runs: Sequence[tuple[Settings, RunSummary | None]]) -> list[Group]:
@@ -298,11 +298,11 @@ def _tell(groups: Sequence[Group], output: Path) -> None:
 def telling_keys(groups: Sequence[Group]) -> list[str]:
     """The first of the settings that are enough to tell the groups apart."""
     keys: list[str] = []
-    told = 1
+    most = 1
     for key in groups[0].settings:
         apart = {repr([group.settings[k] for k in (*keys, key)]) for group in groups}
-        if len(apart) > told:
-            keys, told = [*keys, key], len(apart)
+        if len(apart) > most:
+            keys, most = [*keys, key], len(apart)
     return keys
 
 

@@ -136,7 +136,7 @@ def _train(original: RunSummary, options: argparse.Namespace) -> Run | None:
 
 
 def _without_logger(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of the same training, told to no service."""
+    """Settings of the same training, without a logger."""
     return {key: value for key, value in settings.items() if key != "logger"}
 
 
@@ -168,11 +168,11 @@ def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
     for key, value in _architecture(first).items():
         if value != others[key]:
             return f"{key} {value}, in the repeat {others[key]}"
-    told = (
+    differences = (
         _arrays_differ("parameters", _parameters(first), _parameters(second)),
         _arrays_differ("statistics of the normaliser", _statistics(first), _statistics(second)),
     )
-    return "; ".join(filter(None, told)) or None
+    return "; ".join(filter(None, differences)) or None
 
 
 def _architecture(bundle: PolicyBundle) -> dict[str, Any]:

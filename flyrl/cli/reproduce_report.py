@@ -19,7 +19,7 @@ REPORTS: Final = (".html", ".htm")
 """How the name of a report ends."""
 
 MAX_SHOWN: Final = 5
-"""Episodes that differ which are told one by one."""
+"""Episodes that differ which are listed one by one."""
 
 
 def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> int:

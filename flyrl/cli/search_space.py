@@ -294,8 +294,8 @@ def check_space(space: Space, check: Callable[[dict[str, Any]], object], name: s
         try:
             check({**first, **values})
         except ValueError as error:
-            told = " ".join(f"{key}={override_text(value)}" for key, value in values.items())
-            raise ValueError(f"{name} allows {told}, but {error}") from error
+            given = " ".join(f"{key}={override_text(value)}" for key, value in values.items())
+            raise ValueError(f"{name} allows {given}, but {error}") from error
 
 
 def override_text(value: Any) -> str:

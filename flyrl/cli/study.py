@@ -1,4 +1,4 @@
-"""A study with Optuna: its trials are runs, one after the other, and can be gone on with."""
+"""A study with Optuna: its trials are runs, one after the other, and it can be continued."""
 
 from __future__ import annotations
 
@@ -136,8 +136,8 @@ def search(study: Study, plan: Plan, interrupted: Interruption) -> int | None:
         if earlier is None:
             _fail(study, trial, "killed")
         elif number is None:
-            told = max(left.intermediate_values, default=0)
-            number = _run_trial(study, trial, plan, earlier, told)
+            reported = max(left.intermediate_values, default=0)
+            number = _run_trial(study, trial, plan, earlier, reported)
     distributions = {key: _distribution(dimension) for key, dimension in plan.space.items()}
     while number is None and (count := len(study.trials)) < plan.trials:
         if interrupted.signal is not None:
@@ -188,7 +188,7 @@ def _distribution(dimension: Range | Choices) -> BaseDistribution:
 
 
 def _run_trial(
-    study: Study, trial: Trial, plan: Plan, earlier: RunSummary | None = None, told: int = 0
+    study: Study, trial: Trial, plan: Plan, earlier: RunSummary | None = None, reported: int = 0
 ) -> int | None:
     """Train as a trial says, or go on with its earlier run, and tell Optuna what came of it.
 
@@ -198,12 +198,12 @@ def _run_trial(
         What to train.
     earlier
         Its run.
-    told
+    reported
         How many evaluations of it Optuna knows; none of them ended it.
 
     Returns
     -------
-    Number of the signal that ended the search. The trial is gone on with, unless it was over.
+    Number of the signal that ended the search. The trial is continued, unless it was over.
     """
     from optuna.trial import TrialState  # noqa: PLC0415
 
@@ -222,7 +222,7 @@ def _run_trial(
         return max(score(each, episodes, has_one_reward=has_one_reward) for each in evaluations)
 
     def goes_on(evaluations: Sequence[Mapping[str, float]]) -> bool:
-        if len(evaluations) <= told:
+        if len(evaluations) <= reported:
             return True
         trial.report(best(evaluations), len(evaluations))
         return not trial.should_prune()

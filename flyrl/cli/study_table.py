@@ -51,13 +51,13 @@ def tell(study: Study, plan: Plan, *, is_ended: bool) -> bool:
     complete = [row for row in rows if row["state"] == "complete"]
     complete.sort(key=lambda row: row["value"], reverse=True)
     counts = Counter(row["state"] for row in rows)
-    told = ", ".join(f"{number} {state}" for state, number in counts.items())
+    counted = ", ".join(f"{number} {state}" for state, number in counts.items())
     if not complete:
-        print(f"no trial came to its end: {told or 'no trials'}")
+        print(f"no trial came to its end: {counted or 'no trials'}")
         return False
     shown = [{key: short_text(value) for key, value in row.items()} for row in complete[:_SHOWN]]
     print_table([*_COLUMNS[:1], *_COLUMNS[2:], *plan.space, "run"], shown)
-    print(f"{len(rows)} trials: {told}; all of them are in {plan.folder / TABLE_FILE}")
+    print(f"{len(rows)} trials: {counted}; all of them are in {plan.folder / TABLE_FILE}")
     if is_ended:
         _plot(study, plan.folder)
     best = plan.values(trials[complete[0]["trial"]])

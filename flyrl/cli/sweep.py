@@ -92,11 +92,11 @@ def swept_keys(jobs: Sequence[Job]) -> list[str]:
 def titles(jobs: Sequence[Job]) -> dict[Job, str]:
     """A line for each job: which it is, and what sets it apart from the others."""
     keys = swept_keys(jobs)
-    told = {}
+    titles = {}
     for number, job in enumerate(jobs, start=1):
         apart = " ".join(f"{key}={value}" for key, value in by_key(job).items() if key in keys)
-        told[job] = f"job {number} of {len(jobs)}" + (f": {apart}" if apart else "")
-    return told
+        titles[job] = f"job {number} of {len(jobs)}" + (f": {apart}" if apart else "")
+    return titles
 
 
 def folder_labels(jobs: Sequence[Job]) -> dict[Job, str]:

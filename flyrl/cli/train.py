@@ -182,7 +182,7 @@ def _check_nothing_changes(overrides: Sequence[str]) -> None:
         key = override.lstrip("+~").partition("=")[0]
         if key.partition(".")[0] not in _BESIDE_RESUME:
             raise ValueError(
-                f"resume goes on with the run's own settings; {key!r} cannot be given with it "
+                f"resume continues with the run's own settings; {key!r} cannot be given with it "
                 f"(allowed are {', '.join(_BESIDE_RESUME[1:])})"
             )
 

@@ -36,7 +36,7 @@ def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
         "tune",
         help="search for the best settings with Optuna",
         description="Train again and again with settings that Optuna draws from a search space, "
-        "and end those early that fall behind. The same command with the same name goes on with "
+        "and end those early that fall behind. The same command with the same name continues "
         "a study; more trials make it longer.",
         epilog="What is maximised: the best success rate on the held-out episodes; of equal ones, "
         "that with the higher return. Exit status: 0, 1 if no trial came to its end, 2 for an "

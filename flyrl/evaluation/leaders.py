@@ -22,9 +22,9 @@ class Leader:
     terrain
         Where.
     names
-        The best; more than one if they cannot be told apart, best mean first.
+        The best; more than one if nothing separates them, best mean first.
     metric
-        The one that told the best from the next, or the task's first if none did.
+        The metric that separated the best from the next, or the task's first if none did.
     value
         The best's mean of it.
     next_name, next_value

@@ -6,7 +6,7 @@ number.
 
 A failure is scored over the full horizon. A fly that falls after 1 s of a 3 s episode covered its
 distance in 3 s, or falling early would raise the speed; and for the other 2 s it was as far off as
-can be. How it walked (strides, slip, what its way cost) is told of the time it did.
+can be. How it walked (strides, slip, work) is measured over the time it did.
 """
 
 from __future__ import annotations

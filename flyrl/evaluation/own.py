@@ -73,7 +73,7 @@ def own_policy(given: object, name: str, task: Task) -> Policy:
     given
         One of three: an object with the `predict` of Stable-Baselines3; a function of one argument,
         the task, that returns such an object; or a function of two, the time and the observation,
-        that returns a drive (see `FunctionPolicy`). A function is told apart by how many arguments
+        that returns a drive (see `FunctionPolicy`). A function is recognised by how many arguments
         it can be called with.
     name
         Of it, for messages.

@@ -65,7 +65,7 @@ class Study:
     metric
         By which we judge its claims.
     claims
-        What it says.
+        The statement, in words.
     figures
         What was measured, by its authors or others.
     """

@@ -26,7 +26,7 @@ class TrainingInterrupted(KeyboardInterrupt):
     Attributes
     ----------
     run
-        The run as far as it came; `resume=` goes on with it, here or in `python train.py`.
+        The run as far as it came; `resume=` continues it, here or in `python train.py`.
     """
 
     def __init__(self, run: Run) -> None:

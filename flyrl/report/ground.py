@@ -11,7 +11,7 @@ from flyrl.report.palette import marker, themed
 from flyrl.terrains import Bounds, Boxes, Ground, Terrain
 
 MAX_LEVELS: Final = 6
-"""Heights that are told apart; more are put together to as many, evenly spaced."""
+"""Levels of height that are drawn; more are put together to as many, evenly spaced."""
 
 LEVEL_SHADE: Final = 0.14
 """Opacity of ground that is all of one height."""

@@ -1,4 +1,4 @@
-"""What a report tells of trainings: their learning curves, and where else they are of use."""
+"""What a report says about trainings: their learning curves, and where else they are of use."""
 
 from __future__ import annotations
 

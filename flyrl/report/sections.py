@@ -60,7 +60,7 @@ def all_leaders(results: Results) -> list[Leader]:
 
 
 def table_row(row: Json) -> Json:
-    """A row of the summary, with its failures counted and told."""
+    """A row of the summary, with its failures counted and named."""
     failures = {
         name: count
         for name, count in row["outcomes"].items()

@@ -103,7 +103,7 @@ def _quantities(records: Sequence[EpisodeRecord]) -> list[_Quantity]:
 
 
 def _commands(record: EpisodeRecord) -> list[_Quantity]:
-    """What a fly is told, or what a worm's muscles exert."""
+    """What a fly is commanded, or what a worm's muscles exert."""
     if record.creature == "fly":
         return [
             _Quantity("left drive", lambda record: held_drive(record)[:, 0], is_held=True),

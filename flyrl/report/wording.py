@@ -11,7 +11,7 @@ from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import trainings
 
 NOTHING: Final = 1e-9
-"""Numbers closer to 0 are told as 0."""
+"""Numbers closer to 0 are written as 0."""
 
 _SHARED: Final = {"goal": "goal", "command": "command", "pushes": "pushes"}
 """Fields of an episode that are named where they hold something."""

@@ -34,7 +34,7 @@ class Gait:
     interval_s
         Time from one sample to the next, s.
     stance, adhesion
-        Whether a leg stands (see `gait_log.STANCE_SPEED`), and whether it is told to grip, shape
+        Whether a leg stands (see `gait_log.STANCE_SPEED`), and whether it is commanded to grip,
         (S, 6), ordered as `anatomy.LEGS`.
     retraction, stumbling
         Whether that reflex corrects a leg, shape (S, 6).

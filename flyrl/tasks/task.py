@@ -382,8 +382,8 @@ class Task:
         achieved_goal, desired_goal
             As they are observed, (..., size of a goal).
         info
-            What the environment tells of the same decisions, of which `DECISIONS_LOST` counts: one
-            dict, of numbers or of arrays (...), or dicts (...).
+            Of the same decisions; `DECISIONS_LOST` counts. One dict, of numbers or of arrays (...),
+            or dicts (...).
 
         Returns
         -------

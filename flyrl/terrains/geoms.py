@@ -137,7 +137,7 @@ def _add_grid_material(spec: mujoco.MjSpec) -> None:
     )
     material = spec.add_material(name="ground_grid", specular=0.05, shininess=0.1)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground_grid"
-    # One picture holds 2 x 2 squares; of what it is told, MuJoCo lays half as many per mm.
+    # One picture holds 2 x 2 squares; MuJoCo lays half as many per mm as it is asked for.
     material.texuniform = True
     material.texrepeat = (1.0, 1.0)
 

@@ -145,7 +145,7 @@ class RunFolder:
             )
         if nested(earlier, "git.diff") != nested(now, "git.diff"):
             self._write_changes(f"code_{len(resumed) + 2}.diff")
-        # what it says is true no more
+        # its content no longer holds
         (self.path / STATUS_FILE).unlink(missing_ok=True)
 
     @staticmethod

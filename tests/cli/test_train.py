@@ -55,7 +55,7 @@ def test_train_from_an_empty_folder(tmp_path, run_here):
         (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
         (
             ["resume=runs/a", "seed=1"],
-            "error: resume goes on with the run's own settings; 'seed' cannot be given with it "
+            "error: resume continues with the run's own settings; 'seed' cannot be given with it "
             "(allowed are trust, evaluate_after, evaluation, video_after)\n",
         ),
         (

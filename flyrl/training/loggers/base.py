@@ -40,7 +40,7 @@ class Row:
 
 @dataclass(frozen=True)
 class LocalRun:
-    """The run that a service is told of.
+    """The run that a service is informed about.
 
     Attributes
     ----------
