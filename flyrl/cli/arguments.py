@@ -101,12 +101,13 @@ def with_own_things(arguments: Sequence[str]) -> list[str]:
 
     `task=my_lab:forage task.sources=2` becomes `task=own`, `task.name=my_lab:forage` and
     `++task.sources=2`. A group without a choice `own` is deleted, and added anew: `~controller`,
-    `+controller.name=my_lab:Wave`.
+    `+controller.name=my_lab:Wave`. A sweep over choices, `controller=cpg,my_lab:Wave`, is one over
+    names.
     """
     own = {
         key: value
         for key, equals, value in (word.partition("=") for word in arguments)
-        if equals and key in OWN and is_entry_point(value)
+        if equals and key in OWN and any(map(is_entry_point, value.split(",")))
     }
     words: list[str] = []
     for word in arguments:

@@ -7,7 +7,7 @@ a `Ground`. x points forward at spawn. All lengths in mm, world frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Final, cast
 
 import mujoco
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.entry_points import find, is_entry_point, is_loaded
-from flyrl.validation import Within, check_fields, from_keys, one_of, ordered, within
+from flyrl.validation import Within, check_fields, known_keys, one_of, ordered, within
 
 Array = NDArray[np.float64]
 
@@ -310,14 +310,15 @@ def terrain_from(record: Mapping[str, Any], key: str = "terrain") -> Terrain:
     name = record.get("name") if isinstance(record, Mapping) else None
     if not isinstance(name, str):
         raise ValueError(f"{key}.name must be text, got {name!r}")
-    kind = find(f"{key}.name", name, KINDS, Terrain)
-    known = {each.name for each in fields(kind) if each.init}
+    base = TERRAINS[name] if name in TERRAINS else find(f"{key}.name", name, KINDS, Terrain)()
+    known = [each.name for each in fields(base) if each.init]
     settings = {
         each: value
         for each, value in record.items()
         if each != "name" and (each in known or each not in _FORMER_FIELDS)
     }
-    return from_keys(key, settings, kind)
+    known_keys(key, settings, known)
+    return replace(base, **settings)
 
 
 def terrain_on_record(record: Any) -> Terrain | None:

@@ -210,6 +210,18 @@ def test_a_task_of_ones_own_is_the_choice_own():
         assert check_arguments(command, kept) is None
 
 
+def test_a_sweep_may_hold_things_of_ones_own():
+    given = ["-m", "controller=cpg,my_lab:Wave", "terrain=random_blocks,my_lab:Stairs"]
+    expected = [
+        "-m", "~controller", "+controller.name=cpg,my_lab:Wave", "~terrain",
+        "+terrain.name=random_blocks,my_lab:Stairs",
+    ]  # fmt: skip
+    assert with_own_things(given) == expected
+    sweep = check_arguments("train", expected)
+    assert sweep is not None
+    assert len(sweep.jobs) == 4
+
+
 def test_a_built_in_controller_stays_as_it_is():
     given = ["controller=cpg", "controller.frequency_hz=9", "logger=none"]
     assert with_own_things(given) == given

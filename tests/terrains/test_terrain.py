@@ -62,6 +62,12 @@ def test_what_is_on_record_makes_the_same_terrain(name):
     assert terrain_from(dataclasses.asdict(TERRAINS[name])) == TERRAINS[name]
 
 
+def test_a_record_may_name_random_ground():
+    assert terrain_from({"name": "random_blocks", "seed": 3}) == dataclasses.replace(
+        TERRAINS["random_blocks"], seed=3
+    )
+
+
 def test_records_of_0_1_held_the_settings_of_all_terrains():
     record = {"name": "gapped", "seed": 3, "height_range": [0.35, 0.35], "gap_range": [0.1, 0.2]}
     assert terrain_from(record) == Gapped(seed=3, gap_range=(0.1, 0.2))
