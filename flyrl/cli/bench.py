@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from flyrl.bench.results import PARTS
-from flyrl.cli.program import path_argument
+from flyrl.cli.program import Subparsers, path_argument
 from flyrl.text import printable
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ _UNRECORDED: Final = {"parts", "output", "show", "run"}
 """Options that change no figure."""
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "bench",

@@ -11,13 +11,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from flyrl.cli.program import Subparsers
+
 SHELLS: Final = ("bash", "zsh", "fish")
 
 Offer = dict[str, str]
 """What can stand there, and a word about each."""
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "completion",
@@ -42,27 +44,23 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def answer(parser: argparse.ArgumentParser) -> None:
+def answer(
+    parser: argparse.ArgumentParser, commands: Mapping[str, argparse.ArgumentParser]
+) -> None:
     """Tell the shell what can stand at its cursor, and end the process."""
     import argcomplete  # noqa: PLC0415
 
-    add_completers(parser)
+    add_completers(commands)
     argcomplete.autocomplete(parser)
 
 
-def add_completers(parser: argparse.ArgumentParser) -> None:
+def add_completers(commands: Mapping[str, argparse.ArgumentParser]) -> None:
     """Tell argcomplete what the arguments of all subcommands can be, by their names."""
-    for command, its_parser in subparsers_of(parser).items():
+    for command, its_parser in commands.items():
         for action in its_parser._actions:
             offer = _offer(command, action.dest)
             if offer is not None and not action.choices:
                 vars(action)["completer"] = offer
-
-
-def subparsers_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Parsers of the subcommands, by name."""
-    (action,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
-    return dict(action.choices)
 
 
 def _offer(command: str, argument: str) -> Callable[..., Offer] | None:

@@ -6,7 +6,9 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
+
+from flyrl.cli.program import Subparsers
 
 COMPOSED: Final = {
     "train": "train a policy, and film it",
@@ -22,7 +24,7 @@ _FLAGS: Final = {
 }
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommands to what is listed and completed; their arguments are never parsed."""
     for name, about in COMPOSED.items():
         parser = subparsers.add_parser(name, help=about, add_help=False)

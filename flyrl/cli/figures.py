@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from flyrl.cli.program import path_argument
+from flyrl.cli.program import Subparsers, path_argument
 
 FIGURES: Final = {
     "cpg_three": "phases and magnitudes of three coupled oscillators",
@@ -33,7 +33,7 @@ FIGURES: Final = {
 """What can be drawn: name and what it shows."""
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "figures",

@@ -22,7 +22,6 @@ from flyrl.cli import (
     tune,
     walk,
 )
-from flyrl.cli.completion import subparsers_of
 from flyrl.cli.errors import Ended, reported
 from flyrl.cli.statuses import UNUSABLE
 from flyrl.resources import version
@@ -87,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "_ARGCOMPLETE" in os.environ:
-        completion.answer(command_parser())
+        completion.answer(*command_parsers())
     try:
         with reported():
             if given and given[0] in composed.COMPOSED:
@@ -99,8 +98,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status
 
 
-def command_parser() -> argparse.ArgumentParser:
-    """Make the parser of the whole command.
+def command_parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.ArgumentParser]]:
+    """Make the parser of the whole command, and those of the subcommands by name.
 
     That of `train` and `evaluate` only stands for them: their arguments are Hydra's.
     """
@@ -117,15 +116,14 @@ def command_parser() -> argparse.ArgumentParser:
     )
     for module in _SUBCOMMANDS:
         module.add_to(subparsers)
-    return parser
+    return parser, dict(subparsers.choices)
 
 
 def _parsed(given: Sequence[str]) -> argparse.Namespace:
     """Parse; name the closest match of a command or an option that does not exist."""
     from flyrl.validation import did_you_mean  # noqa: PLC0415  (loads NumPy)
 
-    parser = command_parser()
-    commands = subparsers_of(parser)
+    parser, commands = command_parsers()
     if given and not given[0].startswith("-") and given[0] not in commands:
         parser.error(
             f"there is no command {given[0]!r}{did_you_mean(given[0], commands)} "

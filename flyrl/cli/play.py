@@ -11,7 +11,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flyrl.cli.program import path_argument
+from flyrl.cli.program import Subparsers, path_argument
 
 if TYPE_CHECKING:
     from flyrl.play import Playable
@@ -30,7 +30,7 @@ _OF_THE_FLY: Final = ("terrain", "controller", "gait", "physics", "body", "polic
 """Options that a fly alone has."""
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "play",

@@ -3,6 +3,15 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import Any, Protocol
+
+
+class Subparsers(Protocol):
+    """What `ArgumentParser.add_subparsers` returns."""
+
+    def add_parser(self, name: str, **settings: Any) -> argparse.ArgumentParser:
+        """Parser of a new subcommand."""
+        ...
 
 
 def program() -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flyrl.cli.program import path_argument, program
+from flyrl.cli.program import Subparsers, path_argument, program
 from flyrl.cli.reproduce_report import DIFFERENT, IDENTICAL, REPORTS, reproduce_report
 from flyrl.entry_points import check_trust
 from flyrl.text import printable
@@ -48,7 +48,7 @@ class Comparison:
         return self.policy is None and self.evaluations is None
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "reproduce",

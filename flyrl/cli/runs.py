@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from flyrl.cli.program import path_argument
+from flyrl.cli.program import Subparsers, path_argument
 from flyrl.training.runs import RunSummary, find_runs, flat, is_run, read_run
 
 COLUMNS: Final = (
@@ -31,7 +31,7 @@ _FILTERS: Final = ("task", "terrain", "algo", "seed", "state")
 Row = dict[str, Any]
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "runs",

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
-from flyrl.cli.program import path_argument
+from flyrl.cli.program import Subparsers, path_argument
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "sweep",

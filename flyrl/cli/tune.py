@@ -21,6 +21,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from flyrl.cli.program import Subparsers
 from flyrl.files import new_folder, write_text
 from flyrl.resources import install_command
 
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 STUDY_FILE: Final = "study.json"
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "tune",

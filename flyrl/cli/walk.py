@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any, Final
 
-from flyrl.cli.program import path_argument
+from flyrl.cli.program import Subparsers, path_argument
 
 _FILES: Final = {
     "csv": "CSV",
@@ -17,7 +17,7 @@ _FILES: Final = {
 """Kinds of files that a walk's table can go to, by their suffix."""
 
 
-def add_to(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "walk",

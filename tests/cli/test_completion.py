@@ -11,7 +11,7 @@ import pytest
 from flyrl.cli.completion import SHELLS, add_completers
 from flyrl.cli.figures import FIGURES
 from flyrl.cli.groups import config_groups
-from flyrl.cli.main import command_parser, main
+from flyrl.cli.main import command_parsers, main
 
 ASKED = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_SUPPRESS_SPACE": "1"}
 BREAKS = " \t\n\"'><=;|&(:"
@@ -33,8 +33,8 @@ def offered(monkeypatch):
         asked = {**ASKED, "COMP_LINE": line, "COMP_POINT": str(len(line))}
         for name, value in asked.items():
             monkeypatch.setenv(name, value)
-        parser = command_parser()
-        add_completers(parser)
+        parser, commands = command_parsers()
+        add_completers(commands)
         out = io.StringIO()
         Finder()(parser, exit_method=lambda status: None, output_stream=out)
         return [word.replace("\\", "") for word in out.getvalue().split("\n") if word]

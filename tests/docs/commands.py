@@ -16,7 +16,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values, with_own_things
 from flyrl.cli.config import own_settings, training_config
 from flyrl.cli.evaluate import comparison
-from flyrl.cli.main import command_parser
+from flyrl.cli.main import command_parsers
 from flyrl.evaluation import Results, evaluate
 from flyrl.policies import named_policies
 from flyrl.resources import configs_folder
@@ -192,7 +192,7 @@ def check(command: str, *, is_whole: bool = True) -> None:
 def _flyrl(arguments: list[str], is_whole: bool) -> None:
     """As flyrl parses them; of a command that is cut short, its name."""
     try:
-        command_parser().parse_args(arguments if is_whole else [arguments[0], "--help"])
+        command_parsers()[0].parse_args(arguments if is_whole else [arguments[0], "--help"])
     except SystemExit as end:
         assert end.code == 0, arguments
 
