@@ -122,7 +122,8 @@ def test_the_subcommand_is_noted_between_program_and_arguments(monkeypatch):
 def test_nothing_heavy_is_loaded_to_answer():
     """Torch alone would take seconds."""
     code = (
-        "import sys; from flyrl.cli.main import command_parsers; command_parsers()[0].format_help(); "
+        "import sys; from flyrl.cli.main import command_parsers; "
+        "command_parsers()[0].format_help(); "
         "print({'torch', 'mujoco', 'numba', 'hydra', 'matplotlib', 'pandas'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
