@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.overlay import PLAIN, Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
-from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worm_rendering import WormRenderer
 from flyrl.validation import one_of, whole_number
 
@@ -100,7 +99,7 @@ def make_renderer(config: EnvConfig, view: View) -> Renderer:
         If no GL context can be made.
     """
     scene, size = config.scene, (view.width, view.height)
-    if isinstance(scene, SceneConfig):
+    if config.creature == "fly":
         return FlyRenderer(scene, *size, view.camera, view.drawn)
     return WormRenderer(scene, *size, "follow" if view.camera == "goal" else view.camera)
 

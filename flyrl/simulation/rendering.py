@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.leg_colours import LegColours
 from flyrl.simulation.marks import Mark, Trace, add_marks, force_arrows
 from flyrl.simulation.overlay import PLAIN, Overlay

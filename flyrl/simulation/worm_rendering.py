@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.simulation.rendering import Offscreen
-from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.worms import WormBatch
 from flyrl.validation import one_of
 
 Camera = Literal["follow", "top"]
@@ -60,14 +61,13 @@ class WormRenderer:
 
     def __init__(
         self,
-        config: WormSceneConfig,
+        config: SceneConfig,
         width: int = 640,
         height: int = 480,
         camera: Camera = "follow",
     ) -> None:
         one_of("camera", camera, get_args(Camera))
-        self._scene = build_worm_scene(config, visual=True)
-        self._model = self._scene.model
+        self._model = build_scene(config, visual=True).model
         self._model.mat("ground_grid").texrepeat = (1 / _SQUARE, 1 / _SQUARE)
         # software GL draws 5-9 times as fast without multisampling
         self._model.vis.quality.offsamples = 0
@@ -96,7 +96,7 @@ class WormRenderer:
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
-        middles = self._data.geom_xpos[self._scene.segment_geoms]
+        middles = self._data.geom_xpos[worms.segment_geoms]
         if self._crawls:
             self._camera.lookat[:] = middles.mean(axis=0) + self._aim
         else:

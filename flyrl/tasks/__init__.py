@@ -32,7 +32,6 @@ from flyrl.tasks.task import (
     TIMEOUT,
     UNSTABLE,
     EpisodeSampler,
-    EpisodeState,
     ErrorTerm,
     MeanTerm,
     ObservationTerm,
@@ -41,7 +40,6 @@ from flyrl.tasks.task import (
     TaskState,
     Term,
     Termination,
-    WormTaskState,
 )
 
 __all__ = [
@@ -64,7 +62,6 @@ __all__ = [
     "Drives",
     "Episode",
     "EpisodeSampler",
-    "EpisodeState",
     "ErrorTerm",
     "JointTargets",
     "MeanTerm",
@@ -77,7 +74,6 @@ __all__ = [
     "TaskState",
     "Term",
     "Termination",
-    "WormTaskState",
     "code_digests",
     "code_of",
     "extended",

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from flyrl.simulation.worms import WormState
-from flyrl.tasks import WormTaskState
+from flyrl.tasks import TaskState
 from flyrl.tasks import worm_terms as terms
 from flyrl.terrains import Bounds
 
@@ -32,10 +32,11 @@ def task_state(
     previous: WormState | None = None,
     command: object = ((),),
     **totals: object,
-) -> WormTaskState:
-    return WormTaskState(
-        worm=worm,
+) -> TaskState:
+    return TaskState(
+        body=worm,
         previous=previous or worm,
+        props=np.zeros((len(worm.time), 0, 3)),
         goal=np.zeros((len(worm.time), 0)),
         command=np.asarray(command, dtype=float),
         totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
