@@ -15,7 +15,6 @@ from flyrl.simulation.scene import build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import Episode
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
-from flyrl.terrains import NOWHERE
 
 Ids = NDArray[np.intp]
 
@@ -48,8 +47,6 @@ class Bodies:
         self._config = config
         self._scene = scene
         self._pushes = np.zeros((num_envs, 0))
-        self._props = scene.props
-        self._prop_starts = np.tile(np.array(NOWHERE), (num_envs, len(scene.props), 1))
         self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
 
     def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
@@ -71,10 +68,9 @@ class Bodies:
 
     def lead_to(self, ids: Ids, goals: NDArray[np.float64]) -> None:
         """Put the props that stand where episodes lead to elsewhere: x, y, mm, (k, 2)."""
-        starts = self._prop_starts[ids]
+        starts = self.batch.prop_starts[ids]
         for row, sim, goal in zip(starts, ids, goals, strict=True):
             self._put_at_goal(row, int(sim), goal)
-        self._prop_starts[ids] = starts
         self.batch.set_props(ids, starts)
 
     def act(self, actions: NDArray[np.float64], now: Any, ids: Ids | None) -> None:
@@ -121,24 +117,24 @@ class Bodies:
 
     def _set_props(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Put the props of episodes where these say."""
-        if not self._props:
+        if not self._scene.props:
             return
-        placed = [i for i, prop in enumerate(self._props) if not prop.at_goal]
+        placed = [i for i, prop in enumerate(self._scene.props) if not prop.at_goal]
         for sim, episode in zip(ids, episodes, strict=True):
             if len(episode.props) != 3 * len(placed):
                 raise ValueError(
                     f"props of the episode must be x, y and z of {len(placed)} props, got "
                     f"{len(episode.props)} numbers"
                 )
-            row = self._prop_starts[sim]
+            row = self.batch.prop_starts[sim]
             row[placed] = np.reshape(episode.props, (-1, 3))
             self._put_at_goal(row, int(sim), episode.goal)
-        self.batch.set_props(ids, self._prop_starts[ids])
+        self.batch.set_props(ids, self.batch.prop_starts[ids])
 
     def _put_at_goal(self, row: NDArray[np.float64], sim: int, goal: Sequence[float]) -> None:
         """Put props of one simulation, (props, 3), at its goal, if it has one."""
         terrain = self._scene.terrain
-        for place, prop in zip(row, self._props, strict=True):
+        for place, prop in zip(row, self._scene.props, strict=True):
             if prop.at_goal and len(goal):
                 x, y = goal[0], goal[1]
                 top = terrain.top_at(self.batch.ground(sim), x, y)

@@ -257,7 +257,7 @@ def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
     if isinstance(given, str):
         return table[one_of(key, given, table)]
     kinds = {type(config) for config in table.values()}
-    if type(given) not in kinds:
+    if type(given) not in kinds and not (key == "body" and hasattr(given, "simulated_by")):
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
         raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
     return cast(Config, given)

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from flyrl.envs.bodies import Bodies
 from flyrl.envs.config import EnvConfig, Observation, Transition
 from flyrl.envs.noise import SensorNoise, generator
-from flyrl.envs.rendering import USUAL_VIEW, Renderer, View, make_renderer
+from flyrl.envs.rendering import USUAL_VIEW, View, make_renderer
 from flyrl.simulation.batch import Batch
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.native import MOST_SIMS
+from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import Scene
 from flyrl.tasks import (
     ACHIEVED_GOAL,
@@ -89,7 +90,7 @@ class BatchedEnv:
         }
         limit = self.task.time_limit_s
         self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
-        self._renderer: Renderer | None = None
+        self._renderer: BodyRenderer | None = None
         self._is_closed = False
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._outcomes = self.task.outcomes

@@ -7,7 +7,7 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -24,10 +24,9 @@ from flyrl.report.captions import Picture, clock_text, ending_text, titled, with
 from flyrl.report.film import jpeg
 from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import Batch
-from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.marks import FORCE_PER_MM
 from flyrl.simulation.overlay import Overlay
-from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
+from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import Terrain
 
@@ -204,19 +203,18 @@ class _Camera:
 
     def __init__(self, config: EnvConfig, view: View) -> None:
         self._overlay = view.drawn
+        if config.creature != "fly":  # whose feet are not drawn with their forces
+            self._overlay = replace(view.drawn, forces=False)
         self._renderer = make_renderer(config, view)
         self.pace = FLY_PACE if config.creature == "fly" else WORM_PACE
 
     def take(self, body: Batch, episode: Episode) -> Picture:
         """Take a picture of the first body of a batch."""
-        if isinstance(self._renderer, FlyRenderer):
-            assert isinstance(body, FlyBatch)
-            picture = self._renderer.render(body, 0, episode.goal)
-            return measured(picture, self._renderer.pixels_per_mm, self._overlay)
-        picture = self._renderer.render(body, 0)
-        if self._overlay.scale_bar:
-            picture = with_scale_bar(picture, self._renderer.pixels_per_mm)
-        return tension_bars(picture, body.state().tensions[0], BAR_WIDTH, BAR_HEIGHT)
+        picture = self._renderer.render(body, 0, episode.goal)
+        picture = measured(picture, self._renderer.pixels_per_mm, self._overlay)
+        if body.has_legs:
+            return picture
+        return tension_bars(picture, body.state().actuation[0], BAR_WIDTH, BAR_HEIGHT)
 
     def close(self) -> None:
         """Free the renderer."""

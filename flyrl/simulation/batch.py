@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.simulation.native import Ids, NativeBatch
 from flyrl.simulation.randomisation import Randomisation
+from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import Scene, SceneConfig
 from flyrl.simulation.variation import Variation
 from flyrl.terrains import HEIGHT_FIELD, NOWHERE, Ground, box_colours, positions_at
@@ -38,8 +39,12 @@ class Batch(NativeBatch):
         Whether a leg controller moves it; only then can it be randomised, and the ground be rough.
     presets, usual_physics
         Names of the physics presets that it can have, and the usual one.
+    renderer
+        What draws it.
     needless
-        Fields of an Episode that do not apply to it.
+        Optional fields of an Episode that do not apply to it.
+    prop_starts
+        Where props start, mm, (num_sims, props, 3); see `set_props`.
     gait_logs
         Logs of how it walks, (num_sims,); None where there are none.
     """
@@ -47,6 +52,7 @@ class Batch(NativeBatch):
     creature: ClassVar[str]
     has_legs: ClassVar[bool] = False
     presets: ClassVar[Sequence[str]]
+    renderer: ClassVar[type[BodyRenderer]]
     usual_physics: ClassVar[str]
     needless: ClassVar[Sequence[str]]
 
@@ -94,7 +100,7 @@ class Batch(NativeBatch):
         if scene.config.terrain.random:
             self._of_grounds = {name: self._batch.expand(name) for name in self._layer.fields}
         self._props = scene.config.props
-        self._prop_starts = np.tile(np.array(NOWHERE), (self.num_sims, len(self._props), 1))
+        self.prop_starts = np.tile(np.array(NOWHERE), (self.num_sims, len(self._props), 1))
         self._solid = [i for i, prop in enumerate(self._props) if prop.is_solid]
         self._mocap_pos = self._batch.bind("mocap_pos")
         self._variation = Variation(scene.model, self._batch)
@@ -151,12 +157,12 @@ class Batch(NativeBatch):
 
         Where one moves, it is from now on where it is at the simulation's time.
         """
-        self._prop_starts[ids] = starts
+        self.prop_starts[ids] = starts
         self._move_props()
 
     def props(self) -> NDArray[np.float64]:
         """Where props are, mm, (n, props, 3), ordered as `SceneConfig.props`."""
-        return positions_at(self._props, self._prop_starts, self._time)
+        return positions_at(self._props, self.prop_starts, self._time)
 
     def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:
         """Advance by physics steps, holding the commands and the props.

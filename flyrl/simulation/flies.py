@@ -30,6 +30,7 @@ from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.native import Ids
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import FLY_PRESETS, apply_physics
+from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import Scene, SceneConfig
 from flyrl.simulation.state import FlyState, LegStates
 from flyrl.terrains import BALL, Ball, add_prop, add_terrain
@@ -83,6 +84,7 @@ class FlyBatch(Batch):
 
     creature = "fly"
     has_legs = True
+    renderer = FlyRenderer
     presets = FLY_PRESETS
     usual_physics = "balanced"
     needless = ("joint_angles",)

@@ -142,7 +142,7 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
     """
     install()  # somebody else's callback would run while the model compiles
     # a user's image may change under its name
-    profile = config.body.profile_path
+    profile = getattr(config.body, "profile_path", None)
     scene = _compiled(config, visual, profile and file_digest(profile))
     return replace(scene, model=copy.copy(scene.model))
 

@@ -17,6 +17,7 @@ from flyrl.simulation.native import Ids
 from flyrl.simulation.pairs import pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.scene import Scene, SceneConfig
+from flyrl.simulation.worm_rendering import WormRenderer
 from flyrl.terrains import add_terrain
 from flyrl.validation import one_of
 
@@ -89,6 +90,7 @@ class WormBatch(Batch):
     """
 
     creature = "worm"
+    renderer = WormRenderer
     presets = tuple(PHYSICS_PRESETS)
     usual_physics = "worm"
     needless = ("init_phases", "init_magnitudes", "pushes", "ground", "props")
@@ -174,12 +176,6 @@ class WormBatch(Batch):
         """
         joints = len(self.scene.joint_qpos)
         for episode in episodes:
-            for name, place in (
-                ("spawn_position", episode.spawn_position_w[:2]),
-                ("spawn_yaw", episode.spawn_yaw),
-            ):
-                if not self._crawls and np.any(place):
-                    raise ValueError(f"{name} of a hanging worm must be 0, got {place}")
             if len(episode.joint_angles) not in (0, joints):
                 raise ValueError(
                     f"joint_angles of the episode must be {joints} angles, or none, got "
@@ -220,8 +216,9 @@ class WormBatch(Batch):
         places = _of_shape("positions_w", positions_w, (k, 2))
         headings = _of_shape("yaws", yaws, (k,))
         angles = _of_shape("joint_angles", joint_angles, (k, len(scene.joint_qpos)))
-        if not self._crawls and (places.any() or headings.any()):
-            raise ValueError("positions_w and yaws of a hanging worm must be 0, it cannot move")
+        for name, given in (("spawn_position", places), ("spawn_yaw", headings)):
+            if not self._crawls and given.any():
+                raise ValueError(f"{name} of a hanging worm must be 0, got {given[given != 0][0]}")
         self._clear(ids)
         self._tensions[ids] = self._resting
         self._qpos[np.ix_(ids, scene.joint_qpos)] = angles
