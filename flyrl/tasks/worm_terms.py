@@ -5,19 +5,6 @@ import numpy as np
 from flyrl.tasks.task import Array, Mask, TaskState
 
 
-def heading(state: TaskState) -> Array:
-    """Cosine and sine of the heading's angle from +x, (n, 2)."""
-    yaw = state.worm.yaw
-    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-
-
-def velocity_b(state: TaskState) -> Array:
-    """Velocity of the worm's middle, forward and to the left of its heading, 20 mm/s, (n, 2)."""
-    (x, y), yaw = state.worm.velocity_w[:, :2].T, state.worm.yaw
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1) / 20.0
-
-
 def joint_angles(state: TaskState) -> Array:
     """Angles of the joints, rad, (n, J)."""
     return state.worm.joint_angles
@@ -33,19 +20,9 @@ def tensions(state: TaskState) -> Array:
     return state.worm.tensions
 
 
-def progress(state: TaskState) -> Array:
-    """Way of the worm's middle along +x, mm, (n,)."""
-    return state.worm.position_w[:, 0] - state.previous.position_w[:, 0]
-
-
 def has_crawled(state: TaskState, way: float) -> Mask:
     """Whether the worm has come `way` mm along +x in this episode, (n,)."""
     return np.asarray(state.totals["progress"] >= way)
-
-
-def command(state: TaskState) -> Array:
-    """Bend that is asked for, rad, (n, 1)."""
-    return state.command
 
 
 def bend_error(state: TaskState) -> Array:
