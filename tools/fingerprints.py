@@ -27,6 +27,7 @@ ROOT: Final = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 import flyrl  # noqa: E402, F401 - registers the environments
+from flyrl.envs.core import BatchedEnv, EnvConfig  # noqa: E402
 
 PRESETS: Final = ("reference", "balanced", "fast")
 TERRAINS: Final = ("flat", "gapped", "blocks", "mixed")
@@ -34,6 +35,9 @@ CONTROLLERS: Final = ("cpg", "rule_based", "hybrid")
 DECISION_S: Final = 0.02
 DECISIONS: Final = 15
 BATCH: Final = 3
+
+WORM_TASKS: Final = ("worm_crawl", "worm_crawl_box", "worm_hang", "worm_hang_box")
+WORM_DECISIONS: Final = 20
 
 STATE: Final = (
     "position_w", "velocity_w", "rotation_w", "joint_angles", "joint_velocities",
@@ -61,7 +65,7 @@ def main() -> None:
     parser.add_argument("--compare", action="store_true", help="with those in the file")
     parser.add_argument("--simulations", action="store_true", help="no training, no evaluation")
     chosen = parser.parse_args()
-    found = dict(_simulations())
+    found = dict(_simulations()) | dict(_worms())
     if not chosen.simulations:
         with tempfile.TemporaryDirectory() as folder:
             found |= dict(_training(Path(folder)))
@@ -105,6 +109,30 @@ def _walk(env: Any, shape: tuple[int, ...]) -> str:
             digest.update(np.ascontiguousarray(getattr(state, field)).tobytes())
     env.close()
     return digest.hexdigest()
+
+
+def _worms() -> Iterator[tuple[str, str]]:
+    """Hash of what worms do under random actions, reset, snapshotted and restored in the midst."""
+    for task in WORM_TASKS:
+        env = BatchedEnv(EnvConfig(task), BATCH, num_threads=2)
+        rng = np.random.default_rng(1)
+        digest = hashlib.sha256(env.reset(seeds=[*range(BATCH)]).tobytes())
+        for decision in range(WORM_DECISIONS):
+            if decision == WORM_DECISIONS // 4:
+                digest.update(env.reset(ids=[1]).tobytes())
+            if decision == WORM_DECISIONS // 2:
+                snapshot = env.snapshot()
+                env = BatchedEnv(EnvConfig(task), BATCH, num_threads=1)
+                env.restore(snapshot)
+            low, high = env.task.actions.bounds
+            actions = rng.uniform(low, high, size=(BATCH, env.task.actions.size))
+            if env.task.actions.is_integer:
+                actions = rng.integers(0, env.task.actions.pools, size=actions.shape)
+            transition = env.step(actions)
+            for values in (transition.observation, transition.reward):
+                digest.update(np.ascontiguousarray(values).tobytes())
+            digest.update(env.batch.integration_state().tobytes())
+        yield task, digest.hexdigest()
 
 
 def _training(folder: Path) -> Iterator[tuple[str, str]]:

@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import replace
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 
 from benchmarks.fidelity.statistics import Trajectory, trajectory
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
-from flyrl.tasks import TaskState
 from flyrl.tasks.terms import leg_contacts
 
 SAMPLING_S: Final = 1e-3
@@ -65,6 +64,6 @@ def _sample(env: BatchedEnv) -> dict[str, np.ndarray]:
         "yaw": fly.yaw,
         "upright": fly.up_b[:, 2],
         "end_effectors_w": fly.end_effectors_w,
-        "contact": leg_contacts(cast(TaskState, env.task_state())) > 0,
+        "contact": leg_contacts(env.task_state()) > 0,
         "power": np.maximum(fly.actuator_torques * fly.joint_velocities, 0.0).sum(axis=1),
     }

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from flyrl.bench.engine import SETTLING_S, settled_scene, walking_time
 from flyrl.bench.results import Row, significant
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 
 FLYRL_PRESETS: Final = ("reference", "balanced")
 """Measured beside the peers: the preset with their time step, and the default one."""

@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from flyrl.bench.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.scene import Scene
 
 SETTLING_S: Final = 0.2

@@ -8,7 +8,8 @@ from tqdm import tqdm
 
 from flyrl.bench.results import Row, significant
 from flyrl.bodies.worm import WORMS
-from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.worms import WormBatch
 
 DECISION_S: Final = 0.05
 """s of simulated time for which muscles hold."""
@@ -32,7 +33,7 @@ def measure(seconds: float, worms: int = 32) -> list[Row]:
 
 def _measure(name: str, seconds: float, worms: int) -> Row:
     body = WORMS[name]
-    batch = WormBatch(build_worm_scene(WormSceneConfig(body)), worms, num_threads=1)
+    batch = WormBatch(build_scene(SceneConfig(body)), worms, num_threads=1)
     batch.reset(
         np.arange(worms), np.zeros((worms, 2)), np.zeros(worms), np.zeros((worms, body.joints))
     )
@@ -41,7 +42,7 @@ def _measure(name: str, seconds: float, worms: int) -> Row:
     rng = np.random.default_rng(0)
     taken, decisions = 0.0, -WARM_UP
     while decisions < 1 or taken < seconds:
-        batch.set_neurons(rng.integers(0, pools, (worms, len(pools))))
+        batch.set_command(rng.integers(0, pools, (worms, len(pools))))
         began = time.perf_counter()
         batch.step(steps)
         if decisions >= 0:

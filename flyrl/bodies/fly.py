@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import mujoco
 import numpy as np
@@ -159,6 +159,8 @@ class FlyConfig:
         `terrains.Air` and `terrains.Ball`).
     """
 
+    simulated_by: ClassVar[str] = "flyrl.simulation.flies:FlyBatch"
+
     name: BodyName = "current"
     adhesion_gain: Annotated[float, Within(0, 1e4)] = 40.0
     rigid_head: bool = True
@@ -176,6 +178,11 @@ class FlyConfig:
         for joint, angle in self.fixed_joints:
             one_of("body.fixed_joints", joint, JOINTS)
             within(f"body.fixed_joints: angle of {joint}", angle, -math.pi, math.pi)
+
+    @property
+    def profile_path(self) -> Path | None:
+        """Image of the muscles' motor pool, of a fly that has muscles."""
+        return None if self.muscles is None else self.muscles.profile_path
 
 
 FLIES: Final[Mapping[str, FlyConfig]] = {

@@ -7,7 +7,7 @@ to +z, like the fly. Units mm, g, s, rad; forces in µN, torques in µN mm.
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -118,6 +118,8 @@ class WormConfig:
     friction_along, friction_across : sliding friction of a crawling worm's feet, along and across
         their segment.
     """
+
+    simulated_by: ClassVar[str] = "flyrl.simulation.worms:WormBatch"
 
     segments: Annotated[int, Within(2, 1000)] = 10
     radius: Annotated[float, Within(1e-3, 1e3)] = 1.0

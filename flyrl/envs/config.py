@@ -4,7 +4,7 @@ import inspect
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final, Literal, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +13,13 @@ from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
 from flyrl.controllers.controller import Controller, controller_from, controller_named
 from flyrl.controllers.gait_log import SAMPLING_S
-from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS, PhysicsConfig
+from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
-from flyrl.simulation.scene import SceneConfig
-from flyrl.simulation.worms import WormSceneConfig
+from flyrl.simulation.scene import SceneConfig, batch_class
 from flyrl.tasks import (
     Drives,
     Episode,
     JointTargets,
-    Neurons,
     Task,
     TaskSettings,
     named_function,
@@ -95,7 +93,7 @@ class EnvConfig:
 
     resolved_task: Task = field(init=False, repr=False)
     resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
-    scene: SceneConfig | WormSceneConfig = field(init=False, repr=False)
+    scene: SceneConfig = field(init=False, repr=False)
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -117,42 +115,35 @@ class EnvConfig:
         if self.as_vectors:
             task = task.flattened()
         _check_body(task, body)
+        kind = batch_class(body)
+        drawn_from = _named("randomisation", self.randomisation, RANDOMISATIONS)
         controller = None
-        if isinstance(body, FlyConfig):
+        if kind.has_legs:
             usual = "joints" if isinstance(task.actions, JointTargets) else "hybrid"
             controller = _controller(usual if self.controller is None else self.controller)
             task = _fit_task(task, controller)
+        else:
+            self._check_legless(kind.creature, drawn_from)
         terrain = _terrain(self.terrain)
-        is_worm = isinstance(body, WormConfig)
-        presets = PHYSICS_PRESETS if is_worm else {key: PHYSICS_PRESETS[key] for key in FLY_PRESETS}
-        usual_physics = "worm" if is_worm else "balanced"
-        physics = usual_physics if self.physics is None else self.physics
+        presets = {name: PHYSICS_PRESETS[name] for name in kind.presets}
+        physics = kind.usual_physics if self.physics is None else self.physics
         physics = _named("physics", physics, presets)
-        drawn_from = _named("randomisation", self.randomisation, RANDOMISATIONS)
         if interval is None:
             interval = task.decision_interval_s or physics.timestep
-        steps = round(interval / physics.timestep)
-        if steps < 1 or abs(steps * physics.timestep - interval) > 1e-9:
-            raise ValueError(
-                f"decision_interval is {interval} s; it must be a positive multiple of the physics "
-                f"time step, {physics.timestep} s"
-            )
-        if task.time_limit_s is not None and round(task.time_limit_s / interval) < 1:
-            raise ValueError(
-                f"the time limit of {task.name} must be at least one decision, {interval} s, "
-                f"got {task.time_limit_s}"
-            )
+        steps = _physics_steps(task, interval, physics)
         is_sensed = any(term.spreads().any() for term in task.observation)
         if drawn_from.sensor_noise and not is_sensed:
             raise ValueError(
                 f"randomisation.sensor_noise is {drawn_from.sensor_noise}; it must be 0 in the "
                 f"task {task.name!r}, none of whose observation terms has a spread"
             )
-        scene = (
-            self._worm_scene(body, terrain, physics, drawn_from)
-            if isinstance(body, WormConfig)
-            else self._fly_scene(task, body, controller, terrain, physics, drawn_from, steps)
-        )
+        # with every drive another, as many are on their way as are decided on meanwhile
+        queue = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
+        gait = 0
+        if self.log_gait and kind.has_legs:  # all samples of a decision are kept until its end
+            # at any step they are more than two thirds of SAMPLING_S apart: as many places in all
+            gait = 1 + math.ceil(1.5 * steps * physics.timestep / SAMPLING_S)
+        scene = SceneConfig(body, terrain, controller, physics, queue, gait, task.props)
         object.__setattr__(self, "resolved_task", task)
         object.__setattr__(self, "resolved_randomisation", drawn_from)
         object.__setattr__(self, "scene", scene)
@@ -162,45 +153,19 @@ class EnvConfig:
         # the rest follows from these, and terms of a task may be functions that cannot be pickled
         return type(self), tuple(getattr(self, name) for name in _settings(self))
 
-    def _fly_scene(
-        self,
-        task: Task,
-        body: FlyConfig,
-        controller: Controller | None,
-        terrain: Terrain,
-        physics: PhysicsConfig,
-        drawn_from: RandomisationConfig,
-        steps: int,
-    ) -> SceneConfig:
-        assert controller is not None
-        # with every drive another, as many are on their way as are decided on meanwhile
-        places = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
-        scene = SceneConfig(body, terrain, controller, physics, places, props=task.props)
-        if self.log_gait:  # all samples of a decision are kept until its end
-            # at any step they are more than two thirds of SAMPLING_S apart: as many places in all
-            seconds = steps * physics.timestep
-            scene = replace(scene, gait_places=1 + math.ceil(1.5 * seconds / SAMPLING_S))
-        return scene
-
-    def _worm_scene(
-        self,
-        body: WormConfig,
-        terrain: Terrain,
-        physics: PhysicsConfig,
-        drawn_from: RandomisationConfig,
-    ) -> WormSceneConfig:
+    def _check_legless(self, creature: str, drawn_from: RandomisationConfig) -> None:
+        """Raise ValueError if something is asked of a body without legs that takes legs."""
         if self.controller is not None:
-            raise ValueError(f"controller of a worm must be None, got {self.controller!r}")
+            raise ValueError(f"controller of a {creature} must be None, got {self.controller!r}")
         if replace(drawn_from, sensor_noise=0.0) != RandomisationConfig():
             raise ValueError(
-                f"randomisation of a worm must be of sensor_noise alone, got {drawn_from}"
+                f"randomisation of a {creature} must be of sensor_noise alone, got {drawn_from}"
             )
-        return WormSceneConfig(body, terrain, physics)
 
     @property
-    def creature(self) -> Literal["fly", "worm"]:
-        """What the body is."""
-        return "fly" if isinstance(self.scene, SceneConfig) else "worm"
+    def creature(self) -> str:
+        """What the body is: "fly" or "worm"."""
+        return self.scene.batch_class.creature
 
     @property
     def fly_scene(self) -> SceneConfig:
@@ -211,7 +176,7 @@ class EnvConfig:
         ValueError
             If it is one of worms.
         """
-        if not isinstance(self.scene, SceneConfig):
+        if self.creature != "fly":
             raise ValueError(f"task must be one for flies, got {self.resolved_task.name!r}")
         return self.scene
 
@@ -292,7 +257,7 @@ def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
     if isinstance(given, str):
         return table[one_of(key, given, table)]
     kinds = {type(config) for config in table.values()}
-    if type(given) not in kinds:
+    if type(given) not in kinds and not (key == "body" and hasattr(given, "simulated_by")):
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
         raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
     return cast(Config, given)
@@ -343,6 +308,28 @@ def _terrain(given: str | Terrain | Fields) -> Terrain:
     return given
 
 
+def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:
+    """How many physics steps a decision is held.
+
+    Raises
+    ------
+    ValueError
+        If that is no whole number, or the task's time limit is shorter than a decision.
+    """
+    steps = round(interval / physics.timestep)
+    if steps < 1 or abs(steps * physics.timestep - interval) > 1e-9:
+        raise ValueError(
+            f"decision_interval is {interval} s; it must be a positive multiple of the physics "
+            f"time step, {physics.timestep} s"
+        )
+    if task.time_limit_s is not None and round(task.time_limit_s / interval) < 1:
+        raise ValueError(
+            f"the time limit of {task.name} must be at least one decision, {interval} s, "
+            f"got {task.time_limit_s}"
+        )
+    return steps
+
+
 def _list(names: Iterable[str]) -> str:
     return ", ".join(map(repr, names))
 
@@ -355,9 +342,9 @@ def usual_body(task: TaskSettings | Task) -> BodyConfig:
 
 def _check_body(task: Task, body: BodyConfig) -> None:
     """Raise ValueError unless the task is for bodies like this."""
-    is_for_worms = isinstance(task.actions, Neurons)
-    if is_for_worms != isinstance(body, WormConfig):
-        creature, names = ("worm", WORMS) if is_for_worms else ("fly", FLIES)
+    creature = task.actions.creature
+    if creature != batch_class(body).creature:
+        names = [name for name, each in BODIES.items() if batch_class(each).creature == creature]
         raise ValueError(
             f"body must be a {creature} in the task {task.name!r} ({', '.join(names)}), got {body}"
         )

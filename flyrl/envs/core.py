@@ -3,23 +3,21 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
+from flyrl.envs.bodies import Bodies
 from flyrl.envs.config import EnvConfig, Observation, Transition
-from flyrl.envs.flies import Flies
 from flyrl.envs.noise import SensorNoise, generator
-from flyrl.envs.rendering import USUAL_VIEW, Renderer, View, make_renderer
-from flyrl.envs.simulation import BodyState, Simulation
-from flyrl.envs.worms import Worms
-from flyrl.simulation.batch import FlyBatch
+from flyrl.envs.rendering import USUAL_VIEW, View, make_renderer
+from flyrl.simulation.batch import Batch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.native import MOST_SIMS
-from flyrl.simulation.scene import Scene, SceneConfig
-from flyrl.simulation.state import FlyState
-from flyrl.simulation.worms import WormBatch, WormScene
+from flyrl.simulation.rendering import BodyRenderer
+from flyrl.simulation.scene import Scene
 from flyrl.tasks import (
     ACHIEVED_GOAL,
     DESIRED_GOAL,
@@ -28,7 +26,6 @@ from flyrl.tasks import (
     TIMEOUT,
     UNSTABLE,
     Episode,
-    EpisodeState,
     TaskState,
 )
 from flyrl.tasks.episode import LENGTHS
@@ -77,7 +74,7 @@ class BatchedEnv:
         self.view = view
         self.task = config.resolved_task
         self.num_envs = num_envs
-        self.simulation = build_simulation(config, num_envs, num_threads)
+        self.simulation = Bodies(config, num_envs, num_threads)
         self.episodes: list[Episode | None] = [None] * num_envs
         self.difficulty = 1.0
         self._bounds = config.scene.terrain.bounds
@@ -93,16 +90,16 @@ class BatchedEnv:
         }
         limit = self.task.time_limit_s
         self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
-        self._renderer: Renderer | None = None
+        self._renderer: BodyRenderer | None = None
         self._is_closed = False
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._outcomes = self.task.outcomes
         self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
-        self.state: BodyState = self.simulation.state()
+        self.state: Any = self.batch.state()
         self._previous = self.state
 
     @property
-    def batch(self) -> FlyBatch | WormBatch:
+    def batch(self) -> Batch:
         """The bodies' physics."""
         return self.simulation.batch
 
@@ -121,21 +118,20 @@ class BatchedEnv:
         return batch
 
     @property
-    def scene(self) -> Scene | WormScene:
+    def scene(self) -> Scene:
         """The compiled scene."""
         return self.batch.scene
 
     @property
     def drive(self) -> NDArray[np.float64]:
         """What the bodies do by command: drives (n, 2) of flies, tensions (n, M) of worms."""
-        state = self.state
-        return state.command if isinstance(state, FlyState) else state.tensions
+        actuation: NDArray[np.float64] = self.state.actuation
+        return actuation
 
     @property
     def gait_logs(self) -> NDArray[np.void] | None:
         """Logs of how flies walk, (n,); None where none are kept, and of worms."""
-        batch = self.batch
-        return batch.gait_logs if isinstance(batch, FlyBatch) else None
+        return self.batch.gait_logs
 
     def reset(
         self,
@@ -192,7 +188,7 @@ class BatchedEnv:
         self._decisions[chosen] = 0
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
-        self.state = self._previous = self.simulation.state()
+        self.state = self._previous = self.batch.state()
         if is_first:
             self._check_terms(self.task_state())
         return self.observe()
@@ -262,7 +258,7 @@ class BatchedEnv:
         self._decisions[moved] += 1
         if self._noise.is_on:
             self._noise.draw(moved)
-        now = self.simulation.state()
+        now = self.batch.state()
         is_unstable = now.is_unstable
         if is_unstable.any():
             # what blew up is shown as it was before the decision, which then ends its episode
@@ -375,15 +371,15 @@ class BatchedEnv:
         """Seeds of the grounds that the simulations walk on, on random terrain; -1: none yet."""
         return np.array([-1 if each is None else each.ground_seed for each in self.episodes])
 
-    def task_state(self) -> EpisodeState:
+    def task_state(self) -> TaskState:
         """What the task's terms saw after the last decision, or see after a reset since."""
         return self._task_state(self._previous)
 
     def failure_info(self) -> dict[str, NDArray[Any]]:
         """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
-        return failure_info(cast(TaskState, self.task_state())) if self.task.has_goals else {}
+        return failure_info(self.task_state()) if self.task.has_goals else {}
 
-    def _task_state(self, previous: BodyState) -> EpisodeState:
+    def _task_state(self, previous: Any) -> TaskState:
         goal, command = self._goal, self._command
         if goal is None or command is None:
             raise RuntimeError("the environment must be reset first")
@@ -394,9 +390,10 @@ class BatchedEnv:
         totals = {
             term.name: total for term, total in zip(self.task.reward, self._totals, strict=True)
         }
-        return self.simulation.seen(
-            self.state,
-            previous,
+        return TaskState(
+            body=self.state,
+            previous=previous,
+            props=self.batch.props(),
             goal=goal,
             command=command,
             totals=totals,
@@ -411,14 +408,14 @@ class BatchedEnv:
         bounds, low = self._bounds, self.config.scene.terrain.base_height
         x, y, z = episode.spawn_position_w
         is_on_ground = bounds.x_min <= x <= bounds.x_max and bounds.y_min <= y <= bounds.y_max
-        if not is_on_ground or (self.config.creature == "fly" and z < low):
+        if not is_on_ground or (self.batch.has_legs and z < low):
             raise ValueError(
                 f"spawn_position must lie on the ground, with x from {bounds.x_min:g} to "
                 f"{bounds.x_max:g}, y from {bounds.y_min:g} to {bounds.y_max:g} and z of at least "
                 f"{low:g} mm, got {episode.spawn_position_w}"
             )
 
-    def _check_terms(self, state: EpisodeState) -> None:
+    def _check_terms(self, state: TaskState) -> None:
         """Raise ValueError if a term does not give a row of its shape per simulation."""
         task = self.task
         rows: list[tuple[str, tuple[int, ...], Callable[[Any], NDArray[Any]]]] = [
@@ -445,7 +442,7 @@ class BatchedEnv:
                     f"simulations, got {np.shape(values)} for {self.num_envs}"
                 )
 
-    def _observe(self, state: EpisodeState) -> Observation:
+    def _observe(self, state: TaskState) -> Observation:
         terms = {}
         is_noisy = self._noise.is_on
         for term in self.task.observation:
@@ -463,15 +460,7 @@ class BatchedEnv:
         return {**goals, "observation": vector} if goals else vector
 
 
-def build_simulation(config: EnvConfig, num_envs: int, num_threads: int) -> Simulation:
-    """Bodies of the creature that an environment is of; 0 threads are one per CPU."""
-    scene = config.scene
-    if isinstance(scene, SceneConfig):
-        return Flies(config, scene, num_envs, num_threads)
-    return Worms(config, scene, num_envs, num_threads)
-
-
-def _where(mask: NDArray[np.bool_], chosen: BodyState, other: BodyState) -> BodyState:
+def _where(mask: NDArray[np.bool_], chosen: Any, other: Any) -> Any:
     """Mix two snapshots, simulation by simulation; the flag `is_unstable` is the other's."""
     mixed = {
         item.name: np.where(

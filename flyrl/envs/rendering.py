@@ -2,16 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol, get_args
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any, Final, get_args
 
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.overlay import PLAIN, Overlay
-from flyrl.simulation.rendering import Camera, FlyRenderer
-from flyrl.simulation.scene import SceneConfig
-from flyrl.simulation.worm_rendering import WormRenderer
+from flyrl.simulation.rendering import BodyRenderer, Camera
 from flyrl.validation import one_of, whole_number
 
 RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
@@ -77,21 +72,7 @@ class View:
 USUAL_VIEW: Final = View()
 
 
-class Renderer(Protocol):
-    """Draws bodies with a camera that follows them."""
-
-    pixels_per_mm: float
-
-    def render(self, batch: Any, sim: int = 0, goal: tuple[float, ...] = ()) -> NDArray[np.uint8]:
-        """Draw simulation `sim` of a batch, and the target at `goal` (x, y in mm), if any."""
-        ...
-
-    def close(self) -> None:
-        """Free the GL context."""
-        ...
-
-
-def make_renderer(config: EnvConfig, view: View) -> Renderer:
+def make_renderer(config: EnvConfig, view: View) -> BodyRenderer:
     """Renderer of the bodies of an environment.
 
     Raises
@@ -99,10 +80,9 @@ def make_renderer(config: EnvConfig, view: View) -> Renderer:
     RenderingUnavailableError
         If no GL context can be made.
     """
-    scene, size = config.scene, (view.width, view.height)
-    if isinstance(scene, SceneConfig):
-        return FlyRenderer(scene, *size, view.camera, view.drawn)
-    return WormRenderer(scene, *size, "follow" if view.camera == "goal" else view.camera)
+    drawn_by = config.scene.batch_class.renderer
+    camera = view.camera if view.camera in drawn_by.cameras else drawn_by.cameras[0]
+    return drawn_by(config.scene, view.width, view.height, camera, view.drawn)
 
 
 def check_render_mode(render_mode: str | None) -> str | None:

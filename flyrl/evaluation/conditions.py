@@ -16,7 +16,6 @@ from flyrl.controllers import Hybrid
 from flyrl.controllers.cpg_controller import OscillatorController
 from flyrl.envs.core import EnvConfig
 from flyrl.simulation.randomisation import RandomisationConfig
-from flyrl.simulation.scene import SceneConfig
 from flyrl.tasks import Episode
 from flyrl.validation import not_negative, number, one_of, within
 
@@ -170,7 +169,7 @@ class Condition:
         """
         if not self.name:
             return env
-        if not isinstance(env.scene, SceneConfig) and self.name != "sensor_noise":
+        if env.creature != "fly" and self.name != "sensor_noise":
             raise ValueError(
                 f"vary.{self.name} is for flies; of a worm, sensor_noise can be varied"
             )

@@ -176,7 +176,8 @@ class EvaluationConfig:
     @property
     def legs(self) -> Controller | None:
         """The hybrid controller that goes with the body; None of a worm, which has no legs."""
-        return self.env(self.terrains[0]).scene.controller
+        legs: Controller | None = self.env(self.terrains[0]).scene.controller
+        return legs
 
     @property
     def horizon_s(self) -> float:

@@ -2,7 +2,7 @@
 
 import mujoco
 
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import FLAT_GROUND, Flat
 

@@ -7,26 +7,26 @@ import sys
 import tempfile
 from collections.abc import Collection, Iterator
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import imageio_ffmpeg
 import numpy as np
 
+from flyrl.envs.bodies import Bodies
 from flyrl.envs.config import EnvConfig
-from flyrl.envs.core import BatchedEnv, build_simulation
+from flyrl.envs.core import BatchedEnv
 from flyrl.envs.rendering import View, make_renderer
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.progress import progress_bar
 from flyrl.report.captions import Picture, clock_text, ending_text, titled, with_scale_bar
 from flyrl.report.film import jpeg
 from flyrl.report.tension_bars import tension_bars
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.batch import Batch
 from flyrl.simulation.marks import FORCE_PER_MM
 from flyrl.simulation.overlay import Overlay
-from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
-from flyrl.simulation.worms import WormBatch
+from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import Terrain
 
@@ -203,20 +203,18 @@ class _Camera:
 
     def __init__(self, config: EnvConfig, view: View) -> None:
         self._overlay = view.drawn
+        if config.creature != "fly":  # whose feet are not drawn with their forces
+            self._overlay = replace(view.drawn, forces=False)
         self._renderer = make_renderer(config, view)
         self.pace = FLY_PACE if config.creature == "fly" else WORM_PACE
 
-    def take(self, body: FlyBatch | WormBatch, episode: Episode) -> Picture:
+    def take(self, body: Batch, episode: Episode) -> Picture:
         """Take a picture of the first body of a batch."""
-        if isinstance(self._renderer, FlyRenderer):
-            assert isinstance(body, FlyBatch)
-            picture = self._renderer.render(body, 0, episode.goal)
-            return measured(picture, self._renderer.pixels_per_mm, self._overlay)
-        assert isinstance(body, WormBatch)
-        picture = self._renderer.render(body, 0)
-        if self._overlay.scale_bar:
-            picture = with_scale_bar(picture, self._renderer.pixels_per_mm)
-        return tension_bars(picture, body.state().tensions[0], BAR_WIDTH, BAR_HEIGHT)
+        picture = self._renderer.render(body, 0, episode.goal)
+        picture = measured(picture, self._renderer.pixels_per_mm, self._overlay)
+        if body.has_legs:
+            return picture
+        return tension_bars(picture, body.state().actuation[0], BAR_WIDTH, BAR_HEIGHT)
 
     def close(self) -> None:
         """Free the renderer."""
@@ -239,13 +237,13 @@ def measured(picture: Picture, pixels_per_mm: float, overlay: Overlay) -> Pictur
 
 def _walk(
     env: BatchedEnv, entrant: Entrant, episode: Episode, frame_s: float
-) -> Iterator[tuple[FlyBatch | WormBatch, float, str]]:
+) -> Iterator[tuple[Batch, float, str]]:
     """Walk an episode; every `frame_s` and at the end: the body, the time, how the episode stands.
 
     The environment walks as in the evaluation. Between two decisions it cannot be looked at: there
     a second body, set to the same state before the decision, stands in for it.
     """
-    stand_in = build_simulation(env.config, 1, num_threads=1)
+    stand_in = Bodies(env.config, 1, num_threads=1)
     steps = env.config.steps_per_decision
     timestep = env.config.scene.physics.timestep
     per_frame = max(1, round(frame_s / timestep))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ FAILURES: Final = (*(failure.outcome for failure in tasks.FAILURES), UNSTABLE)
 
 SAMPLING_S: Final = 0.02
 """Least spacing of a record's samples, s: a quarter of a stride."""
-
-
-Creature = Literal["fly", "worm"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +94,7 @@ class EpisodeRecord:
         How the fly walked until then, where the environment logs it. Of a fly whose physics
         diverged, until the decision before.
     creature
-        What walked.
+        What walked: "fly" or "worm".
     """
 
     controller: str
@@ -116,7 +113,7 @@ class EpisodeRecord:
     errors: Mapping[str, float] = field(default_factory=dict)
     totals: Mapping[str, float] = field(default_factory=dict)
     gait: Gait | None = None
-    creature: Creature = "fly"
+    creature: str = "fly"
 
     def __post_init__(self) -> None:
         if self.outcome in ("", RUNNING):

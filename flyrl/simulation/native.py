@@ -93,8 +93,8 @@ class NativeBatch:
     def integration_state(self) -> NDArray[np.float64]:
         """Everything that determines the future of each simulation, one row each (a copy).
 
-        What differs among the simulations' models does so too: see `FlyBatch.ground` and
-        `FlyBatch.vary`.
+        What differs among the simulations' models does so too: see `Batch.ground` and
+        `Batch.vary`.
         """
         return np.array(self._batch.state)
 

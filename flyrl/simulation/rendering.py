@@ -6,14 +6,13 @@ import os
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, Final, Literal, get_args
+from typing import Any, ClassVar, Final, Literal, get_args
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS
-from flyrl.simulation.batch import FlyBatch
 from flyrl.simulation.leg_colours import LegColours
 from flyrl.simulation.marks import Mark, Trace, add_marks, force_arrows
 from flyrl.simulation.overlay import PLAIN, Overlay
@@ -22,6 +21,7 @@ from flyrl.terrains import NOWHERE
 from flyrl.validation import one_of
 
 Camera = Literal["follow", "top", "goal"]
+Picture = NDArray[np.uint8]
 
 _CAMERAS: Final[dict[Camera, tuple[float, float, float]]] = {
     # azimuth and elevation in degrees, distance in mm
@@ -43,8 +43,8 @@ class RenderingUnavailableError(RuntimeError):
     """No GL library can draw here; everything but pictures works."""
 
 
-class FlyRenderer:
-    """Draws flies of a scene with a camera that follows the thorax.
+class BodyRenderer:
+    """Draws bodies of a scene with a camera that follows them; a subclass says how it does.
 
     Parameters
     ----------
@@ -53,18 +53,17 @@ class FlyRenderer:
     width, height
         Size of the picture, px.
     camera
-        "follow" looks from ahead and above, "top" straight down, "goal" from the start towards the
-        goal, with both the fly and a goal that is not far in the picture.
+        One of `cameras`.
     overlay
-        What is drawn beside the fly. Scale bar and clock are not: they are not of the scene, see
+        What is drawn beside the body. Scale bar and clock are not: they are not of the scene, see
         `report.captions`.
-    distance
-        Of the camera from the thorax, mm; None takes the camera's usual one.
 
     Attributes
     ----------
+    cameras
+        Where it can look from, the usual one first.
     pixels_per_mm
-        How many pixels 1 mm across the line of sight took in the last picture, where the thorax is.
+        How many pixels 1 mm across the line of sight took in the last picture, where the body is.
 
     Raises
     ------
@@ -73,6 +72,67 @@ class FlyRenderer:
     ValueError
         If there is no such camera.
     """
+
+    cameras: ClassVar[tuple[Camera, ...]]
+
+    def __init__(
+        self,
+        config: SceneConfig,
+        width: int = 640,
+        height: int = 480,
+        camera: Camera = "follow",
+        overlay: Overlay = PLAIN,
+    ) -> None:
+        self._view = one_of("camera", camera, self.cameras)
+        self._overlay = overlay
+        self._model = build_scene(config, visual=True).model
+        # software GL draws 5-9 times as fast without multisampling and with small shadow maps
+        self._model.vis.quality.offsamples = 0
+        self._model.vis.quality.shadowsize = 1024
+        self._model.vis.global_.offwidth = width
+        self._model.vis.global_.offheight = height
+        self._data = mujoco.MjData(self._model)
+        self._markers = [i for i, prop in enumerate(config.props) if prop.at_goal]
+        self._camera = mujoco.MjvCamera()
+        self._offscreen = Offscreen(self._model, width, height)
+        self.pixels_per_mm = 0.0
+
+    def render(self, batch: Any, sim: int = 0, goal: tuple[float, ...] = ()) -> Picture:
+        """Draw simulation `sim`, (height, width, 3); the camera "goal" looks at x, y, mm."""
+        batch.copy_into(sim, self._model, self._data)
+        if not self._overlay.target:
+            self._data.mocap_pos[self._markers] = NOWHERE
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+        middle = self._look(goal)
+        picture = self._offscreen.draw(self._data, self._camera, self._marks(batch, sim))
+        self.pixels_per_mm = self._offscreen.pixels_per_mm(self._camera, middle)
+        return picture
+
+    def close(self) -> None:
+        """Free the GL context."""
+        self._offscreen.close()
+
+    def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
+        """Point the camera at the body that is posed now; return where it is, mm, (3,)."""
+        raise NotImplementedError
+
+    def _marks(self, batch: Any, sim: int) -> list[Mark]:
+        """What is drawn into the scene."""
+        return []
+
+
+class FlyRenderer(BodyRenderer):
+    """Draws flies of a scene with a camera that follows the thorax.
+
+    The camera "follow" looks from ahead and above, "top" straight down, "goal" from the start
+    towards the goal, with both the fly and a goal that is not far in the picture. Parameters and
+    errors are those of `BodyRenderer`, and `distance` of the camera from the thorax, mm; None takes
+    the camera's usual one.
+    """
+
+    cameras = get_args(Camera)
 
     def __init__(
         self,
@@ -83,61 +143,34 @@ class FlyRenderer:
         overlay: Overlay = PLAIN,
         distance: float | None = None,
     ) -> None:
-        self._view = one_of("camera", camera, get_args(Camera))
-        self._overlay = overlay
-        self._model = build_scene(config, visual=True).model
-        # software GL draws 5-9 times as fast without multisampling and with small shadow maps
-        self._model.vis.quality.offsamples = 0
-        self._model.vis.quality.shadowsize = 1024
-        self._model.vis.global_.offwidth = width
-        self._model.vis.global_.offheight = height
-        self._data = mujoco.MjData(self._model)
+        super().__init__(config, width, height, camera, overlay)
         self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
         self._terrain = config.terrain
         self._traces: dict[int, Trace] = {}
-        self._markers = [i for i, prop in enumerate(config.props) if prop.at_goal]
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
-        self._offscreen = Offscreen(self._model, width, height)
-        self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation, usual = _CAMERAS[camera]
         self._camera.distance = usual if distance is None else distance
         self._aim: tuple[tuple[float, ...], NDArray[np.float64], float] | None = None
-        self.pixels_per_mm = 0.0
 
-    def render(
-        self, flies: FlyBatch, sim: int = 0, goal: tuple[float, ...] = ()
-    ) -> NDArray[np.uint8]:
-        """Draw simulation `sim`, (height, width, 3); the camera "goal" looks at x, y, mm."""
-        flies.copy_into(sim, self._model, self._data)
-        if self._leg_colours is not None:
-            self._leg_colours.apply(flies.leg_states(sim))
-        if not self._overlay.target:
-            self._data.mocap_pos[self._markers] = NOWHERE
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
-        thorax = self._data.body("Thorax").xpos
+    def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
+        thorax: NDArray[np.float64] = self._data.body("Thorax").xpos
         if self._view == "goal" and goal:
             self._aim_at(thorax, goal)
         else:
             self._camera.lookat[:] = thorax
-        picture = self._offscreen.draw(self._data, self._camera, self._marks(flies, sim, thorax))
-        self.pixels_per_mm = self._offscreen.pixels_per_mm(self._camera, thorax)
-        return picture
+        return thorax
 
-    def close(self) -> None:
-        """Free the GL context."""
-        self._offscreen.close()
-
-    def _marks(self, flies: FlyBatch, sim: int, thorax: NDArray[np.float64]) -> list[Mark]:
-        """What is drawn into the scene; the trace goes on with every picture."""
+    def _marks(self, batch: Any, sim: int) -> list[Mark]:
+        """Trace, which goes on with every picture, and forces; the legs take their colours."""
+        if self._leg_colours is not None:
+            self._leg_colours.apply(batch.leg_states(sim))
         marks: list[Mark] = []
         if self._overlay.trace:
             trace = self._traces.setdefault(sim, Trace(self._terrain))
-            trace.add(self._data.time, thorax, flies.ground(sim))
+            trace.add(self._data.time, self._data.body("Thorax").xpos, batch.ground(sim))
             marks += trace.marks()
         if self._overlay.forces:
-            forces_w = flies.senses["contact_forces_w"][sim]
+            forces_w = batch.senses["contact_forces_w"][sim]
             marks += force_arrows(forces_w, self._data.xpos[self._feet])
         return marks
 
@@ -197,7 +230,7 @@ class Offscreen:
 
     def draw(
         self, data: mujoco.MjData, camera: mujoco.MjvCamera, marks: Sequence[Mark] = ()
-    ) -> NDArray[np.uint8]:
+    ) -> Picture:
         """Draw what `camera` sees of `data`, and marks, (height, width, 3), first row on top."""
         self._gl.make_current()
         everything = mujoco.mjtCatBit.mjCAT_ALL.value

@@ -1,12 +1,44 @@
 """What flies look like at one moment."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+
+
+class BodyState(Protocol):
+    """A snapshot of n bodies: a dataclass of arrays whose first axis is the simulation.
+
+    Attributes
+    ----------
+    time
+        s since the reset, (n,).
+    position_w, velocity_w
+        Of the body's middle, mm and mm/s, (n, 3), world frame.
+    yaw
+        Heading's angle from +x, rad, (n,).
+    actuation
+        What it does by command, (n, k), as a rollout records it.
+    is_unstable
+        Whether the simulation blew up since its reset, (n,).
+    """
+
+    @property
+    def time(self) -> Array: ...  # noqa: D102
+    @property
+    def position_w(self) -> Array: ...  # noqa: D102
+    @property
+    def velocity_w(self) -> Array: ...  # noqa: D102
+    @property
+    def yaw(self) -> Array: ...  # noqa: D102
+    @property
+    def actuation(self) -> Array: ...  # noqa: D102
+    @property
+    def is_unstable(self) -> Flags: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -69,6 +101,11 @@ class FlyState:
     muscle_tensions: Array
     fictive_velocity_b: Array
     is_unstable: NDArray[np.bool_]
+
+    @property
+    def actuation(self) -> Array:
+        """What the fly does by command, as a rollout records it: `command`."""
+        return self.command
 
     @property
     def heading_w(self) -> Array:

@@ -1,16 +1,13 @@
 """Pictures of a worm, without a screen."""
 
-from typing import Final, Literal, get_args
+from typing import Final
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.simulation.rendering import Offscreen
-from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
-from flyrl.validation import one_of
-
-Camera = Literal["follow", "top"]
+from flyrl.simulation.overlay import PLAIN, Overlay
+from flyrl.simulation.rendering import BodyRenderer, Camera
+from flyrl.simulation.scene import SceneConfig
 
 _CRAWLING: Final[dict[Camera, tuple[float, float, float]]] = {
     # azimuth and elevation in degrees, distance in lengths of the worm
@@ -31,56 +28,30 @@ _SQUARE: Final = 5.0
 """Side of the ground's squares, mm: those of a fly's ground would shimmer at this distance."""
 
 
-class WormRenderer:
+class WormRenderer(BodyRenderer):
     """Draws worms of a scene with a camera that follows the middle of a crawling worm.
 
-    Parameters
-    ----------
-    config
-        The scene; it is compiled once more, with a target marker.
-    width, height
-        Size of the picture, px.
-    camera
-        "follow" looks at a crawling worm from ahead and above, at a hanging one from its side;
-        "top" straight down.
-
-    Attributes
-    ----------
-    pixels_per_mm
-        How many pixels 1 mm across the line of sight took in the last picture, at the middle of the
-        worm.
-
-    Raises
-    ------
-    RenderingUnavailableError
-        If no GL context can be made.
-    ValueError
-        If there is no such camera.
+    The camera "follow" looks at a crawling worm from ahead and above, at a hanging one from its
+    side; "top" straight down. Parameters and errors are those of `BodyRenderer`.
     """
+
+    cameras = ("follow", "top")
 
     def __init__(
         self,
-        config: WormSceneConfig,
+        config: SceneConfig,
         width: int = 640,
         height: int = 480,
         camera: Camera = "follow",
+        overlay: Overlay = PLAIN,
     ) -> None:
-        one_of("camera", camera, get_args(Camera))
-        self._scene = build_worm_scene(config, visual=True)
-        self._model = self._scene.model
+        super().__init__(config, width, height, camera, overlay)
         self._model.mat("ground_grid").texrepeat = (1 / _SQUARE, 1 / _SQUARE)
-        # software GL draws 5-9 times as fast without multisampling
-        self._model.vis.quality.offsamples = 0
-        self._model.vis.global_.offwidth = width
-        self._model.vis.global_.offheight = height
-        self._data = mujoco.MjData(self._model)
-        self._offscreen = Offscreen(self._model, width, height)
-        self.pixels_per_mm = 0.0
         body = config.body
+        self._segments = [self._model.geom(f"Segment{i + 1}").id for i in range(body.segments)]
         length = body.segments * body.segment_length
         self._crawls = body.mount == "crawling"
         azimuth, elevation, lengths = (_CRAWLING if self._crawls else _HANGING)[camera]
-        self._camera = mujoco.MjvCamera()
         self._camera.azimuth, self._camera.elevation = azimuth, elevation
         self._camera.distance = lengths * length
         angle = np.radians(azimuth)
@@ -88,23 +59,11 @@ class WormRenderer:
         aside = _ASIDE * length if camera == "follow" and self._crawls else 0.0
         self._aim = aside * np.array([right[0] + near[0], right[1] + near[1], 0.0])
 
-    def render(
-        self, worms: WormBatch, sim: int = 0, goal: tuple[float, ...] = ()
-    ) -> NDArray[np.uint8]:
-        """Draw simulation `sim`, as (height, width, 3); a worm has no goal."""
-        worms.copy_into(sim, self._model, self._data)
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_camlight(self._model, self._data)
-        middles = self._data.geom_xpos[self._scene.segment_geoms]
+    def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
+        middle: NDArray[np.float64] = self._data.geom_xpos[self._segments].mean(axis=0)
         if self._crawls:
-            self._camera.lookat[:] = middles.mean(axis=0) + self._aim
+            self._camera.lookat[:] = middle + self._aim
         else:
             # it stays where the worm hangs
             self._camera.lookat[:] = (0.0, 0.0, self._model.body("Segment1").pos[2] / 2)
-        self.pixels_per_mm = self._offscreen.pixels_per_mm(self._camera, middles.mean(axis=0))
-        return self._offscreen.draw(self._data, self._camera)
-
-    def close(self) -> None:
-        """Free the GL context."""
-        self._offscreen.close()
+        return middle

@@ -1,140 +1,30 @@
-"""Many worms of one scene, whose muscles are recruited from outside."""
+"""Worms: their scene, how they start, how a command reaches their muscles, what their state is."""
 
-import copy
-import functools
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flyrl.bodies.worm import CRAWLER, CRAWLING_ROOT, WormConfig, build_worm
-from flyrl.files import file_digest
-from flyrl.muscles import AttachedMuscle, attach_muscles
-from flyrl.simulation.callback import creature_userdata_size, install, pack_creature_data
-from flyrl.simulation.native import Ids, NativeBatch
+from flyrl.bodies.worm import CRAWLING_ROOT, build_worm
+from flyrl.muscles import attach_muscles
+from flyrl.simulation.batch import Batch
+from flyrl.simulation.callback import creature_userdata_size, pack_creature_data
+from flyrl.simulation.native import Ids
 from flyrl.simulation.pairs import pair_with_planes
-from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig, apply_physics
-from flyrl.terrains import Flat, Terrain, add_terrain
-from flyrl.validation import check_fields, one_of
+from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
+from flyrl.simulation.scene import Scene, SceneConfig
+from flyrl.simulation.worm_rendering import WormRenderer
+from flyrl.terrains import add_terrain
+from flyrl.validation import one_of
 
 Array = NDArray[np.float64]
 
 HANGING_CLEARANCE: Final = 2.0
 """How far above the ground the end of a hanging worm's tail is, mm."""
-
-
-@dataclass(frozen=True)
-class WormSceneConfig:
-    """What a worm's scene is made of.
-
-    Attributes
-    ----------
-    body, terrain, physics
-        Its parts. A worm has no controller.
-
-    Raises
-    ------
-    ValueError
-        If the worm neither crawls nor hangs, or has not two muscles per joint, or the ground is
-        not flat.
-    """
-
-    body: WormConfig = CRAWLER
-    terrain: Terrain = field(default_factory=Flat)
-    physics: PhysicsConfig = PHYSICS_PRESETS["worm"]
-
-    controller = None
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        one_of("the mount of a worm in a scene", self.body.mount, ("crawling", "hanging"))
-        one_of("muscles of a worm in a scene", self.body.muscles, ("pairs",))
-        one_of("terrain of a worm", self.terrain.label, ("flat",))
-
-
-@dataclass(frozen=True)
-class WormScene:
-    """A compiled scene of a worm with N segments, and where its parts lie in MuJoCo's arrays.
-
-    Attributes
-    ----------
-    config
-        What it was built from.
-    model
-        Compiled; its first custom numeric carries the muscles (see `callback`).
-    muscles
-        Of the worm, M; muscle i is actuator i.
-    joint_qpos, joint_dofs
-        Addresses of the N - 1 joints between segments in qpos and qvel, head to tail.
-    segment_bodies, segment_geoms
-        Ids of the segments, (N,), head to tail.
-    """
-
-    config: WormSceneConfig
-    model: mujoco.MjModel
-    muscles: tuple[AttachedMuscle, ...]
-    joint_qpos: NDArray[np.intp]
-    joint_dofs: NDArray[np.intp]
-    segment_bodies: NDArray[np.intp]
-    segment_geoms: NDArray[np.intp]
-
-
-def build_worm_scene(config: WormSceneConfig, visual: bool = False) -> WormScene:
-    """Compile a scene; one that was compiled lately is copied, which is quicker.
-
-    A crawling worm touches the ground with its feet. A hanging one hangs above it, and touches
-    nothing.
-
-    Parameters
-    ----------
-    config
-        Body, terrain and physics.
-    visual
-        Whether it is to be looked at: the ground is drawn without an end. The physics is the same.
-    """
-    install()  # somebody else's callback would run while the model compiles
-    profile = config.body.profile_path
-    # a user's image may change under its name
-    scene = _compiled(config, visual, file_digest(profile))
-    return replace(scene, model=copy.copy(scene.model))
-
-
-@functools.lru_cache(maxsize=8)
-def _compiled(config: WormSceneConfig, visual: bool, profile_digest: str | None) -> WormScene:
-    body = config.body
-    spec = build_worm(body)
-    if body.mount == "hanging":
-        height = body.segments * body.segment_length + body.radius + HANGING_CLEARANCE
-        for name in ("muscles", "Segment1"):
-            spec.body(name).pos[2] += height
-        for geom in spec.geoms:
-            geom.conaffinity = 0
-    muscles = tuple(attach_muscles(spec, body.profile_path.parent))
-    add_terrain(spec, config.terrain)
-    pair_with_planes(spec, body.friction_across)
-    apply_physics(spec, config.physics, config.terrain)
-    spec.nuserdata = creature_userdata_size(len(muscles))
-    data = pack_creature_data([attached.muscle for attached in muscles])
-    spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
-    if visual:
-        for geom in spec.worldbody.geoms:
-            if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-                geom.size[:2] = 0.0  # drawn without an end, as it is for what stands on it
-    model = spec.compile()
-    joints = [model.joint(f"joint_{i}") for i in range(1, body.segments)]
-    segments = [f"Segment{i}" for i in range(1, body.segments + 1)]
-    return WormScene(
-        config=config,
-        model=model,
-        muscles=muscles,
-        joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
-        joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
-        segment_bodies=np.array([model.body(name).id for name in segments]),
-        segment_geoms=np.array([model.geom(name).id for name in segments]),
-    )
 
 
 @dataclass(frozen=True)
@@ -173,13 +63,18 @@ class WormState:
     is_unstable: NDArray[np.bool_]
 
     @property
+    def actuation(self) -> Array:
+        """What the worm does by command, as a rollout records it: `tensions`."""
+        return self.tensions
+
+    @property
     def bend(self) -> Array:
         """Sum of the joints' angles, rad, (n,)."""
         total: Array = self.joint_angles.sum(axis=1)
         return total
 
 
-class WormBatch(NativeBatch):
+class WormBatch(Batch):
     """`num_sims` worms of one scene, each a row of MuJoCo's integration state.
 
     The result does not depend on the number of threads or of other simulations, to the bit.
@@ -194,9 +89,71 @@ class WormBatch(NativeBatch):
         Native threads that share them; 0 takes one per CPU.
     """
 
-    def __init__(self, scene: WormScene, num_sims: int = 1, num_threads: int = 0) -> None:
-        super().__init__(scene.model, num_sims, num_threads)
-        self.scene = scene
+    creature = "worm"
+    renderer = WormRenderer
+    presets = tuple(PHYSICS_PRESETS)
+    usual_physics = "worm"
+    needless = ("init_phases", "init_magnitudes", "pushes", "ground", "props")
+
+    @classmethod
+    def fit(cls, config: SceneConfig) -> None:
+        """A worm has no controller, as its muscles are recruited from outside.
+
+        Raises
+        ------
+        ValueError
+            If the worm neither crawls nor hangs, or has not two muscles per joint, or the ground is
+            not flat, or there are props or a controller.
+        """
+        one_of("the mount of a worm in a scene", config.body.mount, ("crawling", "hanging"))
+        one_of("muscles of a worm in a scene", config.body.muscles, ("pairs",))
+        one_of("terrain of a worm", config.terrain.label, ("flat",))
+        for name, nothing in (("controller", None), ("props", ())):
+            if (given := getattr(config, name)) != nothing:
+                raise ValueError(f"{name} of a worm must be {nothing}, got {given!r}")
+
+    @classmethod
+    def build(cls, config: SceneConfig, visual: bool) -> Scene:
+        """Compile a scene.
+
+        A crawling worm touches the ground with its feet. A hanging one hangs above it, and touches
+        nothing.
+        """
+        body = config.body
+        spec = build_worm(body)
+        if body.mount == "hanging":
+            height = body.segments * body.segment_length + body.radius + HANGING_CLEARANCE
+            for name in ("muscles", "Segment1"):
+                spec.body(name).pos[2] += height
+            for geom in spec.geoms:
+                geom.conaffinity = 0
+        muscles = tuple(attach_muscles(spec, body.profile_path.parent))
+        add_terrain(spec, config.terrain)
+        pair_with_planes(spec, body.friction_across)
+        apply_physics(spec, config.physics, config.terrain)
+        spec.nuserdata = creature_userdata_size(len(muscles))
+        data = pack_creature_data([attached.muscle for attached in muscles])
+        spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
+        if visual:
+            for geom in spec.worldbody.geoms:
+                if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
+                    geom.size[:2] = 0.0  # drawn without an end, as it is for what stands on it
+        model = spec.compile()
+        joints = [model.joint(f"joint_{i}") for i in range(1, body.segments)]
+        return Scene(
+            config=config,
+            model=model,
+            joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
+            joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
+            userdata=np.dtype(np.float64),
+            muscles=muscles,
+        )
+
+    def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
+        super().__init__(scene, num_sims, num_threads)
+        segments = [f"Segment{i}" for i in range(1, scene.config.body.segments + 1)]
+        self.segment_bodies = np.array([scene.model.body(name).id for name in segments])
+        self.segment_geoms = np.array([scene.model.geom(name).id for name in segments])
         num_muscles = len(scene.muscles)
         self._neurons = self._userdata[:, :num_muscles]
         self._tensions = self._userdata[:, num_muscles:]
@@ -208,6 +165,28 @@ class WormBatch(NativeBatch):
     @cached_property
     def _resting(self) -> Array:
         return np.array([attached.muscle.tension(0) for attached in self.scene.muscles])
+
+    def start(self, ids: Ids, episodes: Sequence[Any]) -> None:
+        """Put worms where episodes start, straight where these do not say how bent.
+
+        Raises
+        ------
+        ValueError
+            If an episode has not one angle per joint, or another place for a hanging worm.
+        """
+        joints = len(self.scene.joint_qpos)
+        for episode in episodes:
+            if len(episode.joint_angles) not in (0, joints):
+                raise ValueError(
+                    f"joint_angles of the episode must be {joints} angles, or none, got "
+                    f"{len(episode.joint_angles)}"
+                )
+        self.reset(
+            ids,
+            np.array([episode.spawn_position_w[:2] for episode in episodes]),
+            np.array([episode.spawn_yaw for episode in episodes]),
+            np.array([episode.joint_angles or (0.0,) * joints for episode in episodes]),
+        )
 
     def reset(
         self, ids: Ids, positions_w: ArrayLike, yaws: ArrayLike, joint_angles: ArrayLike
@@ -237,8 +216,9 @@ class WormBatch(NativeBatch):
         places = _of_shape("positions_w", positions_w, (k, 2))
         headings = _of_shape("yaws", yaws, (k,))
         angles = _of_shape("joint_angles", joint_angles, (k, len(scene.joint_qpos)))
-        if not self._crawls and (places.any() or headings.any()):
-            raise ValueError("positions_w and yaws of a hanging worm must be 0, it cannot move")
+        for name, given in (("spawn_position", places), ("spawn_yaw", headings)):
+            if not self._crawls and given.any():
+                raise ValueError(f"{name} of a hanging worm must be 0, got {given[given != 0][0]}")
         self._clear(ids)
         self._tensions[ids] = self._resting
         self._qpos[np.ix_(ids, scene.joint_qpos)] = angles
@@ -254,18 +234,18 @@ class WormBatch(NativeBatch):
         self._qpos[ids, 3] = turns
         self._forward(ids)
 
-    def set_neurons(self, neurons: ArrayLike, ids: Ids | slice = slice(None)) -> None:
+    def set_command(self, command: ArrayLike, ids: Ids | slice = slice(None)) -> None:
         """Recruit muscles from the next physics step on.
 
         Parameters
         ----------
-        neurons
+        command
             Up to which neuron, whole numbers, (k, M) in the order of `scene.muscles`. Beyond the
             pool they count as its first or last one.
         ids
             Simulations, (k,).
         """
-        self._neurons[ids] = neurons
+        self._neurons[ids] = command
 
     def state(self) -> WormState:
         """Copy what the simulations look like now."""
@@ -287,9 +267,9 @@ class WormBatch(NativeBatch):
     def _mean_middle(self) -> Array:
         """Mean of the segments' middles, (n, 3)."""
         total = np.zeros((self.num_sims, 3))
-        for geom in self.scene.segment_geoms:
+        for geom in self.segment_geoms:
             total += self._middles[:, geom]
-        return total / len(self.scene.segment_geoms)
+        return total / len(self.segment_geoms)
 
     def _mean_velocity(self) -> Array:
         """Velocity of the mean of the segments' middles, (n, 3).
@@ -302,20 +282,20 @@ class WormBatch(NativeBatch):
         hinges = [*scene.joint_dofs]
         if self._crawls:
             hinges.insert(0, scene.model.joint(CRAWLING_ROOT[3]).dofadr[0])
-        geoms = scene.segment_geoms[-len(hinges) :]
+        geoms = self.segment_geoms[-len(hinges) :]
         # all joints are hinges and slides, so a joint's number is that of its degree of freedom
         for count, (dof, geom) in enumerate(zip(hinges[::-1], geoms[::-1], strict=True), start=1):
             behind += self._middles[:, geom]
             lever = behind - count * self._anchors[:, dof]
             total += self._qvel[:, dof, np.newaxis] * np.cross(self._axes[:, dof], lever)
-        total /= len(scene.segment_geoms)
+        total /= len(self.segment_geoms)
         return total + self._qvel[:, :3] if self._crawls else total
 
     def _yaw(self) -> Array:
         """Direction from the last segment's middle to the first one's, (n,)."""
         if not self._crawls:
             return np.zeros(self.num_sims)
-        first, last = self.scene.segment_geoms[[0, -1]]
+        first, last = self.segment_geoms[[0, -1]]
         x = self._middles[:, first, 0] - self._middles[:, last, 0]
         y = self._middles[:, first, 1] - self._middles[:, last, 1]
         yaw: Array = np.arctan2(y, x)

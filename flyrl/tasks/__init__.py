@@ -31,7 +31,6 @@ from flyrl.tasks.task import (
     TIMEOUT,
     UNSTABLE,
     EpisodeSampler,
-    EpisodeState,
     ErrorTerm,
     MeanTerm,
     ObservationTerm,
@@ -40,7 +39,6 @@ from flyrl.tasks.task import (
     TaskState,
     Term,
     Termination,
-    WormTaskState,
 )
 from flyrl.tasks.terms import FAILURES, lost_time
 
@@ -64,7 +62,6 @@ __all__ = [
     "Drives",
     "Episode",
     "EpisodeSampler",
-    "EpisodeState",
     "ErrorTerm",
     "JointTargets",
     "MeanTerm",
@@ -77,7 +74,6 @@ __all__ = [
     "TaskState",
     "Term",
     "Termination",
-    "WormTaskState",
     "code_digests",
     "code_of",
     "extended",

@@ -31,6 +31,7 @@ class Drives:
     command: Command = DRIVE
 
     is_integer = False
+    creature = "fly"
 
     @property
     def size(self) -> int:
@@ -117,6 +118,7 @@ class Neurons:
 
     low = -1.0
     high = 1.0
+    creature = "worm"
 
     @property
     def bounds(self) -> tuple[Array, Array]:

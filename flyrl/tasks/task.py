@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.bodies.worm import WormConfig
-from flyrl.simulation.state import FlyState
+from flyrl.simulation.state import BodyState, FlyState
 from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions, Drives
 from flyrl.tasks.episode import Episode
@@ -18,7 +18,7 @@ from flyrl.validation import not_negative, number, positive
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Compute = Callable[[Any], Array]
-"""From a `TaskState`, or in a task for worms a `WormTaskState`, to values (n, …)."""
+"""From a `TaskState` to values (n, …)."""
 
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
@@ -43,11 +43,16 @@ _OF_THE_ENVIRONMENT: Final = (RUNNING, TIMEOUT, UNSTABLE)
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeState:
-    """What terms are computed from, but for the bodies; the first axis is the simulation.
+class TaskState:
+    """What terms are computed from; the first axis is the simulation.
 
     Attributes
     ----------
+    body, previous
+        The bodies after this decision and before it: a FlyState, or in a task for worms a
+        WormState. A term says `fly` or `worm`, which are the same.
+    props
+        Where the middles of the task's props are, mm, (n, props, 3), ordered as `Task.props`.
     goal
         Where the episodes lead to, mm, (n, 2); (n, 0) in a task that leads nowhere.
     command
@@ -64,6 +69,9 @@ class EpisodeState:
         The terrain's extent.
     """
 
+    body: BodyState
+    previous: BodyState
+    props: Array
     goal: Array
     command: Array
     totals: Mapping[str, Array]
@@ -73,40 +81,19 @@ class EpisodeState:
     bounds: Bounds
 
     @property
+    def fly(self) -> FlyState:
+        """The flies after this decision."""
+        return cast(FlyState, self.body)
+
+    @property
+    def worm(self) -> WormState:
+        """The worms after this decision."""
+        return cast(WormState, self.body)
+
+    @property
     def remaining_s(self) -> Array:
         """Time left before the time limit, s, (n,); infinite without one."""
         return self.decisions_left * self.decision_interval_s
-
-
-@dataclass(frozen=True, kw_only=True)
-class TaskState(EpisodeState):
-    """What the terms of a task for flies are computed from.
-
-    Attributes
-    ----------
-    fly, previous
-        The flies after this decision and before it.
-    props
-        Where the middles of the task's props are, mm, (n, props, 3), ordered as `Task.props`.
-    """
-
-    fly: FlyState
-    previous: FlyState
-    props: Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class WormTaskState(EpisodeState):
-    """What the terms of a task for worms are computed from.
-
-    Attributes
-    ----------
-    worm, previous
-        The worms after this decision and before it.
-    """
-
-    worm: WormState
-    previous: WormState
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ CORRECTION_CAP = 80.0
 
 
 def _to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
-    """Rotate horizontal vectors (n, 2) from the world into the fly's yaw frame."""
+    """Rotate horizontal vectors (n, 2) from the world into the body's yaw frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = vector_w[:, 0], vector_w[:, 1]
     vector_b = np.empty((len(yaw), 2))
@@ -172,7 +172,7 @@ def mean_velocity(state: TaskState) -> Array:
 
 def velocity_b(state: TaskState) -> Array:
     """Forward and leftward velocity in units of 20 mm/s, (n, 2)."""
-    return _to_yaw_frame(state.fly.velocity_w[:, :2], state.fly.yaw) / 20.0
+    return _to_yaw_frame(state.body.velocity_w[:, :2], state.body.yaw) / 20.0
 
 
 def heading_rate(state: TaskState) -> Array:
@@ -182,7 +182,7 @@ def heading_rate(state: TaskState) -> Array:
 
 def compass(state: TaskState) -> Array:
     """Cosine and sine of the heading from +x, (n, 2)."""
-    return _unit_vectors(state.fly.yaw)
+    return _unit_vectors(state.body.yaw)
 
 
 def tilt_b(state: TaskState) -> Array:
@@ -318,7 +318,7 @@ def progress(state: TaskState) -> Array:
 
 def forward_progress(state: TaskState) -> Array:
     """Displacement along +x, mm, (n,)."""
-    return state.fly.position_w[:, 0] - state.previous.position_w[:, 0]
+    return state.body.position_w[:, 0] - state.previous.position_w[:, 0]
 
 
 def forward_way(state: TaskState) -> Array:

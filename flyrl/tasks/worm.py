@@ -7,6 +7,7 @@ for a worm, since a worm may have any number of muscles.
 
 from dataclasses import replace
 from functools import partial
+from operator import attrgetter
 from typing import Annotated
 
 import numpy as np
@@ -20,6 +21,7 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
+from flyrl.tasks.terms import compass, forward_progress, velocity_b
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, one_of
 
@@ -136,16 +138,16 @@ def worm_crawl(
     return Task(
         observation=(
             ObservationTerm(
-                "heading", (2,), -1.0, 1.0, terms.heading,
+                "heading", (2,), -1.0, 1.0, compass,
                 "cosine and sine of the heading's angle from the world's x axis",
             ),
             ObservationTerm(
-                "velocity", (2,), -5.0, 5.0, terms.velocity_b,
+                "velocity", (2,), -5.0, 5.0, velocity_b,
                 "forward and leftward velocity of the worm's middle, in 20 mm/s", spread=0.3,
             ),
             *_senses(worm),
         ),
-        reward=(RewardTerm("progress", 0.2, terms.progress, "mm along +x"),),
+        reward=(RewardTerm("progress", 0.2, forward_progress, "mm along +x"),),
         terminations=(),
         time_limit_s=time_limit,
         decision_interval_s=0.05,
@@ -198,7 +200,8 @@ def worm_hang(
     return Task(
         observation=(
             ObservationTerm(
-                "command", (1,), -2.0, 2.0, terms.command, "bend that is asked for, in rad"
+                "command", (1,), -2.0, 2.0, attrgetter("command"),
+                "bend that is asked for, in rad",
             ),
             ObservationTerm(
                 "bend_error", (1,), -4.0, 4.0, terms.bend_error,

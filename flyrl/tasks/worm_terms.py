@@ -2,78 +2,55 @@
 
 import numpy as np
 
-from flyrl.tasks.task import Array, Mask, WormTaskState
+from flyrl.tasks.task import Array, Mask, TaskState
 
 
-def heading(state: WormTaskState) -> Array:
-    """Cosine and sine of the heading's angle from +x, (n, 2)."""
-    yaw = state.worm.yaw
-    return np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-
-
-def velocity_b(state: WormTaskState) -> Array:
-    """Velocity of the worm's middle, forward and to the left of its heading, 20 mm/s, (n, 2)."""
-    (x, y), yaw = state.worm.velocity_w[:, :2].T, state.worm.yaw
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    return np.stack([cos * x + sin * y, cos * y - sin * x], axis=1) / 20.0
-
-
-def joint_angles(state: WormTaskState) -> Array:
+def joint_angles(state: TaskState) -> Array:
     """Angles of the joints, rad, (n, J)."""
     return state.worm.joint_angles
 
 
-def joint_velocities(state: WormTaskState) -> Array:
+def joint_velocities(state: TaskState) -> Array:
     """Velocities of the joints, 5 rad/s, (n, J)."""
     return state.worm.joint_velocities / 5.0
 
 
-def tensions(state: WormTaskState) -> Array:
+def tensions(state: TaskState) -> Array:
     """Tensions of the muscles, 0 to 1, (n, M)."""
     return state.worm.tensions
 
 
-def progress(state: WormTaskState) -> Array:
-    """Way of the worm's middle along +x, mm, (n,)."""
-    return state.worm.position_w[:, 0] - state.previous.position_w[:, 0]
-
-
-def has_crawled(state: WormTaskState, way: float) -> Mask:
+def has_crawled(state: TaskState, way: float) -> Mask:
     """Whether the worm has come `way` mm along +x in this episode, (n,)."""
     return np.asarray(state.totals["progress"] >= way)
 
 
-def command(state: WormTaskState) -> Array:
-    """Bend that is asked for, rad, (n, 1)."""
-    return state.command
-
-
-def bend_error(state: WormTaskState) -> Array:
+def bend_error(state: TaskState) -> Array:
     """Bend less what is asked for, rad, (n, 1)."""
     return state.worm.bend[:, None] - state.command
 
 
-def absolute_bend_error(state: WormTaskState) -> Array:
+def absolute_bend_error(state: TaskState) -> Array:
     """How far the bend is off what is asked for, rad, (n,)."""
     return np.abs(bend_error(state)[:, 0])
 
 
-def bend_error_deg(state: WormTaskState) -> Array:
+def bend_error_deg(state: TaskState) -> Array:
     """The same, deg, (n,)."""
     return np.degrees(absolute_bend_error(state))
 
 
-def has_bent(state: WormTaskState, tolerance: float) -> Mask:
+def has_bent(state: TaskState, tolerance: float) -> Mask:
     """Whether the worm is bent as told, within `tolerance`, rad, (n,)."""
     return np.asarray(absolute_bend_error(state) < tolerance)
 
 
-def bent(state: WormTaskState, tolerance: float) -> Array:
+def bent(state: TaskState, tolerance: float) -> Array:
     """1 where the worm is bent as told, else 0, (n,)."""
     return has_bent(state, tolerance).astype(np.float64)
 
 
-def recruited_share(state: WormTaskState, pools: tuple[int, ...]) -> Array:
+def recruited_share(state: TaskState, pools: tuple[int, ...]) -> Array:
     """Share of a worm's motor neurons that are recruited, 0 to 1, (n,).
 
     The first neuron of a pool always is, so it does not count.

@@ -26,7 +26,7 @@ from stable_baselines3.her import HerReplayBuffer
 from flyrl.files import write_bytes
 from flyrl.training.runs import ResumeError
 
-_FORMAT: Final = 8
+_FORMAT: Final = 9
 
 _PARTS: Final = frozenset(("learner", "env", "run", "settings"))
 

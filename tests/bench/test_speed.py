@@ -12,7 +12,7 @@ from flyrl.bench.stopwatch import Stopwatch
 from flyrl.bench.table import aligned, engine_table, peers_table, rendering_table, table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 
 MACHINE = {"date": "2000-01-02", "cpu": "abacus", "cores": 3, "versions": {"mujoco": "4.0"}}
 

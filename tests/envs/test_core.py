@@ -311,7 +311,7 @@ def test_a_push_has_the_same_impulse_whatever_the_decision_interval(interval: fl
     impulse, moment = np.zeros(2), np.zeros(2)
     for _ in range(round(1.5 / interval)):
         env.step(np.zeros((2, 2)))
-        outer = env.flies._outer_forces[:, env.scene.thorax_body]
+        outer = env.flies._outer_forces[:, env.flies.thorax_body]
         impulse += interval * np.hypot(outer[:, 0], outer[:, 1])
         moment += interval * outer[:, 5]
     np.testing.assert_allclose(impulse, [6.0 * 0.2, 0.0])

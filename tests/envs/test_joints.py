@@ -93,7 +93,7 @@ def test_a_fly_that_is_told_its_pose_stands_on_every_ground(terrain, physics, bo
     )
     env = BatchedEnv(config, 1, 1)
     env.reset(seeds=[1])
-    pose = env.flies.scene.neutral_angles
+    pose = env.flies.neutral_angles
     for _ in range(10):
         transition = env.step(np.concatenate([pose, np.ones(6)])[None])
     assert transition.outcome[0] == "running"

@@ -166,7 +166,7 @@ def test_a_worm_is_filmed_between_decisions_as_it_crawls():
     crawled = [env.state.joint_angles[0]]
     for _ in range(4):
         action, state = entrant.policy.predict(observation, state)
-        env.batch.set_neurons(action)
+        env.batch.set_command(action)
         for _ in range(5):  # 10 ms each
             env.batch.step(10)
             crawled.append(env.batch.state().joint_angles[0])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_callback import make_batch, reset
 
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import Randomisation
 
 

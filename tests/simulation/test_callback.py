@@ -15,7 +15,7 @@ from flyrl.bodies.contact import ContactConfig
 from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers import CONTROLLERS
 from flyrl.simulation import callback
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.layout import layout
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.scene import SceneConfig, build_scene

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of, unpack
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.scene import build_scene
 from tests.simulation.test_callback import make_batch, reset
 

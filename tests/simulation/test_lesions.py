@@ -8,7 +8,7 @@ import pytest
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.bodies.fly import FlyConfig, build_fly
 from flyrl.controllers import Hybrid
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TERRAINS
 

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.overlay import PLAIN, Overlay
 from flyrl.simulation.rendering import (
     FlyRenderer,

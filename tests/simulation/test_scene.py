@@ -5,11 +5,10 @@ import dataclasses
 import numpy as np
 
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.simulation.worms import WormSceneConfig, build_worm_scene
 
 
 def test_a_scene_that_is_built_again_has_a_model_of_its_own():
-    for config, build in ((SceneConfig(), build_scene), (WormSceneConfig(), build_worm_scene)):
+    for config, build in ((SceneConfig(), build_scene), (SceneConfig(), build_scene)):
         first = build(config)
         mass = first.model.body_mass.copy()
         first.model.body_mass[:] = 0.0

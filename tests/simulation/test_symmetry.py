@@ -6,7 +6,7 @@ import pytest
 from flyrl.anatomy import RIGHT_LEG_MIRROR
 from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers import CONTROLLERS
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.simulation.scene import SceneConfig, build_scene
 

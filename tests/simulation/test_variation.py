@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from test_callback import make_batch, reset
 
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.simulation.scene import SceneConfig, build_scene
 
@@ -99,7 +99,7 @@ def test_what_follows_from_masses_follows() -> None:
     heavy = batch._batch.get_model(0)
     for name in ("body_subtreemass", "body_invweight0", "dof_invweight0", "dof_M0"):
         np.testing.assert_array_equal(getattr(heavy, name), getattr(expected, name))
-    root = batch.scene.thorax_body
+    root = batch.thorax_body
     assert heavy.body_subtreemass[root] == 2 * batch.scene.model.body_subtreemass[root]
 
 

@@ -6,8 +6,8 @@ from test_worms import CRAWLING, HANGING, make_batch
 
 from flyrl.bodies.worm import CRAWLER
 from flyrl.simulation.rendering import RenderingUnavailableError
+from flyrl.simulation.scene import SceneConfig
 from flyrl.simulation.worm_rendering import WormRenderer
-from flyrl.simulation.worms import WormSceneConfig
 
 WIDTH, HEIGHT = 96, 64
 
@@ -45,4 +45,4 @@ def test_the_worm_is_in_the_middle_third_and_all_of_it_in_the_picture(scene, cam
 
 def test_a_camera_that_does_not_exist_is_refused():
     with pytest.raises(ValueError, match="camera must be one of 'follow', 'top', got 'goal'"):
-        WormRenderer(WormSceneConfig(CRAWLER), camera="goal")
+        WormRenderer(SceneConfig(CRAWLER), camera="goal")

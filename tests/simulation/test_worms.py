@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from flyrl.bodies.worm import CRAWLER, HANGER, WORMS, WormConfig
+from flyrl.controllers import Hybrid
 from flyrl.simulation.native import NativeBatch
-from flyrl.simulation.worms import WormBatch, WormSceneConfig, build_worm_scene
-from flyrl.terrains import TERRAINS
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.worms import WormBatch
+from flyrl.terrains import TERRAINS, Prop
 
-CRAWLING = build_worm_scene(WormSceneConfig(CRAWLER))
-HANGING = build_worm_scene(WormSceneConfig(HANGER))
+CRAWLING = build_scene(SceneConfig(CRAWLER))
+HANGING = build_scene(SceneConfig(HANGER))
 SCENES = pytest.mark.parametrize("scene", [CRAWLING, HANGING], ids=["crawling", "hanging"])
 
 
@@ -32,7 +34,7 @@ def wriggle(batch, decisions=6, first=0):
             np.random.default_rng((sim, decision)).integers(0, 16, len(batch.scene.muscles))
             for sim in range(batch.num_sims)
         ]
-        batch.set_neurons(np.array(neurons))
+        batch.set_command(np.array(neurons))
         batch.step(20)
 
 
@@ -51,7 +53,7 @@ def test_the_engine_gives_the_tensions_and_forces_of_the_class(scene):
     """Also beyond the pool of 16 neurons, on both sides."""
     neurons = np.random.default_rng(0).integers(-3, 20, (4, len(scene.muscles)))
     batch = make_batch(scene, num_sims=4)
-    batch.set_neurons(neurons)
+    batch.set_command(neurons)
     batch.step()
     state = batch.state()
     ctrl = batch._batch.bind("ctrl")
@@ -63,9 +65,9 @@ def test_the_engine_gives_the_tensions_and_forces_of_the_class(scene):
 
 def test_a_model_has_its_own_pools_and_strengths():
     body = replace(HANGER, profile="linear.png", strength=7.0)
-    batch = make_batch(build_worm_scene(WormSceneConfig(body)))
+    batch = make_batch(build_scene(SceneConfig(body)))
     # of the neurons 0 to 300, with a force of 255 n / 300 each
-    batch.set_neurons(np.full((1, 8), 150))
+    batch.set_command(np.full((1, 8), 150))
     batch.step()
     np.testing.assert_allclose(batch.state().tensions, 150 * 151 / (300 * 301), rtol=2e-3)
     np.testing.assert_array_equal(batch._batch.bind("ctrl"), 7.0 * batch.state().tensions)
@@ -73,7 +75,7 @@ def test_a_model_has_its_own_pools_and_strengths():
 
 def test_neurons_can_be_set_for_some_worms_alone():
     batch = make_batch(num_sims=3)
-    batch.set_neurons(np.full((1, 10), 5), np.array([1]))
+    batch.set_command(np.full((1, 10), 5), np.array([1]))
     assert batch.state().neurons[:, 0].tolist() == [0, 5, 0]
 
 
@@ -95,14 +97,14 @@ def test_a_model_without_room_for_its_muscles_is_left_alone(userdata):
 
 def crawled(body, strength=1.0, seconds=1.0):
     """How far a wave from head to tail, of 2 Hz, leads a worm along x, mm."""
-    scene = build_worm_scene(WormSceneConfig(body))
+    scene = build_scene(SceneConfig(body))
     batch = make_batch(scene)
     joints = np.arange(body.joints)
     for decision in range(round(seconds / 0.05)):
         phase = 2 * np.pi * (2 * 0.05 * decision - 0.4 * joints / body.joints)
         tensions = strength * np.stack([1 + np.sin(phase), 1 - np.sin(phase)], axis=1).ravel() / 2
         pulls = zip(scene.muscles, tensions, strict=True)
-        batch.set_neurons([attached.muscle.recruit(float(tension)) for attached, tension in pulls])
+        batch.set_command([attached.muscle.recruit(float(tension)) for attached, tension in pulls])
         batch.step(50)
     assert not batch.state().is_unstable.any()
     return batch.state().position_w[0, 0]
@@ -124,7 +126,7 @@ def test_a_worm_at_rest_touches_with_one_point_under_each_middle():
     batch.copy_into(0, CRAWLING.model, data)
     mujoco.mj_forward(CRAWLING.model, data)
     touched = [contact.pos[:2] for contact in data.contact]
-    np.testing.assert_allclose(touched, data.geom_xpos[CRAWLING.segment_geoms, :2], atol=0.01)
+    np.testing.assert_allclose(touched, data.geom_xpos[batch.segment_geoms, :2], atol=0.01)
     # 1 mm is its radius
     assert 0.93 < batch.state().position_w[0, 2] < 1.0
     # along the worm (head to +x) and across it
@@ -137,7 +139,7 @@ def test_a_hanging_worm_hangs_straight_above_the_ground_and_touches_nothing():
     assert HANGING.model.npair == 0
     batch = make_batch(HANGING)
     batch.step(20)
-    tail = batch._middles[0, HANGING.segment_geoms[-1]]
+    tail = batch._middles[0, batch.segment_geoms[-1]]
     # half a segment, the radius, and 2 mm
     np.testing.assert_allclose(tail, (0.0, 0.0, 1.5 + 1.0 + 2.0), atol=1e-9)
 
@@ -156,7 +158,7 @@ def test_the_velocity_is_that_of_the_centre_of_mass(scene):
         mujoco.mj_fwdPosition(scene.model, data)
         mujoco.mj_fwdVelocity(scene.model, data)
         mujoco.mj_subtreeVel(scene.model, data)
-        head = scene.segment_bodies[0]
+        head = batch.segment_bodies[0]
         np.testing.assert_allclose(state.position_w[sim], data.subtree_com[head], atol=1e-9)
         np.testing.assert_allclose(state.velocity_w[sim], data.subtree_linvel[head], atol=1e-9)
         assert np.linalg.norm(state.velocity_w[sim]) > 0.1
@@ -211,11 +213,11 @@ def test_restoring_a_state_replays_its_future(scene):
 def test_a_picture_has_the_same_pose(scene):
     batch = make_batch(scene)
     wriggle(batch)
-    drawn = build_worm_scene(scene.config, visual=True)
+    drawn = build_scene(scene.config, visual=True)
     data = mujoco.MjData(drawn.model)
     batch.copy_into(0, drawn.model, data)
-    places = data.geom_xpos[drawn.segment_geoms]
-    np.testing.assert_array_equal(places, batch._middles[0, scene.segment_geoms])
+    places = data.geom_xpos[batch.segment_geoms]
+    np.testing.assert_array_equal(places, batch._middles[0, batch.segment_geoms])
 
 
 def test_a_worm_that_blows_up_is_marked_and_stays_finite():
@@ -239,11 +241,13 @@ def test_a_worm_that_blows_up_is_marked_and_stays_finite():
         ({"body": WormConfig(mount="free")}, "mount .* must be one of 'crawling', 'hanging'"),
         ({"body": WormConfig(muscles="one")}, "muscles .* must be one of 'pairs', got 'one'"),
         ({"terrain": TERRAINS["blocks"]}, "terrain .* must be one of 'flat', got 'blocks'"),
+        ({"controller": Hybrid()}, "controller of a worm must be None, got Hybrid"),
+        ({"props": (Prop("post", "sphere", (1.0,)),)}, "props of a worm must be"),
     ],
 )
 def test_scenes_that_worms_do_not_have(settings, message):
     with pytest.raises(ValueError, match=message):
-        WormSceneConfig(**settings)
+        SceneConfig(**{"body": CRAWLER, **settings})
 
 
 @pytest.mark.parametrize(

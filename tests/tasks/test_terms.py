@@ -50,7 +50,7 @@ def task_state(
     **totals: object,
 ) -> TaskState:
     return TaskState(
-        fly=fly,
+        body=fly,
         previous=previous or fly,
         props=np.zeros((len(fly.time), 0, 3)),
         goal=np.asarray(goal, dtype=float),

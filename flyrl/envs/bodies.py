@@ -1,19 +1,20 @@
-"""Flies as an environment steps them: with the ground, the pushes and the delays of episodes."""
+"""Bodies as an environment steps them: with the ground, the pushes and the delays of episodes."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from dataclasses import fields, replace
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig
-from flyrl.simulation.batch import FlyBatch
+from flyrl.simulation.batch import Batch
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import UNVARIED
-from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.scene import build_scene
 from flyrl.simulation.state import FlyState
-from flyrl.tasks import Episode, TaskState
+from flyrl.tasks import Episode
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
-from flyrl.terrains import NOWHERE
 
 Ids = NDArray[np.intp]
 
@@ -21,26 +22,31 @@ ABOVE_GROUND: Final = 0.02
 """mm; a marker lies that far above the ground, to be seen."""
 
 
-class Flies:
-    """Flies of one environment.
+_DEFAULTS: Final = {item.name: item.default for item in fields(Episode)}
+
+
+class Bodies:
+    """Bodies of one environment: started as episodes say, moved as actions say.
 
     Parameters
     ----------
-    config, scene
-        What to simulate, and its scene.
+    config
+        What to simulate.
     num_envs, num_threads
-        Number of flies, and of native threads; 0 takes one per CPU.
+        Number of bodies, and of native threads; 0 takes one per CPU.
+
+    Attributes
+    ----------
+    batch
+        Their physics.
     """
 
-    def __init__(
-        self, config: EnvConfig, scene: SceneConfig, num_envs: int, num_threads: int
-    ) -> None:
-        self.batch = FlyBatch(build_scene(scene), num_envs, num_threads)
+    def __init__(self, config: EnvConfig, num_envs: int, num_threads: int) -> None:
+        scene = config.scene
+        self.batch: Batch = scene.batch_class(build_scene(scene), num_envs, num_threads)
         self._config = config
         self._scene = scene
         self._pushes = np.zeros((num_envs, 0))
-        self._props = scene.props
-        self._prop_starts = np.tile(np.array(NOWHERE), (num_envs, len(scene.props), 1))
         self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
 
     def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
@@ -49,54 +55,33 @@ class Flies:
         Raises
         ------
         ValueError
-            If an episode brings a ground where the terrain is not random, more latency than the
-            settings have, or the angles of a worm's joints.
+            If an episode asks for what these bodies cannot do, brings a ground where the terrain is
+            not random, or more latency than the settings have.
         """
         for episode in episodes:
-            if episode.joint_angles:
-                raise ValueError(
-                    f"joint_angles of an episode of a fly must be (), got {episode.joint_angles}"
-                )
-        latencies = self._latencies(episodes)
+            self._check(episode)
         self._lay_ground(ids, episodes)
         self.batch.vary(ids, [episode.randomisation for episode in episodes])
-        self.batch.reset(
-            ids,
-            np.array([episode.spawn_position_w for episode in episodes]),
-            np.array([episode.spawn_yaw for episode in episodes]),
-            [
-                self._scene.controller.initial_state(
-                    episode.seed, episode.init_phases, episode.init_magnitudes
-                )
-                for episode in episodes
-            ],
-            latencies,
-        )
+        self.batch.start(ids, episodes)
         self._set_pushes(ids, episodes)
         self._set_props(ids, episodes)
 
     def lead_to(self, ids: Ids, goals: NDArray[np.float64]) -> None:
         """Put the props that stand where episodes lead to elsewhere: x, y, mm, (k, 2)."""
-        starts = self._prop_starts[ids]
+        starts = self.batch.prop_starts[ids]
         for row, sim, goal in zip(starts, ids, goals, strict=True):
             self._put_at_goal(row, int(sim), goal)
-        self._prop_starts[ids] = starts
         self.batch.set_props(ids, starts)
 
-    def act(self, actions: NDArray[np.float64], now: FlyState, ids: Ids | None) -> None:
-        """Set actions, (n, k), from the next physics step on, with the flies as they are `now`."""
+    def act(self, actions: NDArray[np.float64], now: Any, ids: Ids | None) -> None:
+        """Set actions, (n, k), from the next physics step on, with the bodies as they are `now`.
+
+        With `ids`, only those of these simulations.
+        """
         moved: Ids | slice = slice(None) if ids is None else ids
         self.batch.set_command(self._config.resolved_task.actions.commands(actions[moved]), moved)
         if self._pushes.size:
             self._push(now, moved)
-
-    def state(self) -> FlyState:
-        """Copy what the flies look like now."""
-        return self.batch.state()
-
-    def seen(self, state: FlyState, previous: FlyState, **episodes: Any) -> TaskState:
-        """What terms are computed from, with what the episodes say."""
-        return TaskState(fly=state, previous=previous, props=self.batch.props(), **episodes)
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on."""
@@ -132,40 +117,46 @@ class Flies:
 
     def _set_props(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Put the props of episodes where these say."""
-        if not self._props:
+        if not self._scene.props:
             return
-        placed = [i for i, prop in enumerate(self._props) if not prop.at_goal]
+        placed = [i for i, prop in enumerate(self._scene.props) if not prop.at_goal]
         for sim, episode in zip(ids, episodes, strict=True):
             if len(episode.props) != 3 * len(placed):
                 raise ValueError(
                     f"props of the episode must be x, y and z of {len(placed)} props, got "
                     f"{len(episode.props)} numbers"
                 )
-            row = self._prop_starts[sim]
+            row = self.batch.prop_starts[sim]
             row[placed] = np.reshape(episode.props, (-1, 3))
             self._put_at_goal(row, int(sim), episode.goal)
-        self.batch.set_props(ids, self._prop_starts[ids])
+        self.batch.set_props(ids, self.batch.prop_starts[ids])
 
     def _put_at_goal(self, row: NDArray[np.float64], sim: int, goal: Sequence[float]) -> None:
         """Put props of one simulation, (props, 3), at its goal, if it has one."""
         terrain = self._scene.terrain
-        for place, prop in zip(row, self._props, strict=True):
+        for place, prop in zip(row, self._scene.props, strict=True):
             if prop.at_goal and len(goal):
                 x, y = goal[0], goal[1]
                 top = terrain.top_at(self.batch.ground(sim), x, y)
                 foot = terrain.base_height if top is None else top
                 place[:] = (x, y, foot + prop.height / 2 + ABOVE_GROUND)
 
-    def _latencies(self, episodes: Sequence[Episode]) -> list[int]:
-        """Physics steps by which each episode's drives come later."""
+    def _check(self, episode: Episode) -> None:
+        """Raise ValueError if an episode asks for what these bodies or the settings do not have."""
+        body = f"of an episode of a {self.batch.creature}"
+        for name in self.batch.needless:
+            given, nothing = getattr(episode, name), _DEFAULTS[name]
+            if given != nothing:
+                raise ValueError(f"{name} {body} must be {nothing}, got {given}")
+        drawn = episode.randomisation
+        if not self.batch.has_legs and replace(drawn, sensor_noise=0.0) != UNVARIED:
+            raise ValueError(f"randomisation {body} must be of its senses alone, got {drawn}")
         longest = self._config.resolved_randomisation.longest_latency
-        latencies = [episode.randomisation.drive_latency for episode in episodes]
-        if max(latencies) > longest:
+        if drawn.drive_latency > longest:
             raise ValueError(
-                f"randomisation.drive_latency is {max(latencies)} s; the environment's own allows "
-                f"at most {longest} s"
+                f"randomisation.drive_latency is {drawn.drive_latency} s; the environment's own "
+                f"allows at most {longest} s"
             )
-        return [round(latency / self._scene.physics.timestep) for latency in latencies]
 
     def _set_pushes(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Note the pushes of episodes that start; a push of 0 µN is none."""
@@ -186,4 +177,4 @@ class Flies:
         to_the_left = np.where(is_due, strength, 0.0).sum(axis=1) * (PUSH_S / duration)
         yaw = now.yaw
         force_w = to_the_left[:, None] * np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
-        self.batch.push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)
+        cast(FlyBatch, self.batch).push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)

@@ -1,0 +1,406 @@
+"""Flies: their scene, how they start, how a command reaches their legs, what their state is."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
+from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly, spawn_offset, start_pose
+from flyrl.bodies.table import BodyName
+from flyrl.controllers import Controller, Hybrid, PreprogrammedSteps
+from flyrl.controllers.controller import compiled_step
+from flyrl.controllers.steps import StepsName
+from flyrl.simulation.batch import Batch
+from flyrl.simulation.callback import (
+    ENGINE,
+    MAGIC,
+    NUM_MUSCLES,
+    PROCESS,
+    announced,
+    one_process_at_a_time,
+    pack_model_data,
+    place_fields,
+    userdata_dtype,
+)
+from flyrl.simulation.muscles import pack_leg_muscles
+from flyrl.simulation.native import Ids
+from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
+from flyrl.simulation.physics import FLY_PRESETS, apply_physics
+from flyrl.simulation.rendering import FlyRenderer
+from flyrl.simulation.scene import Scene, SceneConfig
+from flyrl.simulation.state import FlyState, LegStates
+from flyrl.terrains import BALL, Ball, add_prop, add_terrain
+
+STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
+    "current": "untethered",
+    "classic": "tethered",
+}
+"""The recorded step that was made for the order of a body's coxa joints."""
+
+
+def fit_controller(controller: Controller, body: FlyConfig) -> Controller:
+    """Let a controller take the body's recorded steps, unless it asks for others or takes none."""
+    if getattr(controller, "steps", "") is None:
+        return replace(controller, **{"steps": STEPS_OF_BODY[body.name]})
+    return controller
+
+
+SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
+"""Fields of a controller's state that a `FlyState` shows, (6,) each."""
+
+
+class FlyBatch(Batch):
+    """`num_sims` flies of one scene, each a row of MuJoCo's integration state.
+
+    The result does not depend on the number of threads or of other simulations, to the bit.
+
+    Parameters
+    ----------
+    scene
+        Body, terrain and controller, compiled.
+    num_sims
+        Number of simulations.
+    num_threads
+        Native threads that share them; 0 takes one per CPU.
+
+    Attributes
+    ----------
+    userdata
+        Live view of the records that the simulations carry (see `callback.userdata_dtype`),
+        (num_sims,).
+    controllers
+        That of the leg controllers' states, (num_sims,). A write is the state at the next step.
+    senses, output
+        Those of what the controllers sense and write (`controller.SENSES`, `controller.OUTPUT`),
+        (num_sims,).
+    gait_logs
+        Live view of the logs of the gaits (dtype gait_log.GAIT_LOG), (num_sims,); None where the
+        scene has no room for them.
+    """
+
+    creature = "fly"
+    has_legs = True
+    renderer = FlyRenderer
+    presets = FLY_PRESETS
+    usual_physics = "balanced"
+    needless = ("joint_angles",)
+
+    @classmethod
+    def fit(cls, config: SceneConfig) -> Controller:
+        """The leg controller of a scene, by default the hybrid one; it takes the body's steps.
+
+        Raises
+        ------
+        ValueError
+            If it is none, or its recorded step does not go with the body's joint order.
+        """
+        asked = Hybrid() if config.controller is None else config.controller
+        if not isinstance(asked, Controller):
+            raise ValueError(f"controller must be a Controller, got {asked!r}")
+        controller = fit_controller(asked, config.body)
+        expected = STEPS_OF_BODY[config.body.name]
+        steps = getattr(controller, "steps", expected)
+        if steps != expected:
+            raise ValueError(
+                f"controller.steps is {steps!r}, recorded for another order of "
+                f"coxa joints than body.name {config.body.name!r} has; that body takes "
+                f"{expected!r}"
+            )
+        return controller
+
+    @classmethod
+    def build(cls, config: SceneConfig, visual: bool) -> Scene:
+        """Compile a scene; see `build_scene`."""
+        spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
+        add_terrain(spec, config.terrain)
+        for prop in config.props:
+            if visual or prop.is_solid:
+                add_prop(spec, prop)
+        if any(prop.is_solid for prop in config.props):
+            add_trunk(spec, config.physics.contact)
+        drop_idle_shapes(spec)
+        pair_with_planes(spec, config.physics.contact.plane_friction_across)
+        apply_physics(spec, config.physics, config.terrain)
+        spec.compiler.fusestatic = True
+        controller, timestep = config.controller, config.physics.timestep
+        userdata = userdata_dtype(
+            controller.initial_state().dtype,
+            len(controller.command.names),
+            config.queue_places,
+            config.gait_places,
+            config.body.muscles is not None,
+        )
+        spec.nuserdata = userdata.itemsize // 8
+        # a user sensor makes MuJoCo call the sensor callback
+        spec.add_sensor(
+            name="contact_forces",
+            type=mujoco.mjtSensor.mjSENS_USER,
+            datatype=mujoco.mjtDataType.mjDATATYPE_REAL,
+            needstage=mujoco.mjtStage.mjSTAGE_ACC,
+            dim=1,
+        )
+        # compiled twice: the controller's record needs the body ids that only a model has
+        engine = _engine_record(spec.compile())
+        with one_process_at_a_time(), announced():
+            engine["kernel"] = compiled_step(controller, timestep)
+        place_fields(engine, userdata)
+        engine["timestep"] = timestep
+        engine["senses_contact"] = config.body.senses_contact
+        engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
+        engine["steps_per_gait_sample"] = config.steps_per_gait_sample
+        muscles = pack_leg_muscles(config.body)
+        engine["num_neurons"] = max(0, muscles.size - len(JOINTS) - NUM_MUSCLES)
+        model_data = pack_model_data(engine, controller.parameters(timestep), muscles)
+        spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
+        model = spec.compile()
+        joints = [model.joint(name) for name in JOINTS]
+        return Scene(
+            config=config,
+            model=model,
+            joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
+            joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
+            userdata=userdata,
+        )
+
+    def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
+        super().__init__(scene, num_sims, num_threads)
+        n, model = self.num_sims, scene.model
+        self.thorax_body = model.body("Thorax").id
+        self.end_effector_bodies = np.array([model.body(name).id for name in END_EFFECTORS])
+        self.neutral_angles = PreprogrammedSteps(STEPS_OF_BODY[scene.config.body.name]).default_pose
+        self._outer_forces = self._batch.bind("xfrc_applied")
+        self._xpos = self._batch.bind("xpos")
+        self._xmat = self._batch.bind("xmat")
+        self._actuator_force = self._batch.bind("actuator_force")
+        self.userdata = self._userdata.view(scene.userdata)[:, 0]
+        head = self.userdata["head"]
+        self.controllers = self.userdata["controller"]
+        self.senses, self.output, self._clock = head["senses"], head["output"], head["clock"]
+        self._legs = {name: self._of_controller(name, 6) for name in SHOWN}
+        names = scene.userdata.names or ()
+        self._tensions = self.userdata["tensions"] if "tensions" in names else np.empty((n, 0))
+        self.gait_logs: NDArray[np.void] | None = None
+        if "gait_log" in names:
+            self.gait_logs = self.userdata["gait_log"]
+            self._gait_samples = self.userdata["gait_samples"]
+        self._ball = scene.config.terrain if isinstance(scene.config.terrain, Ball) else None
+        self._start_pose = start_pose(scene.config.body)
+        self._spawn_offset = spawn_offset(scene.config.body)
+
+    def start(self, ids: Ids, episodes: Sequence[Any]) -> None:
+        """Put flies at rest where episodes start, with their oscillators and latencies."""
+        config = self.scene.config
+        self.reset(
+            ids,
+            np.array([episode.spawn_position_w for episode in episodes]),
+            np.array([episode.spawn_yaw for episode in episodes]),
+            [
+                config.controller.initial_state(
+                    episode.seed, episode.init_phases, episode.init_magnitudes
+                )
+                for episode in episodes
+            ],
+            [
+                round(episode.randomisation.drive_latency / config.physics.timestep)
+                for episode in episodes
+            ],
+        )
+
+    def reset(
+        self,
+        ids: Ids,
+        positions_w: NDArray[np.float64],
+        yaws: NDArray[np.float64],
+        controllers: Sequence[np.void],
+        latency_steps: Sequence[int] | None = None,
+    ) -> None:
+        """Put flies at rest in the stretch pose; the others are not touched.
+
+        Parameters
+        ----------
+        ids
+            Simulations to reset, sorted, (k,).
+        positions_w
+            Where the fly is placed, mm, (k, 3): the point from which `bodies.spawn_offset` leads
+            to the thorax, as in the published packages.
+        yaws
+            Heading from +x, rad, (k,).
+        controllers
+            k leg controller states, from `Controller.initial_state`.
+        latency_steps
+            k numbers of physics steps from a command to its arrival at the legs; None: 0 each.
+
+        Raises
+        ------
+        ValueError
+            If commands are to come with latency, for which the scene has no queue.
+        """
+        if len(ids) == 0:
+            return
+        latencies = [0] * len(ids) if latency_steps is None else latency_steps
+        if any(latencies) and not self.scene.config.queue_places:
+            raise ValueError(
+                f"queue_places is 0; it must be > 0 for a latency of {max(latencies)} time steps"
+            )
+        self._clear(ids)
+        cos, sin = np.cos(yaws), np.sin(yaws)
+        x, y, z = self._spawn_offset
+        offsets = np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(ids), z)], axis=1)
+        self._qpos[ids, :3] = positions_w + offsets
+        self._qpos[ids, 3] = np.cos(yaws / 2)
+        self._qpos[ids, 4:6] = 0.0
+        self._qpos[ids, 6] = np.sin(yaws / 2)
+        self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._start_pose
+        self.controllers[ids] = np.stack(controllers)
+        self.output["angles"][ids] = self.neutral_angles
+        self.output["adhesion"][ids] = 1.0
+        self.userdata["head"]["last_time"][ids] = -1.0
+        self._clock["latency"][ids] = latencies
+        self._forward(ids)
+
+    def set_command(self, command: ArrayLike, ids: Ids | slice = slice(None)) -> None:
+        """Set the controllers' command, (n, k), from the next physics step on.
+
+        For most it is the descending drive (left, right). With latency, it sets out for the
+        leg controllers then.
+        """
+        self.userdata["command"][ids] = command
+
+    def push(
+        self,
+        force_w: NDArray[np.float64],
+        moment: NDArray[np.float64],
+        ids: Ids | slice = slice(None),
+    ) -> None:
+        """Push and turn thoraxes from the next physics step on, until told otherwise.
+
+        Parameters
+        ----------
+        force_w
+            Horizontal, at the thorax's centre of mass, µN, (n, 2).
+        moment
+            About the vertical, to the left, µN·mm, (n,).
+        ids
+            Simulations.
+        """
+        self._outer_forces[ids, self.thorax_body, :2] = force_w
+        self._outer_forces[ids, self.thorax_body, 5] = moment
+
+    def state(self) -> FlyState:
+        """Copy what the simulations look like now."""
+        scene, legs = self.scene, self._legs
+        rotation_w = self._xmat[:, self.thorax_body].reshape(-1, 3, 3).copy()
+        return FlyState(
+            time=self._time.copy(),
+            position_w=self._qpos[:, :3].copy(),
+            velocity_w=self._qvel[:, :3].copy(),
+            rotation_w=rotation_w,
+            angular_velocity_w=(rotation_w @ self._qvel[:, 3:6, None])[:, :, 0],
+            joint_angles=self._qpos[:, scene.joint_qpos],
+            joint_velocities=self._qvel[:, scene.joint_dofs],
+            actuator_torques=self._actuator_force[:, :42].copy(),
+            contact_forces_w=self.senses["contact_forces_w"].copy(),
+            end_effectors_w=self._xpos[:, self.end_effector_bodies],
+            command=self.userdata["command"].copy(),
+            phases=legs["phases"].copy(),
+            magnitudes=legs["magnitudes"].copy(),
+            retraction=legs["retraction"].copy(),
+            stumbling=legs["stumbling"].copy(),
+            adhesion=self.output["adhesion"].copy(),
+            muscle_tensions=self._tensions.copy(),
+            fictive_velocity_b=self._fictive_velocity(rotation_w),
+            is_unstable=self._is_unstable.copy(),
+        )
+
+    def _fictive_velocity(self, rotation_w: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How the ball turns back under flies, see `FlyState.fictive_velocity_b`."""
+        velocity = np.zeros((self.num_sims, 3))
+        if self._ball is None:
+            return velocity
+        model = self.scene.model
+        dofs = model.joint(BALL).dofadr[0] + np.arange(3)
+        ball_w = self._xmat[:, model.body(BALL).id].reshape(-1, 3, 3)
+        x, y, z = (ball_w @ self._qvel[:, dofs, None])[:, :, 0].T
+        cos, sin = rotation_w[:, 0, 0], rotation_w[:, 1, 0]
+        # the top of the ball moves along (y, -x) times its radius
+        velocity[:, 0] = -self._ball.radius * (cos * y - sin * x)
+        velocity[:, 1] = self._ball.radius * (cos * x + sin * y)
+        velocity[:, 2] = -z
+        return velocity
+
+    def leg_states(self, sim: int) -> LegStates:
+        """Copy what the legs of simulation `sim` do, as its controller left them."""
+        return LegStates(
+            grips=self.output["adhesion"][sim] != 0.0,
+            retracts=self._legs["retraction"][sim] > 0.0,
+            stumbles=self._legs["stumbling"][sim] > 0.0,
+        )
+
+    def _of_controller(self, name: str, size: int) -> NDArray[np.float64]:
+        """Live view of a field of the controllers' states, (n, size); zeros where it has none."""
+        if name in (self.controllers.dtype.names or ()):
+            shown: NDArray[np.float64] = self.controllers[name]
+            return shown
+        return np.zeros((self.num_sims, size))
+
+    def rows_after(
+        self, other: "FlyBatch", controller: np.void, kept: Sequence[str] = ()
+    ) -> NDArray[np.float64]:
+        """Integration state with which this batch goes on from another of the same body.
+
+        Parameters
+        ----------
+        other
+            Of the same body on the same ground, with as many simulations; its controller may be
+            another.
+        controller
+            The state that every controller starts with.
+        kept
+            Fields of the other controllers' states that are taken over instead.
+        """
+        own = np.zeros(self.num_sims, dtype=self.scene.userdata)
+        theirs = other.userdata
+        for name in own.dtype.names or ():
+            if name != "controller" and name in (theirs.dtype.names or ()):
+                own[name] = theirs[name]
+        own["controller"] = controller
+        for name in kept:
+            own["controller"][name] = theirs["controller"][name]
+        # MuJoCo's integration state ends with the userdata
+        physics = other.integration_state()[:, : -other.scene.userdata.itemsize // 8]
+        return np.concatenate([physics, own.view(np.float64).reshape(self.num_sims, -1)], axis=1)
+
+    def gait_samples(self, sim: int, first: int) -> NDArray[np.uint32]:
+        """Copy a simulation's samples of its gait from number `first` to the latest.
+
+        Raises
+        ------
+        ValueError
+            If some of them are not kept any more, or the scene has no room for any.
+        """
+        if self.gait_logs is None:
+            raise ValueError("gait_places is 0; it must be > 0 to log the gait")
+        end, places = int(self.gait_logs["num_samples"][sim]), self._gait_samples.shape[1]
+        if end - first > places:
+            raise ValueError(f"first is {first}; of {end} samples, the last {places} are kept")
+        kept = self._gait_samples[sim, np.arange(first, end) % places]
+        return np.asarray(kept, dtype=np.uint32)
+
+
+def _engine_record(model: mujoco.MjModel) -> np.void:
+    engine: np.void = np.zeros(1, ENGINE)[0]
+    engine["magic"], engine["process"] = MAGIC, PROCESS
+    engine["is_elliptic"] = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    engine["thorax_body"] = model.body("Thorax").id
+    engine["end_effector_bodies"] = [model.body(name).id for name in END_EFFECTORS]
+    segments = np.array([model.body(name).id for name in CONTACT_SEGMENTS])
+    tibias = segments.reshape(len(LEGS), len(SENSED_SEGMENTS))[:, 0]
+    # the callback finds a segment by its distance from the leg's tibia
+    if not np.array_equal(segments.reshape(len(LEGS), -1), tibias[:, None] + np.arange(6)):
+        raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
+    engine["tibia_bodies"] = tibias
+    return engine

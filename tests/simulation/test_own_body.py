@@ -1,0 +1,91 @@
+"""A third body is a file of the user's own: it steps, renders, is saved and evaluated like ours."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.rendering import View
+from flyrl.rollouts import run_episodes
+from flyrl.simulation.rendering import RenderingUnavailableError
+from tests.simulation.puck import Puck, glide
+
+
+def config(**settings) -> EnvConfig:
+    return EnvConfig(glide(), body=Puck(), **settings)
+
+
+def roll_out(env, seeds, decisions=8):
+    """Observations and rewards under random pushes, of each simulation its own."""
+    env.reset(seeds=seeds)
+    rngs = [np.random.default_rng(seed) for seed in seeds]
+    taken = [env.step(np.array([rng.uniform(-1, 1, 2) for rng in rngs])) for _ in range(decisions)]
+    return np.array([each.observation for each in taken]), np.array([each.reward for each in taken])
+
+
+def test_it_moves_as_it_is_pushed_and_is_rewarded():
+    env = BatchedEnv(config(), 2)
+    env.reset(seeds=[0, 1])
+    np.testing.assert_allclose(env.state.position_w[:, 0], [0.0, 0.1])
+    transition = env.step(np.array([[1.0, 0.0], [-1.0, 0.0]]))
+    np.testing.assert_array_equal(env.drive, [[5.0, 0.0], [-5.0, 0.0]])
+    assert transition.reward[0] > 0.0 > transition.reward[1]
+
+
+def test_a_batch_gives_the_bits_of_single_ones_and_so_does_a_restored_one():
+    env = BatchedEnv(config(), 3)
+    observations, rewards = roll_out(env, [3, 4, 5])
+    alone = roll_out(BatchedEnv(config(), 1), [4])
+    np.testing.assert_array_equal(observations[:, [1]], alone[0])
+    np.testing.assert_array_equal(rewards[:, [1]], alone[1])
+    twin = BatchedEnv(config(), 3)
+    twin.restore(env.snapshot())
+    actions = np.full((3, 2), 0.3)
+    np.testing.assert_array_equal(env.step(actions).observation, twin.step(actions).observation)
+
+
+def test_it_is_evaluated():
+    class Ahead:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            return np.tile([1.0, 0.0], (len(observation), 1)), None
+
+    env = BatchedEnv(config(), 2)
+    episodes = [env.config.sample_episode(seed) for seed in range(3)]
+    records = run_episodes(env, Ahead(), episodes)
+    assert [record.creature for record in records] == ["puck"] * 3
+    assert all(record.return_ > 0.0 for record in records)
+
+
+def test_it_is_drawn():
+    env = BatchedEnv(config(), view=View(width=64, height=48))
+    env.reset(seeds=[0])
+    try:
+        assert env.render().shape == (48, 64, 3)
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"controller": "cpg"}, "controller of a puck must be None, got 'cpg'"),
+        ({"randomisation": "default"}, "randomisation of a puck must be of sensor_noise alone"),
+        ({"physics": "worm"}, "physics must be one of 'balanced', got 'worm'"),
+    ],
+)
+def test_settings_that_it_does_not_have_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        config(**settings)
+
+
+def test_tasks_of_others_and_needless_fields_are_refused():
+    with pytest.raises(ValueError, match="body must be a fly in the task 'target'"):
+        EnvConfig("target", body=Puck())
+    with pytest.raises(ValueError, match="body must be a puck in the task 'glide'"):
+        EnvConfig(glide())
+    env = BatchedEnv(config())
+    episode = replace(env.config.sample_episode(0), joint_angles=(0.1,))
+    with pytest.raises(ValueError, match=r"joint_angles of an episode of a puck must be \(\)"):
+        env.reset(episodes=[episode])
