@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,11 @@ from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
 from flyrl.envs.bodies import Bodies
-from flyrl.envs.config import EnvConfig, Observation, Transition
+from flyrl.envs.config import EnvConfig, Observation
 from flyrl.envs.noise import SensorNoise, generator
 from flyrl.envs.rendering import USUAL_VIEW, View, make_renderer
-from flyrl.simulation.batch import Batch
+from flyrl.simulation.batch import MOST_SIMS, Batch
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.native import MOST_SIMS
 from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import Scene
 from flyrl.tasks import (
@@ -33,6 +32,45 @@ from flyrl.tasks.terms import failure_info
 from flyrl.validation import float_array, random_seed, whole_number
 
 __all__ = ["BatchedEnv", "EnvConfig", "Observation", "Transition"]
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What one decision led to, for every simulation of a batch.
+
+    Attributes
+    ----------
+    observation
+        float32, (n, size), or a dict of (n, ...) arrays; see `Task.is_flat`.
+    reward
+        (n,).
+    terminated, truncated
+        (n,); the outcome and success below are final where one of them holds.
+    outcome_code
+        Index of the outcome in `outcomes`, (n,).
+    is_success
+        (n,).
+    outcomes
+        The task's outcomes by code (see `flyrl.tasks.Task.outcomes`).
+    """
+
+    observation: Observation
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    outcome_code: NDArray[np.int64]
+    is_success: NDArray[np.bool_]
+    outcomes: tuple[str, ...]
+
+    @property
+    def outcome(self) -> NDArray[np.str_]:
+        """Names of the outcomes, (n,): "running" until an episode ends."""
+        return np.array(self.outcomes)[self.outcome_code]
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether the episode ended, (n,)."""
+        return self.terminated | self.truncated
 
 
 class BatchedEnv:
@@ -72,6 +110,7 @@ class BatchedEnv:
         num_envs = whole_number("num_envs", num_envs, 1, MOST_SIMS)
         self.config = config
         self.view = view
+        self._interval_s = config.decision_interval_s
         self.task = config.resolved_task
         self.num_envs = num_envs
         self.simulation = Bodies(config, num_envs, num_threads)
@@ -262,7 +301,7 @@ class BatchedEnv:
         is_unstable = now.is_unstable
         if is_unstable.any():
             # what blew up is shown as it was before the decision, which then ends its episode
-            time = np.where(is_unstable, previous.time + self.config.decision_interval_s, now.time)
+            time = np.where(is_unstable, previous.time + self._interval_s, now.time)
             now = replace(_where(is_unstable, previous, now), time=time)
         self.state = now
         state = self._task_state(previous)
@@ -399,7 +438,7 @@ class BatchedEnv:
             totals=totals,
             means=self._means,
             decisions_left=decisions_left,
-            decision_interval_s=self.config.decision_interval_s,
+            decision_interval_s=self._interval_s,
             bounds=self._bounds,
         )
 

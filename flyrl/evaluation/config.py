@@ -12,7 +12,7 @@ from flyrl.evaluation.conditions import Condition, all_conditions
 from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS, check_metrics
 from flyrl.evaluation.studies import STUDIES
-from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
+from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task, TaskSettings

@@ -14,7 +14,7 @@ from flyrl.bodies.table import BodyName
 from flyrl.controllers import Controller, Hybrid, PreprogrammedSteps
 from flyrl.controllers.controller import compiled_step
 from flyrl.controllers.steps import StepsName
-from flyrl.simulation.batch import Batch
+from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.callback import (
     ENGINE,
     MAGIC,
@@ -27,7 +27,6 @@ from flyrl.simulation.callback import (
     userdata_dtype,
 )
 from flyrl.simulation.muscles import pack_leg_muscles
-from flyrl.simulation.native import Ids
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import FLY_PRESETS, apply_physics
 from flyrl.simulation.rendering import FlyRenderer

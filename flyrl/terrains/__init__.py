@@ -5,7 +5,7 @@ from typing import Final
 from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
 from flyrl.terrains.hills import Hills
 from flyrl.terrains.plane import Flat, Slope
-from flyrl.terrains.props import NOWHERE, TARGET, Prop, add_prop, positions_at
+from flyrl.terrains.props import NOWHERE, TARGET, Prop, add_prop
 from flyrl.terrains.rough import Blocks, Gapped, Mixed
 from flyrl.terrains.terrain import (
     DOWN,
@@ -84,7 +84,6 @@ __all__ = [
     "add_prop",
     "add_terrain",
     "box_colours",
-    "positions_at",
     "terrain_from",
     "terrain_label",
     "terrain_named",

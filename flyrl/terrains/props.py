@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
 import mujoco
-import numpy as np
 
 from flyrl.bodies.fly import BOXES, PROPS
 from flyrl.terrains.geoms import GROUND_FRICTION
@@ -109,12 +108,3 @@ def add_prop(spec: mujoco.MjSpec, prop: Prop) -> None:
             friction=GROUND_FRICTION,
             group=1,
         )
-
-
-def positions_at(props: tuple[Prop, ...], starts: Array, time_s: Array) -> Array:
-    """Where props are, mm, (n, k, 3), from where they started, (n, k, 3), at times (n,)."""
-    places = starts.copy()
-    for i, prop in enumerate(props):
-        if prop.path is not None:
-            places[:, i] = np.asarray(prop.path(starts[:, i], time_s))
-    return places

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
-from flyrl.simulation.native import MOST_SIMS, MOST_THREADS
+from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.tasks import FAILURES
 from flyrl.text import plain_name
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig, HindsightConfig, PPOConfig

@@ -8,7 +8,7 @@ import pytest
 
 from flyrl.bodies.worm import CRAWLER, HANGER, WORMS, WormConfig
 from flyrl.controllers import Hybrid
-from flyrl.simulation.native import NativeBatch
+from flyrl.simulation.batch import NativeBatch
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.worms import WormBatch
 from flyrl.terrains import TERRAINS, Prop

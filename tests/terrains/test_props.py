@@ -9,7 +9,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
 from flyrl.simulation.scene import SceneConfig
 from flyrl.tasks import TASKS
-from flyrl.terrains import NOWHERE, Prop, positions_at
+from flyrl.terrains import NOWHERE, Prop
 
 POST = Prop("post", "cylinder", (0.5, 4.0), is_solid=True)
 GHOST = Prop("ghost", "cylinder", (0.5, 4.0))
@@ -74,12 +74,6 @@ def test_a_prop_that_moves_is_where_its_path_leads():
     walked(env, 10)
     np.testing.assert_allclose(env.flies.props()[:, 0], [[20.0, -3.0, 1.0]] * 2)
     np.testing.assert_allclose(env.task_state().props[:, 0], [[20.0, -3.0, 1.0]] * 2)
-
-
-def test_positions_follow_from_starts_and_time():
-    starts = np.array([[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]])
-    found = positions_at((POST, BALL), starts, np.array([0.5]))
-    np.testing.assert_allclose(found, [[[1.0, 2.0, 3.0], [4.0, 10.0, 6.0]]])
 
 
 def test_a_restored_environment_goes_on_with_its_props():
