@@ -28,6 +28,7 @@ sys.path.insert(0, str(ROOT))
 
 import flyrl  # noqa: E402, F401 - registers the environments
 from flyrl.envs.core import BatchedEnv, EnvConfig  # noqa: E402
+from flyrl.tasks import Neurons  # noqa: E402
 
 PRESETS: Final = ("reference", "balanced", "fast")
 TERRAINS: Final = ("flat", "gapped", "blocks", "mixed")
@@ -116,18 +117,20 @@ def _worms() -> Iterator[tuple[str, str]]:
     for task in WORM_TASKS:
         env = BatchedEnv(EnvConfig(task), BATCH, num_threads=2)
         rng = np.random.default_rng(1)
-        digest = hashlib.sha256(env.reset(seeds=[*range(BATCH)]).tobytes())
+        digest = hashlib.sha256(np.asarray(env.reset(seeds=[*range(BATCH)])).tobytes())
         for decision in range(WORM_DECISIONS):
             if decision == WORM_DECISIONS // 4:
-                digest.update(env.reset(ids=[1]).tobytes())
+                digest.update(np.asarray(env.reset(ids=[1])).tobytes())
             if decision == WORM_DECISIONS // 2:
                 snapshot = env.snapshot()
                 env = BatchedEnv(EnvConfig(task), BATCH, num_threads=1)
                 env.restore(snapshot)
-            low, high = env.task.actions.bounds
-            actions = rng.uniform(low, high, size=(BATCH, env.task.actions.size))
-            if env.task.actions.is_integer:
-                actions = rng.integers(0, env.task.actions.pools, size=actions.shape)
+            neurons = env.task.actions
+            assert isinstance(neurons, Neurons)
+            low, high = neurons.bounds
+            actions = rng.uniform(low, high, size=(BATCH, neurons.size))
+            if neurons.is_integer:
+                actions = rng.integers(0, neurons.pools, size=actions.shape).astype(np.float64)
             transition = env.step(actions)
             for values in (transition.observation, transition.reward):
                 digest.update(np.ascontiguousarray(values).tobytes())
