@@ -348,7 +348,7 @@ def test_export_for_an_unknown_task_is_refused(bundle):
         export_sb3(replace(_bundle(bundle), env={"task": {"name": "fly"}}))
 
 
-CHOICES = replace(TASKS["target"](), actions=Neurons((16, 8)))
+CHOICES = replace(TASKS["target"](), actions=Neurons((16, 8)), props=())
 TWO_MUSCLES = replace(CRAWLER, segments=2)
 
 
