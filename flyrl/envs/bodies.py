@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig
-from flyrl.simulation.batch import Batch
+from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import UNVARIED
 from flyrl.simulation.scene import build_scene
 from flyrl.simulation.state import FlyState
 from flyrl.tasks import Episode
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
-
-Ids = NDArray[np.intp]
 
 ABOVE_GROUND: Final = 0.02
 """mm; a marker lies that far above the ground, to be seen."""
@@ -66,7 +64,7 @@ class Bodies:
         self._set_pushes(ids, episodes)
         self._set_props(ids, episodes)
 
-    def lead_to(self, ids: Ids, goals: NDArray[np.float64]) -> None:
+    def set_goals(self, ids: Ids, goals: NDArray[np.float64]) -> None:
         """Put the props that stand where episodes lead to elsewhere: x, y, mm, (k, 2)."""
         starts = self.batch.prop_starts[ids]
         for row, sim, goal in zip(starts, ids, goals, strict=True):
@@ -88,7 +86,7 @@ class Bodies:
         return {"physics": self.batch.integration_state(), "pushes": self._pushes.copy()}
 
     def restore(self, snapshot: Mapping[str, Any], episodes: Sequence[Episode | None]) -> None:
-        """Put back what `snapshot` returned, in the midst of these episodes."""
+        """Put back what `snapshot` returned, during these episodes."""
         started = [i for i, episode in enumerate(episodes) if episode is not None]
         self._lay_ground(np.array(started, dtype=np.intp), [*filter(None, episodes)])
         self.batch.vary(

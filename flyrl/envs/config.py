@@ -165,7 +165,8 @@ class EnvConfig:
     @property
     def creature(self) -> str:
         """What the body is: "fly" or "worm"."""
-        return self.scene.batch_class.creature
+        creature: str = self.scene.batch_class.creature
+        return creature
 
     @property
     def fly_scene(self) -> SceneConfig:

@@ -232,10 +232,10 @@ class BatchedEnv:
             self._check_terms(self.task_state())
         return self.observe()
 
-    def lead_to(
+    def set_goals(
         self, goals: NDArray[np.floating], ids: Sequence[int] | NDArray[np.intp] | None = None
     ) -> Observation:
-        """Put goals elsewhere in the midst of episodes; return the observation of all simulations.
+        """Put goals elsewhere during episodes; return the observation of all simulations.
 
         Parameters
         ----------
@@ -250,13 +250,13 @@ class BatchedEnv:
             If the goals have the wrong shape, or are not finite.
         """
         if self._goal is None:
-            raise RuntimeError("lead_to() was called before reset()")
+            raise RuntimeError("set_goals() was called before reset()")
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         shape = (len(chosen), self._goal.shape[1])
         self._goal[chosen] = float_array(
             "goals", goals, shape, minimum=LENGTHS.low, maximum=LENGTHS.high
         )
-        self.simulation.lead_to(chosen, self._goal[chosen])
+        self.simulation.set_goals(chosen, self._goal[chosen])
         return self.observe()
 
     def draw_episode(self, i: int, seed: int | None = None) -> Episode:
@@ -393,7 +393,7 @@ class BatchedEnv:
         self.state = self._previous = replace(self.state, **snapshot["state"])
         self._goal, self._command = snapshot["goal"], snapshot["command"]
         if self._goal is not None:
-            self.simulation.lead_to(np.arange(self.num_envs), self._goal)
+            self.simulation.set_goals(np.arange(self.num_envs), self._goal)
         self._noise.restore(snapshot["noise"])
         self._totals[:] = snapshot["totals"]
         for name, mean in self._means.items():

@@ -80,7 +80,7 @@ def make_renderer(config: EnvConfig, view: View) -> BodyRenderer:
     RenderingUnavailableError
         If no GL context can be made.
     """
-    drawn_by = config.scene.batch_class.renderer
+    drawn_by: type[BodyRenderer] = config.scene.batch_class.renderer
     camera = view.camera if view.camera in drawn_by.cameras else drawn_by.cameras[0]
     return drawn_by(config.scene, view.width, view.height, camera, view.drawn)
 

@@ -36,7 +36,7 @@ class PlayedFly:
     up stays as it is, with the reason on the panel, until it is reset.
 
     A slider or an arrow key takes the steering from a policy, at the drive that is on. Another leg
-    controller, physics preset, reflex or adhesion leaves the fly where it is, in the midst of its
+    controller, physics preset, reflex or adhesion leaves the fly where it is, in the middle of its
     episode; another body or terrain starts the episode of the same seed, as does any change after
     the end. Who steers, and the drive, stay. A policy that has reached the target gets another one.
     On flat ground there is no edge.
@@ -155,7 +155,7 @@ class PlayedFly:
     def point(self, x_w: float, y_w: float) -> None:
         """Move the target, mm; nothing happens beside the terrain, or too close to its edge."""
         if is_inside(x_w, y_w, self._walk.bounds):
-            self._walk.lead_to(x_w, y_w)
+            self._walk.move_target(x_w, y_w)
             self._show()
 
     def relax(self) -> None:

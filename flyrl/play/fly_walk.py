@@ -138,11 +138,11 @@ class FlyWalk:
     def draw_goal(self) -> None:
         """Put the target somewhere else: the next one of the episode."""
         x, y, _ = self.state.position_w[0]
-        self.lead_to(*draw_target(self._goals, (float(x), float(y)), self.bounds, DISTANCE))
+        self.move_target(*draw_target(self._goals, (float(x), float(y)), self.bounds, DISTANCE))
 
-    def lead_to(self, x_w: float, y_w: float) -> None:
+    def move_target(self, x_w: float, y_w: float) -> None:
         """Move the target, mm."""
-        self.env.lead_to(np.array([[x_w, y_w]]))
+        self.env.set_goals(np.array([[x_w, y_w]]))
 
     def changed(self, config: PlayedFlyConfig, seed: int) -> "FlyWalk":
         """Make a walk of the same fly with other settings; the present one stays as it is.

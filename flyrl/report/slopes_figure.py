@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -109,19 +109,20 @@ def falling_slopes(controller: str) -> NDArray[np.float64]:
     while (falls - holds > 1).any():
         tried = (holds + falls) // 2
         env.reset(episodes=episodes)
-        has_fallen = _walk(env, np.deg2rad(STEP_DEG * tried))
+        angles = (STEP_DEG * tried).tolist()
+        slopes = [Slope(angle_range_deg=(angle, angle)) for angle in angles]
+        has_fallen = _walk(env, [slope.draw(slope.seed) for slope in slopes])
         falls = np.where(has_fallen, tried, falls)
         holds = np.where(has_fallen, holds, tried)
     return (STEP_DEG * falls).astype(np.float64).reshape(-1, STARTS)
 
 
-def _walk(env: BatchedEnv, angles: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Walk on level ground, then up slopes; which flies fell, (n,)."""
+def _walk(env: BatchedEnv, slopes: Sequence[Ground]) -> NDArray[np.bool_]:
+    """Walk on level ground, then up a slope each; which flies fell, (n,)."""
     ahead = np.ones((env.num_envs, 2))
     for _ in range(round(LEVEL_S / _DECISION_S)):
         env.step(ahead)
-    grounds = [Ground(down=(-math.sin(angle), 0.0, -math.cos(angle))) for angle in angles]
-    env.flies.set_ground(np.arange(env.num_envs), grounds)
+    env.flies.set_ground(np.arange(env.num_envs), slopes)
     has_fallen = np.zeros(env.num_envs, dtype=bool)
     for _ in range(round(SLOPE_S / _DECISION_S)):
         still = np.flatnonzero(~has_fallen)

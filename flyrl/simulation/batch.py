@@ -148,7 +148,8 @@ class NativeBatch:
 class Batch(NativeBatch):
     """`num_sims` bodies of one scene, on its ground and among its props.
 
-    A subclass says what a body is: the class attributes below, and the methods `fit`, `build`,
+    The result does not depend on the number of threads or of other simulations, to the bit. A
+    subclass says what a body is: the class attributes below, and the methods `fit`, `build`,
     `start`, `set_command` and `state`. The config of the body names it in `simulated_by`, as
     `module:attribute`.
 

@@ -53,18 +53,7 @@ SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
 
 
 class FlyBatch(Batch):
-    """`num_sims` flies of one scene, each a row of MuJoCo's integration state.
-
-    The result does not depend on the number of threads or of other simulations, to the bit.
-
-    Parameters
-    ----------
-    scene
-        Body, terrain and controller, compiled.
-    num_sims
-        Number of simulations.
-    num_threads
-        Native threads that share them; 0 takes one per CPU.
+    """Flies of one scene; parameters are those of `Batch`.
 
     Attributes
     ----------

@@ -6,7 +6,7 @@ import copy
 import functools
 import importlib
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
@@ -20,12 +20,9 @@ from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.terrains import Flat, Prop, Terrain
 from flyrl.validation import Within, check_fields
 
-if TYPE_CHECKING:
-    from flyrl.simulation.batch import Batch
 
-
-def batch_class(body: Any) -> type[Batch]:
-    """Batch that simulates a body, whose config names it in `simulated_by`.
+def batch_class(body: Any) -> Any:
+    """Subclass of `simulation.batch.Batch` that a body's config names in `simulated_by`.
 
     Raises
     ------
@@ -36,7 +33,7 @@ def batch_class(body: Any) -> type[Batch]:
     if name is None:
         raise ValueError(f"body must be the config of one, got {body!r}")
     module, _, attribute = name.partition(":")
-    return cast("type[Batch]", getattr(importlib.import_module(module), attribute))
+    return getattr(importlib.import_module(module), attribute)
 
 
 @dataclass(frozen=True)
@@ -84,7 +81,7 @@ class SceneConfig:
             raise ValueError(f"props must differ in name, got {', '.join(names)}")
 
     @property
-    def batch_class(self) -> type[Batch]:
+    def batch_class(self) -> Any:
         """What simulates the body, and says what it is."""
         return batch_class(self.body)
 
@@ -149,4 +146,5 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
 
 @functools.lru_cache(maxsize=8)
 def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> Scene:
-    return config.batch_class.build(config, visual)
+    scene: Scene = config.batch_class.build(config, visual)
+    return scene

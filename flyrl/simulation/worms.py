@@ -74,19 +74,7 @@ class WormState:
 
 
 class WormBatch(Batch):
-    """`num_sims` worms of one scene, each a row of MuJoCo's integration state.
-
-    The result does not depend on the number of threads or of other simulations, to the bit.
-
-    Parameters
-    ----------
-    scene
-        Body and terrain, compiled.
-    num_sims
-        Number of simulations.
-    num_threads
-        Native threads that share them; 0 takes one per CPU.
-    """
+    """Worms of one scene; parameters are those of `Batch`."""
 
     creature = "worm"
     renderer = WormRenderer

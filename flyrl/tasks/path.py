@@ -24,8 +24,7 @@ from flyrl.tasks.task import (
     Termination,
 )
 from flyrl.tasks.terms import FAILURES, lost_time
-from flyrl.terrains import TARGET as TARGET_MARKER
-from flyrl.terrains import Bounds, Terrain
+from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
 from flyrl.validation import Within
 
 BOUNDS_MARGIN: Final = 1.5

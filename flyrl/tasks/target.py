@@ -12,8 +12,7 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
 from flyrl.tasks.terms import FAILURES, lost_time
-from flyrl.terrains import TARGET as TARGET_MARKER
-from flyrl.terrains import Bounds, Terrain
+from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
 from flyrl.validation import Within, ordered
 
 BOUNDS_MARGIN: Final = 1.5

@@ -5,7 +5,7 @@ from typing import Final
 from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
 from flyrl.terrains.hills import Hills
 from flyrl.terrains.plane import Flat, Slope
-from flyrl.terrains.props import NOWHERE, TARGET, Prop, add_prop
+from flyrl.terrains.props import NOWHERE, TARGET_MARKER, Prop, add_prop
 from flyrl.terrains.rough import Blocks, Gapped, Mixed
 from flyrl.terrains.terrain import (
     DOWN,
@@ -65,7 +65,7 @@ __all__ = [
     "LITERATURE",
     "NOWHERE",
     "SPAWN_CLEARANCE",
-    "TARGET",
+    "TARGET_MARKER",
     "TERRAINS",
     "Air",
     "Ball",

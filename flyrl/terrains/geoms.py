@@ -124,19 +124,27 @@ def _add_plane(
     )
 
 
-def _add_grid_material(spec: mujoco.MjSpec) -> None:
-    """Chequered material with squares of 1 mm, for scale."""
+def add_checks(
+    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtTexture, pixels: int
+) -> mujoco.MjsMaterial:
+    """Add a chequered material, as it is laid on the ground; return it."""
     spec.add_texture(
-        name="ground_grid",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        name=name,
+        type=kind,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
         rgb1=(0.66, 0.68, 0.65),
         rgb2=(0.52, 0.55, 0.54),
-        width=256,
-        height=256,
+        width=pixels,
+        height=pixels,
     )
-    material = spec.add_material(name="ground_grid", specular=0.05, shininess=0.1)
-    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "ground_grid"
+    material = spec.add_material(name=name, specular=0.05, shininess=0.1)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    return material
+
+
+def _add_grid_material(spec: mujoco.MjSpec) -> None:
+    """Chequered material with squares of 1 mm, for scale."""
+    material = add_checks(spec, "ground_grid", mujoco.mjtTexture.mjTEXTURE_2D, pixels=256)
     # One picture holds 2 x 2 squares; MuJoCo lays half as many per mm as it is asked for.
     material.texuniform = True
     material.texrepeat = (1.0, 1.0)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from flyrl.terrains.terrain import Bounds, Terrain, check_ranges
+from flyrl.terrains.terrain import Bounds, Terrain, check_not_random, check_ranges
 from flyrl.validation import Within
 
 
@@ -18,10 +18,7 @@ class Flat(Terrain):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.random:
-            raise ValueError(
-                "terrain.random: got True, but flat ground has nothing to draw; allowed is False"
-            )
+        check_not_random(self, "flat ground")
 
 
 @dataclass(frozen=True, kw_only=True)

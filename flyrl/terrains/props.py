@@ -80,7 +80,7 @@ class Prop:
         return 0.0 if self.shape == "marker" else self.size[-1]
 
 
-TARGET: Final = Prop("target", "marker", (1.0,), (0.85, 0.2, 0.2, 0.6), at_goal=True)
+TARGET_MARKER: Final = Prop("target", "marker", (1.0,), (0.85, 0.2, 0.2, 0.6), at_goal=True)
 """Marks what a task leads to."""
 
 

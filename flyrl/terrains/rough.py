@@ -35,8 +35,6 @@ MIXED_START: Final = -4.0
 MIXED_SEGMENT: Final = 9.0
 MIXED_COLUMNS: Final = 3
 
-Range = Annotated[tuple[float, float], Within(-1000, 1000)]
-
 
 @dataclass(frozen=True)
 class _Layout:
@@ -67,7 +65,6 @@ class _Rough(Terrain):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_ranges(self, *self.drawn)
-        ordered("terrain.x_range", (self.bounds.x_min, self.bounds.x_max))
 
     @property
     def layout(self) -> _Layout:
@@ -123,7 +120,23 @@ class _Rough(Terrain):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gapped(_Rough):
+class _Strip(_Rough):
+    """Rough ground of any length."""
+
+    x_range: Annotated[tuple[float, float], Within(-1000, 1000)] = (-10.0, 25.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ordered("terrain.x_range", self.x_range)
+
+    @property
+    def bounds(self) -> Bounds:
+        """Where there is ground to walk on."""
+        return Bounds(*self.x_range, -self.half_width, self.half_width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gapped(_Strip):
     """Slabs of 1 mm with gaps across the path.
 
     Attributes
@@ -134,14 +147,8 @@ class Gapped(_Rough):
     """
 
     gap_range: Annotated[tuple[float, float], Within(0, MAX_GAP)] = (GAP_WIDTH, GAP_WIDTH)
-    x_range: Range = (-10.0, 25.0)
 
     drawn = ("gap_range",)
-
-    @property
-    def bounds(self) -> Bounds:
-        """Where there is ground to walk on."""
-        return Bounds(*self.x_range, -self.half_width, self.half_width)
 
     @property
     def base_height(self) -> float:
@@ -160,7 +167,7 @@ class Gapped(_Rough):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blocks(_Rough):
+class Blocks(_Strip):
     """A chequerboard of blocks, 1.3 mm wide.
 
     Attributes
@@ -171,14 +178,8 @@ class Blocks(_Rough):
     """
 
     height_range: Annotated[tuple[float, float], Within(0, MAX_HEIGHT)] = (0.35, 0.35)
-    x_range: Range = (-10.0, 25.0)
 
     drawn = ("height_range",)
-
-    @property
-    def bounds(self) -> Bounds:
-        """Where there is ground to walk on."""
-        return Bounds(*self.x_range, -self.half_width, self.half_width)
 
     @property
     def base_height(self) -> float:

@@ -267,6 +267,14 @@ class Terrain:
         return max(found) if found else None
 
 
+def check_not_random(terrain: Terrain, text: str) -> None:
+    """Raise ValueError if a terrain of which nothing is drawn is to be random; `text` names it."""
+    if terrain.random:
+        raise ValueError(
+            f"terrain.random: got True, but {text} has nothing to draw; allowed is False"
+        )
+
+
 def check_ranges(terrain: Terrain, *keys: str) -> None:
     """Raise ValueError unless settings are (least, greatest), and one differs on random ground."""
     ranges = [ordered(f"terrain.{key}", getattr(terrain, key)) for key in keys]

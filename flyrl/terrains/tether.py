@@ -8,8 +8,8 @@ from typing import Annotated, Final
 import mujoco
 
 from flyrl.bodies.fly import BOXES
-from flyrl.terrains.geoms import GROUND_FRICTION
-from flyrl.terrains.terrain import Bounds, Terrain
+from flyrl.terrains.geoms import GROUND_FRICTION, add_checks
+from flyrl.terrains.terrain import Bounds, Terrain, check_not_random
 from flyrl.validation import Within
 
 BALL: Final = "ball"
@@ -28,8 +28,7 @@ class _Held(Terrain):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.random:
-            raise ValueError(f"terrain.random: got True, but {self.name} has nothing to draw")
+        check_not_random(self, self.name)
 
     @property
     def spawn(self) -> Bounds:
@@ -71,17 +70,7 @@ class Ball(_Held):
         body.explicitinertial = True
         body.mass = self.mass
         body.inertia = (inertia, inertia, inertia)
-        spec.add_texture(
-            name=BALL,
-            type=mujoco.mjtTexture.mjTEXTURE_CUBE,
-            builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-            rgb1=(0.66, 0.68, 0.65),
-            rgb2=(0.52, 0.55, 0.54),
-            width=64,
-            height=64,
-        )
-        material = spec.add_material(name=BALL, specular=0.05, shininess=0.1)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = BALL
+        material = add_checks(spec, BALL, mujoco.mjtTexture.mjTEXTURE_CUBE, pixels=64)
         material.texrepeat = (4.0, 4.0)
         body.add_geom(
             name="ground_ball",

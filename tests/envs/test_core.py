@@ -434,7 +434,7 @@ def test_a_goal_that_is_moved_is_observed_and_rewarded_from_then_on() -> None:
     env = BatchedEnv(EnvConfig(physics=FAST), 2)
     before = env.reset(seeds=[0, 1])
     x, y = env.state.position_w[1, :2]
-    seen = env.lead_to(np.array([[x + 3.0, y + 4.0]]), ids=[1])
+    seen = env.set_goals(np.array([[x + 3.0, y + 4.0]]), ids=[1])
     # the flies face +x: 3 mm ahead and 4 to the left is 5 mm away, in units of 15 mm
     np.testing.assert_allclose(seen[1, :3], [0.6, 0.8, 5 / 15], rtol=1e-6)
     np.testing.assert_array_equal(seen[0], before[0])
@@ -442,8 +442,8 @@ def test_a_goal_that_is_moved_is_observed_and_rewarded_from_then_on() -> None:
     way = 5.0 - np.hypot(*(env.state.position_w[1, :2] - (x + 3.0, y + 4.0)))
     assert env.task_state().totals["progress"][1] == pytest.approx(way)
     with pytest.raises(ValueError, match=r"goals must have shape \(2, 2\), got shape \(1, 2\)"):
-        env.lead_to(np.zeros((1, 2)))
+        env.set_goals(np.zeros((1, 2)))
     with pytest.raises(ValueError, match="goals must be finite"):
-        env.lead_to(np.array([[np.nan, 0.0], [0.0, 0.0]]))
+        env.set_goals(np.array([[np.nan, 0.0], [0.0, 0.0]]))
     with pytest.raises(ValueError, match="goals must be at most 10000, got"):
-        env.lead_to(np.array([[1e308, 0.0], [0.0, 0.0]]))
+        env.set_goals(np.array([[1e308, 0.0], [0.0, 0.0]]))

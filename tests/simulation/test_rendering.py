@@ -15,7 +15,7 @@ from flyrl.simulation.rendering import (
     pixels_per_mm,
 )
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import NOWHERE, TARGET
+from flyrl.terrains import NOWHERE, TARGET_MARKER
 
 
 def test_a_millimetre_in_pixels():
@@ -40,7 +40,7 @@ def test_a_camera_that_does_not_exist_is_refused():
 
 @pytest.fixture(scope="module")
 def flies():
-    config = SceneConfig(props=(TARGET,))
+    config = SceneConfig(props=(TARGET_MARKER,))
     batch = FlyBatch(build_scene(config), num_threads=1)
     start = config.controller.initial_state()
     batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])

@@ -90,7 +90,7 @@ def test_the_marker_of_a_target_stands_at_the_goal():
     env.reset(seeds=[0, 1])
     goals = [episode.goal for episode in env.episodes]
     np.testing.assert_array_equal(env.flies.props()[:, 0, :2], goals)
-    env.lead_to(np.array([[3.0, 4.0]]), ids=[1])
+    env.set_goals(np.array([[3.0, 4.0]]), ids=[1])
     np.testing.assert_array_equal(env.flies.props()[:, 0, :2], [goals[0], (3.0, 4.0)])
 
 
