@@ -10,12 +10,14 @@ from typing import Any, Final
 
 import numba
 
-import flyrl
 from flyrl.files import file_digest
 from flyrl.resources import version
 from flyrl.tasks import code_digests
 from flyrl.text import printable
 from flyrl.training.runs import flat
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+"""Folder of flyrl's code."""
 
 _PACKAGES: Final = (
     "flyrl",
@@ -100,7 +102,7 @@ def _set_difference(before: Any, now: Any) -> tuple[str, str]:
 
 def _checkout() -> Path | None:
     """The git checkout that flyrl runs from; None for an installed package."""
-    folder = Path(flyrl.__file__).resolve().parents[1]
+    folder = _PACKAGE.parent
     return folder if (folder / ".git").exists() else None
 
 

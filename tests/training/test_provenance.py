@@ -5,13 +5,12 @@ from pathlib import Path
 
 import pytest
 
-import flyrl
 from flyrl.training.provenance import code_changes, cpu, differences, provenance
 from tests.training.folders import checkout, git
 
 
 def test_a_clean_checkout_has_a_commit_and_no_changes(tmp_path, monkeypatch):
-    monkeypatch.setattr(flyrl, "__file__", str(checkout(tmp_path)))
+    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", checkout(tmp_path).parent)
     record = provenance()["git"]
     assert len(record["commit"]) == 40
     assert record["is_dirty"] is False
@@ -22,7 +21,7 @@ def test_a_clean_checkout_has_a_commit_and_no_changes(tmp_path, monkeypatch):
 
 def test_changes_are_a_diff(tmp_path, monkeypatch):
     package = checkout(tmp_path)
-    monkeypatch.setattr(flyrl, "__file__", str(package))
+    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", package.parent)
     package.write_text("a = 2\n")
     assert provenance()["git"]["is_dirty"] is True
     changes = code_changes()
@@ -37,7 +36,7 @@ def test_changes_are_a_diff(tmp_path, monkeypatch):
 )
 def test_changes_can_be_applied(tmp_path, monkeypatch, contents):
     package = checkout(tmp_path, b"a = 1\n\n")
-    monkeypatch.setattr(flyrl, "__file__", str(package))
+    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", package.parent)
     git(tmp_path, "config", "diff.external", "true")
     git(tmp_path, "config", "color.diff", "always")
     package.write_bytes(contents)
@@ -49,7 +48,7 @@ def test_changes_can_be_applied(tmp_path, monkeypatch, contents):
 
 def test_files_that_git_does_not_know_are_named(tmp_path, monkeypatch):
     package = checkout(tmp_path)
-    monkeypatch.setattr(flyrl, "__file__", str(package))
+    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", package.parent)
     (package.parent / "new.py").write_bytes(b"")
     (tmp_path / "notes").write_text("")
     # of no bytes, as FIPS 180 has it
@@ -81,6 +80,6 @@ def test_instruction_sets_of_the_first_cpu(key):
 
 
 def test_an_installed_package_has_neither(tmp_path, monkeypatch):
-    monkeypatch.setattr(flyrl, "__file__", str(tmp_path / "flyrl" / "__init__.py"))
+    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", tmp_path / "flyrl")
     assert provenance()["git"] is None
     assert code_changes() == b""

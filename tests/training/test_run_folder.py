@@ -5,7 +5,6 @@ import json
 import pytest
 import yaml
 
-import flyrl
 from flyrl.files import replacing
 from flyrl.simulation.physics import PRESET_VERSIONS
 from flyrl.training.checkpoint import save_checkpoint
@@ -54,7 +53,8 @@ def test_a_run_that_goes_on_says_where_and_warns_once_if_that_is_elsewhere(tmp_p
 
 def test_a_run_that_goes_on_keeps_what_its_code_has_beyond_the_commit_now(tmp_path, monkeypatch):
     folder = _interrupted(tmp_path)
-    monkeypatch.setattr(flyrl, "__file__", str(checkout(tmp_path, b"a = 1\n")))
+    package = checkout(tmp_path, b"a = 1\n")
+    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", package.parent)
     folder.go_on(TrainingConfig())
     (tmp_path / "flyrl" / "__init__.py").write_bytes(b"a = 2\n")
     folder.go_on(TrainingConfig())
