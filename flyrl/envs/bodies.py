@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.batch import Batch, Ids
-from flyrl.simulation.flies import FlyBatch
+from flyrl.simulation.flies import FlyBatch, FlyState
 from flyrl.simulation.randomisation import UNVARIED
 from flyrl.simulation.scene import build_scene
-from flyrl.simulation.state import FlyState
 from flyrl.tasks import Episode
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
 
@@ -24,7 +23,7 @@ _DEFAULTS: Final = {item.name: item.default for item in fields(Episode)}
 
 
 class Bodies:
-    """Bodies of one environment: started as episodes say, moved as actions say.
+    """Bodies of one environment, started and pushed as episodes say.
 
     Parameters
     ----------
@@ -37,6 +36,8 @@ class Bodies:
     ----------
     batch
         Their physics.
+    pushes
+        Start, s, and strength, µN, to the left, of each episode's pushes, (num_envs, 2 k).
     """
 
     def __init__(self, config: EnvConfig, num_envs: int, num_threads: int) -> None:
@@ -44,7 +45,7 @@ class Bodies:
         self.batch: Batch = scene.batch_class(build_scene(scene), num_envs, num_threads)
         self._config = config
         self._scene = scene
-        self._pushes = np.zeros((num_envs, 0))
+        self.pushes = np.zeros((num_envs, 0))
         self._decisions_per_push = max(1, round(PUSH_S / config.decision_interval_s))
 
     def start(self, ids: Ids, episodes: Sequence[Episode]) -> None:
@@ -71,19 +72,9 @@ class Bodies:
             self._put_at_goal(row, int(sim), goal)
         self.batch.set_props(ids, starts)
 
-    def act(self, actions: NDArray[np.float64], now: Any, ids: Ids | None) -> None:
-        """Set actions, (n, k), from the next physics step on, with the bodies as they are `now`.
-
-        With `ids`, only those of these simulations.
-        """
-        moved: Ids | slice = slice(None) if ids is None else ids
-        self.batch.set_command(self._config.resolved_task.actions.commands(actions[moved]), moved)
-        if self._pushes.size:
-            self._push(now, moved)
-
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on."""
-        return {"physics": self.batch.integration_state(), "pushes": self._pushes.copy()}
+        return {"physics": self.batch.integration_state(), "pushes": self.pushes.copy()}
 
     def restore(self, snapshot: Mapping[str, Any], episodes: Sequence[Episode | None]) -> None:
         """Put back what `snapshot` returned, during these episodes."""
@@ -95,7 +86,7 @@ class Bodies:
         )
         self.batch.restore(snapshot["physics"])
         self._set_props(np.array(started, dtype=np.intp), [*filter(None, episodes)])
-        self._pushes = snapshot["pushes"]
+        self.pushes = snapshot["pushes"]
 
     def _lay_ground(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Lay the ground of episodes that start, where the terrain is random."""
@@ -159,15 +150,15 @@ class Bodies:
     def _set_pushes(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Note the pushes of episodes that start; a push of 0 µN is none."""
         most = max(len(episode.pushes) for episode in episodes)
-        missing = max(0, most - self._pushes.shape[1])
-        self._pushes = np.pad(self._pushes, ((0, 0), (0, missing)))
-        self._pushes[ids] = 0.0
+        missing = max(0, most - self.pushes.shape[1])
+        self.pushes = np.pad(self.pushes, ((0, 0), (0, missing)))
+        self.pushes[ids] = 0.0
         for i, episode in zip(ids, episodes, strict=True):
-            self._pushes[i, : len(episode.pushes)] = episode.pushes
+            self.pushes[i, : len(episode.pushes)] = episode.pushes
 
-    def _push(self, now: FlyState, moved: Ids | slice) -> None:
-        """Push the flies as hard as is due in this decision."""
-        start, strength = self._pushes[:, ::2], self._pushes[:, 1::2]
+    def push(self, now: FlyState, moved: Ids | slice) -> None:
+        """Push flies as hard as is due in this decision, with all of them as they are `now`."""
+        start, strength = self.pushes[:, ::2], self.pushes[:, 1::2]
         duration = self._decisions_per_push * self._config.decision_interval_s
         since = now.time[:, None] - start
         # but for rounding: a push that starts with a decision lasts no decision more

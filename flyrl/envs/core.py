@@ -292,7 +292,7 @@ class BatchedEnv:
             raise RuntimeError("step() was called before reset()")
         previous = self._previous = self.state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
-        self.simulation.act(actions, previous, ids)
+        self.command(self.simulation, actions, moved)
         self.batch.step(self.config.steps_per_decision, ids)
         self._decisions[moved] += 1
         if self._noise.is_on:
@@ -338,6 +338,17 @@ class BatchedEnv:
             is_success,
             self._outcomes,
         )
+
+    def command(
+        self,
+        bodies: Bodies,
+        actions: NDArray[np.float64],
+        ids: NDArray[np.intp] | slice = slice(None),
+    ) -> None:
+        """Set actions, (n, k), and the pushes that are due now: of these bodies, or a copy."""
+        bodies.batch.set_command(self.task.actions.commands(actions[ids]), ids)
+        if bodies.pushes.size:
+            bodies.push(self.state, ids)
 
     def render(self, i: int = 0) -> NDArray[np.uint8]:
         """Picture of body i and its target, (height, width, 3).

@@ -6,7 +6,7 @@ from flyrl.controllers.controller import controller_named
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
-from flyrl.simulation.flies import fit_controller
+from flyrl.simulation.fly_scene import fit_controller
 from flyrl.validation import one_of
 
 

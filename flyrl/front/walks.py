@@ -21,9 +21,10 @@ from flyrl.files import write_bytes
 from flyrl.front.recordings import save_table
 from flyrl.report.video import FPS, encode
 from flyrl.report.walk_figure import SHOWN_JOINTS, WalkFigure, walk_figure
+from flyrl.simulation.flies import FlyState
 from flyrl.simulation.overlay import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
-from flyrl.simulation.state import FlyState, LegStates
+from flyrl.simulation.state import LegStates
 from flyrl.tasks import RUNNING
 from flyrl.tasks.terms import thorax
 from flyrl.terrains import Ball

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.envs.core import BatchedEnv, Observation
 from flyrl.play.fly_setting import DISTANCE, ENDLESS, INTERVAL_S, PlayedFlyConfig
-from flyrl.simulation.flies import SHOWN
-from flyrl.simulation.state import FlyState
+from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.tasks import RUNNING, RewardTerm
 from flyrl.tasks.target import draw_target
 from flyrl.tasks.terms import goal_distance

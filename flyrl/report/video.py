@@ -258,7 +258,7 @@ def _walk(
         inside = [step for step in range(1, steps) if (walked + step) % per_frame == 0]
         if inside:
             stand_in.batch.restore(env.batch.integration_state())
-            stand_in.act(np.asarray(action, dtype=np.float64), env.state, None)
+            env.command(stand_in, np.asarray(action, dtype=np.float64))
         for last, step in itertools.pairwise([0, *inside]):
             stand_in.batch.step(step - last)
             yield stand_in.batch, (walked + step) * timestep, RUNNING

@@ -1,51 +1,106 @@
-"""Flies: their scene, how they start, how a command reaches their legs, what their state is."""
+"""Flies: their state, and many of them in one batch."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any, Final
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
-from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly, spawn_offset, start_pose
-from flyrl.bodies.table import BodyName
-from flyrl.controllers import Controller, Hybrid, PreprogrammedSteps
-from flyrl.controllers.controller import compiled_step
-from flyrl.controllers.steps import StepsName
+from flyrl.anatomy import END_EFFECTORS
+from flyrl.bodies.fly import spawn_offset, start_pose
+from flyrl.controllers import PreprogrammedSteps
 from flyrl.simulation.batch import Batch, Ids
-from flyrl.simulation.callback import (
-    ENGINE,
-    MAGIC,
-    NUM_MUSCLES,
-    PROCESS,
-    announced,
-    one_process_at_a_time,
-    pack_model_data,
-    place_fields,
-    userdata_dtype,
-)
-from flyrl.simulation.muscles import pack_leg_muscles
-from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
-from flyrl.simulation.physics import FLY_PRESETS, apply_physics
+from flyrl.simulation.fly_scene import STEPS_OF_BODY, build_fly_scene, leg_controller
+from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.rendering import FlyRenderer
-from flyrl.simulation.scene import Scene, SceneConfig
-from flyrl.simulation.state import FlyState, LegStates
-from flyrl.terrains import BALL, Ball, add_prop, add_terrain
+from flyrl.simulation.scene import Scene
+from flyrl.simulation.state import LegStates
+from flyrl.terrains import BALL, Ball
 
-STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
-    "current": "untethered",
-    "classic": "tethered",
-}
-"""The recorded step that was made for the order of a body's coxa joints."""
+Array = NDArray[np.float64]
 
 
-def fit_controller(controller: Controller, body: FlyConfig) -> Controller:
-    """Let a controller take the body's recorded steps, unless it asks for others or takes none."""
-    if getattr(controller, "steps", "") is None:
-        return replace(controller, **{"steps": STEPS_OF_BODY[body.name]})
-    return controller
+@dataclass(frozen=True)
+class FlyState:
+    """A snapshot of n simulations; the first axis of every array is the simulation.
+
+    Attributes
+    ----------
+    time
+        s since the reset, (n,).
+    position_w, velocity_w
+        Thorax, mm and mm/s, (n, 3), world frame.
+    rotation_w
+        Thorax to world, (n, 3, 3); its first column is the heading.
+    angular_velocity_w
+        Thorax, rad/s, (n, 3), world frame.
+    joint_angles, joint_velocities, actuator_torques
+        rad, rad/s, µN·mm, (n, 42), ordered as anatomy.JOINTS.
+    contact_forces_w
+        Sum of the ground's forces on each sensed segment in the last physics step, µN,
+        (n, 36, 3), ordered as anatomy.CONTACT_SEGMENTS.
+    end_effectors_w
+        Tarsus5 of each leg, mm, (n, 6, 3).
+    command
+        What the leg controller was last commanded, (n, k), for most the descending drive (left,
+        right): what the brain knows of. With latency it is at the legs only later.
+    phases, magnitudes
+        Of the legs' oscillators (or steps, for the rule-based controller), rad and 1, (n, 6);
+        zeros for a controller without.
+    retraction, stumbling
+        Correction amounts of the two reflexes, (n, 6); zeros for a controller without.
+    adhesion
+        1 while a leg grips, else 0, (n, 6).
+    muscle_tensions
+        Of the legs' muscles, from 0 to 1: at each joint, ordered as anatomy.JOINTS, of the one that
+        turns it to positive angles, then of the other, (n, 84); (n, 0) of a fly without muscles.
+    fictive_velocity_b
+        Of a tethered fly, the way that the ball turns back under it: forward and leftward, mm/s,
+        and yaw rate, rad/s, (n, 3); zeros without a ball.
+    is_unstable
+        Whether the simulation blew up since its reset, (n,).
+    """
+
+    time: Array
+    position_w: Array
+    velocity_w: Array
+    rotation_w: Array
+    angular_velocity_w: Array
+    joint_angles: Array
+    joint_velocities: Array
+    actuator_torques: Array
+    contact_forces_w: Array
+    end_effectors_w: Array
+    command: Array
+    phases: Array
+    magnitudes: Array
+    retraction: Array
+    stumbling: Array
+    adhesion: Array
+    muscle_tensions: Array
+    fictive_velocity_b: Array
+    is_unstable: NDArray[np.bool_]
+
+    @property
+    def actuation(self) -> Array:
+        """What the fly does by command, as a rollout records it: `command`."""
+        return self.command
+
+    @property
+    def heading_w(self) -> Array:
+        """Unit vectors along the thorax, tail to head, (n, 3)."""
+        return self.rotation_w[:, :, 0]
+
+    @property
+    def yaw(self) -> Array:
+        """Heading's angle from +x, counter-clockwise from above, rad in (-pi, pi], (n,)."""
+        return np.arctan2(self.rotation_w[:, 1, 0], self.rotation_w[:, 0, 0])
+
+    @property
+    def up_b(self) -> Array:
+        """The world's up direction in the thorax frame, (n, 3); (0, 0, 1) when level."""
+        return self.rotation_w[:, 2, :]
 
 
 SHOWN: Final = ("phases", "magnitudes", "retraction", "stumbling")
@@ -58,7 +113,7 @@ class FlyBatch(Batch):
     Attributes
     ----------
     userdata
-        Live view of the records that the simulations carry (see `callback.userdata_dtype`),
+        Live view of the records that the simulations carry (see `engine.userdata_dtype`),
         (num_sims,).
     controllers
         That of the leg controllers' states, (num_sims,). A write is the state at the next step.
@@ -77,82 +132,8 @@ class FlyBatch(Batch):
     usual_physics = "balanced"
     needless = ("joint_angles",)
 
-    @classmethod
-    def fit(cls, config: SceneConfig) -> Controller:
-        """The leg controller of a scene, by default the hybrid one; it takes the body's steps.
-
-        Raises
-        ------
-        ValueError
-            If it is none, or its recorded step does not go with the body's joint order.
-        """
-        asked = Hybrid() if config.controller is None else config.controller
-        if not isinstance(asked, Controller):
-            raise ValueError(f"controller must be a Controller, got {asked!r}")
-        controller = fit_controller(asked, config.body)
-        expected = STEPS_OF_BODY[config.body.name]
-        steps = getattr(controller, "steps", expected)
-        if steps != expected:
-            raise ValueError(
-                f"controller.steps is {steps!r}, recorded for another order of "
-                f"coxa joints than body.name {config.body.name!r} has; that body takes "
-                f"{expected!r}"
-            )
-        return controller
-
-    @classmethod
-    def build(cls, config: SceneConfig, visual: bool) -> Scene:
-        """Compile a scene; see `build_scene`."""
-        spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
-        add_terrain(spec, config.terrain)
-        for prop in config.props:
-            if visual or prop.is_solid:
-                add_prop(spec, prop)
-        if any(prop.is_solid for prop in config.props):
-            add_trunk(spec, config.physics.contact)
-        drop_idle_shapes(spec)
-        pair_with_planes(spec, config.physics.contact.plane_friction_across)
-        apply_physics(spec, config.physics, config.terrain)
-        spec.compiler.fusestatic = True
-        controller, timestep = config.controller, config.physics.timestep
-        userdata = userdata_dtype(
-            controller.initial_state().dtype,
-            len(controller.command.names),
-            config.queue_places,
-            config.gait_places,
-            config.body.muscles is not None,
-        )
-        spec.nuserdata = userdata.itemsize // 8
-        # a user sensor makes MuJoCo call the sensor callback
-        spec.add_sensor(
-            name="contact_forces",
-            type=mujoco.mjtSensor.mjSENS_USER,
-            datatype=mujoco.mjtDataType.mjDATATYPE_REAL,
-            needstage=mujoco.mjtStage.mjSTAGE_ACC,
-            dim=1,
-        )
-        # compiled twice: the controller's record needs the body ids that only a model has
-        engine = _engine_record(spec.compile())
-        with one_process_at_a_time(), announced():
-            engine["kernel"] = compiled_step(controller, timestep)
-        place_fields(engine, userdata)
-        engine["timestep"] = timestep
-        engine["senses_contact"] = config.body.senses_contact
-        engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
-        engine["steps_per_gait_sample"] = config.steps_per_gait_sample
-        muscles = pack_leg_muscles(config.body)
-        engine["num_neurons"] = max(0, muscles.size - len(JOINTS) - NUM_MUSCLES)
-        model_data = pack_model_data(engine, controller.parameters(timestep), muscles)
-        spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
-        model = spec.compile()
-        joints = [model.joint(name) for name in JOINTS]
-        return Scene(
-            config=config,
-            model=model,
-            joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
-            joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
-            userdata=userdata,
-        )
+    fit = staticmethod(leg_controller)
+    build = staticmethod(build_fly_scene)
 
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
         super().__init__(scene, num_sims, num_threads)
@@ -377,18 +358,3 @@ class FlyBatch(Batch):
             raise ValueError(f"first is {first}; of {end} samples, the last {places} are kept")
         kept = self._gait_samples[sim, np.arange(first, end) % places]
         return np.asarray(kept, dtype=np.uint32)
-
-
-def _engine_record(model: mujoco.MjModel) -> np.void:
-    engine: np.void = np.zeros(1, ENGINE)[0]
-    engine["magic"], engine["process"] = MAGIC, PROCESS
-    engine["is_elliptic"] = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
-    engine["thorax_body"] = model.body("Thorax").id
-    engine["end_effector_bodies"] = [model.body(name).id for name in END_EFFECTORS]
-    segments = np.array([model.body(name).id for name in CONTACT_SEGMENTS])
-    tibias = segments.reshape(len(LEGS), len(SENSED_SEGMENTS))[:, 0]
-    # the callback finds a segment by its distance from the leg's tibia
-    if not np.array_equal(segments.reshape(len(LEGS), -1), tibias[:, None] + np.arange(6)):
-        raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
-    engine["tibia_bodies"] = tibias
-    return engine

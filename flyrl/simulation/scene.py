@@ -106,14 +106,14 @@ class Scene:
         What it was built from.
     model
         Compiled model; its first custom numeric carries the controller, or the muscles of a body
-        without legs (see `callback`). Parts of a fly without joints (head, wings, abdomen) are
+        without legs (see `engine`). Parts of a fly without joints (head, wings, abdomen) are
         merged into the thorax.
     joint_qpos, joint_dofs
         Addresses of the J actuated joints in qpos and qvel, (J,): of a fly 42, ordered as
         anatomy.JOINTS, of a worm from head to tail.
     userdata
         Type of the record that a simulation of a body with legs carries, see
-        `callback.userdata_dtype`; without legs, of each of its numbers.
+        `engine.userdata_dtype`; without legs, of each of its numbers.
     muscles
         Of a body without legs, M; muscle i is actuator i.
     """

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.bodies.worm import CRAWLING_ROOT, build_worm
 from flyrl.muscles import attach_muscles
 from flyrl.simulation.batch import Batch, Ids
-from flyrl.simulation.callback import creature_userdata_size, pack_creature_data
+from flyrl.simulation.engine import creature_userdata_size, pack_creature_data
 from flyrl.simulation.pairs import pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.scene import Scene, SceneConfig

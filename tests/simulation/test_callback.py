@@ -14,7 +14,7 @@ from flyrl.anatomy import CONTACT_SEGMENTS
 from flyrl.bodies.contact import ContactConfig
 from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers import CONTROLLERS
-from flyrl.simulation import callback
+from flyrl.simulation import callback, engine, native
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.layout import layout
 from flyrl.simulation.physics import PhysicsConfig
@@ -139,7 +139,7 @@ def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
     batch.step(1000)
     model = batch._batch.get_model(0)
     model.opt.cone = cone
-    is_elliptic = callback.ENGINE.fields["is_elliptic"][1] // 8
+    is_elliptic = engine.ENGINE.fields["is_elliptic"][1] // 8
     model.numeric_data[is_elliptic] = float(cone == mujoco.mjtCone.mjCONE_ELLIPTIC)
     data = batch._batch.get_data(0)
     mujoco.mj_forward(model, data)
@@ -176,10 +176,10 @@ def test_a_model_of_another_process_is_left_alone() -> None:
     """Its kernel's address leads nowhere here: beside it stands another process's number."""
     batch = make_batch()
     model, data = batch._batch.get_model(0), batch._batch.get_data(0)
-    process = callback.ENGINE.fields["process"][1] // 8
-    assert model.numeric_data[process] == callback.PROCESS
+    process = engine.ENGINE.fields["process"][1] // 8
+    assert model.numeric_data[process] == engine.PROCESS
     model.numeric_data[process] += 1.0
-    model.numeric_data[callback.ENGINE.fields["kernel"][1] // 8] = 16.0
+    model.numeric_data[engine.ENGINE.fields["kernel"][1] // 8] = 16.0
     before = data.userdata.copy()
     mujoco.mj_step(model, data, 3)
     np.testing.assert_array_equal(data.userdata, before)
@@ -231,7 +231,7 @@ def test_mujoco_writes_no_log_into_the_users_folder(tmp_path, monkeypatch) -> No
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("compiled", [callback._control_callback, callback._sensor_callback])
+@pytest.mark.parametrize("compiled", [native.control_callback, native.sensor_callback])
 def test_a_callback_is_compiled_once_and_then_read_from_the_disk(compiled) -> None:
     compiled(layout())
     assert compiled(layout()).cache_hits == 1
@@ -245,9 +245,9 @@ def test_that_something_is_compiled_is_said_once(capsys) -> None:
 
 
 def test_nothing_is_said_of_what_is_cached(capsys) -> None:
-    callback._control_callback(layout())
+    native.control_callback(layout())
     with callback.announced():
-        callback._control_callback(layout())
+        native.control_callback(layout())
     assert capsys.readouterr().err == ""
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flyrl.simulation.state import FlyState
+from flyrl.simulation.flies import FlyState
 from flyrl.tasks import TASKS, TaskState, terms
 from flyrl.tasks.terms import time_lost
 from flyrl.terrains import Bounds

@@ -1,0 +1,134 @@
+"""The scene of flies: the body on its ground, with what the control callback needs, compiled."""
+
+from dataclasses import replace
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
+from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly
+from flyrl.bodies.table import BodyName
+from flyrl.controllers import Controller, Hybrid
+from flyrl.controllers.controller import compiled_step
+from flyrl.controllers.steps import StepsName
+from flyrl.simulation.callback import announced, one_process_at_a_time
+from flyrl.simulation.engine import (
+    ENGINE,
+    MAGIC,
+    NUM_MUSCLES,
+    PROCESS,
+    pack_model_data,
+    place_fields,
+    userdata_dtype,
+)
+from flyrl.simulation.muscles import pack_leg_muscles
+from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
+from flyrl.simulation.physics import apply_physics
+from flyrl.simulation.scene import Scene, SceneConfig
+from flyrl.terrains import add_prop, add_terrain
+
+STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {
+    "current": "untethered",
+    "classic": "tethered",
+}
+"""The recorded step that was made for the order of a body's coxa joints."""
+
+
+def fit_controller(controller: Controller, body: FlyConfig) -> Controller:
+    """Let a controller take the body's recorded steps, unless it asks for others or takes none."""
+    if getattr(controller, "steps", "") is None:
+        return replace(controller, **{"steps": STEPS_OF_BODY[body.name]})
+    return controller
+
+
+def leg_controller(config: SceneConfig) -> Controller:
+    """The leg controller of a scene, by default the hybrid one; it takes the body's steps.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or its recorded step does not go with the body's joint order.
+    """
+    asked = Hybrid() if config.controller is None else config.controller
+    if not isinstance(asked, Controller):
+        raise ValueError(f"controller must be a Controller, got {asked!r}")
+    controller = fit_controller(asked, config.body)
+    expected = STEPS_OF_BODY[config.body.name]
+    steps = getattr(controller, "steps", expected)
+    if steps != expected:
+        raise ValueError(
+            f"controller.steps is {steps!r}, recorded for another order of "
+            f"coxa joints than body.name {config.body.name!r} has; that body takes "
+            f"{expected!r}"
+        )
+    return controller
+
+
+def build_fly_scene(config: SceneConfig, visual: bool) -> Scene:
+    """Compile a scene; see `build_scene`."""
+    spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
+    add_terrain(spec, config.terrain)
+    for prop in config.props:
+        if visual or prop.is_solid:
+            add_prop(spec, prop)
+    if any(prop.is_solid for prop in config.props):
+        add_trunk(spec, config.physics.contact)
+    drop_idle_shapes(spec)
+    pair_with_planes(spec, config.physics.contact.plane_friction_across)
+    apply_physics(spec, config.physics, config.terrain)
+    spec.compiler.fusestatic = True
+    controller, timestep = config.controller, config.physics.timestep
+    userdata = userdata_dtype(
+        controller.initial_state().dtype,
+        len(controller.command.names),
+        config.queue_places,
+        config.gait_places,
+        config.body.muscles is not None,
+    )
+    spec.nuserdata = userdata.itemsize // 8
+    # a user sensor makes MuJoCo call the sensor callback
+    spec.add_sensor(
+        name="contact_forces",
+        type=mujoco.mjtSensor.mjSENS_USER,
+        datatype=mujoco.mjtDataType.mjDATATYPE_REAL,
+        needstage=mujoco.mjtStage.mjSTAGE_ACC,
+        dim=1,
+    )
+    # compiled twice: the controller's record needs the body ids that only a model has
+    engine = _engine_record(spec.compile())
+    with one_process_at_a_time(), announced():
+        engine["kernel"] = compiled_step(controller, timestep)
+    place_fields(engine, userdata)
+    engine["timestep"] = timestep
+    engine["senses_contact"] = config.body.senses_contact
+    engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
+    engine["steps_per_gait_sample"] = config.steps_per_gait_sample
+    muscles = pack_leg_muscles(config.body)
+    engine["num_neurons"] = max(0, muscles.size - len(JOINTS) - NUM_MUSCLES)
+    model_data = pack_model_data(engine, controller.parameters(timestep), muscles)
+    spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
+    model = spec.compile()
+    joints = [model.joint(name) for name in JOINTS]
+    return Scene(
+        config=config,
+        model=model,
+        joint_qpos=np.array([joint.qposadr[0] for joint in joints]),
+        joint_dofs=np.array([joint.dofadr[0] for joint in joints]),
+        userdata=userdata,
+    )
+
+
+def _engine_record(model: mujoco.MjModel) -> np.void:
+    engine: np.void = np.zeros(1, ENGINE)[0]
+    engine["magic"], engine["process"] = MAGIC, PROCESS
+    engine["is_elliptic"] = model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    engine["thorax_body"] = model.body("Thorax").id
+    engine["end_effector_bodies"] = [model.body(name).id for name in END_EFFECTORS]
+    segments = np.array([model.body(name).id for name in CONTACT_SEGMENTS])
+    tibias = segments.reshape(len(LEGS), len(SENSED_SEGMENTS))[:, 0]
+    # the callback finds a segment by its distance from the leg's tibia
+    if not np.array_equal(segments.reshape(len(LEGS), -1), tibias[:, None] + np.arange(6)):
+        raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
+    engine["tibia_bodies"] = tibias
+    return engine

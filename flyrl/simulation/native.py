@@ -1,0 +1,385 @@
+"""The native callbacks that MuJoCo calls at every physics step, without Python.
+
+Models without the mark of `engine` are left alone (the callback is global to the process).
+
+Two callbacks share the work. At the control stage the leg controller advances, once per simulated
+time, from the contact forces of the previous step and the kinematics of this one, and writes the
+servo targets and adhesion. At the acceleration stage of the sensors the contact forces of this step
+are summed per segment and kept for the next.
+
+The controller's kernel is called by its address, which the model carries beside a number that only
+this process knows: a model from elsewhere, whose address leads nowhere here, is left alone.
+
+For a worm, whose model has a mark of its own, the control callback writes the tensions and forces
+that follow from the recruited neurons, and advances nothing.
+"""
+
+import ctypes
+from typing import Any, Final
+
+import mujoco
+from llvmlite import binding, ir
+from numba import carray, types  # type: ignore[attr-defined]
+from numba.extending import intrinsic
+
+from flyrl.controllers.compilation import (
+    as_float64,
+    kernel,
+    native_callback,
+    pointer_cast,
+    record_cast,
+)
+from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
+from flyrl.controllers.gait_log import GAIT_LOG, log_gait
+from flyrl.controllers.latency import CLOCK, advance_command
+from flyrl.muscles.kernels import activate, move_by_muscles
+from flyrl.simulation.engine import (
+    CREATURE_HEAD,
+    CREATURE_MAGIC,
+    ENGINE,
+    ENGINE_SIZE,
+    HEAD,
+    MAGIC,
+    NUM_MUSCLES,
+    NUM_SENSED_SEGMENTS,
+    PROCESS,
+    bytes_before,
+)
+from flyrl.simulation.layout import Layout
+
+_as_int64 = pointer_cast(types.int64)
+_as_int32 = pointer_cast(types.int32)
+_as_engine = record_cast(ENGINE)
+_as_head = record_cast(HEAD)
+_as_senses = record_cast(SENSES)
+_as_output = record_cast(OUTPUT)
+_as_clock = record_cast(CLOCK)
+_as_gait_log = record_cast(GAIT_LOG)
+
+_SYMBOL: Final = "flyrl_process"
+_process = ctypes.c_double(PROCESS)
+binding.add_symbol(_SYMBOL, ctypes.addressof(_process))
+
+
+@intrinsic
+def _this_process(_typing_context):  # type: ignore[no-untyped-def]
+    """`PROCESS`, which compiled code that comes from the disk's cache looks up by a symbol."""
+
+    def codegen(_context, builder, _signature, _args):  # type: ignore[no-untyped-def]
+        number = builder.module.globals.get(_SYMBOL)
+        if number is None:
+            number = ir.GlobalVariable(builder.module, ir.DoubleType(), _SYMBOL)
+        return builder.load(number)
+
+    return types.float64(), codegen
+
+
+@intrinsic
+def _call(_typing_context, _address, _parameters, _state, _senses, _command, _output):  # type: ignore[no-untyped-def]
+    """Call the C function at an address with five addresses."""
+
+    def codegen(_context, builder, _signature, args):  # type: ignore[no-untyped-def]
+        address = ir.IntType(64)
+        function = ir.FunctionType(ir.VoidType(), [address] * 5)
+        builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+        return _context.get_dummy_value()
+
+    return types.void(*6 * (types.int64,)), codegen
+
+
+@kernel
+def _int64(address):  # type: ignore[no-untyped-def]
+    return carray(_as_int64(address), (1,))[0]
+
+
+@kernel
+def _int32(address):  # type: ignore[no-untyped-def]
+    return carray(_as_int32(address), (1,))[0]
+
+
+@kernel
+def _engine_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
+    """Address of a model's ENGINE record, or 0 where the model is not of this process."""
+    if _int64(model + numeric_size_at) < ENGINE_SIZE:
+        return 0
+    address = _int64(model + numeric_at)
+    engine = carray(_as_engine(address), (1,))[0]
+    if engine.magic != MAGIC or engine.process != _this_process():  # type: ignore[call-arg]
+        return 0
+    return address if _int64(model + userdata_size_at) >= engine.userdata_size else 0
+
+
+@kernel
+def _creature_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
+    """Address of what `pack_creature_data` packed, or 0 where the model has none."""
+    if _int64(model + numeric_size_at) < CREATURE_HEAD:
+        return 0
+    address = _int64(model + numeric_at)
+    head = carray(as_float64(address), (CREATURE_HEAD,))
+    if head[0] != CREATURE_MAGIC or _int64(model + userdata_size_at) < 2 * int(head[1]):
+        return 0
+    return address
+
+
+@kernel
+def _move_creature(address, userdata, ctrl):  # type: ignore[no-untyped-def]
+    """Write the tensions and forces of a creature's muscles; all are addresses."""
+    head = carray(as_float64(address), (CREATURE_HEAD,))
+    muscles, entries = int(head[1]), int(head[2])
+    starts = address + 8 * CREATURE_HEAD
+    strengths = starts + 8 * (muscles + 1)
+    activate(
+        carray(as_float64(strengths + 8 * muscles), (entries,)),
+        carray(as_float64(starts), (muscles + 1,)),
+        carray(as_float64(strengths), (muscles,)),
+        carray(as_float64(userdata), (muscles,)),
+        carray(as_float64(userdata + 8 * muscles), (muscles,)),
+        carray(as_float64(ctrl), (muscles,)),
+    )
+
+
+# Numba captures a variable of an enclosing function by value and keys its cache on disk on it; so
+# the offsets below, unlike constants of this module, may change with MuJoCo. They must be plain
+# numbers: a captured kernel has another key in every process, which would compile anew.
+
+
+def control_callback(found: Layout) -> Any:
+    """Compile the callback that advances the leg controller, or moves a creature's muscles."""
+    userdata_size_at = found.model["nuserdata"]
+    numeric_size_at = found.model["nnumericdata"]
+    numeric_at = found.model["numeric_data"]
+    time_at = found.data["time"]
+    ctrl_at = found.data["ctrl"]
+    userdata_at = found.data["userdata"]
+    positions_at = found.data["xpos"]
+    rotations_at = found.data["xmat"]
+    angles_at = found.data["actuator_length"]
+    velocities_at = found.data["actuator_velocity"]
+    engine_bytes = ENGINE.itemsize
+    senses_at = bytes_before("senses")
+    output_at = bytes_before("output")
+    clock_at = bytes_before("clock")
+
+    @native_callback(types.void(types.intp, types.intp))
+    def control(model, data):  # type: ignore[no-untyped-def]
+        address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
+        if address == 0:
+            creature = _creature_address(model, userdata_size_at, numeric_size_at, numeric_at)
+            if creature != 0:
+                _move_creature(creature, _int64(data + userdata_at), _int64(data + ctrl_at))
+            return
+        engine = carray(_as_engine(address), (1,))[0]
+        userdata = _int64(data + userdata_at)
+        head = carray(_as_head(userdata), (1,))[0]
+        output = carray(_as_output(userdata + output_at), (1,))[0]
+        time = carray(as_float64(data + time_at), (1,))[0]
+        angles = carray(as_float64(_int64(data + angles_at)), (NUM_JOINTS,))
+        # mj_forward at the same time must not advance the controller a second time
+        if time != head.last_time:
+            head.last_time = time
+            size = int(engine.command_size)
+            arrived = userdata + 8 * int(engine.arrived_at)
+            advance_command(
+                carray(_as_clock(userdata + clock_at), (1,))[0],
+                carray(as_float64(userdata + 8 * int(engine.command_at)), (size,)),
+                carray(as_float64(arrived), (size,)),
+                carray(
+                    as_float64(userdata + 8 * int(engine.queue_at)),
+                    (int(engine.queue_places), 1 + size),
+                ),
+            )
+            senses = carray(_as_senses(userdata + senses_at), (1,))[0]
+            _sense(
+                engine,
+                senses,
+                _int64(data + positions_at),
+                _int64(data + rotations_at),
+                angles,
+                carray(as_float64(_int64(data + velocities_at)), (NUM_JOINTS,)),
+            )
+            _call(  # type: ignore[call-arg]
+                int(engine.kernel),
+                address + engine_bytes,
+                userdata + 8 * int(engine.controller_at),
+                userdata + senses_at,
+                arrived,
+                userdata + output_at,
+            )
+        ctrl = carray(as_float64(_int64(data + ctrl_at)), (NUM_JOINTS + NUM_LEGS,))
+        if engine.num_neurons != 0.0:
+            muscles = address + 8 * int(engine.muscles_at)
+            strengths = muscles + 8 * NUM_JOINTS
+            move_by_muscles(
+                carray(as_float64(muscles), (NUM_JOINTS,)),
+                carray(as_float64(strengths), (NUM_JOINTS, 2)),
+                carray(as_float64(strengths + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
+                angles,
+                output.angles,
+                carray(as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_JOINTS, 2)),
+                ctrl,
+            )
+        else:
+            for joint in range(NUM_JOINTS):
+                ctrl[joint] = output.angles[joint]
+        for leg in range(NUM_LEGS):
+            ctrl[NUM_JOINTS + leg] = output.adhesion[leg]
+
+    return control
+
+
+@kernel
+def _sense(engine, senses, positions, rotations, angles, velocities):  # type: ignore[no-untyped-def]
+    """Write what a controller senses, but for the contact forces, which the sensors sum up."""
+    thorax = int(engine.thorax_body)
+    rotation = carray(as_float64(rotations + 72 * thorax), (3, 3))
+    for axis in range(3):
+        senses.heading_w[axis] = rotation[axis, 0]
+    senses.thorax_z = carray(as_float64(positions + 24 * thorax), (3,))[2]
+    for leg in range(NUM_LEGS):
+        tip = carray(as_float64(positions + 24 * int(engine.end_effector_bodies[leg])), (3,))
+        for axis in range(3):
+            senses.end_effectors_w[leg, axis] = tip[axis]
+        # a leg that is not there is in no hole
+        senses.end_effector_z[leg] = senses.thorax_z if engine.is_missing[leg] != 0.0 else tip[2]
+    for joint in range(NUM_JOINTS):
+        senses.joint_angles[joint] = angles[joint]
+        senses.joint_velocities[joint] = velocities[joint]
+
+
+@kernel
+def segment_of(engine, body):  # type: ignore[no-untyped-def]
+    """Index of a body among the 36 contact segments, or -1."""
+    for leg in range(NUM_LEGS):
+        segment = body - int(engine.tibia_bodies[leg])
+        if 0 <= segment < NUM_SENSED_SEGMENTS:
+            return leg * NUM_SENSED_SEGMENTS + segment
+    return -1
+
+
+@kernel
+def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim, is_elliptic):  # type: ignore[no-untyped-def]
+    """Add one contact's force to the sums of the segments it touches.
+
+    `rows` are the contact's constraint forces: along normal and tangents for an elliptic friction
+    cone, along the cone's edges, normal ± friction · tangent, for a pyramidal one.
+    """
+    normal, tangent1, tangent2 = rows[0], 0.0, 0.0
+    if dim > 1:
+        if is_elliptic:
+            tangent1, tangent2 = rows[1], rows[2]
+        else:
+            normal = 0.0
+            for edge in range(2 * (dim - 1)):
+                normal += rows[edge]
+            tangent1 = (rows[0] - rows[1]) * friction[0]
+            tangent2 = (rows[2] - rows[3]) * friction[1]
+    # the frame's rows are normal and tangents; the force acts on the second geom
+    for axis in range(3):
+        force = normal * frame[0, axis] + tangent1 * frame[1, axis] + tangent2 * frame[2, axis]
+        if segment1 >= 0:
+            forces_w[segment1, axis] -= force
+        if segment2 >= 0:
+            forces_w[segment2, axis] += force
+
+
+@kernel
+def _log_gait(engine, head, userdata, contact_forces_w, adhesion, time, positions, torques, velocities):  # type: ignore[no-untyped-def]  # fmt: skip # noqa: E501
+    """Log this step, unless mj_forward comes to it a second time."""
+    log = carray(_as_gait_log(userdata + 8 * int(engine.gait_log_at)), (1,))[0]
+    if log.num_steps > 0.0 and time == log.last_time:
+        return
+    log.last_time = time
+    tips_w = head.senses.end_effectors_w
+    for leg in range(NUM_LEGS):
+        body = int(engine.end_effector_bodies[leg])
+        tip = carray(as_float64(positions + 24 * body), (3,))
+        for axis in range(3):
+            tips_w[leg, axis] = tip[axis]
+    log_gait(
+        log,
+        carray(as_float64(userdata + 8 * int(engine.gait_samples_at)), (int(engine.gait_places),)),
+        int(engine.steps_per_gait_sample),
+        engine.timestep,
+        contact_forces_w,
+        adhesion,
+        carray(as_float64(userdata + 8 * int(engine.retraction_at)), (NUM_LEGS,)),
+        carray(as_float64(userdata + 8 * int(engine.stumbling_at)), (NUM_LEGS,)),
+        head.is_grounded,
+        torques,
+        velocities,
+        tips_w,
+    )
+
+
+def sensor_callback(found: Layout) -> Any:
+    """Compile the callback that sums contact forces per segment."""
+    userdata_size_at = found.model["nuserdata"]
+    numeric_size_at = found.model["nnumericdata"]
+    numeric_at = found.model["numeric_data"]
+    geom_body_at = found.model["geom_bodyid"]
+    userdata_at = found.data["userdata"]
+    num_contacts_at = found.data["ncon"]
+    contacts_at = found.data["contact"]
+    constraint_forces_at = found.data["efc_force"]
+    contact_size = found.contact_size
+    frame_at = found.contact["frame"]
+    friction_at = found.contact["friction"]
+    dim_at = found.contact["dim"]
+    geom1_at = found.contact["geom1"]
+    geom2_at = found.contact["geom2"]
+    row_at = found.contact["efc_address"]
+    time_at = found.data["time"]
+    positions_at = found.data["xpos"]
+    torques_at = found.data["actuator_force"]
+    velocities_at = found.data["actuator_velocity"]
+    acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
+    senses_at = bytes_before("senses")
+    output_at = bytes_before("output")
+
+    @native_callback(types.void(types.intp, types.intp, types.int32))
+    def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
+        if stage != acceleration_stage:
+            return
+        address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
+        if address == 0:
+            return
+        engine = carray(_as_engine(address), (1,))[0]
+        userdata = _int64(data + userdata_at)
+        forces_w = carray(_as_senses(userdata + senses_at), (1,))[0].contact_forces_w
+        forces_w[:, :] = 0.0
+        bodies = _int64(model + geom_body_at)
+        contacts = _int64(data + contacts_at)
+        constraint_forces = _int64(data + constraint_forces_at)
+        for i in range(_int32(data + num_contacts_at)):
+            contact = contacts + i * contact_size
+            row = _int32(contact + row_at)
+            segment1 = segment_of(engine, _int32(bodies + 4 * _int32(contact + geom1_at)))
+            segment2 = segment_of(engine, _int32(bodies + 4 * _int32(contact + geom2_at)))
+            if row < 0 or (segment1 < 0 and segment2 < 0):
+                continue
+            _add_contact_force(
+                forces_w,
+                segment1,
+                segment2,
+                carray(as_float64(contact + frame_at), (3, 3)),
+                carray(as_float64(constraint_forces + 8 * row), (10,)),
+                carray(as_float64(contact + friction_at), (5,)),
+                _int32(contact + dim_at),
+                engine.is_elliptic != 0.0,
+            )
+        if engine.gait_places != 0.0:
+            _log_gait(
+                engine,
+                carray(_as_head(userdata), (1,))[0],
+                userdata,
+                forces_w,
+                carray(_as_output(userdata + output_at), (1,))[0].adhesion,
+                carray(as_float64(data + time_at), (1,))[0],
+                _int64(data + positions_at),
+                carray(as_float64(_int64(data + torques_at)), (NUM_JOINTS,)),
+                carray(as_float64(_int64(data + velocities_at)), (NUM_JOINTS,)),
+            )
+        if engine.senses_contact == 0.0:
+            forces_w[:, :] = 0.0
+
+    return sense_contacts
