@@ -8,9 +8,9 @@ from __future__ import annotations
 import argparse
 import functools
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from flyrl.cli.program import Subparsers
 
@@ -53,23 +53,24 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def answer(
-    parser: argparse.ArgumentParser, commands: Mapping[str, argparse.ArgumentParser]
-) -> None:
+def answer(parser: argparse.ArgumentParser) -> None:
     """Tell the shell what can stand at its cursor, and end the process."""
     import argcomplete  # noqa: PLC0415
 
-    add_completers(commands)
-    argcomplete.autocomplete(parser)
+    argcomplete.autocomplete(parser, default_completer=cast(Any, offered))
 
 
-def add_completers(commands: Mapping[str, argparse.ArgumentParser]) -> None:
-    """Tell argcomplete what the arguments of all subcommands can be, by their names."""
-    for command, its_parser in commands.items():
-        for action in its_parser._actions:
-            offer = _offer(command, action.dest)
-            if offer is not None and not action.choices:
-                vars(action)["completer"] = offer
+def offered(
+    prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
+) -> Iterable[str]:
+    """Values of an argument without choices of its own, or else files, as argcomplete asks."""
+    from argcomplete.completers import FilesCompleter  # noqa: PLC0415
+
+    offer = _offer(parser.prog.rpartition(" ")[2], action.dest)
+    if offer is not None:
+        return offer(prefix=prefix)
+    files: Iterable[str] = FilesCompleter()(prefix)
+    return files
 
 
 def _offer(command: str, argument: str) -> Callable[..., Offer] | None:

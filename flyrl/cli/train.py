@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.entry import Start, run_command
-from flyrl.cli.statuses import LEFT_OUT
+from flyrl.cli.errors import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
 from flyrl.entry_points import check_trust
 from flyrl.progress import whole_job

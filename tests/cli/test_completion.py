@@ -8,7 +8,8 @@ from pathlib import Path
 import argcomplete
 import pytest
 
-from flyrl.cli.completion import SHELLS, add_completers
+from flyrl.cli.completion import SHELLS
+from flyrl.cli.completion import offered as values_offered
 from flyrl.cli.figures import FIGURES
 from flyrl.cli.main import command_parsers, main
 
@@ -32,10 +33,14 @@ def offered(monkeypatch):
         asked = {**ASKED, "COMP_LINE": line, "COMP_POINT": str(len(line))}
         for name, value in asked.items():
             monkeypatch.setenv(name, value)
-        parser, commands = command_parsers()
-        add_completers(commands)
+        parser, _ = command_parsers()
         out = io.StringIO()
-        Finder()(parser, exit_method=lambda status: None, output_stream=out)
+        Finder()(
+            parser,
+            exit_method=lambda status: None,
+            output_stream=out,
+            default_completer=values_offered,
+        )
         return [word.replace("\\", "") for word in out.getvalue().split("\n") if word]
 
     return offered
