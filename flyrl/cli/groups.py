@@ -93,7 +93,6 @@ def register() -> None:
         for name, settings in choices.items():
             package = "_global_" if "defaults" in settings else None
             store.store(name=name, node=_plain(settings), group=group, package=package)
-    OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
 
 
 def _plain(value: Any) -> Any:
@@ -106,6 +105,10 @@ def _plain(value: Any) -> Any:
 def _tuned(*, _root_: DictConfig) -> str:
     """Choice of the group `tuned` that goes with those of task and algorithm."""
     return tuned_name(_root_.get("task"), _root_.get("algo"))
+
+
+# at import, so that a sweep's job in another process has it; again where a module is loaded anew
+OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
 
 
 def plain_values(config: DictConfig) -> dict[str, Any]:
