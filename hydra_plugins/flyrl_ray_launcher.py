@@ -18,6 +18,7 @@ from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
 from flyrl.cli.errors import reported
+from flyrl.resources import install_command
 
 
 @dataclass
@@ -74,7 +75,11 @@ class RayLauncher(Launcher):
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         if self._address is None:
             os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"  # loopback, on Linux too
-        import ray  # noqa: PLC0415
+        with reported():
+            try:
+                import ray  # noqa: PLC0415
+            except ModuleNotFoundError:
+                raise ValueError(f"launcher=ray needs ray: {install_command('ray')}") from None
 
         at_sigterm = signal.getsignal(signal.SIGTERM)  # which Ray replaces
         try:

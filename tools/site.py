@@ -37,7 +37,6 @@ LED: Final = {
     "assets/README.md": "provenance.md",
     "benchmarks": "benchmarks.md",
     "configs": "settings.md",
-    "configs/task": "settings.md",
     "configs/experiment": "settings.md",
     "docs/physics": "physics/README.md",
     "docs/training": "training/README.md",

@@ -1,52 +1,55 @@
-"""Checking the command line before any work: unknown keys and choices, with the closest match."""
+"""The command line before any work: jobs of a sweep, and errors with the closest match."""
 
-import importlib.util
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import product
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
-from hydra import compose, initialize_config_dir
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-from hydra._internal.utils import get_args_parser
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import ChoiceSweep, Override
-from hydra.errors import HydraException, OverrideParseException
-from hydra.types import RunMode
-from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
-
-from flyrl.cli.groups import config_groups
 from flyrl.entry_points import is_entry_point
-from flyrl.files import load_yaml, usable_folder
+from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
-from flyrl.training.tuned import tuned_name
 from flyrl.validation import did_you_mean, one_of
 
-HYDRA_VERSION = "1.3"
-"""Hydra's behaviour that the configs are written for."""
+if TYPE_CHECKING:
+    from hydra.core.override_parser.types import Override
+    from omegaconf import DictConfig
+
+EXTRAS: Final = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}
+"""Hydra's launcher -> extra of flyrl that brings it."""
+
+GROUPS: Final = (
+    "body", "controller", "terrain", "physics", "randomisation", "task", "algo", "training",
+    "tuned", "logger", "experiment", "launcher",
+)  # fmt: skip
+"""Groups that a command line chooses from."""
+
+OWN: Final = ("controller", "task", "terrain")
+"""Groups whose choice may be module:attribute, a thing of the user's own."""
 
 
-EXTRAS: Final = {"joblib": "joblib", "slurm": "slurm", "submitit": "slurm", "ray": "ray"}
-"""Launcher of `configs/launcher` -> extra of flyrl that it needs."""
-
-_MODULES: Final = {
-    "joblib": "hydra_plugins.hydra_joblib_launcher",
-    "slurm": "hydra_plugins.hydra_submitit_launcher",
-    "ray": "ray",
-}
-"""Extra -> module that it installs."""
-
-
-def _tuned(*, _root_: DictConfig) -> str:
-    """Choice of the group `tuned` that goes with those of task and algorithm."""
-    return tuned_name(_root_.get("task"), _root_.get("algo"))
-
-
-# `configs/train.yaml` asks for it; again where a module is loaded anew
-OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
+_FLAGS: Final = (
+    "--help -h",
+    "--hydra-help",
+    "--version",
+    "--resolve",
+    "--run -r",
+    "--multirun -m",
+    "--shell-completion -sc",
+)
+_OPTIONS: Final = (
+    "--cfg -c",
+    "--package -p",
+    "--config-path -cp",
+    "--config-name -cn",
+    "--config-dir -cd",
+    "--experimental-rerun",
+)
+"""Hydra's options, without and with a value."""
 
 
 class UsageError(ValueError):
@@ -75,12 +78,6 @@ class Sweep:
     is_elsewhere: bool
 
 
-def plain_values(config: DictConfig) -> dict[str, Any]:
-    """Composed config as plain, resolved values."""
-    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    return cast(dict[str, Any], values)
-
-
 def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
     """The error for a key that is not among `keys`; it names the closest one, if one is close."""
     if given.rpartition(".")[2] in {"device", "cuda", "gpu"}:
@@ -92,15 +89,11 @@ def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
     return UsageError(f"there is no key {given!r}{hint}")
 
 
-OWN: Final = ("controller", "task", "terrain")
-"""Groups whose choice may be module:attribute, a thing of the user's own."""
-
-
 def with_own_things(arguments: Sequence[str]) -> list[str]:
     """Write the user's own things as Hydra knows them.
 
     `task=my_lab:forage task.sources=2` becomes `task=own`, `task.name=my_lab:forage` and
-    `++task.sources=2`. A group without a choice `own` is deleted, and added anew: `~controller`,
+    `++task.sources=2`. Other groups are deleted, and added anew: `~controller`,
     `+controller.name=my_lab:Wave`. A sweep over choices, `controller=cpg,my_lab:Wave`, is one over
     names.
     """
@@ -113,10 +106,9 @@ def with_own_things(arguments: Sequence[str]) -> list[str]:
     for word in arguments:
         key, _, value = word.partition("=")
         if own.get(key) == value:
-            if "own" in config_groups()[key]:
-                words += [f"{key}=own", f"{key}.name={value}"]
-            else:
-                words += [f"~{key}", f"+{key}.name={value}"]
+            words += [f"~{key}", f"+{key}.name={value}"]
+            if key == "task":
+                words[-2:] = ["task=own", f"task.name={value}"]
         elif key.partition(".")[0] in own:
             words.append(f"++{word}")
         else:
@@ -124,8 +116,14 @@ def with_own_things(arguments: Sequence[str]) -> list[str]:
     return words
 
 
+def own_overrides(job: Sequence[str]) -> tuple[str, ...]:
+    """The overrides of a job without Hydra's and the launcher: what is done, not where."""
+    keys = ("launcher=", "hydra.", "hydra/")
+    return tuple(item for item in job if not item.lstrip("+~").startswith(keys))
+
+
 def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
-    """Check the overrides on a command line against `configs/`.
+    """Compose what the overrides on a command line ask for, with every choice that is swept.
 
     Parameters
     ----------
@@ -144,223 +142,180 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
         A key, group or choice that does not exist, a text that is no override, or a launcher that
         is not installed.
     """
-    options = get_args_parser().parse_args(list(arguments))
-    is_our_own = not (options.config_path or options.config_name or options.config_dir)
+    from hydra import compose, initialize_config_dir  # noqa: PLC0415
+    from hydra.core.override_parser.overrides_parser import OverridesParser  # noqa: PLC0415
+    from hydra.errors import HydraException  # noqa: PLC0415
+    from hydra.types import RunMode  # noqa: PLC0415
+    from omegaconf.errors import OmegaConfBaseException  # noqa: PLC0415
+
+    from flyrl.cli.groups import HYDRA_VERSION, register  # noqa: PLC0415
+
+    register()
+    options = parsed_options(arguments)
+    if options.shell_completion:
+        return None
+    search = []
+    for folder in filter(None, (options.config_dir, options.config_path)):
+        search = [f"hydra.searchpath=['file://{Path(folder).resolve()}']"]
+        for file in sorted(Path(folder).rglob("*.yaml")):
+            load_yaml(file)  # without aliases, which Hydra would multiply
     folder = str(Path(options.config_path or configs_folder()).resolve())
     name = options.config_name or config_name
-    more = options.config_dir
-    if more and not Path(more).is_dir():
-        raise UsageError(f"--config-dir must be a folder, got {more!r}")
-    search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
-    for own in filter(None, (options.config_path, more)):
-        for file in sorted(Path(own).rglob("*.yaml")):
-            load_yaml(file)  # without aliases, which Hydra would multiply
-    _check_words(options.overrides)
+    asked: Sequence[str] = options.overrides
     try:
         with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
-            parser = OverridesParser.create(GlobalHydra.instance().config_loader())
-            overrides = parser.parse_overrides(options.overrides)
+            overrides = OverridesParser.create().parse_overrides(list(asked))
             if nameless := [each.input_line for each in overrides if not each.key_or_group]:
                 raise UsageError(f"{nameless[0]!r} names no key; write key=value")
             jobs = _jobs(overrides)
-            plain = tuple(str(o.input_line) for o in overrides if not o.is_sweep_override())
-            composed = {}
-            if is_our_own:  # in others, Hydra alone knows what they hold
-                composed = _check_overrides(config_name, overrides, jobs)
-            if options.cfg or options.info or options.help or options.hydra_help:
-                return None
-            if composed and len(plain) == len(overrides):
-                (ours,) = (config.hydra for config in composed.values())
-            else:
-                ours = compose(name, [*plain, *search], return_hydra_config=True).hydra
-            if not (options.multirun or ours.mode == RunMode.MULTIRUN):
-                _check_single(overrides, Path(ours.run.dir))
-                return None
-            return Sweep(
-                Path(ours.sweep.dir),
-                any(override.key_or_group == "hydra.sweep.dir" for override in overrides),
-                tuple(own_overrides(job) for job in jobs),
-                "basic_launcher" not in ours.launcher._target_,
-            )
-    except OverrideParseException as error:
-        raise UsageError(
-            f"{error.override!r} cannot be read; write unusual values in quotes of their own: "
-            "\"key='a value'\""
-        ) from error
+            composed: dict[tuple[str, ...], DictConfig] = {}
+            for job in jobs:
+                asked = job
+                choices = _choices(job)
+                if choices not in composed:  # else other values of the same keys
+                    composed[choices] = compose(name, [*job, *search], return_hydra_config=True)
+            ours = next(iter(composed.values())).hydra
+            if name == config_name and not search:  # in others, Hydra alone knows what they hold
+                known = [*map(str, compose(name)), *GROUPS, "hydra"]
+                for config in composed.values():
+                    _check_used(config, overrides, known)
     except (HydraException, OmegaConfBaseException, ValueError) as error:
-        text = str(error).partition("\nSee http")[0]
-        if text.startswith("Error merging override"):  # without the reason
-            text += f": {error.__cause__}".partition("\n")[0]
-        raise UsageError(text) from error
-
-
-def _check_single(overrides: Sequence[Override], folder: Path) -> None:
-    """Check what only a run that is no sweep needs: one value per key, and Hydra's folder."""
-    for override in overrides:
-        if override.is_sweep_override():
+        raise _explained(error, config_name, asked) from error
+    if options.help or options.hydra_help or options.cfg or options.info:
+        return None
+    if not (options.multirun or ours.mode == RunMode.MULTIRUN):
+        if several := [each.input_line for each in overrides if each.is_sweep_override()]:
             raise UsageError(
-                f"{override.input_line} names several values: add -m to run each of them, or "
-                "quotes if it is one value"
+                f"{several[0]} names several values: add -m to run each of them, or quotes if it "
+                "is one value"
             )
-    usable_folder(folder)  # Hydra makes it, too, with a traceback where it cannot
+        return None
+    return Sweep(
+        Path(ours.sweep.dir),
+        any(each.key_or_group == "hydra.sweep.dir" for each in overrides),
+        tuple(own_overrides(job) for job in jobs),
+        "basic_launcher" not in ours.launcher._target_,
+    )
 
 
-def _check_words(words: Sequence[str]) -> None:
-    """Raise UsageError at a word without "="; say how to write it, as far as that is clear."""
-    for word, after in zip_longest(words, words[1:], fillvalue="="):
-        if "=" in word or word.startswith("~"):
-            continue
-        groups = [group for group, choices in config_groups().items() if word in choices]
-        example = "task=target"
-        if groups:
-            example = f"{groups[0]}={word}"
-        elif "=" not in after:
-            example = f"{word}={after}"
-        raise UsageError(f"settings are written key=value; for {word!r}, write {example}")
-
-
-def _check_overrides(
-    config_name: str, overrides: Sequence[Override], jobs: Sequence[tuple[str, ...]]
-) -> dict[tuple[str, ...], DictConfig]:
-    """Check choices, keys, and that every combination of choices in a sweep can be composed.
-
-    Returns
-    -------
-    What was composed, with Hydra's own: for each of these combinations the first job with it.
-    """
-    taken = _groups_of(config_name)
-    groups = {name: choices for name, choices in config_groups().items() if name in taken}
-    if any(override.key_or_group == "experiment" for override in overrides):
-        groups["experiment"] = _experiments(config_name, groups["experiment"])
-    for override in overrides:
-        if override.key_or_group in groups:
-            _check_choice(override, groups[override.key_or_group])
-    if "launcher" in groups:
-        _check_launcher(overrides)
-    composed: dict[tuple[str, ...], DictConfig] = {}
-    checked = set()
-    for job in jobs:
-        choices = tuple(item for item in job if item.lstrip("+~").partition("=")[0] in groups)
-        if choices in checked:
-            continue  # other values of the same keys
-        checked.add(choices)
-        try:
-            composed[job] = compose(config_name, list(job), return_hydra_config=True)
-        except HydraException:
-            _explain(config_name, job, choices, groups)
-            raise
-        _check_taken(overrides, composed[job])
-    _check_added(config_name, overrides, groups)
-    return composed
-
-
-def _groups_of(config_name: str) -> set[str]:
-    """Groups that the defaults of a command's config choose from."""
-    defaults = load_yaml(configs_folder() / f"{config_name}.yaml")["defaults"]
-    entries = [entry for entry in defaults if isinstance(entry, Mapping)]
-    return {key.split()[-1].partition("@")[0] for entry in entries for key in entry}
-
-
-def _check_added(config_name: str, overrides: Sequence[Override], groups: Iterable[str]) -> None:
-    """Raise UsageError if a key that is added with "+" stands where nothing would read it."""
-    for override in overrides:
-        if override.is_add() or override.is_force_add():
-            keys = [*map(str, compose(config_name)), *groups, "hydra"]
-            if override.key_or_group.partition(".")[0] not in keys:
-                raise unknown_key(override.key_or_group, keys)
-
-
-def _check_taken(overrides: Sequence[Override], config: DictConfig) -> None:
-    """Raise UsageError if a choice has no effect, as that of a controller with a worm."""
-    for override in overrides:
-        key = override.key_or_group
-        if key in config and config[key] is None and override.value() is not None:
-            raise UsageError(f"{override.input_line} has no effect with task={config.task.name}")
-
-
-def _explain(
-    config_name: str,
-    job: Sequence[str],
-    choices: Sequence[str],
-    groups: Mapping[str, list[str]],
-) -> None:
-    """Raise UsageError if a key is why a job cannot be composed."""
-    keys = set(_keys(compose(config_name, list(choices)))) | set(groups)
-    for override in OverridesParser.create().parse_overrides(list(job)):
-        if _is_unknown(override, keys):
-            _check_not_elsewhere(config_name, override.key_or_group, groups)
-            raise unknown_key(override.key_or_group, keys)
+def parsed_options(arguments: Sequence[str]) -> argparse.Namespace:
+    """Options of Hydra's on a command line, and the `overrides` beside them."""
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--info", "-i", nargs="?", const="all")
+    for names in _FLAGS:
+        parser.add_argument(*names.split(), action="store_true")
+    for names in _OPTIONS:
+        parser.add_argument(*names.split())
+    return parser.parse_args(list(arguments))
 
 
 def _jobs(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
-    """Overrides of every job, in the order of a sweep; of a single run, if nothing is swept.
+    """Overrides of every job, as Hydra's sweeper writes them; of a single run, if nothing is swept.
 
     A sweep over an interval, which another sweeper of Hydra's may draw from, is left out.
     """
-    discrete = [o for o in overrides if not o.is_sweep_override() or o.is_discrete_sweep()]
-    (batch,) = BasicSweeper.split_arguments(discrete, max_batch_size=None)
-    return [tuple(job) for job in batch]
+    values: dict[str, list[str]] = {}
+    for each in overrides:
+        key = each.get_key_element()
+        if not each.is_sweep_override():
+            values[key] = [f"{key}={each.get_value_element_as_str()}"]
+        elif each.is_discrete_sweep():
+            values[key] = ["=".join((key, value)) for value in each.sweep_string_iterator()]
+    return list(product(*values.values()))
 
 
-def own_overrides(job: Sequence[str]) -> tuple[str, ...]:
-    """The overrides of a job without Hydra's and the launcher: what is done, not where."""
-    keys = ("launcher=", "hydra.", "hydra/")
-    return tuple(item for item in job if not item.lstrip("+~").startswith(keys))
+def _choices(job: Iterable[str]) -> tuple[str, ...]:
+    """Those overrides of a job that choose from a group, on which its keys depend."""
+    return tuple(item for item in job if item.lstrip("+~").partition("=")[0] in GROUPS)
 
 
-def _check_launcher(overrides: Sequence[Override]) -> None:
+def _check_used(config: DictConfig, overrides: Iterable[Override], known: Sequence[str]) -> None:
+    """Raise UsageError if something would be ignored: a key that nothing reads, a choice.
+
+    Parameters
+    ----------
+    config
+        Composed of them, with Hydra's own.
+    overrides
+        On the command line.
+    known
+        Keys at the top, and groups.
+    """
     for override in overrides:
-        if override.key_or_group == "launcher":
-            extra = EXTRAS[str(override.value())]
-            if importlib.util.find_spec(_MODULES[extra]) is None:
-                package = _MODULES[extra].rpartition(".")[2].replace("_", "-")
-                raise UsageError(f"{override.input_line} needs {package}: {install_command(extra)}")
+        key, value = override.key_or_group, override.value()
+        if override.is_add() or override.is_force_add():
+            if key.partition(".")[0] not in known:
+                raise unknown_key(key, known)
+        elif key in config and config[key] is None and value is not None:
+            raise UsageError(f"{override.input_line} has no effect with task={config.task.name}")
+        elif key == "experiment" and (more := {*map(str, config)} - {*known}):
+            raise UsageError(
+                f"{override.input_line} is for another command: it sets {', '.join(sorted(more))}"
+            )
 
 
-def _experiments(config_name: str, names: Sequence[str]) -> list[str]:
-    """Those of the experiments that are of this command: that set nothing but its keys."""
-    known = {"defaults", *map(str, compose(config_name))}
-    folder = configs_folder() / "experiment"
-    return [name for name in names if known.issuperset(load_yaml(folder / f"{name}.yaml"))]
+def _explained(  # noqa: PLR0911
+    error: Exception, config_name: str, asked: Sequence[str]
+) -> UsageError:
+    """The error for what Hydra could not compose: in a line, with the closest match.
+
+    Parameters
+    ----------
+    error
+        Hydra's, OmegaConf's, or our own.
+    config_name
+        Name of the primary config.
+    asked
+        The overrides.
+    """
+    from hydra.errors import MissingConfigException, OverrideParseException  # noqa: PLC0415
+
+    from flyrl.cli.groups import composed, groups  # noqa: PLC0415
+
+    if isinstance(error, OverrideParseException):
+        return UsageError(
+            f"{error.override!r} cannot be read: settings are written key=value, as task=target; "
+            "write unusual values in quotes of their own: \"key='a value'\""
+        )
+    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+        group, _, choice = error.missing_cfg_file.rpartition("/")
+        if group == "hydra/launcher" and choice in EXTRAS:
+            return UsageError(f"launcher {choice} needs: {install_command(EXTRAS[choice])}")
+        try:
+            one_of(group, choice, error.options)
+        except ValueError as explained:
+            return UsageError(str(explained))
+    text = str(error)
+    if found := re.match("Could not override '([^']+)'", text):
+        key = found[1]
+        if key.startswith("hydra"):
+            return UsageError(f"there is no key {key!r} (--cfg hydra prints all keys of Hydra's)")
+        group, _, rest = key.partition(".")
+        others = [item for item in asked if item.partition("=")[0] != key]
+        settings = composed(config_name, _choices(others))
+        having = [
+            name
+            for name, choice in groups().get(group, {}).items()
+            if rest in _keys(choice) and group in settings
+        ]
+        if having:
+            choices = ",".join(sorted(having))
+            return UsageError(f"there is no key {key!r} here, only with {group}={choices}")
+        known = [*_keys(settings), "experiment", "launcher"]
+        return unknown_key(key, [each for each in known if each != key])
+    if text.startswith("Config group override must be"):
+        return UsageError(f"a group takes the name of a choice, got {' '.join(_choices(asked))}")
+    if text.startswith("Error merging override"):  # without the reason
+        text += f": {error.__cause__}"
+    return UsageError("; ".join(text.strip().splitlines()))
 
 
-def _keys(config: Any, prefix: str = "") -> Iterator[str]:
-    """Every key, dotted, of nodes and leaves."""
-    plain = OmegaConf.to_container(config, resolve=False) if not prefix else config
-    if isinstance(plain, Mapping):
-        for key, value in plain.items():
-            name = prefix + str(key)
-            yield name
-            yield from _keys(value, f"{name}.")
-
-
-def _check_choice(override: Override, choices: list[str]) -> None:
-    value: Any = override.value()
-    is_expanded_by_hydra = override.is_sweep_override() and not isinstance(value, ChoiceSweep)
-    if override.is_delete() or is_expanded_by_hydra:
-        return
-    given = value.list if isinstance(value, ChoiceSweep) else [value]
-    for choice in given:
-        one_of(override.key_or_group, choice, choices)
-        # without aliases, which Hydra would multiply
-        load_yaml(configs_folder() / override.key_or_group / f"{choice}.yaml")
-
-
-def _is_unknown(override: Override, keys: set[str]) -> bool:
-    key = override.key_or_group
-    is_ours = not key.startswith("hydra") and override.package is None
-    return is_ours and not override.is_add() and not override.is_force_add() and key not in keys
-
-
-def _check_not_elsewhere(config_name: str, key: str, groups: Mapping[str, list[str]]) -> None:
-    """Raise UsageError if other choices of the key's group have it."""
-    group = key.partition(".")[0]
-    if group not in compose(config_name):
-        return
-    having = [
-        choice
-        for choice in groups.get(group, [])
-        if key in set(_keys(compose(config_name, [f"{group}={choice}"])))
-    ]
-    if having:
-        raise UsageError(f"there is no key {key!r} here, only with {group}={','.join(having)}")
+def _keys(settings: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Every key, dotted, of groups and of values."""
+    found = []
+    for key, value in settings.items():
+        found.append(f"{prefix}{key}")
+        if isinstance(value, Mapping):
+            found += _keys(value, f"{prefix}{key}.")
+    return found

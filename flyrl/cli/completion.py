@@ -1,19 +1,28 @@
-"""flyrl completion: the shell completes commands, options, settings, names and folders.
+"""flyrl completion: the shell completes commands, options, names and folders.
 
-What is offered is read from folders and YAML files alone: nobody waits for MuJoCo at a prompt.
+Hydra itself completes the settings of `train.py` and `evaluate.py`.
 """
 
 from __future__ import annotations
 
 import argparse
 import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import importlib
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from flyrl.cli.program import Subparsers
 
 SHELLS: Final = ("bash", "zsh", "fish")
+
+_TABLES: Final = {
+    "body": "flyrl.envs.config:BODIES",
+    "controller": "flyrl.controllers:CONTROLLERS",
+    "physics": "flyrl.simulation.physics:PHYSICS_PRESETS",
+    "task": "flyrl.tasks:TASKS",
+    "terrain": "flyrl.terrains:TERRAINS",
+}
 
 Offer = dict[str, str]
 """What can stand there, and a word about each."""
@@ -24,8 +33,8 @@ def add_to(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "completion",
         help="print what makes a shell complete flyrl's command lines",
-        description="Print code that makes the shell complete commands, options, settings of "
-        "train, evaluate and tune, names and run folders.",
+        description="Print code that makes the shell complete commands, options, names "
+        "and run folders.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="once for every new shell:\n"
         """  bash: echo 'eval "$(flyrl completion bash)"' >> ~/.bashrc\n"""
@@ -44,23 +53,24 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def answer(
-    parser: argparse.ArgumentParser, commands: Mapping[str, argparse.ArgumentParser]
-) -> None:
+def answer(parser: argparse.ArgumentParser) -> None:
     """Tell the shell what can stand at its cursor, and end the process."""
     import argcomplete  # noqa: PLC0415
 
-    add_completers(commands)
-    argcomplete.autocomplete(parser)
+    argcomplete.autocomplete(parser, default_completer=cast(Any, offered))
 
 
-def add_completers(commands: Mapping[str, argparse.ArgumentParser]) -> None:
-    """Tell argcomplete what the arguments of all subcommands can be, by their names."""
-    for command, its_parser in commands.items():
-        for action in its_parser._actions:
-            offer = _offer(command, action.dest)
-            if offer is not None and not action.choices:
-                vars(action)["completer"] = offer
+def offered(
+    prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
+) -> Iterable[str]:
+    """Values of an argument without choices of its own, or else files, as argcomplete asks."""
+    from argcomplete.completers import FilesCompleter  # noqa: PLC0415
+
+    offer = _offer(parser.prog.rpartition(" ")[2], action.dest)
+    if offer is not None:
+        return offer(prefix=prefix)
+    files: Iterable[str] = FilesCompleter()(prefix)
+    return files
 
 
 def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
@@ -70,9 +80,6 @@ def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
     from flyrl.cli.play import NAMES  # noqa: PLC0415
 
     by_both: dict[tuple[str, str], Callable[..., Offer]] = {
-        ("train", "overrides"): functools.partial(overrides, "train"),
-        ("tune", "overrides"): functools.partial(overrides, "train"),
-        ("evaluate", "overrides"): functools.partial(overrides, "evaluate"),
         ("figures", "names"): lambda **_: dict(FIGURES),
         ("play", "name"): lambda **_: dict.fromkeys(NAMES, ""),
         ("bench", "parts"): lambda **_: dict.fromkeys(MEASURED, ""),
@@ -87,17 +94,20 @@ def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
         "terrains": functools.partial(choices, "terrain"),
         **{
             group: functools.partial(choices, group)
-            for group in ("algo", "body", "controller", "physics", "search", "task", "terrain")
+            for group in ("body", "controller", "physics", "search", "task", "terrain")
         },
     }
     return by_both.get((command, argument)) or by_argument.get(argument)
 
 
 def choices(group: str, prefix: str = "", **_: Any) -> Offer:
-    """Choices of a config group."""
-    from flyrl.cli.groups import config_groups  # noqa: PLC0415
+    """Names of a group: those of a table of flyrl's, or of the files in `configs/`."""
+    from flyrl.resources import configs_folder  # noqa: PLC0415
 
-    return dict.fromkeys(config_groups().get(group, ()), "")
+    if group not in _TABLES:
+        return {file.stem: "" for file in sorted((configs_folder() / group).glob("*.yaml"))}
+    module, table = _TABLES[group].split(":")
+    return {str(each): "" for each in getattr(importlib.import_module(module), table)}
 
 
 def policies(prefix: str, **_: Any) -> Offer:
@@ -137,95 +147,3 @@ def folders(prefix: str, below: str = "", **_: Any) -> Offer:
     for run in [each for each in offer if f"{each}/" in offer]:
         del offer[f"{run}/"]  # whole as it is: no slash to wait behind
     return offer
-
-
-def overrides(config_name: str, prefix: str, parsed_args: argparse.Namespace, **_: Any) -> Offer:
-    """Keys and values of Hydra's, of the settings that the line has chosen so far.
-
-    Parameters
-    ----------
-    config_name
-        Name of the primary config.
-    prefix
-        What is typed of the word.
-    parsed_args
-        Its `overrides` are the words before.
-    """
-    before = [str(word) for word in getattr(parsed_args, "overrides", None) or ()]
-    if before and before[-1] in {"--cfg", "-c"}:
-        return dict.fromkeys(("job", "hydra", "all"), "")
-    plus = prefix[: len(prefix) - len(prefix.lstrip("+~"))]
-    key, is_value, typed = prefix[len(plus) :].partition("=")
-    groups, settings = _settings(config_name, before)
-    if is_value:
-        head = typed[: max(typed.rfind("["), typed.rfind(",")) + 1]
-        offered = _values(key, groups, settings, typed[len(head) :])
-        return {f"{plus}{key}={head}{value}": text for value, text in offered.items()}
-    found: Iterable[str]
-    if "." in key:
-        group = key.partition(".")[0]
-        found = (f"{group}.{each}=" for each in _leaves(settings.get(group)))
-    else:
-        whole = (f"{each}=" for each in sorted({*groups, *settings}))
-        parts = (f"{each}." for each, value in settings.items() if isinstance(value, Mapping))
-        found = [*whole, *parts]
-    return {plus + each: "" for each in found}
-
-
-def _values(key: str, groups: Iterable[str], settings: Mapping[str, Any], typed: str) -> Offer:
-    if key in groups:
-        return choices(key)
-    if key.rpartition(".")[2] == "policies":
-        return policies(typed)
-    if key.rpartition(".")[2] == "terrains":
-        return choices("terrain")
-    if key == "resume":
-        return folders(typed)
-    value: Any = settings
-    for part in key.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
-    return {"true": "", "false": ""} if isinstance(value, bool) else {}
-
-
-def _settings(config_name: str, words: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
-    """Groups of a config, and its settings as far as one file each tells them."""
-    from flyrl.resources import configs_folder  # noqa: PLC0415
-
-    chosen = dict(word.lstrip("+~").split("=", 1) for word in words if "=" in word)
-    main = _yaml(configs_folder() / f"{config_name}.yaml")
-    settings: dict[str, Any] = {}
-    groups = []
-    for entry in main.pop("defaults", ()):
-        for group, choice in entry.items() if isinstance(entry, Mapping) else ():
-            if " " in group:
-                continue  # not for the user to choose
-            name, _, package = group.partition("@")
-            held = _yaml(configs_folder() / name / f"{chosen.get(group, choice)}.yaml")
-            held.pop("defaults", None)
-            if package:
-                settings |= held
-                continue
-            groups.append(name)
-            if name not in {"experiment", "launcher"}:  # these hold keys of others
-                settings[name] = held
-    main.pop("hydra", None)
-    for key, value in main.items():
-        is_more = isinstance(value, Mapping) and isinstance(settings.get(key), dict)
-        settings[key] = {**settings[key], **value} if is_more else value
-    return groups, settings
-
-
-def _yaml(path: Path) -> dict[str, Any]:
-    """What a file of settings holds; nothing if it is not there."""
-    from flyrl.files import load_yaml  # noqa: PLC0415
-
-    return dict(load_yaml(path) or {}) if path.is_file() else {}
-
-
-def _leaves(value: Any) -> Iterator[str]:
-    """Dotted keys below a setting."""
-    for key, held in value.items() if isinstance(value, Mapping) else ():
-        if isinstance(held, Mapping) and held:
-            yield from (f"{key}.{each}" for each in _leaves(held))
-        else:
-            yield str(key)

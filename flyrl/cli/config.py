@@ -1,46 +1,39 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any, Final, get_args
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any, Final
 
-from flyrl.bodies.fly import FLIES, FlyConfig
-from flyrl.bodies.worm import WORMS, WormConfig
-from flyrl.cli.conversion import from_mapping, group, whole_number
-from flyrl.controllers import Controller
-from flyrl.controllers.controller import controller_from
-from flyrl.envs.config import BodyConfig, EnvConfig
+from flyrl.envs.config import EnvConfig
 from flyrl.evaluation import EvaluationConfig
-from flyrl.simulation.physics import PhysicsConfig
-from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import Camera
-from flyrl.tasks import named_function
 from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
-from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
-from flyrl.validation import file_path, number, one_of
+from flyrl.validation import (
+    check_fields,
+    file_path,
+    from_keys,
+    known_keys,
+    number,
+    one_of,
+    whole_number,
+)
+
+_GROUPS: Final = ("body", "terrain", "controller", "physics", "randomisation")
+"""Groups of an environment beside its task."""
+
+_EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
+"""Groups of an evaluation beside its own settings."""
 
 
-def _body(task: Mapping[str, Any], given: Mapping[str, Any]) -> BodyConfig:
-    """The group `body`: of a worm in a task for worms, else of a fly."""
-    function = named_function(task)
-    if function.worm is not None:
-        _check_creature(function.name, given, FlyConfig, "a worm", WORMS)
-        return from_mapping(WormConfig, given, "body")
-    _check_creature(function.name, given, WormConfig, "a fly", FLIES)
-    return from_mapping(FlyConfig, given, "body")
-
-
-def _check_creature(
-    task: str, given: Mapping[str, Any], other: type[Any], creature: str, names: Iterable[str]
-) -> None:
-    """Raise ValueError if the group `body` is of the other creature."""
-    if given and given.keys() <= {field.name for field in fields(other)}:
-        raise ValueError(
-            f"body must be {creature} in the task {task!r} ({', '.join(names)}), got one with "
-            f"{', '.join(given)}"
-        )
+def group(config: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Copy of the group of keys at `key` of a config; ValueError if there is none."""
+    found = config.get(key)
+    if not isinstance(found, Mapping):
+        raise ValueError(f"{key} must be a group of keys, got {found!r:.60}")
+    return dict(found)
 
 
 def training_config(config: Mapping[str, Any]) -> TrainingConfig:
@@ -58,63 +51,69 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
     """
     return TrainingConfig(
         env=env_config(config),
-        algo=algorithm_config(config.get("algo")),
-        training=from_mapping(ScheduleConfig, group(config, "training"), "training"),
-        seed=whole_number("seed", config.get("seed")),
-        logger=_logger_config(config.get("logger", {"name": "none"})),
+        algo=algorithm_config(config),
+        training=from_keys("training", group(config, "training"), ScheduleConfig),
+        seed=whole_number("seed", config.get("seed", 0), 0, LARGEST_SEED),
+        logger=_logger_config(config) if "logger" in config else None,
     )
 
 
 def env_config(config: Mapping[str, Any]) -> EnvConfig:
-    """Settings of an environment, from the groups that `env_record` has as keys."""
-    task = group(config, "task")
+    """Settings of an environment, from the groups that `env_record` has as keys.
+
+    Without `randomisation`, as in the oldest records, there is none; with a worm, `controller` is
+    null.
+    """
+    is_legless = config.get("controller", "") is None
+    keys = [key for key in _GROUPS if key in config and not (key == "controller" and is_legless)]
+    given: dict[str, Any] = {key: group(config, key) for key in keys}
+    # an empty group is the usual one
     return EnvConfig(
-        task=task,
-        body=_body(task, group(config, "body")),
-        terrain=terrain_from(group(config, "terrain")),
-        controller=_controller(config.get("controller")),
-        physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
-        randomisation=_randomisation(config),
+        task=group(config, "task"), **{key: value for key, value in given.items() if value}
     )
 
 
-def _controller(given: Mapping[str, Any] | None) -> Controller | None:
-    """The group `controller`, which is null with a worm."""
-    return None if given is None else controller_from(group({"controller": given}, "controller"))
+def algorithm_config(config: Mapping[str, Any]) -> AlgorithmConfig:
+    """Settings of a learning algorithm, from the group `algo`; `name` picks which."""
+    settings = group(config, "algo")
+    name = one_of("algo.name", settings.pop("name", None), ALGORITHMS)
+    return from_keys("algo", settings, ALGORITHMS[name])
+
+
+def _logger_config(config: Mapping[str, Any]) -> LoggerConfig | None:
+    """Settings of a logger, from the group `logger`; `name` picks which."""
+    settings = group(config, "logger")
+    name = one_of("logger.name", settings.pop("name", None), ("none", *LOGGERS))
+    if name == "none":
+        return None
+    logger = from_keys("logger", settings, LOGGERS[name])
+    check_fields(logger, "logger")
+    return logger
 
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationSettings:
-    """The group `evaluation`; see `EvaluationConfig` for what it does not say itself.
+    """The group `evaluation`.
 
     Attributes
     ----------
+    given
+        Fields of the `EvaluationConfig`.
+    progress_bar
+        Whether to draw one on stderr.
     videos
         Whether to show videos, where a GL library can be used.
     camera
-        From where they are filmed, see `flyrl.simulation.rendering.FlyRenderer`.
+        View of the videos: goal (from the start towards the goal), follow (from ahead) or top.
     close_ups
-        Whether to show gait diagrams and curves over time, and what drives do.
+        Whether to show gait diagrams and curves over time, and the walks under each drive.
     drive_map
-        Whether these close-ups hold what drives do.
+        Whether these close-ups hold the walks under each drive.
     folder
-        Where results and report go; None makes a new folder in `reports/`.
+        Folder of results and report; None makes a new one in `reports/`.
     """
 
-    policies: tuple[str, ...] = ()
-    controllers: tuple[str, ...] | None = EvaluationConfig.controllers
-    terrains: tuple[Any, ...] = EvaluationConfig.terrains
-    episodes: int = EvaluationConfig.episodes
-    seed: int = EvaluationConfig.seed
-    vary: dict[str, Any] | None = None
-    reference: str | None = EvaluationConfig.reference
-    smallest_effects: dict[str, float] | None = None
-    trust_pickles: bool = EvaluationConfig.trust_pickles
-    study: str | None = EvaluationConfig.study
-    paths: int = EvaluationConfig.paths
-    film: tuple[int, ...] = EvaluationConfig.film
-    num_envs: int = EvaluationConfig.num_envs
-    num_threads: int = EvaluationConfig.num_threads
+    given: Mapping[str, Any]
     progress_bar: bool = True
     videos: bool = True
     camera: Camera = "goal"
@@ -123,18 +122,40 @@ class EvaluationSettings:
     folder: str | None = None
 
     def __post_init__(self) -> None:
-        one_of("camera", self.camera, get_args(Camera))
+        check_fields(self, "evaluation")
         if self.folder is not None:
             file_path("folder", self.folder)
 
+    def record(self) -> dict[str, Any]:
+        """The group as it was composed, plain values."""
+        return {**self.given, **{name: getattr(self, name) for name in _OPTIONS}}
 
-_EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
-"""Groups of an evaluation beside its own settings."""
+
+_OPTIONS: Final = tuple(each.name for each in fields(EvaluationSettings))[1:]
+_OF_EVALUATION: Final = tuple(
+    each.name
+    for each in fields(EvaluationConfig)
+    if each.name not in (*_EVALUATION_GROUPS, "progress", "command", "settings")
+)
+_LISTS: Final = ("policies", "controllers", "terrains", "film")
 
 
-def evaluation_settings(config: Mapping[str, Any], key: str) -> EvaluationSettings:
-    """Settings of the group `evaluation`, which stands at `key` (empty: at the top)."""
-    return from_mapping(EvaluationSettings, config, key)
+def evaluation_defaults() -> dict[str, Any]:
+    """Defaults of the group `evaluation`; null for mappings, as Hydra fills no empty ones."""
+    defaults = {each.name: each.default for each in fields(EvaluationConfig)}
+    given = {name: None if defaults[name] is MISSING else defaults[name] for name in _OF_EVALUATION}
+    return EvaluationSettings(given=given).record()
+
+
+def evaluation_settings(config: Mapping[str, Any]) -> EvaluationSettings:
+    """Settings of the group `evaluation`, where one value stands for a list of one."""
+    known_keys("evaluation", config, (*_OF_EVALUATION, *_OPTIONS))
+    given = {key: value for key, value in config.items() if key in _OF_EVALUATION}
+    for key in _LISTS:
+        if isinstance(given.get(key), str | int | float | Mapping):
+            given[key] = [given[key]]
+    options = {key: value for key, value in config.items() if key in _OPTIONS}
+    return EvaluationSettings(given=given, **options)
 
 
 def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
@@ -143,16 +164,15 @@ def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
     # entrants bring their own controllers; a task for worms says that there is none
     if own.get("controller", "") is None:
         del own["controller"]
-    return evaluation_settings(own, "")
+    return evaluation_settings(own)
 
 
-def _varied(given: Mapping[str, Any]) -> dict[str, tuple[Any, ...]]:
+def _varied(given: Any) -> dict[str, tuple[Any, ...]]:
     """Values of each quantity, with tuples in place of lists; one value is a list of one."""
-    lists = {
-        name: values if isinstance(values, list | tuple) else [values]
-        for name, values in given.items()
+    return {
+        name: _tuples(values if isinstance(values, list | tuple) else [values])
+        for name, values in group({"vary": given or {}}, "vary").items()
     }
-    return {name: tuple(_tuples(value) for value in values) for name, values in lists.items()}
 
 
 def _tuples(value: Any) -> Any:
@@ -178,36 +198,29 @@ def evaluation_config(
     ValueError
         A key or value that is not allowed.
     """
+    groups = {key: group(config, key) for key in _EVALUATION_GROUPS if key in config}
     task = group(config, "task")
-    body = _body(task, group(config, "body"))
     asked = task.pop("decision_interval", None)
-    found = EvaluationConfig(
-        policies=settings.policies,
-        controllers=settings.controllers,
-        task=task,
-        terrains=tuple(
+    env = env_config({**groups, "task": task})
+    given = dict(settings.given)
+    terrains = given.get("terrains")
+    if isinstance(terrains, list | tuple):
+        given["terrains"] = tuple(
             terrain_from(terrain, f"terrains[{i}]") if isinstance(terrain, Mapping) else terrain
-            for i, terrain in enumerate(settings.terrains)
-        ),
-        episodes=settings.episodes,
-        seed=settings.seed,
-        body=body,
-        physics=from_mapping(PhysicsConfig, group(config, "physics"), "physics"),
-        randomisation=_randomisation(config),
-        vary=_varied(settings.vary or {}),
-        reference=settings.reference,
-        smallest_effects=settings.smallest_effects or {},
-        trust_pickles=settings.trust_pickles,
-        study=settings.study,
-        paths=settings.paths,
-        film=settings.film,
-        num_envs=settings.num_envs,
-        num_threads=settings.num_threads,
-        progress=settings.progress_bar,
-        settings={
-            **{key: config[key] for key in _EVALUATION_GROUPS if key in config},
-            **asdict(settings),
+            for i, terrain in enumerate(terrains)
+        )
+    found = EvaluationConfig(
+        **{
+            **given,
+            "vary": _varied(given.get("vary")),
+            "smallest_effects": given.get("smallest_effects") or {},
         },
+        task=task,
+        body=env.scene.body,
+        physics=env.scene.physics,
+        randomisation=env.resolved_randomisation,
+        progress=settings.progress_bar,
+        settings={**groups, **settings.record()},
         command=command,
     )
     own = found.env(found.terrains[0]).decision_interval_s
@@ -217,22 +230,3 @@ def evaluation_config(
             f"its own and a fixed one takes the task's, {own}, got {asked}"
         )
     return found
-
-
-def _randomisation(config: Mapping[str, Any]) -> RandomisationConfig:
-    """Ranges of the group randomisation, without which (as in earlier records) there are none."""
-    return from_mapping(RandomisationConfig, config.get("randomisation", {}), "randomisation")
-
-
-def algorithm_config(config: Any) -> AlgorithmConfig:
-    """Settings of a learning algorithm; `name` picks which."""
-    settings = group({"algo": config}, "algo")
-    name = one_of("algo.name", settings.pop("name", None), ALGORITHMS)
-    return from_mapping(ALGORITHMS[name], settings, "algo")
-
-
-def _logger_config(config: Any) -> LoggerConfig | None:
-    """Settings of a logger; `name` picks which, without the group (as in records) none."""
-    settings = group({"logger": config}, "logger")
-    name = one_of("logger.name", settings.pop("name", None), ("none", *LOGGERS))
-    return None if name == "none" else from_mapping(LOGGERS[name], settings, "logger")

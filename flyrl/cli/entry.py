@@ -14,14 +14,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 
 from flyrl.cli import sweep
-from flyrl.cli.arguments import (
-    HYDRA_VERSION,
-    check_arguments,
-    own_overrides,
-    plain_values,
-    with_own_things,
-)
+from flyrl.cli.arguments import check_arguments, own_overrides, with_own_things
 from flyrl.cli.errors import reported
+from flyrl.cli.groups import HYDRA_VERSION, plain_values
 from flyrl.cli.program import program
 from flyrl.resources import configs_folder
 

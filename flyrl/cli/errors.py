@@ -3,14 +3,27 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Final
 
-from flyrl.cli.statuses import INTERRUPTED, PIPE_CLOSED, UNUSABLE
 from flyrl.text import printable
+
+LEFT_OUT: Final = 1
+"""Exit status: done, but something was left out, failed or differs: the command says what."""
+
+UNUSABLE: Final = 2
+"""Exit status: the command line, or a file that it names, cannot be used."""
+
+INTERRUPTED: Final = 128 + signal.SIGINT
+"""Exit status after Ctrl-C, as shells have it."""
+
+PIPE_CLOSED: Final = 128 + 13  # SIGPIPE, which Windows has not
+"""Exit status where the reader of the output wants no more of it, as `head`."""
 
 _PARSERS = {"antlr4", "hydra", "omegaconf"}
 """Packages whose errors are about the command line or a config file."""

@@ -14,7 +14,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from flyrl.cli.entry import Start, run_command
-from flyrl.cli.statuses import LEFT_OUT
+from flyrl.cli.errors import LEFT_OUT
 from flyrl.files import OutputFolder, new_folder, usable_folder
 from flyrl.text import plain_name
 

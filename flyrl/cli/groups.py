@@ -1,9 +1,125 @@
-"""Hydra's config groups, as the folders of `configs/` hold them."""
+"""Hydra's config groups: the choices that flyrl's own tables name, beside the files of `configs/`.
 
+A default is stated once, where it is used: in a dataclass, or in the signature of a task function.
+"""
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any, Final, cast
+
+from hydra import compose, initialize_config_dir
+from hydra.core.config_store import ConfigStore
+from omegaconf import DictConfig, OmegaConf
+
+from flyrl.cli.config import evaluation_defaults
+from flyrl.controllers import CONTROLLERS
+from flyrl.envs.config import BODIES
 from flyrl.resources import configs_folder
+from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.simulation.randomisation import RANDOMISATIONS
+from flyrl.tasks import TASKS, JointTargets, TaskFunction, task_record
+from flyrl.terrains import TERRAINS
+from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.config import ScheduleConfig
+from flyrl.training.loggers import LOGGERS
+from flyrl.training.tuned import tuned_name
+
+HYDRA_VERSION: Final = "1.3"
+"""Hydra's behaviour that the configs are written for."""
+
+TIME_LIMIT: Final = 3.0
+"""s; of tasks that have none of their own, which no training and no evaluation can do without."""
+
+_OWN_TASK: Final[Mapping[str, Any]] = {
+    "name": "???",
+    "time_limit": None,
+    "decision_interval": None,
+    "terms": [],
+    "without": [],
+    "weights": {},
+}
+"""A task of the user's own: task=my_lab:forage is task=own task.name=my_lab:forage."""
 
 
-def config_groups() -> dict[str, list[str]]:
-    """Config groups and their choices, in alphabetical order."""
-    folders = (path for path in configs_folder().iterdir() if path.is_dir())
-    return {path.name: sorted(file.stem for file in path.glob("*.yaml")) for path in folders}
+@functools.cache
+def groups() -> Mapping[str, Mapping[str, Any]]:
+    """Choices of each group by name, as plain values."""
+    named: dict[str, dict[str, Any]] = {
+        "body": {name: asdict(body) for name, body in BODIES.items()},
+        "controller": {
+            name: asdict(kind()) for name, kind in CONTROLLERS.items() if name != "joints"
+        },
+        "terrain": {name: asdict(terrain) for name, terrain in TERRAINS.items()},
+        "physics": {name: asdict(preset) for name, preset in PHYSICS_PRESETS.items()},
+        "randomisation": {name: asdict(ranges) for name, ranges in RANDOMISATIONS.items()},
+        "task": dict(_tasks()),
+        "algo": {name: {"name": name, **asdict(kind())} for name, kind in ALGORITHMS.items()},
+        "training": {"default": asdict(ScheduleConfig())},
+        "evaluation": {"default": evaluation_defaults()},
+        "logger": {
+            "none": {"name": "none"},
+            **{name: {"name": name, **asdict(kind())} for name, kind in LOGGERS.items()},
+        },
+    }
+    return named
+
+
+def _tasks() -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, function in TASKS.items():
+        if isinstance(function().actions, JointTargets):
+            continue  # its 42 angles are no decisions to learn
+        settings = {**task_record(function()), "decision_interval": None}
+        settings["time_limit"] = settings["time_limit"] or TIME_LIMIT
+        yield name, settings if function.worm is None else _with_worm(function, settings)
+    yield "own", dict(_OWN_TASK)
+
+
+def _with_worm(function: TaskFunction, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Task for worms, which brings its body and its physics, and has no legs to control."""
+    body = next(name for name, each in BODIES.items() if each == function.worm)
+    return {
+        "defaults": [{"override /body": body}, {"override /physics": "worm"}],
+        "controller": None,
+        "task": settings,
+    }
+
+
+@functools.cache
+def register() -> None:
+    """Put the groups into Hydra's store, where the defaults lists of `configs/` find them."""
+    store = ConfigStore.instance()
+    for group, choices in groups().items():
+        for name, settings in choices.items():
+            package = "_global_" if "defaults" in settings else None
+            store.store(name=name, node=_plain(settings), group=group, package=package)
+
+
+def _plain(value: Any) -> Any:
+    """`value` with lists in place of tuples, which OmegaConf would make them anyway."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def _tuned(*, _root_: DictConfig) -> str:
+    """Choice of the group `tuned` that goes with those of task and algorithm."""
+    return tuned_name(_root_.get("task"), _root_.get("algo"))
+
+
+# at import, so that a sweep's job in another process has it; again where a module is loaded anew
+OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
+
+
+def plain_values(config: DictConfig) -> dict[str, Any]:
+    """Composed config as plain, resolved values."""
+    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    return cast(dict[str, Any], values)
+
+
+def composed(config_name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
+    """Settings that a command line with these overrides stands for, as plain values."""
+    register()
+    folder = str(configs_folder().resolve())
+    with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
+        return plain_values(compose(config_name, list(overrides)))

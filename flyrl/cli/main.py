@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import Any, Final
@@ -13,7 +15,6 @@ from flyrl.cli import (
     bench,
     compile,
     completion,
-    composed,
     figures,
     play,
     reproduce,
@@ -22,12 +23,10 @@ from flyrl.cli import (
     tune,
     walk,
 )
-from flyrl.cli.errors import Ended, reported
-from flyrl.cli.statuses import UNUSABLE
+from flyrl.cli.errors import UNUSABLE, Ended, reported
 from flyrl.resources import version
 
 _SUBCOMMANDS: Final = (
-    composed,
     play,
     walk,
     figures,
@@ -41,6 +40,19 @@ _SUBCOMMANDS: Final = (
 )
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads
 anything heavy when it is imported."""
+
+COMPOSED: Final = {
+    "train": "train a policy, and film it",
+    "evaluate": "compare policies and controllers in a report",
+}
+"""Subcommands whose arguments are Hydra's, and what each does."""
+
+_HYDRA_FLAGS: Final = {
+    "--help": "the settings, and what can be chosen for each",
+    "--multirun": "a run for every combination of the values that are given; or -m",
+    "--cfg": "print the settings: job, hydra or all",
+    "--resolve": "with --cfg: with what is interpolated",
+}
 
 _EXAMPLES: Final = """examples:
   flyrl train task=target terrain=flat algo=ppo seed=0
@@ -77,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns
     -------
-    The exit status, one of `flyrl.cli.statuses`, or 128 and the number of a signal.
+    The exit status, as in docs/cli.md, or 128 and the number of a signal.
 
     Raises
     ------
@@ -86,11 +98,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "_ARGCOMPLETE" in os.environ:
-        completion.answer(*command_parsers())
+        completion.answer(command_parsers()[0])
     try:
         with reported():
-            if given and given[0] in composed.COMPOSED:
-                return composed.run(given[0], given[1:])
+            if given and given[0] in COMPOSED:
+                sys.argv = [sys.argv[0], *given[1:]]  # where Hydra reads them
+                importlib.import_module(f"flyrl.cli.{given[0]}").main(subcommand=(given[0],))
+                return 0
             options = _parsed(given)
             status: int = options.run(options)
     except Ended as end:
@@ -114,6 +128,11 @@ def command_parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.Argum
     subparsers = parser.add_subparsers(
         title="commands", metavar="command [options]", required=True, dest="command"
     )
+    for name, about in COMPOSED.items():  # listed and completed, never parsed
+        composed = subparsers.add_parser(name, help=about, add_help=False)
+        for flag, text in _HYDRA_FLAGS.items():
+            composed.add_argument(flag, action="store_true", help=text)
+        composed.add_argument("overrides", nargs=argparse.REMAINDER, metavar="KEY=VALUE")
     for module in _SUBCOMMANDS:
         module.add_to(subparsers)
     return parser, dict(subparsers.choices)
@@ -133,6 +152,6 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     if unknown:
         command = commands[options.command]
         first = unknown[0].partition("=")[0]
-        known = [text for action in command._actions for text in action.option_strings]
+        known = re.findall(r"--[\w-]+", command.format_help())
         command.error(f"unrecognized arguments: {' '.join(unknown)}{did_you_mean(first, known)}")
     return options

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.entry import Start, run_command
-from flyrl.cli.statuses import LEFT_OUT
+from flyrl.cli.errors import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
 from flyrl.entry_points import check_trust
 from flyrl.progress import whole_job
@@ -58,7 +58,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
         comparison, unless this is a job of a sweep: that goes on.
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
-    from flyrl.cli.config import evaluation_settings, training_config  # noqa: PLC0415
+    from flyrl.cli.config import evaluation_settings, group, training_config  # noqa: PLC0415
     from flyrl.cli.evaluate import comparison, results_folder  # noqa: PLC0415
     from flyrl.validation import file_path, one_of  # noqa: PLC0415
 
@@ -78,7 +78,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     config = training_config(record)
     if config.logger is not None:
         config.logger.check_installed()
-    settings = evaluation_settings(record["evaluation"], "evaluation")
+    settings = evaluation_settings(group(record, "evaluation"))
     if is_compared:
         # a mistake in it shows before the training, not after
         shares = _shares(config, comparison(record, settings, start.command), settings)
@@ -136,7 +136,9 @@ def _compare(
     """Compare the policy of a run; return the report's path, and whether everyone is in it."""
     from flyrl.cli.evaluate import compare, comparison  # noqa: PLC0415
 
-    with_run = replace(settings, policies=(str(run), *settings.policies))
+    with_run = replace(
+        settings, given={**settings.given, "policies": [str(run), *settings.given["policies"]]}
+    )
     folder = Path(settings.folder or run / "evaluation")
     return compare(comparison(record, with_run, start.command), folder, settings)
 

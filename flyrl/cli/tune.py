@@ -141,28 +141,16 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
     ValueError
         An override that `train.py` refuses, or that asks for more than one run.
     """
-    from hydra import compose, initialize_config_dir  # noqa: PLC0415
-    from hydra.core.override_parser.overrides_parser import OverridesParser  # noqa: PLC0415
-
-    from flyrl.cli.arguments import (  # noqa: PLC0415
-        HYDRA_VERSION,
-        check_arguments,
-        plain_values,
-        with_own_things,
-    )
-    from flyrl.resources import configs_folder  # noqa: PLC0415
+    from flyrl.cli.arguments import check_arguments, with_own_things  # noqa: PLC0415
+    from flyrl.cli.groups import composed  # noqa: PLC0415
 
     overrides = with_own_things(overrides)
-    parsed = OverridesParser.create().parse_overrides(list(overrides))
-    swept = [str(each.input_line) for each in parsed if each.is_sweep_override()]
-    if swept or check_arguments("train", overrides) is not None:
+    if (sweep := check_arguments("train", ["-m", *overrides])) and len(sweep.jobs) != 1:
         raise ValueError(
             "flyrl tune trains one after the other, and searches what the search space says; it "
-            f"takes no sweep, got {' '.join(swept or overrides)}"
+            f"takes no sweep, got {' '.join(overrides)}"
         )
-    folder = str(configs_folder().resolve())
-    with initialize_config_dir(folder, job_name="train", version_base=HYDRA_VERSION):
-        return plain_values(compose("train", list(overrides)))
+    return composed("train", overrides)
 
 
 def _note(plan: Plan, written: Mapping[str, Any]) -> None:

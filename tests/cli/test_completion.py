@@ -8,9 +8,9 @@ from pathlib import Path
 import argcomplete
 import pytest
 
-from flyrl.cli.completion import SHELLS, add_completers
+from flyrl.cli.completion import SHELLS
+from flyrl.cli.completion import offered as values_offered
 from flyrl.cli.figures import FIGURES
-from flyrl.cli.groups import config_groups
 from flyrl.cli.main import command_parsers, main
 
 ASKED = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_SUPPRESS_SPACE": "1"}
@@ -33,10 +33,14 @@ def offered(monkeypatch):
         asked = {**ASKED, "COMP_LINE": line, "COMP_POINT": str(len(line))}
         for name, value in asked.items():
             monkeypatch.setenv(name, value)
-        parser, commands = command_parsers()
-        add_completers(commands)
+        parser, _ = command_parsers()
         out = io.StringIO()
-        Finder()(parser, exit_method=lambda status: None, output_stream=out)
+        Finder()(
+            parser,
+            exit_method=lambda status: None,
+            output_stream=out,
+            default_completer=values_offered,
+        )
         return [word.replace("\\", "") for word in out.getvalue().split("\n") if word]
 
     return offered
@@ -61,41 +65,14 @@ def test_options_and_their_choices(offered):
 
 
 def test_choices_of_a_group(offered):
-    assert offered("flyrl train task=w") == [
-        f"task={name}" for name in config_groups()["task"] if name.startswith("w")
-    ]
-
-
-def test_one_more_choice_of_a_sweep(offered):
-    assert offered("flyrl train -m algo=ppo,s") == ["algo=ppo,sac"]
-
-
-def test_keys_of_the_choice_on_the_line(offered):
-    assert offered("flyrl train al") == ["algo=", "algo."]
-    assert "algo.n_steps=" in offered("flyrl train algo.")
-    assert "algo.n_steps=" not in offered("flyrl train algo=sac algo.")
-
-
-def test_keys_of_an_evaluation_are_its_own(offered):
-    assert offered("flyrl evaluate epi") == ["episodes="]
-    assert offered("flyrl evaluate algo") == []
-
-
-def test_yes_or_no(offered):
-    assert offered("flyrl train video_after=") == ["video_after=true", "video_after=false"]
-
-
-def test_policies_in_a_list(offered):
-    assert offered("flyrl evaluate policies=[worm-hang,target-f") == [
-        "policies=[worm-hang,target-flat"
-    ]
+    assert offered("flyrl play fly --terrain random_b") == ["random_blocks"]
+    assert offered("flyrl tune --search p") == ["ppo"]
 
 
 def test_run_folders(offered, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     _make_run(tmp_path / "runs" / "one")
     _make_run(tmp_path / "runs" / "sweeps" / "all" / "two")
-    assert offered("flyrl train resume=") == ["resume=runs/one", "resume=runs/sweeps/all/two"]
     assert offered("flyrl reproduce runs/o") == ["runs/one"]
     assert offered("flyrl runs runs/sw") == ["runs/sweeps/", "runs/sweeps/all/two"]
     assert {*offered("flyrl sweep runs/sweeps/a")} == {"runs/sweeps/all", "runs/sweeps/all/two"}
@@ -108,7 +85,7 @@ def test_code_of_a_shell_names_the_command(shell, capsys):
 
 
 def test_bash_is_answered_on_its_descriptor_without_anything_heavy():
-    line = "flyrl train task=worm_hang_"
+    line = "flyrl figures cpg_tri"
     done = subprocess.run(
         ["bash", "-c", '"$0" -X importtime -m flyrl 8>&1 1>/dev/null', sys.executable],
         env={
@@ -123,7 +100,7 @@ def test_bash_is_answered_on_its_descriptor_without_anything_heavy():
         text=True,
         check=True,
     )
-    assert done.stdout == "worm_hang_box "
+    assert done.stdout == "cpg_tripod "
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
     assert "argcomplete" in loaded
     assert not {"torch", "mujoco", "numba", "hydra", "numpy", "gymnasium"} & loaded

@@ -5,7 +5,6 @@ import pytest
 
 from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings
-from flyrl.evaluation import EvaluationConfig
 from flyrl.front.results import training_evaluations
 from tests.tiny import TINY_ARGUMENTS
 from tests.training.folders import make_run
@@ -29,21 +28,20 @@ def test_the_command_of_the_readme_is_fine():
 def test_terrains_by_name_and_by_settings():
     random = {"name": "blocks", "height_range": [0.2, 0.3], "random": True}
     terrains = ["flat", {"name": "blocks", "height_range": [0.15, 0.45]}, random, "random_mixed"]
-    config = evaluation_config(GROUPS, evaluation_settings({"terrains": terrains}, ""), "")
+    config = evaluation_config(GROUPS, evaluation_settings({"terrains": terrains}), "")
     labels = [terrain.label for terrain in config.terrain_configs]
     assert labels == ["flat", "blocks", "random_blocks", "random_mixed"]
     assert config.terrain_configs[1].height_range == (0.15, 0.45)
 
 
 def test_defaults():
-    assert evaluation_config(GROUPS, evaluation_settings({}, ""), "").episodes == 50
-    assert EvaluationConfig().controllers == evaluation_settings({}, "").controllers
+    assert evaluation_config(GROUPS, evaluation_settings({}), "").episodes == 50
 
 
 def test_decision_interval_is_refused():
     groups = {**GROUPS, "task": {"name": "target", "decision_interval": 0.01}}
     with pytest.raises(ValueError, match=r"task\.decision_interval must be null"):
-        evaluation_config(groups, evaluation_settings({}, ""), "")
+        evaluation_config(groups, evaluation_settings({}), "")
 
 
 @pytest.mark.parametrize(

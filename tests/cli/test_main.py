@@ -9,9 +9,8 @@ from importlib import metadata
 
 import pytest
 
-from flyrl.cli.composed import COMPOSED
 from flyrl.cli.entry import run_command
-from flyrl.cli.main import command_parsers, main
+from flyrl.cli.main import COMPOSED, command_parsers, main
 from flyrl.cli.program import program
 from flyrl.resources import DISTRIBUTION
 

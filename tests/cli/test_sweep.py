@@ -194,7 +194,7 @@ def test_a_folder_that_cannot_be_used_is_an_error_in_one_line(tmp_path, train_he
 def test_the_option_for_a_sweep_may_come_last(run_here):
     result = run_here("train.py", "seed=-1,-2", "-m")
     assert result.returncode == 1
-    assert "failed: job 2 of 2: seed=-2: seed must lie within 0 and" in result.stderr
+    assert "failed: job 2 of 2: seed=-2: seed must be a whole number from 0 to" in result.stderr
 
 
 def test_a_comparison_that_cannot_be_written_is_an_error_in_one_line(tmp_path, monkeypatch, capsys):

@@ -89,13 +89,11 @@ def test_a_run_that_goes_on_with_other_terms_says_so(my_terms, tmp_path, capsys)
 
 @pytest.mark.usefixtures("my_terms")
 def test_an_evaluation_takes_the_same_terms():
-    config = evaluation_config(
-        groups(terms=ADDED, weights=WEIGHTS), evaluation_settings({}, ""), ""
-    )
+    config = evaluation_config(groups(terms=ADDED, weights=WEIGHTS), evaluation_settings({}), "")
     assert tuple(config.resolved_task.added) == tuple(ADDED)
     # a resumed run hands on its own decision interval, which is the task's
     resumed = groups(terms=ADDED, decision_interval=0.02)
-    assert evaluation_config(resumed, evaluation_settings({}, ""), "").resolved_task.name
+    assert evaluation_config(resumed, evaluation_settings({}), "").resolved_task.name
 
 
 def test_without_terms_a_task_is_the_one_of_the_table():

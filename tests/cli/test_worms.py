@@ -27,7 +27,7 @@ def contents(folder):
 def test_a_controller_of_legs_is_an_error():
     with pytest.raises(UsageError, match="controller=cpg has no effect with task=worm_crawl"):
         check_arguments("train", ["task=worm_crawl", "controller=cpg"])
-    with pytest.raises(UsageError, match="Could not override 'controller'"):
+    with pytest.raises(UsageError, match="there is no key 'controller'"):
         check_arguments("evaluate", ["task=worm_crawl", "controller=cpg"])
 
 

@@ -9,17 +9,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hydra import compose, initialize_config_dir
-from hydra._internal.utils import get_args_parser
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from flyrl.cli.arguments import HYDRA_VERSION, check_arguments, plain_values, with_own_things
+from flyrl.cli.arguments import check_arguments, parsed_options, with_own_things
 from flyrl.cli.config import own_settings, training_config
 from flyrl.cli.evaluate import comparison
+from flyrl.cli.groups import composed as composed_values
 from flyrl.cli.main import command_parsers
 from flyrl.evaluation import Results, evaluate
 from flyrl.policies import named_policies
-from flyrl.resources import configs_folder
 from flyrl.training.learn import Run, train
 from tests.docs.pages import PAGES, ROOT, SHELLS, blocks
 
@@ -125,7 +123,7 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
         for command, _ in commands(page):
             name, *arguments = words(command)
             if name == program:
-                overrides = get_args_parser().parse_args(arguments).overrides  # without flags
+                overrides = parsed_options(arguments).overrides  # without flags
                 OverridesParser.create().parse_overrides(overrides)
                 lasting = tuple(each for each in overrides if not each.startswith("seed="))
                 found.setdefault(lasting, (page, command))
@@ -161,15 +159,15 @@ def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
     record = _values("evaluate", [*overrides, *SHORT, *SHORT_EVALUATION])
     settings = own_settings(record)
     known = named_policies()
-    policies = tuple(name if name in known else str(learned) for name in settings.policies)
-    one_each = settings.vary and {name: values[-1:] for name, values in settings.vary.items()}
-    return evaluate(comparison(record, replace(settings, policies=policies, vary=one_each), ()))
+    policies = [name if name in known else str(learned) for name in settings.given["policies"]]
+    vary = settings.given["vary"]
+    one_each = vary and {name: values[-1:] for name, values in vary.items()}
+    given = {**settings.given, "policies": policies, "vary": one_each}
+    return evaluate(comparison(record, replace(settings, given=given), ()))
 
 
 def _values(program: str, overrides: Sequence[str]) -> dict[str, Any]:
-    folder = str(configs_folder().resolve())
-    with initialize_config_dir(folder, version_base=HYDRA_VERSION):
-        return plain_values(compose(program, with_own_things(overrides)))
+    return composed_values(program, with_own_things(overrides))
 
 
 def check(command: str, *, is_whole: bool = True) -> None:

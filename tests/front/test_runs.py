@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from hydra import compose, initialize_config_dir
 from safetensors.numpy import load_file
 
 import flyrl
-from flyrl.cli.arguments import HYDRA_VERSION, plain_values
 from flyrl.cli.config import training_config
+from flyrl.cli.groups import composed
 from flyrl.front.runs import TrainingInterrupted
 from flyrl.resources import configs_folder
 from flyrl.tasks import TASKS
@@ -67,9 +66,8 @@ def test_tuned_settings_are_those_of_the_command_line():
         task = name.removesuffix(f"_{algo}")
         if f"{task}_{algo}" != name or task.endswith("recurrent"):
             continue  # recurrent_ppo ends with _ppo, too
-        with initialize_config_dir(str(configs_folder()), version_base=HYDRA_VERSION):
-            composed = plain_values(compose("train", [f"task={task}", f"algo={algo}"]))
-        expected = training_record(training_config(composed))
+        values = composed("train", [f"task={task}", f"algo={algo}"])
+        expected = training_record(training_config(values))
         assert training_record(config_from_keywords(task, algo)) == expected, name
 
 
