@@ -1,15 +1,75 @@
-"""What can be played."""
+"""A body in play: what the page asks of it, and what it answers where it has nothing of its own."""
 
 from collections.abc import Mapping
 from typing import Protocol
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
-from flyrl.play.panel import Section, Setting
+Setting = float | str | bool | int
+"""Value that a person gives a control."""
 
 
-class Playable(Protocol):
-    """A simulation that a person acts on while it runs.
+class Panel(Protocol):
+    """Controls and readings beside the picture; a person's changes come as `Playable.change`.
+
+    Each control has a name, under which its change comes, and a label.
+    """
+
+    def section(self, title: str, is_open: bool = True) -> bool:
+        """Begin a section; return whether it is unfolded, as only then its content is drawn."""
+        ...
+
+    def text(self, text: str) -> None:
+        """Write a line, wrapped."""
+
+    def slider(self, name: str, label: str, low: float, high: float, value: float) -> None:
+        """Control of a number between two others."""
+
+    def choice(self, name: str, label: str, options: tuple[str, ...], value: str) -> None:
+        """Control of one of several texts."""
+
+    def switch(self, name: str, label: str, is_on: bool) -> None:
+        """Control that is on or off."""
+
+    def integer(self, name: str, label: str, value: int) -> None:
+        """Control of a whole number."""
+
+    def buttons(self, labels: Mapping[str, str]) -> None:
+        """Buttons in a line, name -> label; a press gives True."""
+
+    def values(self, values: Mapping[str, float]) -> None:
+        """Numbers below each other, by label."""
+
+    def bars(self, shares: Mapping[str, float]) -> None:
+        """Bars from 0 to 1, by label."""
+
+    def dials(
+        self, labels: tuple[str, ...], phases: NDArray[np.float64], lengths: NDArray[np.float64]
+    ) -> None:
+        """Clocks, whose hands point to phases, rad, and have lengths from 0 to 1, (n,) each."""
+
+    def raster(
+        self, labels: tuple[str, ...], rows: NDArray[np.bool_], places: int, span_s: float
+    ) -> None:
+        """Rows of what was so over the latest seconds, the newest at the right.
+
+        Parameters
+        ----------
+        labels
+            Of the rows.
+        rows
+            (number of rows, up to `places`), oldest first.
+        places
+            How many fill the span.
+        span_s
+            Time that all places take, s.
+        """
+
+
+class Playable:
+    """A simulation that a person acts on while it runs; a subclass says what it is.
 
     Attributes
     ----------
@@ -32,7 +92,7 @@ class Playable(Protocol):
     title: str
     keys: Mapping[str, str]
     interval_s: float
-    seed: int
+    seed: int = 0
     model: mujoco.MjModel
     data: mujoco.MjData
     camera: mujoco.MjvCamera
@@ -40,41 +100,46 @@ class Playable(Protocol):
     @property
     def time_s(self) -> float:
         """Simulated time since the last reset, s."""
-        ...
+        return float(self.data.time)
+
+    @property
+    def hint(self) -> str:
+        """A line that stands in the picture: the keys that matter at the moment."""
+        raise NotImplementedError
 
     def step(self, number: int) -> None:
         """Simulate a number of steps."""
+        raise NotImplementedError
 
     def reset(self, seed: int) -> None:
         """Start again; the same seed starts the same."""
+        raise NotImplementedError
 
     def press(self, key: str) -> None:
         """Do what a key stands for, one of `keys`."""
+        raise NotImplementedError
+
+    def relax(self) -> None:
+        """Let go of all that a person holds, since nobody is there any more."""
+        raise NotImplementedError
+
+    def draw(self, panel: Panel) -> None:
+        """Draw the panel's sections as they are at the moment."""
+        raise NotImplementedError
+
+    def figures(self) -> Mapping[str, float | str | bool]:
+        """Values for the log, rounded to what is worth a line."""
+        raise NotImplementedError
 
     def change(self, name: str, value: Setting) -> None:
-        """Set a widget of `sections`.
+        """Set a control of the panel.
 
         Raises
         ------
         ValueError
             If it cannot be set so; everything is as before then.
         """
+        raise ValueError(f"{self.title} has no {name!r} to set")
 
     def point(self, x_w: float, y_w: float) -> None:
         """Do what a click on the ground stands for, mm in the world's frame."""
-
-    def relax(self) -> None:
-        """Let go of all that a person holds, since nobody is there any more."""
-
-    def sections(self) -> tuple[Section, ...]:
-        """What the panel shows at the moment."""
-        ...
-
-    @property
-    def hint(self) -> str:
-        """A line that stands in the picture: the keys that matter at the moment."""
-        ...
-
-    def figures(self) -> Mapping[str, float | str | bool]:
-        """What the log says at the moment, rounded to what is worth a line."""
-        ...

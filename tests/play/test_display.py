@@ -4,8 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.play import PlayedWorm
-from flyrl.play.display import copy_state, display_model
+from flyrl.play.page import copy_state, display_model
+from flyrl.play.worm import PlayedWorm
 from tests.play.toy import Toy
 
 

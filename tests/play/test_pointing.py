@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.play.pointing import View, camera_view, ground_point
+from flyrl.play.page import View, camera_view, ground_point
 
 DOWN = View(np.array([1.0, 2.0, 10.0]), np.array([0, 0, -1.0]), np.array([0, 1.0, 0]), 0.5)
 """From 10 mm above (1, 2), with the world's y upwards in the picture: 10 mm of it, 20 across."""

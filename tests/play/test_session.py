@@ -6,9 +6,9 @@ import itertools
 import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION
-from flyrl.play import PlayedWorm, Session
-from flyrl.play.panel import Button, Choice, Integer, Line, Switch
-from flyrl.play.session import PAUSE, RECORD, RESET, SEED, SPEED, STEP, Pace
+from flyrl.play.session import PAUSE, RECORD, RESET, SEED, SPEED, STEP, Pace, Session
+from flyrl.play.worm import PlayedWorm
+from tests.play.noted import Noted
 from tests.play.toy import Toy
 
 AT_FIRST = {
@@ -86,7 +86,7 @@ def kept():
 
 @pytest.fixture
 def toy(log, kept):
-    session = Session(Toy(), log.append, kept)
+    session = Session(Toy(), log.append, lambda: kept)
     session.watch(True)
     session.change("speed", 1.0)
     return session
@@ -98,8 +98,8 @@ def run(session, duration_s, start_s):
         session.advance(start_s + 0.02 * frame)
 
 
-def widgets(session, kind):
-    return [widget for widget in session.sections()[0].widgets if isinstance(widget, kind)]
+def drawn(session, what):
+    return Noted(session).drawn(what, "Time")
 
 
 def test_without_anybody_watching_nothing_happens(worm, log):
@@ -194,18 +194,18 @@ def test_a_reset_has_the_seed_that_was_typed(toy, log):
     ("name", "value", "told"),
     [
         ("shape", "cube", "shape must be one of 'box', 'ball', got 'cube'"),
-        (SEED, -1, "seed must be 0 or more, got -1"),
+        (SEED, -1, "seed must be an integer from 0"),
         (SPEED, "7", "speed must be one of"),
     ],
 )
 def test_what_is_refused_is_told_until_something_is_accepted(toy, log, name, value, told):
     toy.change(name, value)
     assert log[-1]["message"].startswith(told)
-    assert widgets(toy, Line)[-1].text.startswith(told)
+    assert drawn(toy, "text")[-1][0].startswith(told)
     assert (log[-1]["shape"], log[-1]["speed"], log[-1]["seed"]) == ("box", 1.0, 0)
     toy.change("shape", "ball")
     assert log[-1]["message"] == ""
-    assert not any(line.text.startswith(told) for line in widgets(toy, Line))
+    assert not any(text.startswith(told) for (text,) in drawn(toy, "text"))
 
 
 def test_a_click_on_the_ground_is_handed_on(toy, log):
@@ -215,16 +215,14 @@ def test_a_click_on_the_ground_is_handed_on(toy, log):
 
 def test_the_first_section_controls_time(toy):
     run(toy, 0.6, start_s=0.0)
-    time = toy.sections()[0]
-    assert time.title == "Time"
-    assert widgets(toy, Line)[0].text == "0.60 s   1.00 x real time"
-    assert [button.label for button in widgets(toy, Button)] == ["Pause", "Step", "Reset"]
-    (speed,), (seed,), (record,) = (widgets(toy, kind) for kind in (Choice, Integer, Switch))
-    assert (speed.value, seed.value, record.is_on) == ("1", 0, False)
+    panel = Noted(toy)
+    assert panel.titles == ["Time", "Drive", "What it does"]
+    assert drawn(toy, "text") == [["0.60 s   1.00 x real time"]]
+    assert drawn(toy, "buttons") == [[{PAUSE: "Pause", STEP: "Step", RESET: "Reset"}]]
+    assert [drawn(toy, kind)[0][-1] for kind in ("choice", "integer", "switch")] == ["1", 0, False]
     toy.press("space")
-    assert widgets(toy, Line)[0].text == "0.60 s   paused"
-    assert widgets(toy, Button)[0].label == "Go on"
-    assert [section.title for section in toy.sections()[1:]] == ["Drive", "What it does"]
+    assert drawn(toy, "text") == [["0.60 s   paused"]]
+    assert drawn(toy, "buttons")[0][0][PAUSE] == "Go on"
 
 
 def test_a_slow_simulation_leaves_time_for_the_page(log):
