@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import mujoco
 import numpy as np
@@ -24,7 +24,7 @@ from flyrl.play.fly_setting import (
     pilot_name,
     pilots,
 )
-from flyrl.play.playable import Panel, Playable, Setting
+from flyrl.play.playable import Playable, Setting
 from flyrl.rollouts import Policy
 from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.simulation.scene import build_scene
@@ -33,6 +33,9 @@ from flyrl.tasks.target import draw_target, is_inside
 from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
 from flyrl.terrains import FLAT_GROUND, Bounds, Flat
 from flyrl.validation import FloatArray, one_of, random_seed, within
+
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
 
 KEY_STEP: Final = 0.1
 """Change of a drive by a press of an arrow key."""
@@ -209,7 +212,7 @@ class PlayedFly(Playable):
         if self._policy is None:
             self._drive_by_hand((0.0, 0.0))
 
-    def draw(self, panel: Panel) -> None:
+    def draw(self, panel: "Panel") -> None:
         """Draw how it fares, steering, legs, scene, reward, and muscles if it has any."""
         if panel.section("Fly"):
             if self.outcome != RUNNING:
@@ -373,7 +376,7 @@ class PlayedFly(Playable):
             self.env.flies.copy_into(0, self.model, self.data)
             self.camera.lookat[:] = self.data.qpos[:3]
 
-    def _draw_legs(self, panel: Panel) -> None:
+    def _draw_legs(self, panel: "Panel") -> None:
         state = self._state
         is_ruled = self.config.controller == "rule_based"
         panel.text("phases of the steps" if is_ruled else f"oscillators, up to {DRIVE_HIGH:g}")
@@ -389,7 +392,7 @@ class PlayedFly(Playable):
                 panel.text(f"{name}, up to {CORRECTION_CAP:g}")
                 panel.bars(dict(zip(LEGS, (amounts / CORRECTION_CAP).tolist(), strict=True)))
 
-    def _draw_scene(self, panel: Panel) -> None:
+    def _draw_scene(self, panel: "Panel") -> None:
         config = self.config
         for key, options in CHOICES.items():
             label = "leg controller" if key == "controller" else key
@@ -399,7 +402,7 @@ class PlayedFly(Playable):
         panel.switch("stumbling", f"stumbling reflex{of_hybrid}", config.stumbling)
         panel.switch("adhesion", "adhesion", config.adhesion)
 
-    def _draw_muscles(self, panel: Panel) -> None:
+    def _draw_muscles(self, panel: "Panel") -> None:
         """Draw the mean tension of each leg, and a section per leg with all its muscles."""
         tensions = self._state.muscle_tensions[0]
         if not tensions.size:

@@ -21,7 +21,8 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from numpy.typing import NDArray
 
 from flyrl.play.loopback import Service, served_on
-from flyrl.play.panel import ImguiPanel
+from flyrl.play.panel import Panel
+from flyrl.play.playable import Setting
 from flyrl.play.session import Session
 
 _PAUSED_FRAME_S: Final = 1 / 25
@@ -119,7 +120,7 @@ class Page:
             is_watched = self._service.connections > 0
             if is_watched != session.is_watched:
                 session.watch(is_watched)
-                self._forgets_keys = not is_watched
+                self._forgets_keys |= not is_watched
             session.advance(began_s)
             if playable.model is not drawn:
                 drawn = playable.model
@@ -175,12 +176,12 @@ class Page:
         if place is not None:
             session.point(*place)
 
-    def _draw_panel(self, session: Session) -> dict[str, float | str | bool | int]:
+    def _draw_panel(self, session: Session) -> dict[str, Setting]:
         """Draw the panel at the left of the page; return what a person has changed.
 
         At the left, since the width of the page is only known some pictures after it was opened.
         """
-        panel = ImguiPanel()
+        panel = Panel()
         page = imgui.GetIO().DisplaySize
         always = int(imgui.Cond.Always)
         is_narrow = page.x < _NARROW

@@ -32,8 +32,10 @@ _RED: Final = (0.78, 0.09, 0.09, 1.0)
 """The same of bars."""
 
 
-class ImguiPanel:
-    """A `Panel` in Dear ImGui's current window.
+class Panel:
+    """Controls and readings in Dear ImGui's current window.
+
+    Each control has a name, under which its change comes, and a label.
 
     Attributes
     ----------
@@ -46,7 +48,7 @@ class ImguiPanel:
         self._has_sections = False
 
     def section(self, title: str, is_open: bool = True) -> bool:
-        """Begin a section; return whether it is unfolded."""
+        """Begin a section; return whether it is unfolded, as only then its content is drawn."""
         if self._has_sections:
             imgui.Spacing()
         self._has_sections = True
@@ -127,7 +129,10 @@ class ImguiPanel:
     def dials(
         self, labels: tuple[str, ...], phases: NDArray[np.float64], lengths: NDArray[np.float64]
     ) -> None:
-        """Clocks in a row: phase 0 is upright, a quarter of a turn to the right."""
+        """Clocks in a row, whose hands point to phases, rad, with lengths from 0 to 1, (n,) each.
+
+        Phase 0 is upright, a quarter of a turn to the right.
+        """
         place, draw = imgui.GetCursorScreenPos(), imgui.GetWindowDrawList()
         pitch = 2 * _RADIUS + _GAP
         with _small_letters():
@@ -146,7 +151,19 @@ class ImguiPanel:
     def raster(
         self, labels: tuple[str, ...], rows: NDArray[np.bool_], places: int, span_s: float
     ) -> None:
-        """Rows of what was so over the latest seconds, the newest at the right."""
+        """Rows of what was so over the latest seconds, the newest at the right.
+
+        Parameters
+        ----------
+        labels
+            Of the rows.
+        rows
+            (number of rows, up to `places`), oldest first.
+        places
+            Number that fills the span.
+        span_s
+            Time that all places take, s.
+        """
         place, draw = imgui.GetCursorScreenPos(), imgui.GetWindowDrawList()
         width = imgui.GetContentRegionAvail().x
         with _small_letters():

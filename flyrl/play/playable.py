@@ -1,71 +1,15 @@
 """A body in play: what the page asks of it, and what it answers where it has nothing of its own."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
 
 Setting = float | str | bool | int
 """Value that a person gives a control."""
-
-
-class Panel(Protocol):
-    """Controls and readings beside the picture; a person's changes come as `Playable.change`.
-
-    Each control has a name, under which its change comes, and a label.
-    """
-
-    def section(self, title: str, is_open: bool = True) -> bool:
-        """Begin a section; return whether it is unfolded, as only then its content is drawn."""
-        ...
-
-    def text(self, text: str) -> None:
-        """Write a line, wrapped."""
-
-    def slider(self, name: str, label: str, low: float, high: float, value: float) -> None:
-        """Control of a number between two others."""
-
-    def choice(self, name: str, label: str, options: tuple[str, ...], value: str) -> None:
-        """Control of one of several texts."""
-
-    def switch(self, name: str, label: str, is_on: bool) -> None:
-        """Control that is on or off."""
-
-    def integer(self, name: str, label: str, value: int) -> None:
-        """Control of a whole number."""
-
-    def buttons(self, labels: Mapping[str, str]) -> None:
-        """Buttons in a line, name -> label; a press gives True."""
-
-    def values(self, values: Mapping[str, float]) -> None:
-        """Numbers below each other, by label."""
-
-    def bars(self, shares: Mapping[str, float]) -> None:
-        """Bars from 0 to 1, by label."""
-
-    def dials(
-        self, labels: tuple[str, ...], phases: NDArray[np.float64], lengths: NDArray[np.float64]
-    ) -> None:
-        """Clocks, whose hands point to phases, rad, and have lengths from 0 to 1, (n,) each."""
-
-    def raster(
-        self, labels: tuple[str, ...], rows: NDArray[np.bool_], places: int, span_s: float
-    ) -> None:
-        """Rows of what was so over the latest seconds, the newest at the right.
-
-        Parameters
-        ----------
-        labels
-            Of the rows.
-        rows
-            (number of rows, up to `places`), oldest first.
-        places
-            How many fill the span.
-        span_s
-            Time that all places take, s.
-        """
 
 
 class Playable:
@@ -123,7 +67,7 @@ class Playable:
         """Let go of all that a person holds, since nobody is there any more."""
         raise NotImplementedError
 
-    def draw(self, panel: Panel) -> None:
+    def draw(self, panel: "Panel") -> None:
         """Draw the panel's sections as they are at the moment."""
         raise NotImplementedError
 

@@ -4,12 +4,15 @@ import copy
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import mujoco
 
-from flyrl.play.playable import Panel, Playable, Setting
+from flyrl.play.playable import Playable, Setting
 from flyrl.validation import one_of, random_seed
+
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
 
 FRAMES_PER_S: Final = 25
 """Pictures of a video per second of the screen's time."""
@@ -216,7 +219,7 @@ class Session:
             self._take(self._film.steps(now_s))
         self._tell()
 
-    def draw(self, panel: Panel) -> None:
+    def draw(self, panel: "Panel") -> None:
         """Draw the session's own controls, then those of what is played."""
         if panel.section("Time"):
             speed = next(name for name, speed in SPEEDS.items() if speed == self.speed)

@@ -4,16 +4,19 @@ After cortex, Simulated Muscles, R. McIntyre (2012-14).
 """
 
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import mujoco
 import numpy as np
 
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
-from flyrl.play.playable import Panel, Playable
+from flyrl.play.playable import Playable
 from flyrl.simulation.recruitment import STEP, bend, last_neuron
 from flyrl.simulation.worm_scenery import add_surroundings, side_view
+
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
 
 _CHANGES: Final = {"h": STEP, "n": -STEP}
 """Key -> change of the number of recruited neurons."""
@@ -60,7 +63,7 @@ class PlayedWorm(Playable):
         """Recruit the first neuron alone."""
         self._activate(0)
 
-    def draw(self, panel: Panel) -> None:
+    def draw(self, panel: "Panel") -> None:
         """Draw neurons, tension of the first muscle, with a bar, and bend."""
         if panel.section("Worm"):
             tension = float(self._tension[0])
