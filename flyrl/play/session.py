@@ -1,6 +1,7 @@
 """The course of what is played: in real time or slower while somebody watches, told to a log."""
 
 import copy
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -165,7 +166,7 @@ class Session:
         self._clock = clock
         self._pace = Pace(playable.interval_s)
         self._film = Pace(1 / FRAMES_PER_S, max_lag_s=1.0)
-        self._rate = _Rate()
+        self._rate, self._rate_since = "", (math.inf, 0.0)
         self._next_seed = playable.seed
         self._message = ""
         self._told: dict[str, Any] | None = None
@@ -215,7 +216,7 @@ class Session:
         """Step the physics up to a time in s, of any clock that only goes forward."""
         if self.is_watched and not self.is_paused:
             self._step(self._pace.steps(now_s, self.speed))
-            self._rate.note(now_s, self.playable.time_s)
+            self._measure(now_s)
             self._take(self._film.steps(now_s))
         self._tell()
 
@@ -223,7 +224,7 @@ class Session:
         """Draw the session's own controls, then those of what is played."""
         if panel.section("Time"):
             speed = next(name for name, speed in SPEEDS.items() if speed == self.speed)
-            rate = "paused" if self.is_paused else self._rate.text
+            rate = "paused" if self.is_paused else self._rate
             panel.text(f"{self.playable.time_s:.2f} s   {rate}")
             panel.buttons(
                 {PAUSE: "Go on" if self.is_paused else "Pause", STEP: "Step", RESET: "Reset"}
@@ -276,7 +277,17 @@ class Session:
     def _stop_clocks(self) -> None:
         self._pace.pause()
         self._film.pause()
-        self._rate = _Rate()
+        self._rate, self._rate_since = "", (math.inf, 0.0)
+
+    def _measure(self, now_s: float) -> None:
+        """Measure how fast simulated time passes."""
+        then_s, before_s = self._rate_since
+        if math.isinf(then_s):
+            self._rate_since = (now_s, self.playable.time_s)
+        elif now_s - then_s >= _RATE_S:
+            rate = (self.playable.time_s - before_s) / (now_s - then_s)
+            self._rate = f"{rate:.2f} x real time"
+            self._rate_since = (now_s, self.playable.time_s)
 
     def _record(self, is_on: bool) -> None:
         if self._make_recorder is None or self._is_recording == is_on:
@@ -318,25 +329,3 @@ class Session:
         if entry != self._told:
             self._told = entry
             self._log({"time_s": round(self.playable.time_s, 4), **entry})
-
-
-class _Rate:
-    """Measures how fast simulated time passes.
-
-    Attributes
-    ----------
-    text : for the panel; empty while it is not known.
-    """
-
-    def __init__(self) -> None:
-        self.text = ""
-        self._since: tuple[float, float] | None = None
-
-    def note(self, now_s: float, time_s: float) -> None:
-        """Note that so much time has passed in the simulation."""
-        if self._since is None:
-            self._since = (now_s, time_s)
-        now_before, time_before = self._since
-        if now_s - now_before >= _RATE_S:
-            self.text = f"{(time_s - time_before) / (now_s - now_before):.2f} x real time"
-            self._since = (now_s, time_s)

@@ -22,16 +22,22 @@ AT_FIRST = {
 }
 
 
-def test_as_many_steps_as_time_has_passed():
-    pace = Pace(0.001)
-    times = [7.0, 7.016, 7.0164, 7.0171, 7.1171]
-    # what is left of a step is not lost: 0.4 and 0.7 ms are one step, and 0.1 ms are left
-    assert [pace.steps(now) for now in times] == [0, 16, 0, 1, 100]
-
-
-def test_a_long_delay_is_not_made_up_for():
-    pace = Pace(0.001)
-    assert [pace.steps(now) for now in (0.0, 5.0, 5.01)] == [0, 100, 10]
+@pytest.mark.parametrize(
+    ("interval_s", "speed", "times", "steps"),
+    [
+        # what is left of a step is not lost: 0.4 and 0.7 ms are one step, and 0.1 ms are left
+        (0.001, 1, [7.0, 7.016, 7.0164, 7.0171, 7.1171], [0, 16, 0, 1, 100]),
+        # a long delay is not made up for
+        (0.001, 1, [0.0, 5.0, 5.01], [0, 100, 10]),
+        # a sixteenth of 0.16 s is one step
+        (0.01, 1 / 16, [0.0, 0.08, 0.16, 0.48], [0, 0, 1, 2]),
+        # a step longer than what is made up for comes about
+        (0.5, 1, [0.0, 0.3, 0.6, 9.0], [0, 0, 1, 1]),
+    ],
+)
+def test_as_many_steps_as_time_has_passed(interval_s, speed, times, steps):
+    pace = Pace(interval_s)
+    assert [pace.steps(now, speed) for now in times] == steps
 
 
 def test_a_pause_counts_for_nothing():
@@ -40,17 +46,6 @@ def test_a_pause_counts_for_nothing():
     pace.steps(0.0005)
     pace.pause()
     assert [pace.steps(now) for now in (0.02, 0.0206, 0.03)] == [0, 0, 10]
-
-
-def test_slow_motion_takes_fewer_steps():
-    pace = Pace(0.01)
-    # a sixteenth of 0.16 s is one step
-    assert [pace.steps(now, 1 / 16) for now in (0.0, 0.08, 0.16, 0.48)] == [0, 0, 1, 2]
-
-
-def test_a_step_longer_than_what_is_made_up_for_comes_about():
-    pace = Pace(0.5)
-    assert [pace.steps(now) for now in (0.0, 0.3, 0.6, 9.0)] == [0, 0, 1, 1]
 
 
 @pytest.fixture
