@@ -118,9 +118,9 @@ class Panel:
                     # down a column first, as one reads a list
                     row, column = divmod(place, columns)
                     if (number := column * rows + row) < len(labels):
-                        left = imgui.GetCursorPosX()
-                        imgui.TextUnformatted(labels[number])
-                        imgui.SameLine(left + indent)
+                        label = labels[number]
+                        imgui.TextUnformatted(label)
+                        imgui.SameLine(0.0, indent - imgui.CalcTextSize(label).x)
                         size = imgui.Vec2(-1.0, imgui.GetTextLineHeight())
                         imgui.ProgressBar(shares[labels[number]], size, "")
             imgui.EndTable()
