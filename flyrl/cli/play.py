@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import sys
+import webbrowser
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 from flyrl.cli.program import Subparsers, path_argument
 
 if TYPE_CHECKING:
-    from flyrl.play import Playable
+    from flyrl.play.playable import Playable
+    from flyrl.play.session import Recorder
 
 _PORT: Final = 8080
 
@@ -117,7 +119,7 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
     Parameters
     ----------
     make
-        Makes what is played, once the port is known to be free.
+        Makes what is played, once the page is served: to import and compile it takes seconds.
     options
         Of the page, as the parser has them.
 
@@ -134,60 +136,55 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
 
 
 def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
-    from flyrl.play import Session  # noqa: PLC0415
-
     try:
+        from flyrl.play import page as pages  # noqa: PLC0415
         from flyrl.play.loopback import listen, url  # noqa: PLC0415
-        from flyrl.play.page import PageUnavailableError, show  # noqa: PLC0415
+        from flyrl.play.session import Session  # noqa: PLC0415
     except ImportError as error:
         return _fail(
             f"mujoco.studio, which shows the page, cannot be used ({error}); "
             "install mujoco in the version that flyrl asks for: "
             "pip install -e . in flyrl's checkout"
         )
-    from flyrl.report.recording import VideoRecorder  # noqa: PLC0415
 
-    with (
-        listen(options.port) as listening,
-        _log(options.log) as log,
-        closing(VideoRecorder(options.record_folder, options.name)) as recorder,
-    ):
-        session = Session(make(), log, recorder)
-        address = url(listening)
-        print(f"{options.name}: {address} (Ctrl-C ends it)", flush=True)
-        opens_browser = not options.no_browser
-        if opens_browser and not _has_browser():
-            opens_browser = False
-            print(f"no browser can be opened here; open {address} in one", flush=True)
-        try:
-            show(session, listening, opens_browser=opens_browser)
-        except PageUnavailableError as error:
-            return _fail(str(error))
+    def make_recorder() -> Recorder:
+        from flyrl.report.recording import VideoRecorder  # noqa: PLC0415
+
+        return VideoRecorder(options.record_folder, options.name)
+
+    try:
+        with (
+            listen(options.port) as listening,
+            _log(options.log) as log,
+            pages.serve(listening) as page,
+        ):
+            address = url(listening)
+            print(f"{options.name}: {address} (Ctrl-C ends it)", flush=True)
+            session = Session(make(), log, make_recorder)
+            if not options.no_browser:
+                _open_browser(address)
+            with closing(session):
+                page.play(session)
+    except pages.PageUnavailableError as error:
+        return _fail(str(error))
     return 0
 
 
 def _make(name: str, given: Mapping[str, Any]) -> Playable:
     if name == "worm":
-        from flyrl.play import PlayedWorm  # noqa: PLC0415
+        from flyrl.play.worm import PlayedWorm  # noqa: PLC0415
 
         return PlayedWorm()
-    from flyrl.play import PlayedFly, PlayedFlyConfig  # noqa: PLC0415
+    from flyrl.play.fly import PlayedFly  # noqa: PLC0415
+    from flyrl.play.fly_setting import PlayedFlyConfig  # noqa: PLC0415
 
     return PlayedFly(PlayedFlyConfig(**given))
 
 
-def _has_browser() -> bool:
-    import webbrowser  # noqa: PLC0415
-
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
-        return False
-    try:
-        webbrowser.get()
-    except webbrowser.Error:
-        return False
-    return True
+def _open_browser(address: str) -> None:
+    has_screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    if (sys.platform == "linux" and not has_screen) or not webbrowser.open(address, new=2):
+        print(f"no browser can be opened here; open {address} in one", flush=True)
 
 
 def _fail(reason: str) -> int:

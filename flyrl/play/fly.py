@@ -1,34 +1,76 @@
 """A fly on any ground, steered by hand or by a policy towards a target."""
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from flyrl.anatomy import LEG_DOFS, LEGS
+from flyrl.controllers.gait_log import unpack
 from flyrl.envs.core import BatchedEnv
-from flyrl.play.fly_panel import LEFT, RIGHT, STEERING, STOP, FlyView, fly_sections
-from flyrl.play.fly_scenery import Scenery
-from flyrl.play.fly_setting import CHOICES, INTERVAL_S, REACH, SWITCHES, PlayedFlyConfig
-from flyrl.play.fly_steering import BY_HAND, pilot_name, pilots
-from flyrl.play.fly_walk import FlyWalk
-from flyrl.play.panel import Section, Setting
+from flyrl.play.fly_setting import (
+    BY_HAND,
+    CHOICES,
+    DISTANCE,
+    ENDLESS,
+    INTERVAL_S,
+    REACH,
+    SWITCHES,
+    PlayedFlyConfig,
+    pilot_name,
+    pilots,
+)
+from flyrl.play.playable import Playable, Setting
 from flyrl.rollouts import Policy
+from flyrl.simulation.flies import SHOWN, FlyState
+from flyrl.simulation.scene import build_scene
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
-from flyrl.tasks.target import is_inside
-from flyrl.validation import one_of, random_seed, within
+from flyrl.tasks.target import draw_target, is_inside
+from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
+from flyrl.terrains import FLAT_GROUND, Bounds, Flat
+from flyrl.validation import FloatArray, one_of, random_seed, within
+
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
 
 KEY_STEP: Final = 0.1
-"""By how much a press of an arrow key changes a drive."""
+"""Change of a drive by a press of an arrow key."""
+
+GAIT_PLACES: Final = 100
+"""Parts of the latest second for which the panel tells which legs stand."""
+
+_PLACES_PER_DECISION: Final = round(INTERVAL_S * GAIT_PLACES)
+
+_SPEED_DECISIONS: Final = 10
+"""Decisions over which the speed is averaged: it sways with every step that the fly takes."""
 
 _ARROWS: Final = {"up": (1, 1), "down": (-1, -1), "left": (-1, 1), "right": (1, -1)}
-"""Key -> in which way it changes the drive, left and right."""
+"""Key -> signs with which it changes the drive, left and right."""
 
-Drive = tuple[float, float]
+LEFT, RIGHT, STEERING, STOP = "left", "right", "steering", "stop"
+"""Names of the controls that steer; those that make another scene are keys of `PlayedFlyConfig`."""
+
+_ENDS: Final = {
+    "fall": "It fell over",
+    "left_arena": "It left the arena",
+    UNSTABLE: "The physics blew up",
+}
+
+_GOALS: Final = 20_261_123
+"""Sets the generator of later targets apart from the episode's, which has the same seed."""
+
+_OSCILLATORS: Final = ("phases", "magnitudes", "freqs", "amps", "scratch")
+"""State that a controller with oscillators takes over from another, to go on in its stride."""
+
+_AZIMUTH_DEG, _ELEVATION_DEG, _DISTANCE_MM = 25.0, -28.0, 9.0
+"""From behind a fly that walks along +x, from its right and from above."""
 
 
-class PlayedFly:
+class PlayedFly(Playable):
     """A fly that walks as it is driven: by two sliders and the arrow keys, or by a policy.
 
     It walks in `PLAY_TASK` on the engine that everything walks on, a decision per step, and the
@@ -44,16 +86,18 @@ class PlayedFly:
     Parameters
     ----------
     config
-        What it is made of at the start.
+        Settings at the start.
 
     Attributes
     ----------
     config
-        What it is made of now; its `policy` and `seed` are those of the start.
+        Settings now; its `policy` and `seed` are those of the start.
+    env
+        The simulation; another one after a change of the scene.
     steering
         "by hand", or the name of the policy.
-    title, keys, interval_s, time_s, seed, model, data, camera
-        See `Playable`. The model is another object after a change of body or terrain.
+    outcome
+        "running", or how the episode has ended: "fall", "left_arena" or "unstable".
 
     Raises
     ------
@@ -61,112 +105,35 @@ class PlayedFly:
         If the policy cannot be had, or cannot steer here.
     """
 
+    title = "fly"
+    keys: Mapping[str, str] = {
+        "up": "faster",
+        "down": "slower",
+        "left": "turn left",
+        "right": "turn right",
+        "s": "stop",
+        "click": "move the target",
+    }
+    interval_s = INTERVAL_S
+
     def __init__(self, config: PlayedFlyConfig | None = None) -> None:
-        config = config or PlayedFlyConfig()
-        self.title = "fly"
-        self.keys: Mapping[str, str] = {
-            "up": "faster",
-            "down": "slower",
-            "left": "turn left",
-            "right": "turn right",
-            "s": "stop",
-            "click": "move the target",
-        }
-        self.interval_s = INTERVAL_S
-        self.config = config
-        self.seed = config.seed
-        self._pilots = pilots(config.policy)
+        self.config = config or PlayedFlyConfig()
+        self.steering = BY_HAND
+        self._pilots = pilots(self.config.policy)
         self._policy: Policy | None = None
         self._memory: Any = None
-        self._drive: Drive = (0.0, 0.0)
-        self._steer(BY_HAND if config.policy is None else pilot_name(config.policy))
-        self._walk = FlyWalk(config)
-        self._set(self._walk, Scenery(self._walk.env.config.fly_scene))
+        if self.config.policy is not None:
+            self._steer(pilot_name(self.config.policy))
+        self._stands: deque[NDArray[np.bool_]] = deque(maxlen=GAIT_PLACES)
+        self._trail: deque[NDArray[np.float64]] = deque(maxlen=1 + _SPEED_DECISIONS)
+        self.env = BatchedEnv(self.config.env(), num_envs=1, num_threads=1)
+        self._build_scenery()
+        self.reset(self.config.seed)
 
     @property
     def time_s(self) -> float:
         """Simulated time since the last reset, s."""
-        return float(self._walk.state.time[0])
-
-    @property
-    def env(self) -> BatchedEnv:
-        """What simulates the fly; another one after a change of the scene."""
-        return self._walk.env
-
-    @property
-    def outcome(self) -> str:
-        """How the episode has ended: "fall", "left_arena" or "unstable"; before, "running"."""
-        return self._walk.outcome
-
-    def step(self, number: int) -> None:
-        """Simulate a number of decisions, or as many as there are before the end."""
-        for _ in range(number):
-            if self.outcome != RUNNING:
-                break
-            if self._policy is not None:
-                self._drive = self._decision(self._policy)
-            self._walk.decide(self._drive)
-            if self._policy is not None and self._walk.distance_mm < REACH:
-                self._walk.draw_goal()
-        self._show()
-
-    def reset(self, seed: int) -> None:
-        """Start the episode of a seed, without drive; who steers stays.
-
-        Raises
-        ------
-        ValueError
-            If it is no seed.
-        """
-        self.seed = random_seed(seed)
-        self._drive, self._memory = (0.0, 0.0), None
-        self._walk.reset(self.seed)
-        self._show()
-
-    def press(self, key: str) -> None:
-        """Change the drive, by hand from now on: arrows by `KEY_STEP`, "s" to a halt."""
-        if one_of("key", key, (*_ARROWS, "s")) == "s":
-            self._stop()
-            return
-        left, right = _ARROWS[key]
-        before_left, before_right = self._drive
-        self._drive_by_hand(before_left + left * KEY_STEP, before_right + right * KEY_STEP)
-
-    def change(self, name: str, value: Setting) -> None:
-        """Set a widget.
-
-        Raises
-        ------
-        ValueError
-            If there is none of the name, or the value is not allowed; everything is as before then.
-        """
-        one_of("widget", name, (LEFT, RIGHT, STEERING, STOP, *CHOICES, *SWITCHES))
-        if name == STOP:
-            self._stop()
-        elif name == STEERING:
-            self._steer(str(value))
-        elif name in (LEFT, RIGHT):
-            drive = within(f"drive, {name}", value, DRIVE_LOW, DRIVE_HIGH)  # type: ignore[arg-type]
-            left, right = self._drive
-            self._drive_by_hand(*((drive, right) if name == LEFT else (left, drive)))
-        else:
-            self._remake(replace(self.config, **{name: value}))  # type: ignore[arg-type]
-
-    def point(self, x_w: float, y_w: float) -> None:
-        """Move the target, mm; nothing happens beside the terrain, or too close to its edge."""
-        if is_inside(x_w, y_w, self._walk.bounds):
-            self._walk.move_target(x_w, y_w)
-            self._show()
-
-    def relax(self) -> None:
-        """Let go of the drive, if a person has it; a policy steers on when the page is back."""
-        if self._policy is None:
-            self._stop()
-
-    def _stop(self) -> None:
-        """Steer by hand, both drives at 0."""
-        self._steer(BY_HAND)
-        self._drive = (0.0, 0.0)
+        return float(self.env.state.time[0])
 
     @property
     def hint(self) -> str:
@@ -179,97 +146,275 @@ class PlayedFly:
             return "arrow keys: steer     s: stop"
         return f"{self.steering} steers to the target     arrow keys: take over"
 
-    def sections(self) -> tuple[Section, ...]:
-        """How it fares, steering, legs, scene, reward, muscles."""
-        walk, state = self._walk, self._walk.state
-        return fly_sections(
-            FlyView(
-                config=self.config,
-                steering=self.steering,
-                pilots=(BY_HAND, *self._pilots),
-                drive=_rounded(self._drive),
-                speed_mm_s=walk.speed_mm_s,
-                distance_mm=walk.distance_mm,
-                outcome=walk.outcome,
-                phases=state.phases[0],
-                magnitudes=state.magnitudes[0],
-                retraction=state.retraction[0],
-                stumbling=state.stumbling[0],
-                gait=walk.gait,
-                rewards=walk.rewards,
-                returns=walk.returns,
-                tensions=state.muscle_tensions[0],
+    def step(self, number: int) -> None:
+        """Simulate a number of decisions, or as many as there are before the end."""
+        for _ in range(number):
+            if self.outcome != RUNNING:
+                break
+            if self._policy is not None:
+                action, self._memory = self._policy.predict(self.env.observe(), self._memory)
+                self._drive = np.array(self.env.task.actions.commands(action[0]), dtype=np.float64)
+            self._decide()
+            if self._policy is not None and self._distance_mm < REACH:
+                x, y, _ = self._state.position_w[0].tolist()
+                target = draw_target(self._goals, (x, y), self._bounds, DISTANCE)
+                self.env.set_goals(np.array([target]))
+        self._pose()
+
+    def reset(self, seed: int) -> None:
+        """Start the episode of a seed, without drive; who steers stays.
+
+        Raises
+        ------
+        ValueError
+            If it is no seed.
+        """
+        self.seed = random_seed(seed)
+        self._drive = np.zeros(2)
+        self._start()
+
+    def press(self, key: str) -> None:
+        """Change the drive, by hand from now on: arrows by `KEY_STEP`, "s" to a halt."""
+        if one_of("key", key, (*_ARROWS, "s")) == "s":
+            self._drive_by_hand((0.0, 0.0))
+        else:
+            self._drive_by_hand(self._drive + KEY_STEP * np.array(_ARROWS[key]))
+
+    def change(self, name: str, value: Setting) -> None:
+        """Set a control.
+
+        Raises
+        ------
+        ValueError
+            If there is none of the name, or the value is not allowed; everything is as before then.
+        """
+        one_of("control", name, (LEFT, RIGHT, STEERING, STOP, *CHOICES, *SWITCHES))
+        if name == STOP:
+            self._drive_by_hand((0.0, 0.0))
+        elif name == STEERING:
+            self._steer(str(value))
+        elif name in (LEFT, RIGHT):
+            low, high = DRIVE_LOW, DRIVE_HIGH
+            drive = self._drive.copy()
+            drive[int(name == RIGHT)] = within(f"drive, {name}", cast(float, value), low, high)
+            self._drive_by_hand(drive)
+        else:
+            self._remake(replace(self.config, **{name: value}))  # type: ignore[arg-type]
+
+    def point(self, x_w: float, y_w: float) -> None:
+        """Move the target, mm; nothing happens beside the terrain, or too close to its edge."""
+        if is_inside(x_w, y_w, self._bounds):
+            self.env.set_goals(np.array([[x_w, y_w]]))
+            self._pose()
+
+    def relax(self) -> None:
+        """Let go of the drive, if a person has it; a policy steers on when the page is back."""
+        if self._policy is None:
+            self._drive_by_hand((0.0, 0.0))
+
+    def draw(self, panel: "Panel") -> None:
+        """Draw how it fares, steering, legs, scene, reward, and muscles if it has any."""
+        if panel.section("Fly"):
+            if self.outcome != RUNNING:
+                end = _ENDS.get(self.outcome, self.outcome)
+                panel.text(f"{end} ({self.outcome}). Reset to go on.")
+            ways = np.linalg.norm(np.diff(self._trail, axis=0), axis=-1)
+            speed = float(ways.sum()) / (max(len(ways), 1) * INTERVAL_S)
+            panel.values({"speed, mm/s": speed, "to the target, mm": self._distance_mm})
+        if panel.section("Steering"):
+            left, right = self._drive.round(2).tolist()
+            panel.choice(STEERING, "who steers", (BY_HAND, *self._pilots), self.steering)
+            panel.slider(LEFT, "drive, left", DRIVE_LOW, DRIVE_HIGH, left)
+            panel.slider(RIGHT, "drive, right", DRIVE_LOW, DRIVE_HIGH, right)
+            panel.buttons({STOP: "Stop"})
+            if self.config.controller == "rule_based":
+                panel.text("The rule-based controller ignores the drive: it walks straight on.")
+        if panel.section("Legs"):
+            self._draw_legs(panel)
+        if panel.section("Scene"):
+            self._draw_scene(panel)
+        if panel.section("Reward"):
+            returns = self.env.task_state().totals
+            weights = {term.name: term.weight for term in self.env.task.reward}
+            panel.text("of the last decision")
+            panel.values(_summed(self._rewards))
+            panel.text("since the start")
+            panel.values(
+                _summed({name: w * float(returns[name][0]) for name, w in weights.items()})
             )
-        )
+        self._draw_muscles(panel)
 
     def figures(self) -> dict[str, float | str | bool]:
         """Place to 0.1 mm, heading in deg to the left of +x, drives, target, and all settings."""
-        state, config = self._walk.state, self.config
-        x, y, _ = state.position_w[0]
-        target_x, target_y = self._walk.goal
-        left, right = _rounded(self._drive)
+        state, config = self._state, self.config
+        # -0.0 becomes 0.0
+        x, y, target_x, target_y = np.round((*state.position_w[0, :2], *self._goal), 1) + 0.0
+        left, right = self._drive.round(2) + 0.0
         return {
-            "x_mm": _tenths(x),
-            "y_mm": _tenths(y),
+            "x_mm": float(x),
+            "y_mm": float(y),
             "heading_deg": round(float(np.degrees(state.yaw[0]))),
-            "drive_left": left,
-            "drive_right": right,
+            "drive_left": float(left),
+            "drive_right": float(right),
             "steering": self.steering,
             "outcome": self.outcome,
-            "target_x_mm": _tenths(target_x),
-            "target_y_mm": _tenths(target_y),
+            "target_x_mm": float(target_x),
+            "target_y_mm": float(target_y),
             **{key: getattr(config, key) for key in (*CHOICES, *SWITCHES)},
             "seed": self.seed,
         }
 
-    def _decision(self, policy: Policy) -> Drive:
-        """Drive that a policy asks for."""
-        action, self._memory = policy.predict(self._walk.observe(), self._memory)
-        left, right = self.env.task.actions.commands(action[0])
-        return float(left), float(right)
+    @property
+    def _state(self) -> FlyState:
+        return cast(FlyState, self.env.state)
 
-    def _drive_by_hand(self, left: float, right: float) -> None:
+    @property
+    def _goal(self) -> FloatArray:
+        """Place of the target, mm, (2,)."""
+        goal: FloatArray = self.env.task_state().goal[0]
+        return goal
+
+    @property
+    def _distance_mm(self) -> float:
+        """Horizontal distance from the thorax to the target, mm."""
+        return float(goal_distance(self._state.position_w, self._goal[None])[0])
+
+    @property
+    def _bounds(self) -> Bounds:
+        """Extent of the ground, mm."""
+        terrain = self.env.config.scene.terrain
+        return ENDLESS if isinstance(terrain, Flat) else terrain.bounds
+
+    def _start(self) -> None:
+        """Start the episode of the seed."""
+        self.env.reset(seeds=[self.seed])
+        self.outcome, self._memory = RUNNING, None
+        self._goals = np.random.default_rng([_GOALS, self.seed])
+        self._rewards = {term.name: 0.0 for term in self.env.task.reward}
+        self._stands.clear()
+        self._trail.clear()
+        self._trail.append(self._state.position_w[0, :2])
+        self._pose()
+
+    def _decide(self) -> None:
+        """Walk for a decision's time with the drive, and note how."""
+        flies = self.env.flies
+        first = int(flies.gait_logs["num_samples"][0]) if flies.gait_logs is not None else 0
+        transition = self.env.step(self.env.task.actions.of(self._drive[None]))
+        self.outcome = str(transition.outcome[0])
+        state = self.env.task_state()
+        self._rewards = {
+            term.name: term.weight * float(term.compute(state)[0]) for term in self.env.task.reward
+        }
+        stance = unpack(flies.gait_samples(0, first))["stance"]
+        if len(stance) >= _PLACES_PER_DECISION:
+            for part in np.array_split(stance, _PLACES_PER_DECISION):
+                self._stands.append(part.mean(axis=0) >= 0.5)
+        self._trail.append(self._state.position_w[0, :2])
+
+    def _drive_by_hand(self, drive: Any) -> None:
         self._steer(BY_HAND)
-        self._drive = _rounded(np.clip((left, right), DRIVE_LOW, DRIVE_HIGH))
+        # -0.0 becomes 0.0
+        self._drive = np.clip(drive, DRIVE_LOW, DRIVE_HIGH).round(2) + 0.0
 
     def _steer(self, name: str) -> None:
         """Let somebody steer, from the drive that is on."""
         one_of(STEERING, name, (BY_HAND, *self._pilots))
-        self._policy = None if name == BY_HAND else self._pilots[name]()
-        self._memory = None
+        self._policy, self._memory = self._pilots.get(name), None
         self.steering = name
 
     def _remake(self, config: PlayedFlyConfig) -> None:
         """Build the scene anew, and only then take it."""
         if config == self.config:
             return
-        walk = self._walk.changed(config, self.seed)
+        env = BatchedEnv(config.env(), num_envs=1, num_threads=1)
+        env.reset(seeds=[self.seed])
         looks = (config.body, config.terrain)
-        is_alike = looks == (self.config.body, self.config.terrain)
-        scenery = self._scenery if is_alike else Scenery(walk.env.config.fly_scene)
-        self.config = config
-        self._set(walk, scenery)
-        if self.time_s == 0.0:
-            self._memory = None
+        is_same_place = looks == (self.config.body, self.config.terrain)
+        before, self.config = self.env, config
+        if is_same_place and self.outcome == RUNNING:
+            self.env = env
+            self._go_on_from(before)
+            return
+        self.env = env
+        if not is_same_place:
+            self._build_scenery()
+        self._start()
 
-    def _set(self, walk: FlyWalk, scenery: Scenery) -> None:
-        self._walk, self._scenery = walk, scenery
-        self.model: mujoco.MjModel = scenery.model
-        self.data: mujoco.MjData = scenery.data
-        self.camera: mujoco.MjvCamera = scenery.camera
-        self._show()
+    def _go_on_from(self, before: BatchedEnv) -> None:
+        """Take over everything from an environment of the same body on the same ground."""
+        snapshot = before.snapshot()
+        old, new = before.config.fly_scene.controller, self.env.config.fly_scene.controller
+        if old != new:
+            fresh = new.initial_state(self.seed)
+            kept = () if "rule_based" in (old.name, new.name) else _OSCILLATORS
+            rows = self.env.flies.rows_after(before.flies, fresh, kept)
+            snapshot["simulation"]["physics"] = rows
+        self.env.restore(snapshot)
+        now = self.env.flies.state()
+        self.env.state = replace(self._state, **{name: getattr(now, name) for name in SHOWN})
+        self._pose()
 
-    def _show(self) -> None:
-        # what blew up is seen as it was before
+    def _build_scenery(self) -> None:
+        """Compile the scene that is drawn, with the meshes, which have few triangles."""
+        config = self.env.config.fly_scene
+        self.model = build_scene(config, visual=True).model
+        # without its mark the model is not taken for a fly that walks, whoever steps it
+        self.model.numeric_data[0] = 0.0
+        if isinstance(config.terrain, Flat):
+            self.model.geom(FLAT_GROUND).size[:2] = 0.0  # drawn without an end
+        self.data = mujoco.MjData(self.model)
+        self.camera = mujoco.MjvCamera()
+        self.camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
+        self.camera.trackbodyid = self.model.body("Thorax").id
+        self.camera.azimuth, self.camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
+        self.camera.distance = _DISTANCE_MM
+
+    def _pose(self) -> None:
+        """Pose the scenery; a fly that blew up is seen as it was before."""
         if self.outcome != UNSTABLE:
-            self._scenery.pose(self.env.flies)
+            self.env.flies.copy_into(0, self.model, self.data)
+            self.camera.lookat[:] = self.data.qpos[:3]
+
+    def _draw_legs(self, panel: "Panel") -> None:
+        state = self._state
+        is_ruled = self.config.controller == "rule_based"
+        panel.text("phases of the steps" if is_ruled else f"oscillators, up to {DRIVE_HIGH:g}")
+        panel.dials(LEGS, state.phases[0], state.magnitudes[0] / (1.0 if is_ruled else DRIVE_HIGH))
+        panel.text("legs that stand")
+        rows = np.array(self._stands, dtype=bool).reshape(-1, len(LEGS)).T
+        panel.raster(LEGS, rows, GAIT_PLACES, 1.0)
+        if self.config.controller == "hybrid":
+            for name, amounts in (
+                ("retraction", state.retraction[0]),
+                ("stumbling", state.stumbling[0]),
+            ):
+                panel.text(f"{name}, up to {CORRECTION_CAP:g}")
+                panel.bars(dict(zip(LEGS, (amounts / CORRECTION_CAP).tolist(), strict=True)))
+
+    def _draw_scene(self, panel: "Panel") -> None:
+        config = self.config
+        for key, options in CHOICES.items():
+            label = "leg controller" if key == "controller" else key
+            panel.choice(key, label, options, getattr(config, key))
+        of_hybrid = "" if config.controller == "hybrid" else " (hybrid alone)"
+        panel.switch("retraction", f"retraction reflex{of_hybrid}", config.retraction)
+        panel.switch("stumbling", f"stumbling reflex{of_hybrid}", config.stumbling)
+        panel.switch("adhesion", "adhesion", config.adhesion)
+
+    def _draw_muscles(self, panel: "Panel") -> None:
+        """Draw the mean tension of each leg, and a section per leg with all its muscles."""
+        tensions = self._state.muscle_tensions[0]
+        if not tensions.size:
+            return
+        legs = tensions.reshape(len(LEGS), 2 * len(LEG_DOFS))
+        if panel.section("Muscles"):
+            panel.bars(dict(zip(LEGS, legs.mean(axis=1).tolist(), strict=True)))
+        labels = [f"{dof} {way}" for dof in LEG_DOFS for way in "+-"]
+        for leg, row in zip(LEGS, legs.tolist(), strict=True):
+            if panel.section(f"Muscles of {leg}", is_open=False):
+                panel.bars(dict(zip(labels, row, strict=True)))
 
 
-def _rounded(drive: Any) -> Drive:
-    """Hundredths; -0.0 becomes 0.0."""
-    left, right = drive
-    return round(float(left), 2) + 0.0, round(float(right), 2) + 0.0
-
-
-def _tenths(value: float) -> float:
-    return round(float(value), 1) + 0.0
+def _summed(terms: Mapping[str, float]) -> dict[str, float]:
+    return {**terms, "sum": sum(terms.values())}

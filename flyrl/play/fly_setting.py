@@ -1,5 +1,6 @@
-"""What a played fly is made of, and the task that it walks in."""
+"""Settings of a played fly, the task that it walks in, and who can steer it there."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final, cast, get_args
 
@@ -8,6 +9,11 @@ from flyrl.controllers import Hybrid
 from flyrl.controllers.controller import controller_named
 from flyrl.controllers.cpg_controller import Gait, OscillatorController
 from flyrl.envs.config import EnvConfig
+from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle, named_policies
+from flyrl.policies.bundle import policy_file
+from flyrl.policies.laws import FIXED
+from flyrl.policies.library import policy_name
+from flyrl.rollouts import Policy
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
 from flyrl.terrains import KINDS, Bounds
@@ -20,7 +26,7 @@ CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
 }
-"""What there is to choose from, by key of `PlayedFlyConfig`."""
+"""Allowed values, by key of `PlayedFlyConfig`."""
 
 SWITCHES: Final = ("retraction", "stumbling", "adhesion")
 """Keys of `PlayedFlyConfig` that are on or off."""
@@ -126,3 +132,59 @@ ENDLESS: Final = Bounds(-1e6, 1e6, -1e6, 1e6)
 
 INTERVAL_S: Final = cast(float, PLAY_TASK.decision_interval_s)
 """How long a decision is held, s."""
+
+BY_HAND: Final = "by hand"
+PURSUIT: Final = "pursuit"
+
+
+def pilots(given: str | None = None) -> dict[str, Policy]:
+    """Make the policies that can steer to a target, by name.
+
+    They are `PURSUIT`, all policies that come with flyrl and fit, and the one that is given.
+
+    Parameters
+    ----------
+    given
+        Name of one of these, a policy file, or a run folder.
+
+    Raises
+    ------
+    ValueError
+        What is given is missing, is no policy, or one that cannot steer here.
+    """
+    found: dict[str, Policy] = {PURSUIT: FIXED[PURSUIT].make(PLAY_TASK)}
+    for name, file in named_policies().items():
+        policy = LearnedPolicy(load_bundle(file))
+        if _misfit(policy) is None:
+            found[name] = policy
+    if given is not None and given not in found:
+        names = ", ".join(found)
+        try:
+            policy = LearnedPolicy(load_bundle(given))
+        except PolicyFileError as error:
+            raise PolicyFileError(
+                f"policy must be a file, a run folder or one of {names}; {error}"
+            ) from error
+        misfit = _misfit(policy)
+        if misfit is not None:
+            raise PolicyFileError(f"policy {given!r} cannot steer here ({names} can): {misfit}")
+        found[pilot_name(given)] = policy
+    return found
+
+
+def pilot_name(given: str) -> str:
+    """Name under which a policy that is given stands among the pilots."""
+    return given if given == PURSUIT else policy_name(policy_file(given)) or given
+
+
+def _misfit(policy: LearnedPolicy) -> str | None:
+    """Reason why a policy does not fit; None if it does."""
+    try:
+        policy.check_task(PLAY_TASK)
+    except PolicyFileError as error:
+        return str(error)
+    task = policy.bundle.env.get("task")
+    interval = task.get("decision_interval") if isinstance(task, Mapping) else None
+    if interval is not None and interval != INTERVAL_S:
+        return f"it decides every {interval} s; it must be {INTERVAL_S} s"
+    return None

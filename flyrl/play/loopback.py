@@ -3,16 +3,21 @@
 By itself it listens on every interface, and answers whatever page a browser has open.
 """
 
+import asyncio
 import socket
+import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, Final
 
 from mujoco.studio.web import web_server
 
 ADDRESS: Final = "127.0.0.1"
+
+_WAIT_S: Final = 0.05
+"""Time between two looks whether there is a model to show."""
 
 
 def listen(port: int) -> socket.socket:
@@ -49,17 +54,23 @@ def url(listening: socket.socket) -> str:
 
 @dataclass
 class Service:
-    """How a page is served; told in the threads of the viewer and its server, asked in any.
+    """Service of a page, as the page's thread and the server's know it.
 
     Attributes
     ----------
-    is_confined : whether the viewer took the socket that it was given.
-    is_running : whether the server has started, guarded.
-    connections : how many WebSockets of the page are open; a browser that shows it has two.
+    is_confined
+        Whether the viewer took the socket that it was given.
+    is_guarded
+        Set when the server starts, guarded.
+    is_ready
+        Whether there is a model to show; whoever asks for it waits until then.
+    connections
+        Number of the page's WebSockets that are open; a browser that shows it has two.
     """
 
     is_confined: bool = False
-    is_running: bool = False
+    is_guarded: threading.Event = field(default_factory=threading.Event)
+    is_ready: bool = False
     connections: int = 0
 
 
@@ -105,13 +116,17 @@ def _guarded(serve: Callable[..., Any], hosts: list[str], service: Service) -> C
             finally:
                 service.connections -= 1
 
-        def process(connection: Any, request: Any) -> Any:
+        async def process(connection: Any, request: Any) -> Any:
             named, from_ = (request.headers.get_all(name) for name in ("Host", "Origin"))
             if not named or not set(named) <= set(hosts) or not set(from_) <= set(origins):
                 return connection.respond(HTTPStatus.FORBIDDEN, "only this page may ask\n")
+            while request.path.startswith("/model") and not service.is_ready:
+                await asyncio.sleep(_WAIT_S)
             return process_request(connection, request)
 
-        service.is_running = True
+        service.is_guarded.set()
+        # controllers may have to be compiled before there is a model, which takes a minute
+        settings["open_timeout"] = None
         return serve(handle, process_request=process, origins=origins, **settings)
 
     return guarded

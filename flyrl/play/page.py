@@ -1,197 +1,311 @@
 """The page: what is played, in MuJoCo's web viewer, with a panel.
 
-The viewer runs in a thread of its own and knows a copy of the model. Messages go to and fro: what a
-person does, what the panel says, and the state that is drawn.
+A single loop steps the simulation, reads keys and mouse, and draws. The viewer knows a copy of the
+model without forces. The page is served from the start, and waits for the model.
 """
 
+import contextlib
 import copy
+import io
 import logging
+import math
 import socket
 import time
-from typing import Final
+from collections.abc import Iterator
+from typing import Final, NamedTuple
 
 import mujoco
-from mujoco.studio import (
-    endpoints,
-    launch_thread,
-    messages,
-    plugin,
-    viewer_handle,
-    viewer_protocol,
-    web_viewer,
-)
+import numpy as np
+from mujoco.studio import launch_thread, messages, viewer_protocol, web_viewer
+from mujoco.studio.dear_imgui import dear_imgui as imgui
+from numpy.typing import NDArray
 
-from flyrl.play.desk import (
-    AimEvent,
-    CameraSnapshot,
-    ChangeEvent,
-    Desk,
-    LeaveEvent,
-    PanelSnapshot,
-    PointEvent,
-    PressEvent,
-)
-from flyrl.play.display import copy_state, display_model
 from flyrl.play.loopback import Service, served_on
+from flyrl.play.panel import Panel
+from flyrl.play.playable import Setting
 from flyrl.play.session import Session
 
-FRAME_S: Final = 1 / 60
-"""Time from one state that is sent to the next."""
-
 _PAUSED_FRAME_S: Final = 1 / 25
-"""The same while time stands still."""
+"""Time from one state that is sent to the next while time stands still; else the viewer's own."""
 
 _IDLE_FRAME_S: Final = 0.2
 """The same while nobody watches."""
 
-_PANEL_S: Final = 1 / 25
-"""Time from one panel to the next."""
-
 _START_S: Final = 10.0
 """How long the server may take to start."""
+
+_MARGIN: Final = 12
+"""px; from the panel to the page's edges."""
+
+_WIDTH: Final = 330
+"""px; of the panel."""
+
+_NARROW: Final = 850
+"""px; pages below this width begin with the panel folded."""
+
+_KEY_NAMES: Final = {
+    "up": "UpArrow",
+    "down": "DownArrow",
+    "left": "LeftArrow",
+    "right": "RightArrow",
+    "space": "Space",
+    "enter": "Enter",
+    "backspace": "Backspace",
+}
+"""Names of Dear ImGui; letters are their own."""
+
+_CLICK: Final = "click"
+"""Among the keys: what a click on the ground does."""
 
 
 class PageUnavailableError(RuntimeError):
     """MuJoCo's web viewer does not start here."""
 
 
-def show(session: Session, listening: socket.socket, *, opens_browser: bool = False) -> None:
-    """Play in a page until interrupted.
+@contextlib.contextmanager
+def serve(listening: socket.socket) -> Iterator["Page"]:
+    """Serve a page, which waits for something to play.
 
     Parameters
     ----------
-    session
-        What is played.
     listening
-        Where the page is served, see `flyrl.play.loopback.listen`; closed in the end.
-    opens_browser
-        Whether to open the page in a browser, where there is a screen.
+        Where, see `flyrl.play.loopback.listen`.
 
     Raises
     ------
     PageUnavailableError
         If the viewer does not start.
-    KeyboardInterrupt
-        In the end.
     """
-    _hush()
-    playable = session.playable
-    inbox = _Inbox(session)
-    drawn, model = playable.model, display_model(playable.model)
-    data = mujoco.MjData(model)
-    shown, next_panel_s = None, 0.0
-    with (
-        listening,
-        served_on(listening) as service,
-        _launch(session, inbox, model, service, opens_browser) as handle,
-    ):
-        # as if sent already: the viewer has it from the start
-        handle.model, handle.data = model, data
-        _await(handle, service)
-        while handle.is_running():
-            began_s = time.monotonic()
-            is_watched = service.connections > 0
-            if is_watched != session.is_watched:
-                session.watch(is_watched)
-                if not is_watched:
-                    handle.send_to_viewer(LeaveEvent())
-            session.advance(began_s)
-            if playable.model is not drawn:
-                drawn, model = playable.model, display_model(playable.model)
-                data = mujoco.MjData(model)
-                handle.send_to_viewer(AimEvent(copy.copy(playable.camera)))
-            copy_state(playable.data, data)
-            handle.sync(model, data)
-            if began_s >= next_panel_s:
-                next_panel_s = began_s + _PANEL_S
-                panel = PanelSnapshot(session.sections(), playable.hint, inbox.latest_change)
-                if panel != shown:
-                    handle.send_to_viewer(panel)
-                    shown = panel
-            time.sleep(max(0.001, _frame_s(session) - (time.monotonic() - began_s)))
-
-
-def _frame_s(session: Session) -> float:
-    """Time from one state to the next."""
-    if not session.is_watched:
-        return _IDLE_FRAME_S
-    return _PAUSED_FRAME_S if session.is_paused else FRAME_S
-
-
-class _Inbox(plugin.SimPlugin):
-    """Hands on to the session what a person does."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.latest_change = 0
-
-    @messages.handler
-    def on_press(self, event: PressEvent) -> None:
-        self._session.press(event.key)
-
-    @messages.handler
-    def on_change(self, event: ChangeEvent) -> None:
-        self._session.change(event.name, event.value)
-        self.latest_change = event.number
-
-    @messages.handler
-    def on_point(self, event: PointEvent) -> None:
-        self._session.point(event.x_w, event.y_w)
-
-    @messages.handler
-    def on_camera(self, snapshot: CameraSnapshot) -> None:
-        self._session.camera = snapshot.camera
-
-
-class _Viewer(web_viewer.WebViewer):
-    """The viewer, which rests while no browser shows it: by itself it would ask all the time."""
-
-    service: Service
-
-    def prepare_next_frame(self) -> bool:
-        if not self.service.connections:
-            time.sleep(_IDLE_FRAME_S / 2)
-            return False
-        return bool(super().prepare_next_frame())
-
-
-def _launch(
-    session: Session,
-    inbox: _Inbox,
-    model: mujoco.MjModel,
-    service: Service,
-    opens_browser: bool,
-) -> viewer_handle.ViewerHandle:
-    """Start the viewer in its thread."""
-    config = viewer_protocol.ViewerConfig(title="flyrl play", gfx="web", open_browser=opens_browser)
-    desk = Desk(session.playable.title, session.keys)
-    camera = copy.copy(session.camera)
-
-    def target(endpoint: endpoints.ViewerEndpoint) -> None:
+    logging.getLogger("WebServer").setLevel(logging.WARNING)  # it tells who comes and goes
+    config = viewer_protocol.ViewerConfig(title="flyrl play", gfx="web")
+    endpoint, _ = launch_thread.make_thread_endpoints()
+    with served_on(listening) as service:
         try:
-            viewer = _Viewer(config, endpoint, model=model, camera=camera, plugins=[desk])
+            with _silence():
+                viewer = web_viewer.WebViewer(config, endpoint)
         except Exception as error:
             raise PageUnavailableError(f"MuJoCo's web viewer does not start: {error}") from error
-        if not service.is_confined:
-            viewer.close()
-            raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
-        viewer.service = service
-        viewer_protocol.run_viewer_loop(viewer)
-
-    return launch_thread.launch_thread(target, sim_plugins=[inbox])
-
-
-def _await(handle: viewer_handle.ViewerHandle, service: Service) -> None:
-    """Wait until the page is served."""
-    latest = time.monotonic() + _START_S
-    while handle.is_running() and not service.is_running:
-        if time.monotonic() > latest:
-            raise PageUnavailableError("mujoco.studio does not serve its page")
-        time.sleep(0.01)
+        with contextlib.closing(viewer):
+            if not service.is_confined:
+                raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
+            if not service.is_guarded.wait(_START_S):
+                raise PageUnavailableError("mujoco.studio does not serve its page")
+            yield Page(viewer, service)
 
 
-def _hush() -> None:
-    """Keep the viewer from telling stdout who comes and goes, that anyone may, and new models."""
-    logging.getLogger("WebServer").setLevel(logging.WARNING)
-    vars(web_viewer)["print"] = lambda *words, **settings: None
-    web_viewer._print_url_banner = lambda host, port: None
+class Page:
+    """A page that is served.
+
+    Parameters
+    ----------
+    viewer
+        MuJoCo's.
+    service
+        How it is served.
+    """
+
+    def __init__(self, viewer: web_viewer.WebViewer, service: Service) -> None:
+        self._viewer = viewer
+        self._service = service
+        self._is_narrow = self._is_closed = self._forgets_keys = False
+        self._height = math.inf
+
+    def play(self, session: Session) -> None:
+        """Play until interrupted, or until the viewer is closed."""
+        playable, viewer = session.playable, self._viewer
+        viewer.camera = session.camera
+        drawn = None
+        while viewer.is_running():
+            began_s = time.monotonic()
+            is_watched = self._service.connections > 0
+            if is_watched != session.is_watched:
+                session.watch(is_watched)
+                self._forgets_keys |= not is_watched
+            session.advance(began_s)
+            if playable.model is not drawn:
+                drawn = playable.model
+                for name in ("type", "trackbodyid", "fixedcamid"):
+                    setattr(viewer.camera, name, getattr(playable.camera, name))
+                with _silence():
+                    viewer.dispatch(messages.ModelEvent(model=display_model(drawn)))
+                self._service.is_ready = True
+            copy_state(playable.data, viewer.data)
+            # by itself it would ask for a browser all the time
+            if is_watched and viewer.prepare_next_frame():
+                viewer.dispatch(messages.UpdateEvent())
+                self._draw(session)
+                viewer.sync()
+            least_s = 0.001
+            if not is_watched:
+                least_s = _IDLE_FRAME_S
+            elif session.is_paused:
+                least_s = _PAUSED_FRAME_S
+            time.sleep(max(0.001, least_s - (time.monotonic() - began_s)))
+
+    def _draw(self, session: Session) -> None:
+        """Draw a picture of the panel; do what a person does."""
+        io = imgui.GetIO()
+        # keys are the simulation's, not for going from control to control
+        io.ConfigFlags &= ~int(imgui.ConfigFlags.NavEnableKeyboard)
+        deaf = int(imgui.ConfigFlags.NoKeyboard)
+        if self._forgets_keys:
+            # the page that closed never tells when keys are let go. For the next picture, at whose
+            # begin Dear ImGui then clears its keys; not before the new page is there, since a
+            # connection sets flags itself
+            io.ConfigFlags |= deaf
+            self._forgets_keys = False
+        elif io.ConfigFlags & deaf:
+            io.ConfigFlags &= ~deaf
+        elif not io.WantCaptureKeyboard:
+            for name in session.keys:
+                if name != _CLICK and imgui.IsKeyPressed(_key(name), False):
+                    session.press(name)
+        if not io.WantCaptureMouse and io.KeyShift and imgui.IsMouseClicked(imgui.MouseButton.Left):
+            self._point(session)
+        for name, value in self._draw_panel(session).items():
+            session.change(name, value)
+
+    def _point(self, session: Session) -> None:
+        io, viewer = imgui.GetIO(), self._viewer
+        width, height = io.DisplaySize.x, io.DisplaySize.y
+        mujoco.mj_forward(viewer.model, viewer.data)
+        view = camera_view(viewer.model, viewer.data, viewer.camera)
+        if view is None or not height:
+            return
+        place = ground_point(view, io.MousePos.x / width, io.MousePos.y / height, width / height)
+        if place is not None:
+            session.point(*place)
+
+    def _draw_panel(self, session: Session) -> dict[str, Setting]:
+        """Draw the panel at the left of the page; return what a person has changed.
+
+        At the left, since the width of the page is only known some pictures after it was opened.
+        """
+        panel = Panel()
+        page = imgui.GetIO().DisplaySize
+        always = int(imgui.Cond.Always)
+        is_narrow = page.x < _NARROW
+        if is_narrow != self._is_narrow or self._is_closed:
+            imgui.SetNextWindowCollapsed(is_narrow or self._is_closed, always)
+            self._is_narrow = is_narrow
+        width, height = min(_WIDTH, page.x - 2 * _MARGIN), page.y - 2 * _MARGIN
+        imgui.SetNextWindowPos(imgui.Vec2(_MARGIN, _MARGIN), always)
+        imgui.SetNextWindowSize(imgui.Vec2(width, min(height, self._height)), always)
+        flags = imgui.WindowFlags
+        fixed = (flags.NoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
+        title = session.playable.title
+        is_unfolded, is_open = imgui.Begin(title, True, sum(map(int, fixed)))
+        if is_unfolded:
+            session.draw(panel)
+            if panel.section("Keys and mouse"):
+                for name, tells in session.keys.items():
+                    panel.text(f"{'shift + click' if name == _CLICK else name}: {tells}")
+                panel.text("drag: turn the view;  wheel: nearer, farther")
+            # as high as its content, from the next picture on
+            self._height = imgui.GetCursorPosY() + _MARGIN
+        # closed it would not come back: then it is folded
+        self._is_closed = not is_open
+        imgui.End()
+        if not is_narrow:
+            _draw_hint(session.playable.hint, width + 2 * _MARGIN, _MARGIN)
+        elif not is_unfolded:
+            below = 2 * _MARGIN + imgui.GetFrameHeight()
+            _draw_hint(session.playable.hint, _MARGIN, below)
+        return panel.changes
+
+
+def _draw_hint(text: str, x: float, y: float) -> None:
+    imgui.SetNextWindowPos(imgui.Vec2(x, y), int(imgui.Cond.Always))
+    flags = imgui.WindowFlags
+    plain = (flags.NoDecoration, flags.NoInputs, flags.NoNav, flags.NoDocking)
+    more = (flags.AlwaysAutoResize, flags.NoSavedSettings, flags.NoFocusOnAppearing)
+    imgui.Begin("hint", None, sum(map(int, (*plain, *more))))
+    imgui.Text(text)
+    imgui.End()
+
+
+def _key(name: str) -> imgui.Key:
+    return getattr(imgui.Key, _KEY_NAMES.get(name, name.upper()))
+
+
+def _silence() -> contextlib.AbstractContextManager[io.StringIO]:
+    """Keep the viewer from telling stdout its address, that anyone may come, and new models."""
+    return contextlib.redirect_stdout(io.StringIO())
+
+
+def display_model(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Copy a model for viewer and browser, which run MuJoCo on it to find where bodies are.
+
+    It has no contacts, constraints, actuators, sensors.
+    """
+    display = copy.deepcopy(model)
+    bits = mujoco.mjtDisableBit
+    display.opt.disableflags |= (
+        bits.mjDSBL_CONSTRAINT | bits.mjDSBL_CONTACT | bits.mjDSBL_ACTUATION | bits.mjDSBL_SENSOR
+    )
+    return display
+
+
+def copy_state(source: mujoco.MjData, target: mujoco.MjData) -> None:
+    """Copy what is drawn of a state, between copies of one model: joints and mocap bodies."""
+    target.qpos[:] = source.qpos
+    target.mocap_pos[:] = source.mocap_pos
+    target.mocap_quat[:] = source.mocap_quat
+
+
+class View(NamedTuple):
+    """How the world is seen.
+
+    Attributes
+    ----------
+    position_w
+        Of the eye, mm, (3,).
+    forward_w, up_w
+        Directions of length 1, across each other, (3,).
+    slope
+        Half the height of what is seen at a distance of 1: the tangent of half the angle.
+    """
+
+    position_w: NDArray[np.float64]
+    forward_w: NDArray[np.float64]
+    up_w: NDArray[np.float64]
+    slope: float
+
+
+def camera_view(
+    model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera
+) -> View | None:
+    """View of a camera; None if it has no perspective."""
+    scene = mujoco.MjvScene(model, maxgeom=1)
+    mujoco.mjv_updateCamera(model, data, camera, scene)
+    left, right = scene.camera
+    if left.orthographic:
+        return None
+    return View(
+        (np.array(left.pos, np.float64) + right.pos) / 2,
+        np.array(left.forward, np.float64),
+        np.array(left.up, np.float64),
+        left.frustum_top / left.frustum_near,
+    )
+
+
+def ground_point(view: View, x: float, y: float, aspect: float) -> tuple[float, float] | None:
+    """Where the plane z = 0 is seen at a place of the picture, mm; None if it is not seen there.
+
+    Parameters
+    ----------
+    view
+        From where.
+    x, y
+        Place as shares of the picture's width and height, from its upper left corner.
+    aspect
+        Width of the picture, divided by its height.
+    """
+    right = np.cross(view.forward_w, view.up_w)
+    across, upwards = (2 * x - 1) * aspect * view.slope, (1 - 2 * y) * view.slope
+    ray = view.forward_w + across * right + upwards * view.up_w
+    height = view.position_w[2]
+    if ray[2] * height >= 0:
+        return None
+    x_w, y_w, _ = view.position_w - height / ray[2] * ray
+    return float(x_w), float(y_w)

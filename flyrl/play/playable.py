@@ -1,15 +1,19 @@
-"""What can be played."""
+"""A body in play: what the page asks of it, and what it answers where it has nothing of its own."""
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import mujoco
 
-from flyrl.play.panel import Section, Setting
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
+
+Setting = float | str | bool | int
+"""Value that a person gives a control."""
 
 
-class Playable(Protocol):
-    """A simulation that a person acts on while it runs.
+class Playable:
+    """A simulation that a person acts on while it runs; a subclass says what it is.
 
     Attributes
     ----------
@@ -32,7 +36,7 @@ class Playable(Protocol):
     title: str
     keys: Mapping[str, str]
     interval_s: float
-    seed: int
+    seed: int = 0
     model: mujoco.MjModel
     data: mujoco.MjData
     camera: mujoco.MjvCamera
@@ -40,41 +44,46 @@ class Playable(Protocol):
     @property
     def time_s(self) -> float:
         """Simulated time since the last reset, s."""
-        ...
+        return float(self.data.time)
+
+    @property
+    def hint(self) -> str:
+        """A line that stands in the picture: the keys that matter at the moment."""
+        raise NotImplementedError
 
     def step(self, number: int) -> None:
         """Simulate a number of steps."""
+        raise NotImplementedError
 
     def reset(self, seed: int) -> None:
         """Start again; the same seed starts the same."""
+        raise NotImplementedError
 
     def press(self, key: str) -> None:
         """Do what a key stands for, one of `keys`."""
+        raise NotImplementedError
+
+    def relax(self) -> None:
+        """Let go of all that a person holds, since nobody is there any more."""
+        raise NotImplementedError
+
+    def draw(self, panel: "Panel") -> None:
+        """Draw the panel's sections as they are at the moment."""
+        raise NotImplementedError
+
+    def figures(self) -> Mapping[str, float | str | bool]:
+        """Values for the log, rounded to what is worth a line."""
+        raise NotImplementedError
 
     def change(self, name: str, value: Setting) -> None:
-        """Set a widget of `sections`.
+        """Set a control of the panel.
 
         Raises
         ------
         ValueError
             If it cannot be set so; everything is as before then.
         """
+        raise ValueError(f"{self.title} has no {name!r} to set")
 
     def point(self, x_w: float, y_w: float) -> None:
         """Do what a click on the ground stands for, mm in the world's frame."""
-
-    def relax(self) -> None:
-        """Let go of all that a person holds, since nobody is there any more."""
-
-    def sections(self) -> tuple[Section, ...]:
-        """What the panel shows at the moment."""
-        ...
-
-    @property
-    def hint(self) -> str:
-        """A line that stands in the picture: the keys that matter at the moment."""
-        ...
-
-    def figures(self) -> Mapping[str, float | str | bool]:
-        """What the log says at the moment, rounded to what is worth a line."""
-        ...

@@ -1,15 +1,22 @@
 """The course of what is played: in real time or slower while somebody watches, told to a log."""
 
 import copy
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from flyrl.play.panel import Button, Choice, Integer, Line, Section, Setting, Switch, Widget
-from flyrl.play.playable import Playable
-from flyrl.play.recorder import FRAMES_PER_S, Recorder
-from flyrl.validation import one_of
+import mujoco
+
+from flyrl.play.playable import Playable, Setting
+from flyrl.validation import one_of, random_seed
+
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
+
+FRAMES_PER_S: Final = 25
+"""Pictures of a video per second of the screen's time."""
 
 MAX_LAG_S: Final = 0.1
 """How much simulated time is made up for at most, where the computer does not keep up."""
@@ -22,12 +29,12 @@ SPEEDS: Final[Mapping[str, float]] = {
     "1": 1.0,
     "2": 2.0,
 }
-"""Simulated time per time, by name."""
+"""Simulated time per real time, by name."""
 
 PAUSE, STEP, RESET, SPEED, SEED, RECORD = (
     f"session.{name}" for name in ("pause", "step", "reset", "speed", "seed", "record")
 )
-"""Names of the session's own widgets."""
+"""Names of the session's own controls."""
 
 _KEYS: Final = {
     "space": (PAUSE, "pause, go on"),
@@ -41,6 +48,36 @@ _BITE_S: Final = 0.01
 
 _RATE_S: Final = 0.5
 """Time over which the speed that is reached is measured."""
+
+
+class Recorder(Protocol):
+    """Collector of what is to be seen, which makes a video of it.
+
+    Attributes
+    ----------
+    is_on
+        Whether it collects.
+    note
+        What a person should know: that a video is being written, where it lies, why there is none;
+        empty for nothing.
+    """
+
+    is_on: bool
+    note: str
+
+    def start(self) -> None:
+        """Begin a video."""
+
+    def take(
+        self, model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera, number: int
+    ) -> None:
+        """Keep the state as that many pictures, `FRAMES_PER_S` of which pass in a second."""
+
+    def stop(self) -> None:
+        """Write the video; this returns before it is there."""
+
+    def close(self) -> None:
+        """Write what was collected, and wait until it is there."""
 
 
 @dataclass
@@ -93,8 +130,8 @@ class Session:
         before: `time_s`, which has passed in the simulation; `is_watched`, `is_paused`, `speed`,
         `seed`, `is_recording`; `recording`, what the recorder says; `message`, why the latest
         change was refused; and `playable.figures()`.
-    recorder
-        Makes videos; without one there are none.
+    make_recorder
+        Called before the first video; None: there are no videos.
     clock
         Tells time in s, to see how long the simulation takes.
 
@@ -114,7 +151,7 @@ class Session:
         self,
         playable: Playable,
         log: Callable[[Mapping[str, Any]], None] = lambda entry: None,
-        recorder: Recorder | None = None,
+        make_recorder: Callable[[], Recorder] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.playable: Final = playable
@@ -124,11 +161,12 @@ class Session:
         self.is_paused = False
         self.speed = 1.0
         self._log = log
-        self._recorder = recorder
+        self._make_recorder = make_recorder
+        self._recorder: Recorder | None = None
         self._clock = clock
         self._pace = Pace(playable.interval_s)
         self._film = Pace(1 / FRAMES_PER_S, max_lag_s=1.0)
-        self._rate = _Rate()
+        self._rate, self._rate_since = "", (math.inf, 0.0)
         self._next_seed = playable.seed
         self._message = ""
         self._told: dict[str, Any] | None = None
@@ -158,7 +196,7 @@ class Session:
             self._tell()
 
     def change(self, name: str, value: Setting) -> None:
-        """Set a widget of `sections`; a value that is refused is told on the panel and to the log.
+        """Set a control of the panel; a refusal is told on the panel and to the log.
 
         While nobody watches this does nothing.
         """
@@ -178,29 +216,41 @@ class Session:
         """Step the physics up to a time in s, of any clock that only goes forward."""
         if self.is_watched and not self.is_paused:
             self._step(self._pace.steps(now_s, self.speed))
-            self._rate.note(now_s, self.playable.time_s)
+            self._measure(now_s)
             self._take(self._film.steps(now_s))
         self._tell()
 
-    def sections(self) -> tuple[Section, ...]:
-        """What the panel shows: the session's own controls, then those of what is played."""
-        speed = next(name for name, speed in SPEEDS.items() if speed == self.speed)
-        rate = "paused" if self.is_paused else self._rate.text
-        widgets: list[Widget] = [
-            Line(f"{self.playable.time_s:.2f} s   {rate}"),
-            Button(PAUSE, "Go on" if self.is_paused else "Pause"),
-            Button(STEP, "Step"),
-            Button(RESET, "Reset"),
-            Choice(SPEED, "speed", tuple(SPEEDS), speed),
-            Integer(SEED, "seed of a reset", self._next_seed),
-        ]
+    def draw(self, panel: "Panel") -> None:
+        """Draw the session's own controls, then those of what is played."""
+        if panel.section("Time"):
+            speed = next(name for name, speed in SPEEDS.items() if speed == self.speed)
+            rate = "paused" if self.is_paused else self._rate
+            panel.text(f"{self.playable.time_s:.2f} s   {rate}")
+            panel.buttons(
+                {PAUSE: "Go on" if self.is_paused else "Pause", STEP: "Step", RESET: "Reset"}
+            )
+            panel.choice(SPEED, "speed", tuple(SPEEDS), speed)
+            panel.integer(SEED, "seed of a reset", self._next_seed)
+            if self._make_recorder is not None:
+                panel.switch(RECORD, "record a video", self._is_recording)
+            for note in (self._recording, self._message):
+                if note:
+                    panel.text(note)
+        self.playable.draw(panel)
+
+    def close(self) -> None:
+        """Finish the video that is being made, if any."""
         if self._recorder is not None:
-            widgets.append(Switch(RECORD, "record a video", self._recorder.is_on))
-            if self._recorder.note:
-                widgets.append(Line(self._recorder.note))
-        if self._message:
-            widgets.append(Line(self._message))
-        return (Section("Time", tuple(widgets)), *self.playable.sections())
+            self._recorder.close()
+
+    @property
+    def _is_recording(self) -> bool:
+        return self._recorder is not None and self._recorder.is_on
+
+    @property
+    def _recording(self) -> str:
+        """Note of the recorder."""
+        return self._recorder.note if self._recorder is not None else ""
 
     def _change(self, name: str, value: Setting) -> None:
         if name == PAUSE:
@@ -215,9 +265,7 @@ class Session:
         elif name == SPEED:
             self.speed = SPEEDS[one_of("speed", str(value), SPEEDS)]
         elif name == SEED:
-            if int(value) < 0:
-                raise ValueError(f"seed must be 0 or more, got {value}")
-            self._next_seed = int(value)
+            self._next_seed = random_seed(int(value))
         else:
             self._record(is_on=bool(value))
 
@@ -229,11 +277,23 @@ class Session:
     def _stop_clocks(self) -> None:
         self._pace.pause()
         self._film.pause()
-        self._rate = _Rate()
+        self._rate, self._rate_since = "", (math.inf, 0.0)
+
+    def _measure(self, now_s: float) -> None:
+        """Measure how fast simulated time passes."""
+        then_s, before_s = self._rate_since
+        if math.isinf(then_s):
+            self._rate_since = (now_s, self.playable.time_s)
+        elif now_s - then_s >= _RATE_S:
+            rate = (self.playable.time_s - before_s) / (now_s - then_s)
+            self._rate = f"{rate:.2f} x real time"
+            self._rate_since = (now_s, self.playable.time_s)
 
     def _record(self, is_on: bool) -> None:
-        if self._recorder is None or self._recorder.is_on == is_on:
+        if self._make_recorder is None or self._is_recording == is_on:
             return
+        if self._recorder is None:
+            self._recorder = self._make_recorder()
         if not is_on:
             self._recorder.stop()
             return
@@ -256,39 +316,16 @@ class Session:
             self._recorder.take(playable.model, playable.data, self.camera, number)
 
     def _tell(self) -> None:
-        recorder = self._recorder
         entry = {
             "is_watched": self.is_watched,
             "is_paused": self.is_paused,
             "speed": self.speed,
             "seed": self.playable.seed,
-            "is_recording": recorder is not None and recorder.is_on,
-            "recording": recorder.note if recorder is not None else "",
+            "is_recording": self._is_recording,
+            "recording": self._recording,
             "message": self._message,
             **self.playable.figures(),
         }
         if entry != self._told:
             self._told = entry
             self._log({"time_s": round(self.playable.time_s, 4), **entry})
-
-
-class _Rate:
-    """Measures how fast simulated time passes.
-
-    Attributes
-    ----------
-    text : for the panel; empty while it is not known.
-    """
-
-    def __init__(self) -> None:
-        self.text = ""
-        self._since: tuple[float, float] | None = None
-
-    def note(self, now_s: float, time_s: float) -> None:
-        """Note that so much time has passed in the simulation."""
-        if self._since is None:
-            self._since = (now_s, time_s)
-        now_before, time_before = self._since
-        if now_s - now_before >= _RATE_S:
-            self.text = f"{(time_s - time_before) / (now_s - now_before):.2f} x real time"
-            self._since = (now_s, time_s)

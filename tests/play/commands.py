@@ -30,8 +30,8 @@ class Playing:
         end = time.monotonic() + limit_s
         while time.monotonic() < end:
             assert self.process.poll() is None, "it has ended"
-            entry = self.latest()
-            if is_so(entry):
+            # the page is served before there is something to play, and a log
+            if self.entries() and is_so(entry := self.latest()):
                 return entry
             time.sleep(0.02)
         raise AssertionError(f"the log never says so; its end: {self.entries()[-3:]}")

@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 
 from flyrl.anatomy import LEGS
-from flyrl.controllers.gait_log import BITS
 from flyrl.envs.core import BatchedEnv
 from flyrl.play.fly import PlayedFly
-from flyrl.play.fly_panel import GAIT_PLACES, gait_rows
 from flyrl.play.fly_setting import DISTANCE, PlayedFlyConfig
-from flyrl.play.panel import Bars, Choice, Dials, Line, Raster, Slider, Values
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
 from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS
+from tests.play.noted import Noted
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
 MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
@@ -54,22 +52,16 @@ def places(fly, decisions):
     return np.array(rows)
 
 
-def widgets(fly, kind, title=None):
-    return [
-        widget
-        for section in fly.sections()
-        if title in (None, section.title)
-        for widget in section.widgets
-        if isinstance(widget, kind)
-    ]
+def drawn(fly, what, title=None):
+    return Noted(fly).drawn(what, title)
 
 
 def values(fly):
-    return {
-        label: value
-        for widget in widgets(fly, Values)
-        for label, value in zip(widget.labels, widget.values, strict=True)
-    }
+    return {label: value for (shown,) in drawn(fly, "values") for label, value in shown.items()}
+
+
+def drives(fly):
+    return tuple(fly.figures()[f"drive_{side}"] for side in ("left", "right"))
 
 
 def test_it_walks_where_it_is_driven_and_not_without_drive(fly):
@@ -115,14 +107,14 @@ def test_the_same_actions_give_the_same_bits(fly, strong):
 
 def test_arrow_keys_change_both_drives_by_a_tenth_within_the_bounds(fly):
     started(fly)
-    for key, drives in (("up", (0.1, 0.1)), ("left", (0.0, 0.2)), ("right", (0.1, 0.1))):
+    for key, expected in (("up", (0.1, 0.1)), ("left", (0.0, 0.2)), ("right", (0.1, 0.1))):
         fly.press(key)
-        assert (fly.figures()["drive_left"], fly.figures()["drive_right"]) == drives
+        assert drives(fly) == expected
     for _ in range(20):
         fly.press("left")
-    assert [slider.value for slider in widgets(fly, Slider)] == [-0.5, 1.5]
+    assert [slider[-1] for slider in drawn(fly, "slider")] == [-0.5, 1.5]
     fly.press("s")
-    assert [slider.value for slider in widgets(fly, Slider)] == [0.0, 0.0]
+    assert drives(fly) == (0.0, 0.0)
 
 
 def test_a_policy_goes_to_where_the_target_was_put(fly):
@@ -190,13 +182,6 @@ def test_flat_ground_has_no_edge(fly):
     assert fly.model.geom(FLAT_GROUND).size[:2].tolist() == [0, 0]  # MuJoCo's endless plane
 
 
-def test_the_hint_names_the_keys_that_matter(fly):
-    started(fly)
-    assert fly.hint == "arrow keys: steer     s: stop"
-    fly.change("steering", "target-flat")
-    assert fly.hint == "target-flat steers to the target     arrow keys: take over"
-
-
 def test_reaching_the_target_pays_once_and_ends_nothing(fly):
     started(fly)
     fly.point(fly.data.qpos[0] + 1.005, fly.data.qpos[1])
@@ -221,7 +206,7 @@ def test_what_fell_stays_with_its_reason_until_it_is_reset(fly):
         spoil(fly.env.flies)
         fly.step(3)
         assert fly.figures()["outcome"] == outcome
-        assert any(f"({outcome})" in line.text for line in widgets(fly, Line, "Fly"))
+        assert f"({outcome})" in drawn(fly, "text", "Fly")[0][0]
         assert fly.time_s == pytest.approx(0.02)
         assert all(np.isfinite(list(values(fly).values())))
         # what blew up is seen as it was before
@@ -299,12 +284,13 @@ def test_what_is_not_allowed_is_told_and_changes_nothing(fly):
     before = fly.figures()
     for name, value, message in (
         ("controller", "hybird", "controller must be one of .*hybrid.* got 'hybird'"),
+        ("physics", "worm", "physics must be one of 'reference', 'balanced', 'fast'"),
         ("terrain", "sand", "terrain must be one of 'flat'.* got 'sand'"),
         ("steering", "velocity-flat", "steering must be one of 'by hand'.*'velocity-flat'"),
         ("left", 1.6, "drive, left must lie within -0.5 and 1.5, got 1.6"),
         ("left", "fast", "drive, left must lie within"),
         ("adhesion", "no", "adhesion must be one of False, True, got 'no'"),
-        ("colour", "red", "widget must be one of 'left'"),
+        ("colour", "red", "control must be one of 'left'"),
     ):
         with pytest.raises(ValueError, match=message):
             fly.change(name, value)
@@ -330,57 +316,44 @@ def test_a_policy_that_decides_at_other_times_is_refused(tmp_path):
         PlayedFly(PlayedFlyConfig(policy=str(tmp_path / "slow.safetensors")))
 
 
-def test_settings_that_are_not_allowed_are_named():
-    for settings, message in (
-        ({"terrain": "sand"}, "terrain must be one of"),
-        ({"physics": "worm"}, "physics must be one of 'reference', 'balanced', 'fast'"),
-        ({"body": "worm"}, "body must be one of"),
-        ({"adhesion": "yes"}, "adhesion must be one of False, True"),
-        ({"seed": -1}, "seed must be an integer"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            PlayedFlyConfig(**settings)
-
-
 def test_the_panel_tells_of_legs_and_rewards(fly):
     started(fly, (1.0, 1.0))
     fly.step(10)
-    (dials,) = widgets(fly, Dials)
-    assert dials.labels == LEGS
-    assert all(0 <= phase < 2 * np.pi for phase in dials.phases)
-    (raster,) = widgets(fly, Raster)
-    # a fifth of the second is known
-    assert all(row[:80] == " " * 80 and set(row[80:]) <= {"0", "1"} for row in raster.rows)
-    assert [len(bars.shares) for bars in widgets(fly, Bars)] == [6, 6]
-    for shown, time_s in zip(widgets(fly, Values, "Reward"), (0.02, 0.2), strict=True):
-        assert shown.labels == ("progress", "success", "time", "sum")
-        progress, success, time, whole = shown.values
+    ((labels, phases, lengths),) = drawn(fly, "dials")
+    assert labels == LEGS
+    assert (phases.shape, lengths.shape) == ((6,), (6,))
+    ((labels, rows, places, span_s),) = drawn(fly, "raster")
+    # a fifth of the second is known, in which legs stood and swung
+    assert (labels, rows.shape, places, span_s) == (LEGS, (6, 20), 100, 1.0)
+    assert (rows.any(axis=1) & ~rows.all(axis=1)).any()
+    assert [list(shares) for (shares,) in drawn(fly, "bars")] == [list(LEGS)] * 2
+    for (shown,), time_s in zip(drawn(fly, "values", "Reward"), (0.02, 0.2), strict=True):
+        assert list(shown) == ["progress", "success", "time", "sum"]
+        progress, success, time, whole = shown.values()
         assert (success, time) == pytest.approx((0.0, -0.5 * time_s))
-        assert whole == pytest.approx(progress + success + time, abs=2e-3)
-    options = {choice.name: choice.options for choice in widgets(fly, Choice)}
+        assert whole == pytest.approx(progress + success + time)
+    options = {name: options for name, _, options, _ in drawn(fly, "choice")}
     assert options["steering"] == ("by hand", "pursuit", "target-flat")
     assert options["terrain"] == tuple(KINDS)
+
+
+def test_a_part_of_the_gait_counts_as_stance_if_the_leg_stands_for_half_of_it(fly, monkeypatch):
+    started(fly)
+    # LF stands for 5 of the latest 10 ms, RH for 4; before, all six legs do
+    samples = [0b111111] * 10 + [0b000001] + [0b100001] * 4 + [0] * 5
+    monkeypatch.setattr(fly.env.flies, "gait_samples", lambda *_: np.array(samples, np.uint32))
+    fly.step(1)
+    assert drawn(fly, "raster")[0][1].tolist() == [[True, True], *[[True, False]] * 5]
 
 
 def test_all_muscles_are_on_the_panel(strong):
     strong.reset(0)
     strong.step(2)
-    titles = [section.title for section in strong.sections()]
-    assert titles[-7:] == ["Muscles", *(f"Muscles of {leg}" for leg in LEGS)]
-    (bars,) = widgets(strong, Bars, "Muscles of RH")
-    assert bars.labels[:2] == ("Coxa +", "Coxa -")
-    expected = strong.env.state.muscle_tensions[0, 70:]
-    np.testing.assert_allclose(bars.shares, expected, atol=1e-3)
-
-
-def test_a_part_of_the_gait_counts_as_stance_if_the_leg_stands_for_half_of_it():
-    stance = BITS.index("stance")
-    assert stance == 0
-    # LF stands for 5 of the latest 10 ms, RH for 4; before, all six legs do
-    samples = [0b111111] * 10 + [0b000001] + [0b100001] * 4 + [0] * 5
-    rows = gait_rows(np.array(samples, dtype=np.uint32))
-    assert {len(row) for row in rows} == {GAIT_PLACES}
-    assert [row[-3:] for row in rows] == [" 11", *[" 10"] * 5]
+    panel = Noted(strong)
+    assert panel.titles[-7:] == ["Muscles", *(f"Muscles of {leg}" for leg in LEGS)]
+    ((bars,),) = panel.drawn("bars", "Muscles of RH")
+    assert list(bars)[:2] == ["Coxa +", "Coxa -"]
+    np.testing.assert_array_equal(list(bars.values()), strong.env.state.muscle_tensions[0, 70:])
 
 
 def test_what_is_drawn_has_no_controller_and_a_camera_on_the_thorax(fly):

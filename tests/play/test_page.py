@@ -10,7 +10,6 @@ from PIL import Image
 
 from flyrl.muscles import MotorPool
 from flyrl.resources import assets_folder
-from flyrl.simulation.worm_scenery import BAR_HEIGHT
 from tests.chromium import chromium
 from tests.play.commands import FLY, TOY, playing
 from tests.play.toy import Toy
@@ -303,7 +302,7 @@ def test_keys_recruit_neurons_and_the_worm_bends(tmp_path, browser):
         assert press(page, "h", lambda e: e["n"] == 20, played)["tension"] == tension(20)
         played.until(lambda entry: entry["bend_deg"] >= 0.4)
         assert press(page, "h", lambda e: e["n"] == 40, played)["tension"] == tension(40)
-        await_picture(page, lambda seen: red_rows(seen) == pytest.approx(BAR_HEIGHT, abs=2))
+        await_picture(page, lambda seen: red_rows(seen) >= 8)
         assert press(page, "n", lambda e: e["n"] == 20, played)["tension"] == tension(20)
         page.close()
         left = played.until(lambda entry: not entry["is_watched"])

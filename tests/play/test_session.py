@@ -6,9 +6,9 @@ import itertools
 import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION
-from flyrl.play import PlayedWorm, Session
-from flyrl.play.panel import Button, Choice, Integer, Line, Switch
-from flyrl.play.session import PAUSE, RECORD, RESET, SEED, SPEED, STEP, Pace
+from flyrl.play.session import PAUSE, RECORD, RESET, SEED, SPEED, STEP, Pace, Session
+from flyrl.play.worm import PlayedWorm
+from tests.play.noted import Noted
 from tests.play.toy import Toy
 
 AT_FIRST = {
@@ -22,16 +22,22 @@ AT_FIRST = {
 }
 
 
-def test_as_many_steps_as_time_has_passed():
-    pace = Pace(0.001)
-    times = [7.0, 7.016, 7.0164, 7.0171, 7.1171]
-    # what is left of a step is not lost: 0.4 and 0.7 ms are one step, and 0.1 ms are left
-    assert [pace.steps(now) for now in times] == [0, 16, 0, 1, 100]
-
-
-def test_a_long_delay_is_not_made_up_for():
-    pace = Pace(0.001)
-    assert [pace.steps(now) for now in (0.0, 5.0, 5.01)] == [0, 100, 10]
+@pytest.mark.parametrize(
+    ("interval_s", "speed", "times", "steps"),
+    [
+        # what is left of a step is not lost: 0.4 and 0.7 ms are one step, and 0.1 ms are left
+        (0.001, 1, [7.0, 7.016, 7.0164, 7.0171, 7.1171], [0, 16, 0, 1, 100]),
+        # a long delay is not made up for
+        (0.001, 1, [0.0, 5.0, 5.01], [0, 100, 10]),
+        # a sixteenth of 0.16 s is one step
+        (0.01, 1 / 16, [0.0, 0.08, 0.16, 0.48], [0, 0, 1, 2]),
+        # a step longer than what is made up for comes about
+        (0.5, 1, [0.0, 0.3, 0.6, 9.0], [0, 0, 1, 1]),
+    ],
+)
+def test_as_many_steps_as_time_has_passed(interval_s, speed, times, steps):
+    pace = Pace(interval_s)
+    assert [pace.steps(now, speed) for now in times] == steps
 
 
 def test_a_pause_counts_for_nothing():
@@ -40,17 +46,6 @@ def test_a_pause_counts_for_nothing():
     pace.steps(0.0005)
     pace.pause()
     assert [pace.steps(now) for now in (0.02, 0.0206, 0.03)] == [0, 0, 10]
-
-
-def test_slow_motion_takes_fewer_steps():
-    pace = Pace(0.01)
-    # a sixteenth of 0.16 s is one step
-    assert [pace.steps(now, 1 / 16) for now in (0.0, 0.08, 0.16, 0.48)] == [0, 0, 1, 2]
-
-
-def test_a_step_longer_than_what_is_made_up_for_comes_about():
-    pace = Pace(0.5)
-    assert [pace.steps(now) for now in (0.0, 0.3, 0.6, 9.0)] == [0, 0, 1, 1]
 
 
 @pytest.fixture
@@ -86,7 +81,7 @@ def kept():
 
 @pytest.fixture
 def toy(log, kept):
-    session = Session(Toy(), log.append, kept)
+    session = Session(Toy(), log.append, lambda: kept)
     session.watch(True)
     session.change("speed", 1.0)
     return session
@@ -98,8 +93,8 @@ def run(session, duration_s, start_s):
         session.advance(start_s + 0.02 * frame)
 
 
-def widgets(session, kind):
-    return [widget for widget in session.sections()[0].widgets if isinstance(widget, kind)]
+def drawn(session, what):
+    return Noted(session).drawn(what, "Time")
 
 
 def test_without_anybody_watching_nothing_happens(worm, log):
@@ -194,18 +189,18 @@ def test_a_reset_has_the_seed_that_was_typed(toy, log):
     ("name", "value", "told"),
     [
         ("shape", "cube", "shape must be one of 'box', 'ball', got 'cube'"),
-        (SEED, -1, "seed must be 0 or more, got -1"),
+        (SEED, -1, "seed must be an integer from 0"),
         (SPEED, "7", "speed must be one of"),
     ],
 )
 def test_what_is_refused_is_told_until_something_is_accepted(toy, log, name, value, told):
     toy.change(name, value)
     assert log[-1]["message"].startswith(told)
-    assert widgets(toy, Line)[-1].text.startswith(told)
+    assert drawn(toy, "text")[-1][0].startswith(told)
     assert (log[-1]["shape"], log[-1]["speed"], log[-1]["seed"]) == ("box", 1.0, 0)
     toy.change("shape", "ball")
     assert log[-1]["message"] == ""
-    assert not any(line.text.startswith(told) for line in widgets(toy, Line))
+    assert not any(text.startswith(told) for (text,) in drawn(toy, "text"))
 
 
 def test_a_click_on_the_ground_is_handed_on(toy, log):
@@ -215,16 +210,14 @@ def test_a_click_on_the_ground_is_handed_on(toy, log):
 
 def test_the_first_section_controls_time(toy):
     run(toy, 0.6, start_s=0.0)
-    time = toy.sections()[0]
-    assert time.title == "Time"
-    assert widgets(toy, Line)[0].text == "0.60 s   1.00 x real time"
-    assert [button.label for button in widgets(toy, Button)] == ["Pause", "Step", "Reset"]
-    (speed,), (seed,), (record,) = (widgets(toy, kind) for kind in (Choice, Integer, Switch))
-    assert (speed.value, seed.value, record.is_on) == ("1", 0, False)
+    panel = Noted(toy)
+    assert panel.titles == ["Time", "Drive", "What it does"]
+    assert drawn(toy, "text") == [["0.60 s   1.00 x real time"]]
+    assert drawn(toy, "buttons") == [[{PAUSE: "Pause", STEP: "Step", RESET: "Reset"}]]
+    assert [drawn(toy, kind)[0][-1] for kind in ("choice", "integer", "switch")] == ["1", 0, False]
     toy.press("space")
-    assert widgets(toy, Line)[0].text == "0.60 s   paused"
-    assert widgets(toy, Button)[0].label == "Go on"
-    assert [section.title for section in toy.sections()[1:]] == ["Drive", "What it does"]
+    assert drawn(toy, "text") == [["0.60 s   paused"]]
+    assert drawn(toy, "buttons")[0][0][PAUSE] == "Go on"
 
 
 def test_a_slow_simulation_leaves_time_for_the_page(log):

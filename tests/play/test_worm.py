@@ -7,19 +7,11 @@ import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION
 from flyrl.muscles import MotorPool
-from flyrl.play import PlayedWorm
-from flyrl.play.worm import after_press
+from flyrl.play.worm import PlayedWorm
 from flyrl.resources import assets_folder
+from tests.play.noted import Noted
 
 POOL = MotorPool.from_image(assets_folder() / "muscles" / "human.png")
-
-
-@pytest.mark.parametrize(
-    ("n", "key", "expected"),
-    [(0, "h", 20), (20, "h", 40), (40, "n", 20), (0, "n", 0), (290, "h", 300), (300, "n", 280)],
-)
-def test_a_key_recruits_twenty_neurons_more_or_fewer_within_the_pool(n, key, expected):
-    assert after_press(n, key, last=300) == expected
 
 
 @pytest.fixture
@@ -28,7 +20,7 @@ def worm():
 
 
 def test_tension_is_that_of_the_pool(worm):
-    for key, n in (("h", 20), ("h", 40), ("n", 20)):
+    for key, n in (("n", 0), ("h", 20), ("h", 40), ("n", 20)):
         worm.press(key)
         assert worm.figures() == {
             "n": n,
@@ -50,11 +42,11 @@ def test_the_panel_says_neurons_tension_and_bend(worm):
     for _ in range(10):
         worm.press("h")
     worm.data.qpos[:] = np.radians([10, 20, 5])
-    (section,) = worm.sections()
-    values, bars = section.widgets
-    assert values.labels == ("neurons up to", "tension", "bend (°)")
-    assert values.values == pytest.approx((200, POOL.recruitment[200], 35))
-    assert bars.shares == pytest.approx([POOL.recruitment[200]])
+    panel = Noted(worm)
+    tension = pytest.approx(POOL.recruitment[200])
+    (values,), (bar,) = panel.drawn("values"), panel.drawn("bars")
+    assert values == [{"neurons up to": 200, "tension": tension, "bend (°)": pytest.approx(35)}]
+    assert bar == [{"": tension}]
     assert worm.figures()["bend_deg"] == 35.0
     worm.data.qpos[:] = np.radians([0, 0, -0.04])
     assert str(worm.figures()["bend_deg"]) == "0.0"

@@ -10,19 +10,7 @@ import mujoco
 import numpy as np
 
 from flyrl.cli.play import add_to, serve
-from flyrl.play.desk import CLICK
-from flyrl.play.panel import (
-    Bars,
-    Choice,
-    Dials,
-    Integer,
-    Line,
-    Raster,
-    Section,
-    Slider,
-    Switch,
-    Values,
-)
+from flyrl.play.playable import Playable
 
 _SHAPES = {
     "box": 'type="box" size="1 0.6 0.4" rgba="0.8 0.3 0.2 1"',
@@ -48,16 +36,16 @@ _XML = """
 """
 
 
-class Toy:
+class Toy(Playable):
     """A cart; as a ball it can spin, too, so that its state is of another shape."""
 
     title = "toy"
     interval_s = 0.002
     hint = "arrow keys: drive"
+    time_s = 0.0
 
     def __init__(self):
-        self.keys = {"up": "faster", "down": "slower", "h": "hop", CLICK: "move the target"}
-        self.seed = 0
+        self.keys = {"up": "faster", "down": "slower", "h": "hop", "click": "move the target"}
         self.hops, self.is_bright = 0, False
         self.target = (3.0, 2.0)
         self.camera = mujoco.MjvCamera()
@@ -105,32 +93,21 @@ class Toy:
     def _place(self):
         self.data.mocap_pos[0] = (*self.target, 0.2)
 
-    def sections(self):
+    def draw(self, panel):
         turns = np.linspace(0, 2 * np.pi, 6, endpoint=False)
         legs = ("LF", "LM", "LH", "RF", "RM", "RH")
-        muscles = tuple(f"muscle {number}" for number in range(14))
-        return (
-            Section(
-                "Drive",
-                (
-                    Slider("speed", "speed", -2.0, 2.0, self.speed),
-                    Choice("shape", "shape", ("box", "ball", "cube"), self.shape),
-                    Switch("bright", "bright lights", self.is_bright),
-                    Integer("number", "number", 7),
-                    Line("A line of text that is so long that it does not fit into the panel."),
-                ),
-            ),
-            Section(
-                "What it does",
-                (
-                    Values(("place (mm)", "hops"), (float(self.data.qpos[0]), self.hops)),
-                    Dials(legs, tuple(turns), tuple(np.linspace(0.3, 1, 6))),
-                    Raster(legs, tuple("00111100 111"[i:] + "0110" for i in range(6)), 1.0),
-                    Bars(("one", "the other"), (0.3, 1.0)),
-                    Bars(muscles, tuple(np.linspace(0, 1, 14))),
-                ),
-            ),
-        )
+        if panel.section("Drive"):
+            panel.slider("speed", "speed", -2.0, 2.0, self.speed)
+            panel.choice("shape", "shape", ("box", "ball", "cube"), self.shape)
+            panel.switch("bright", "bright lights", self.is_bright)
+            panel.integer("number", "number", 7)
+            panel.text("A line of text that is so long that it does not fit into the panel.")
+        if panel.section("What it does"):
+            panel.values({"place (mm)": float(self.data.qpos[0]), "hops": self.hops})
+            panel.dials(legs, turns, np.linspace(0.3, 1, 6))
+            panel.raster(legs, np.eye(6, 12, dtype=bool), 16, 1.0)
+            panel.bars({"one": 0.3, "the other": 1.0})
+            panel.bars({f"muscle {number}": number / 13 for number in range(14)})
 
     def figures(self):
         x, y = self.target
