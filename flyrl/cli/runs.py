@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.cli.program import Subparsers, path_argument
-from flyrl.training.runs import RunSummary, find_runs, flat, is_run, read_run
+from flyrl.training.runs import RunSummary, find_runs, flat, is_run, names_of, read_run
 
 COLUMNS: Final = (
     "name",
@@ -113,17 +113,6 @@ def row(run: RunSummary) -> Row:
         "time": run.wall_time_s,
         "commit": commit(run),
         "problems": "; ".join(run.problems),
-    }
-
-
-def names_of(run: RunSummary) -> Row:
-    """Names of the task, the terrain and the algorithm, as one gives them on the command line."""
-    from flyrl.terrains import terrain_label  # noqa: PLC0415
-
-    return {
-        "task": run.setting("task.name"),
-        "terrain": terrain_label(run.setting("terrain.name"), run.setting("terrain.random")),
-        "algo": run.setting("algo.name"),
     }
 
 

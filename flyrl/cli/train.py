@@ -173,7 +173,7 @@ def _shares(
 
 def end_of_sweep(folder: Path) -> None:
     """Compare the runs of a sweep in a table and in a figure."""
-    from flyrl.cli.comparison import compare_sweep  # noqa: PLC0415
+    from flyrl.cli.sweeps import compare_sweep  # noqa: PLC0415
 
     compare_sweep(folder)
 
@@ -224,7 +224,7 @@ def _earlier(config: TrainingConfig, start: Start) -> RunSummary | None:
     ValueError
         Another process is at it.
     """
-    from flyrl.cli.comparison import with_effect  # noqa: PLC0415
+    from flyrl.front.comparison import with_effect  # noqa: PLC0415
     from flyrl.training.config import training_record  # noqa: PLC0415
     from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 

@@ -1,34 +1,28 @@
-"""flyrl tune: search for the best settings with Optuna; the trials are ordinary runs.
-
-The folder of a study holds
-
-- `study.json`: what is searched, the settings of all trials, and the commands;
-- `study.db`: Optuna's storage (SQLite): every trial, its values, evaluations and end;
-- the run folders of the trials;
-- `study.csv`, a line per trial, and the plots.
-"""
+"""flyrl tune: search for the best settings with Optuna; the trials are ordinary runs."""
 
 from __future__ import annotations
 
 import argparse
+import copy
 import datetime
+import functools
 import importlib.util
-import json
+import operator
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.program import Subparsers
-from flyrl.files import new_folder, write_text
-from flyrl.resources import install_command
+from flyrl.resources import configs_folder, install_command
 
 if TYPE_CHECKING:
-    from flyrl.cli.study import Plan
+    from flyrl.front.study import Plan
+    from flyrl.training.config import TrainingConfig
 
-STUDY_FILE: Final = "study.json"
+_SHOWN: Final = 10
+"""Best trials that are listed."""
 
 
 def add_to(subparsers: Subparsers) -> None:
@@ -67,70 +61,110 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Go on with a study, or start it."""
+    """Go on with a study, or start it; print its best trials."""
+    from flyrl.cli.tables import print_table  # noqa: PLC0415
     from flyrl.validation import at_least  # noqa: PLC0415
 
     if importlib.util.find_spec("optuna") is None:
         raise ValueError(f"flyrl tune needs Optuna: {install_command('optuna')}")
-    at_least("--trials", options.trials, 1)
-    at_least("--seed", options.seed, 0)
-    at_least("--prune-after", options.prune_after, 1)
-    plan, written = _plan(options)
-    # a mistake has been reported by now, without Optuna and torch
-    from flyrl.cli.study import opened, search  # noqa: PLC0415
-    from flyrl.cli.study_table import tell  # noqa: PLC0415
-    from flyrl.training.interruption import interruption  # noqa: PLC0415
-    from flyrl.training.runs import held  # noqa: PLC0415
-
-    if options.name is None:
-        folder = new_folder(plan.folder.parent, plan.folder.name)
-        plan = replace(plan, folder=folder)
-    plan.folder.mkdir(parents=True, exist_ok=True)
-    prune_after = None if options.no_pruning else options.prune_after
-    with held(plan.folder), interruption() as interrupted:
-        _note(plan, written)
-        with opened(plan, prune_after) as study:
-            number = search(study, plan, interrupted)
-            has_best = tell(study, plan, is_ended=number is None)
-    if number is not None:
-        print(f"interrupted; go on with the same command and --name {plan.folder.name}")
-    print(f"study: {plan.folder}")
-    return 128 + number if number is not None else int(not has_best)
-
-
-def _plan(options: argparse.Namespace) -> tuple[Plan, dict[str, Any]]:
-    """Check what was asked for; return it, and the search space as it was written."""
-    from flyrl.cli.config import training_config  # noqa: PLC0415
-    from flyrl.cli.search_space import (  # noqa: PLC0415
-        check_space,
-        find_space,
-        read_space,
-        search_space,
-    )
-    from flyrl.cli.study import Plan  # noqa: PLC0415
-    from flyrl.cli.sweep import by_key  # noqa: PLC0415
-    from flyrl.training.config import training_record  # noqa: PLC0415
-
+    for key, least in (("trials", 1), ("seed", 0), ("prune_after", 1)):
+        at_least(f"--{key.replace('_', '-')}", getattr(options, key), least)
     settings = compose_training(options.overrides)
     for key in ("resume", "evaluate_after"):
         if settings[key]:
             raise ValueError(f"flyrl tune only trains; {key} cannot be given with it")
-    record = training_record(training_config(settings))
+    from flyrl.front.study import tune  # noqa: PLC0415
+
+    plan = _plan(options, settings)
+    outcome = tune(plan, shlex.join(["flyrl", *sys.argv[1:]]))
+    if outcome.best is not None:
+        best = outcome.trials[outcome.trials.state == "COMPLETE"].nlargest(_SHOWN, "value")
+        columns = {f"params_{key}": key for key in plan.space} | {"user_attrs_run": "run"}
+        shown = best[["number", "value", *columns]].rename(columns=columns)
+        rows: Any = shown.to_dict("records")
+        print_table([str(column) for column in shown], rows)
+    counts = outcome.trials.state.value_counts()
+    counted = ", ".join(f"{number} {str(state).lower()}" for state, number in counts.items())
+    print(f"{len(outcome.trials)} trials: {counted}")
+    if outcome.best is not None:
+        print(f"best: {shlex.join(plan.command(outcome.best))}")
+    if outcome.interrupted_by is not None:
+        print(f"interrupted; go on with the same command and --name {plan.folder.name}")
+    print(f"study: {plan.folder}")
+    if outcome.interrupted_by is not None:
+        return 128 + outcome.interrupted_by
+    return int(outcome.best is None)
+
+
+def _plan(options: argparse.Namespace, settings: Mapping[str, Any]) -> Plan:
+    """Check what was asked for, down to what the search could draw."""
+    from flyrl.cli.config import training_config  # noqa: PLC0415
+    from flyrl.front.study import Plan, check_space, command_words, search_space  # noqa: PLC0415
+    from flyrl.training.config import training_record  # noqa: PLC0415
+
+    def configure(values: Mapping[str, Any]) -> TrainingConfig:
+        record = copy.deepcopy(dict(settings))
+        for key, value in values.items():
+            *groups, last = key.split(".")
+            functools.reduce(operator.getitem, groups, record)[last] = value
+        return training_config(record)
+
+    def command(values: Mapping[str, Any]) -> list[str]:
+        given = [
+            word for word in options.overrides if word.lstrip("+").partition("=")[0] not in values
+        ]
+        return ["flyrl-train", *given, *command_words(values)]
+
+    record = training_record(configure({}))
     path = find_space(options.search, record["algo"]["name"])
     written = read_space(path)
     space = search_space(written, {key: settings[key] for key in record}, str(path))
-    for key in by_key(options.overrides):
-        if key in space:
-            print(f"{key} is searched: what is given for it is not taken", file=sys.stderr)
-    name = options.name
-    if name is None:
-        name = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
-    elif name in {"", ".", ".."} or Path(name).name != name:
+    name = options.name or datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
+    if name in {".", ".."} or Path(name).name != name:
         raise ValueError(f"--name must be the name of a folder, got {name!r}")
     folder = Path(settings["runs_folder"]) / "studies" / name
-    plan = Plan(folder, tuple(options.overrides), settings, space, options.trials, options.seed)
-    check_space(space, plan.config, str(path))
-    return plan, written
+    prune_after = None if options.no_pruning else options.prune_after
+    plan = Plan(folder, configure, space, options.trials, options.seed, prune_after, command)
+    check_space(plan, str(path))
+    return plan
+
+
+def read_space(path: Path) -> dict[str, Any]:
+    """Keys of a file with a search space, and what each may be; ValueError if it holds none."""
+    from omegaconf import OmegaConf  # noqa: PLC0415
+
+    from flyrl.files import load_yaml  # noqa: PLC0415
+
+    plain = load_yaml(path)  # without aliases, which OmegaConf would multiply
+    if not isinstance(plain, dict) or not plain:
+        raise ValueError(f"{path} must hold keys and what each may be, got {plain!r:.60}")
+    # OmegaConf takes 1e-4 for a number, YAML 1.1 for text
+    loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
+    return {str(key): value for key, value in loaded.items()}
+
+
+def find_space(name: str | None, algo: str) -> Path:
+    """File of a search space: a path, or a name in `configs/search`; None takes the algorithm's.
+
+    Raises
+    ------
+    ValueError
+        There is no such file.
+    """
+    from flyrl.validation import one_of  # noqa: PLC0415
+
+    folder = configs_folder() / "search"
+    known = sorted(path.stem for path in folder.glob("*.yaml"))
+    if name is None and algo not in known:
+        raise ValueError(
+            f"there is no search space for algo={algo} in {folder} (there is {known}): "
+            "write one, and name it with --search FILE.yaml"
+        )
+    if name is not None and name.endswith((".yaml", ".yml")):
+        if not Path(name).is_file():
+            raise ValueError(f"--search: there is no file {name}")
+        return Path(name)
+    return folder / f"{one_of('--search', name or algo, known)}.yaml"
 
 
 def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
@@ -151,35 +185,3 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
             f"takes no sweep, got {' '.join(overrides)}"
         )
     return composed("train", overrides)
-
-
-def _note(plan: Plan, written: Mapping[str, Any]) -> None:
-    """Write down what the study is; raise ValueError if the one in its folder is another."""
-    from flyrl.training.config import training_record  # noqa: PLC0415
-    from flyrl.training.runs import flat  # noqa: PLC0415
-
-    path = plan.folder / STUDY_FILE
-    record = {
-        "seed": plan.seed,
-        "search": dict(written),
-        "settings": training_record(plan.config({})),
-    }
-    commands: list[str] = []
-    if path.exists():
-        try:
-            earlier = json.loads(path.read_text())
-            commands = [str(command) for command in earlier["commands"]]
-        except (ValueError, KeyError, TypeError) as error:
-            raise ValueError(f"{path} cannot be read: {error}") from error
-        before = flat({key: earlier.get(key) for key in record})
-        now = flat(json.loads(json.dumps(record)))
-        for key in dict.fromkeys([*before, *now]):
-            if before.get(key) != now.get(key):
-                raise ValueError(
-                    f"{plan.folder} is a study with other settings: {key} is {before.get(key)}, "
-                    f"now {now.get(key)}; take another --name"
-                )
-    elif any(plan.folder.glob("[!.]*")):
-        raise ValueError(f"{plan.folder} holds something else than a study; take another --name")
-    commands.append(shlex.join(["flyrl", *sys.argv[1:]]))
-    write_text(path, json.dumps({"commands": commands, **record}, indent=2) + "\n")

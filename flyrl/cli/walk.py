@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any, Final
 
 from flyrl.cli.program import Subparsers, path_argument
@@ -73,6 +72,7 @@ def run(options: argparse.Namespace) -> int:
     OSError
         A file that cannot be read or written.
     """
+    from flyrl.front.recordings import load_recording  # noqa: PLC0415
     from flyrl.front.walks import walk  # noqa: PLC0415
 
     files = {suffix: getattr(options, suffix) for suffix in _FILES}
@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
             raise ValueError(f"--{suffix} must name a file that ends in .{suffix}, got {path}")
     recording: dict[str, Any] = {}
     if options.joints is not None:
-        recording = {**_recording(options.joints), "rate_hz": options.rate_hz}
+        recording = {**load_recording(options.joints), "rate_hz": options.rate_hz}
     walked = walk(
         options.controller,
         options.drive,
@@ -107,40 +107,3 @@ def run(options: argparse.Namespace) -> int:
         f"{last.y_mm - first.y_mm:.2f} mm along y: {walked.outcome}"
     )
     return 0
-
-
-def _recording(path: Path) -> dict[str, Any]:
-    """Joint angles and adhesion in a file.
-
-    Raises
-    ------
-    ValueError
-        If it is no such table.
-    """
-    import numpy as np  # noqa: PLC0415
-    import pandas as pd  # noqa: PLC0415
-
-    from flyrl.anatomy import JOINTS, LEGS  # noqa: PLC0415
-
-    if path.suffix == ".npz":
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                found = {name: file[name] for name in ("joints", "adhesion") if name in file}
-        except ValueError as error:
-            raise ValueError(f"{path} is no NPZ of arrays: {error}") from error
-        if "joints" not in found:
-            raise ValueError(f"{path} must hold the array joints, (T, 42)")
-        return found
-    try:
-        table = pd.read_csv(path)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is no CSV: {error}") from error
-    missing = [name for name in JOINTS if name not in table]
-    if missing:
-        raise ValueError(f"{path} must have a column for every joint; there is no {missing[0]!r}")
-    grips = [f"adhesion_{leg}" for leg in LEGS]
-    has_grips = set(grips) <= set(table)
-    return {
-        "joints": table[list(JOINTS)].to_numpy(),
-        "adhesion": table[grips].to_numpy() if has_grips else None,
-    }

@@ -147,3 +147,40 @@ _WRITERS: Final[Mapping[str, Callable[[Path, pd.DataFrame, str], None]]] = {
     ".nwb": _write_nwb,
 }
 """Suffix -> what writes such a file."""
+
+
+def load_recording(path: Path) -> dict[str, Any]:
+    """Read joint angles, rad, (T, 42), and adhesion, (T, 6) or None, as `flyrl.walk` takes them.
+
+    Parameters
+    ----------
+    path
+        A CSV with a column per joint, and adhesion_LF, …; or an NPZ with `joints` and `adhesion`.
+
+    Raises
+    ------
+    ValueError
+        It is no such table.
+    """
+    if path.suffix == ".npz":
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                found = {name: file[name] for name in ("joints", "adhesion") if name in file}
+        except ValueError as error:
+            raise ValueError(f"{path} is no NPZ of arrays: {error}") from error
+        if "joints" not in found:
+            raise ValueError(f"{path} must hold the array joints, (T, 42)")
+        return found
+    try:
+        table = pd.read_csv(path)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} is no CSV: {error}") from error
+    missing = [name for name in JOINTS if name not in table]
+    if missing:
+        raise ValueError(f"{path} must have a column for every joint; there is no {missing[0]!r}")
+    grips = [f"adhesion_{leg}" for leg in LEGS]
+    has_grips = set(grips) <= set(table)
+    return {
+        "joints": table[list(JOINTS)].to_numpy(),
+        "adhesion": table[grips].to_numpy() if has_grips else None,
+    }

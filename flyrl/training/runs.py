@@ -186,6 +186,17 @@ class RunSummary:
         )
 
 
+def names_of(run: RunSummary) -> dict[str, Any]:
+    """Names of the task, the terrain and the algorithm, as one gives them on the command line."""
+    from flyrl.terrains import terrain_label  # noqa: PLC0415
+
+    return {
+        "task": run.setting("task.name"),
+        "terrain": terrain_label(run.setting("terrain.name"), run.setting("terrain.random")),
+        "algo": run.setting("algo.name"),
+    }
+
+
 def nested(tree: Any, key: str) -> Any:
     """Value at a dotted key of nested mappings; None where there is none."""
     for part in key.split("."):

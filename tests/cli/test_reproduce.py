@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.cli.reproduce import compare, difference
 from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout
 from flyrl.policies.lstm import LSTM, LSTMLayer
 from flyrl.policies.mlp import MLP, Layer
 from flyrl.policies.normaliser import Normaliser
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
+from flyrl.training.reproduce import compare, difference
 from flyrl.training.runs import read_run
 from tests.tiny import TINY
 from tests.training.folders import COMMIT, make_run

@@ -6,8 +6,8 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from flyrl.cli.search_space import read_space, search_space
-from flyrl.cli.tune import compose_training
+from flyrl.cli.tune import compose_training, read_space
+from flyrl.front.study import search_space
 from tests.docs.pages import ROOT, blocks, pages_with
 
 _SNIPPET = "--8<--"

@@ -1,5 +1,4 @@
 import csv
-import json
 import os
 import shlex
 import shutil
@@ -13,8 +12,8 @@ import pytest
 
 from flyrl.cli.config import training_config
 from flyrl.cli.main import main
-from flyrl.cli.study import score
 from flyrl.cli.tune import compose_training
+from flyrl.front.study import score, search_space
 from flyrl.training.config import training_record
 from flyrl.training.runs import find_runs, read_run
 from tests.tiny import TINY_ARGUMENTS
@@ -46,8 +45,10 @@ def _rows(folder, name):
 
 
 def _drawn(rows):
-    keys = ("state", "value", "algo.learning_rate", "algo.n_epochs", "algo.hidden_layers")
-    return [[row[key] for key in keys] for row in rows]
+    """Rows of trials that none other repeats, without what differs in time."""
+    keys = ("state", "value", "params_algo.learning_rate", "params_algo.n_epochs")
+    keys += ("params_algo.hidden_layers", "user_attrs_decisions")
+    return [[row[key] for key in keys] for row in rows if row["state"] != "FAIL"]
 
 
 def _load(folder, name):
@@ -68,20 +69,17 @@ def study(tmp_path_factory):
 
 def test_every_trial_is_a_run_with_what_was_drawn(study):
     rows = _rows(study, "two")
-    assert [row["state"] for row in rows] == ["complete"] * 2
+    assert [row["state"] for row in rows] == ["COMPLETE"] * 2
+    assert len({row["params_algo.learning_rate"] for row in rows}) == 2
     assert len(find_runs(study)) == 2
     for row in rows:
-        run = read_run(study / "studies" / "two" / row["run"])
+        run = read_run(study / "studies" / "two" / row["user_attrs_run"])
         assert run.state == "finished"
-        assert run.setting("algo.learning_rate") == float(row["algo.learning_rate"])
-        assert run.setting("algo.n_epochs") == int(row["algo.n_epochs"])
-        assert str(run.setting("algo.hidden_layers")).replace(" ", "") == row["algo.hidden_layers"]
+        assert run.setting("algo.learning_rate") == float(row["params_algo.learning_rate"])
+        assert run.setting("algo.n_epochs") == int(row["params_algo.n_epochs"])
+        assert str(run.setting("algo.hidden_layers")) == row["params_algo.hidden_layers"]
         assert float(row["value"]) == score(run.best, 1)
-        assert int(row["decisions"]) == run.best["decisions"]
-
-
-def test_trials_differ(study):
-    assert len({row["algo.learning_rate"] for row in _rows(study, "two")}) == 2
+        assert float(row["user_attrs_decisions"]) == run.best["decisions"]
 
 
 def test_the_command_of_a_run_trains_it_without_the_study(study):
@@ -102,22 +100,14 @@ def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
     (line,) = [line for line in output.splitlines() if line.startswith("best: ")]
     _, *overrides = shlex.split(line.removeprefix("best: "))
     settings = training_record(training_config(compose_training(overrides)))
-    assert settings == read_run(study / "studies" / "two" / best["run"]).settings
+    assert settings == read_run(study / "studies" / "two" / best["user_attrs_run"]).settings
     assert "2 trials: 2 complete" in output
 
 
-def test_the_plots_are_drawn(study):
-    folder = study / "studies" / "two"
-    for name in ("history", "slices"):
-        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
-        assert "<svg" in (folder / f"{name}.svg").read_text()
-
-
 def test_the_study_is_written_down(study):
-    record = json.loads((study / "studies" / "two" / "study.json").read_text())
-    assert record["commands"][0] == "flyrl tune --name two"
-    assert record["search"]["algo.n_epochs"] == {"low": 1, "high": 2}
-    assert record["settings"]["training"]["total_decisions"] == 96
+    noted = _load(study, "two").user_attrs
+    assert noted["commands"][0] == "flyrl tune --name two"
+    assert noted["record"]["settings"]["training"]["total_decisions"] == 96
 
 
 def test_a_study_with_other_settings_is_another(study, capsys):
@@ -125,7 +115,7 @@ def test_a_study_with_other_settings_is_another(study, capsys):
     assert _tune(study, *name, overrides=["algo.gamma=0.5"]) == 2
     assert "settings.algo.gamma is 0.98, now 0.5" in capsys.readouterr().err
     assert _tune(study, *name, space=SPACE.replace("3e-2", "4e-2")) == 2
-    assert "learning_rate.high is 0.03, now 0.04" in capsys.readouterr().err
+    assert "learning_rate.attributes.high is 0.03, now 0.04" in capsys.readouterr().err
     assert _tune(study, *name, "--seed", "1") == 2
     assert "seed is 0, now 1" in capsys.readouterr().err
 
@@ -148,30 +138,15 @@ def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, 
     thread.join()
     assert status == 128 + signal.SIGTERM
     assert "interrupted; go on with the same command" in capsys.readouterr().out
-    before = _rows(tmp_path, "two")
-    assert [row["state"] for row in before] == ["interrupted"]
-    assert read_run(folder / before[0]["run"]).state == "interrupted"
-    if is_killed:  # what a kill after the checkpoint leaves: the trial does not know its run
+    (run,) = find_runs(folder)
+    assert read_run(run).state == "interrupted"
+    if is_killed:  # what a kill after the checkpoint leaves: a trial that runs, and a run
         left = _load(tmp_path, "two")
-        left._storage.set_trial_user_attr(left.get_trials()[0]._trial_id, "run", None)
-        (folder / before[0]["run"] / "status.json").unlink()
+        left.ask(left.trials[0].distributions)
+        (run / "status.json").unlink()
     assert _tune(tmp_path, "--name", "two", "--trials", "2") == 0
     assert _drawn(_rows(tmp_path, "two")) == _drawn(_rows(study, "two"))
     assert len(find_runs(tmp_path)) == 2
-
-
-def test_a_trial_that_was_killed_counts_as_failed(tmp_path, capsys):
-    assert _tune(tmp_path, "--name", "a", "--trials", "1") == 0
-    distributions = _load(tmp_path, "a").get_trials()[0].distributions
-    _load(tmp_path, "a").ask(distributions)  # what a kill leaves: a trial without an end
-    assert _tune(tmp_path, "--name", "a", "--trials", "2") == 0
-    assert "trial 1 failed: killed" in capsys.readouterr().err
-    rows = _rows(tmp_path, "a")
-    assert [(row["state"], row["error"]) for row in rows] == [
-        ("complete", ""),
-        ("failed", "killed"),
-    ]
-    assert len(find_runs(tmp_path)) == 1
 
 
 def test_a_trial_that_falls_behind_is_pruned(tmp_path):
@@ -190,27 +165,26 @@ def test_a_trial_that_falls_behind_is_pruned(tmp_path):
         )
     assert _tune(tmp_path, "--name", "a", "--trials", "4", "--prune-after", "3") == 0
     last = _rows(tmp_path, "a")[3]
-    run = read_run(tmp_path / "studies" / "a" / last["run"])
-    assert last["state"] == "pruned"
+    run = read_run(tmp_path / "studies" / "a" / last["user_attrs_run"])
+    assert last["state"] == "PRUNED"
     assert [row["decisions"] for row in run.evaluations] == [32, 64]
     assert '"interrupted_by": "pruning"' in (run.path / "status.json").read_text()
     assert _tune(tmp_path, "--name", "a", "--trials", "5", "--no-pruning") == 0
-    assert _rows(tmp_path, "a")[4]["state"] == "complete"
+    assert _rows(tmp_path, "a")[4]["state"] == "COMPLETE"
 
 
 def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
     space = "algo.batch_size: {low: 16, high: 32}"  # of 32 decisions: 17 to 31 divide none
     assert _tune(tmp_path, "--name", "a", "--trials", "1", space=space) == 1
     captured = capsys.readouterr()
-    assert "no trial came to its end: 1 failed" in captured.out
-    assert "algo.batch_size is searched: what is given for it is not taken" in captured.err
+    assert "1 trials: 1 fail" in captured.out
     assert "trial 0 failed: ValueError: algo.batch_size" in captured.err
     assert find_runs(tmp_path) == []
     assert _tune(tmp_path, "--name", "a", "--trials", "2", space=space) == 0
     rows = _rows(tmp_path, "a")
-    assert [(row["state"], row["algo.batch_size"]) for row in rows] == [
-        ("failed", "25"),
-        ("complete", "32"),
+    assert [(row["state"], row["params_algo.batch_size"]) for row in rows] == [
+        ("FAIL", "25"),
+        ("COMPLETE", "32"),
     ]
 
 
@@ -249,8 +223,35 @@ def test_a_storage_that_cannot_be_used_is_an_error_in_one_line(study, tmp_path, 
     )
 
 
-def test_a_folder_with_something_else_is_left_alone(tmp_path, capsys):
-    (tmp_path / "studies" / "a").mkdir(parents=True)
-    (tmp_path / "studies" / "a" / "mine.txt").write_text("")
-    assert _tune(tmp_path, "--name", "a", "--trials", "1") == 2
-    assert "something else than a study" in capsys.readouterr().err
+SETTINGS = {"algo": {"learning_rate": 1e-3, "n_epochs": 10}, "seed": 0}
+
+
+@pytest.mark.parametrize(
+    ("key", "given", "said"),
+    [
+        ("algo.learning_rat", {"low": 0, "high": 1}, "did you mean 'algo.learning_rate'"),
+        ("seed", {"low": 0, "high": 9}, "seed cannot be searched"),
+        ("algo.learning_rate", 1e-3, "must be {low, high} or {choices}, got 0.001"),
+        ("algo.learning_rate", {"low": 1e-3}, "missing 1 required positional argument: 'high'"),
+        ("algo.learning_rate", {"low": 0.1, "hihg": 1}, "'hihg'"),
+        ("algo.learning_rate", {"low": 1, "high": 0}, "low <= high"),
+        ("algo.learning_rate", {"low": 0, "high": 1, "log": True}, "low > 0"),
+        ("algo.n_epochs", {"low": 1.5, "high": 3}, "must be whole numbers"),
+        ("algo.n_epochs", {"choices": [1], "low": 1}, "'low'"),
+    ],
+)
+def test_a_space_that_cannot_be_meant_so(key, given, said):
+    with pytest.raises(ValueError, match=r"^mine\.yaml: ") as error:
+        search_space({key: given}, SETTINGS, "mine.yaml")
+    assert said in str(error.value)
+
+
+def test_success_counts_first_and_equal_success_by_the_return():
+    def of(success_rate, mean_return):
+        return score({"success_rate": success_rate, "mean_return": mean_return}, 4)
+
+    assert of(0.5, 0.0) == 0.5 + 0.5 / 4
+    assert of(0.5, 1.0) == pytest.approx(0.5 + 0.75 / 4)  # atan(1) = pi / 4
+    assert of(0.5, -1e6) < of(0.5, -1.0) < of(0.5, 2.0) < of(0.5, 1e6) < of(0.75, -1e6)
+    evaluation = {"success_rate": 0.5, "mean_return": 1e6}
+    assert score(evaluation, 4, has_one_reward=False) == 0.5

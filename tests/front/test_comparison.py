@@ -6,8 +6,10 @@ from xml.etree import ElementTree as ET
 import pytest
 import yaml
 
-from flyrl.cli.comparison import (
-    compare_sweep,
+from flyrl.cli.main import main
+from flyrl.cli.sweep import run_job
+from flyrl.cli.sweeps import compare_sweep
+from flyrl.front.comparison import (
     group_jobs,
     group_runs,
     label,
@@ -15,8 +17,6 @@ from flyrl.cli.comparison import (
     table,
     telling_keys,
 )
-from flyrl.cli.main import main
-from flyrl.cli.sweep import run_job
 from flyrl.training.runs import read_run
 from tests.training.folders import make_run
 
@@ -29,7 +29,7 @@ def _jobs(tmp_path, algo, successes):
     for seed, success in enumerate(successes):
         rows = [(100, 1.0, 5.0), (200, success, 2.0)]
         folder = make_run(tmp_path / f"{algo}{seed}", seed=seed, evaluations=rows)
-        yield (f"seed={seed}", f"algo={algo}"), read_run(folder)
+        yield {"seed": str(seed), "algo": algo}, read_run(folder)
 
 
 def _run(folder, settings=None, **arguments):
@@ -83,7 +83,8 @@ def test_four_seeds_have_none(tmp_path):
 def test_a_row_per_swept_setting_over_finished_runs_only(tmp_path):
     jobs = [*_jobs(tmp_path, "ppo", [0.5, 0.75]), *_jobs(tmp_path, "sac", [0.25])]
     unfinished = make_run(tmp_path / "x", interrupted_by="SIGTERM")
-    jobs += [(("seed=1", "algo=sac"), read_run(unfinished)), (("seed=2", "algo=sac"), None)]
+    jobs += [({"seed": "1", "algo": "sac"}, read_run(unfinished))]
+    jobs += [({"seed": "2", "algo": "sac"}, None)]
     rows = table(group_jobs(jobs))
     assert [(row["algo"], row["jobs"], row["runs"]) for row in rows] == [
         ("ppo", 2, 2),

@@ -1,4 +1,4 @@
-"""What came of every setting, over its seeds: a table, and a figure of the learning curves."""
+"""Runs of sweeps compared over their seeds: a table, and a figure of the learning curves."""
 
 from __future__ import annotations
 
@@ -8,18 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from flyrl.cli.runs import names_of
-from flyrl.cli.sweep import Job, Note, by_key, read_jobs, swept_keys
-from flyrl.cli.tables import NOTHING, print_table
 from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
 from flyrl.text import csv_text, printable
 from flyrl.training.config import WITHOUT_EFFECT
-from flyrl.training.runs import RunSummary, find_runs, flat, read_run
+from flyrl.training.runs import RunSummary, find_runs, flat, names_of, read_run
 
 COMPARISON_FILE: Final = "comparison.csv"
+NOTHING: Final = "-"
 
 Figure = tuple[str, str, tuple[float, ...]]
 """Which evaluation of a run, which of its columns, and what that lies within."""
@@ -47,16 +45,33 @@ class Group:
     runs: tuple[RunSummary, ...]
 
 
-def group_jobs(jobs: Sequence[tuple[Job, RunSummary | None]]) -> list[Group]:
+@dataclass(frozen=True)
+class RunComparison:
+    """Groups of runs, the best first, as `write_comparison` wrote them.
+
+    Attributes
+    ----------
+    rows
+        A row per group for people: the settings that tell it apart, and its values as text.
+    notes
+        Lines that say how to read them.
+    """
+
+    rows: list[Row]
+    notes: list[str]
+
+
+def group_jobs(jobs: Sequence[tuple[Mapping[str, str], RunSummary | None]]) -> list[Group]:
     """A group per combination of swept settings, but for the seed.
 
     Parameters
     ----------
     jobs
-        Overrides of each job, and its run where it made one.
+        Overrides of each job by key, and its run where it made one.
     """
-    keys = [key for key in swept_keys([job for job, _ in jobs]) if key != "seed"]
-    return _grouped([({key: by_key(job).get(key) for key in keys}, run) for job, run in jobs])
+    keys = dict.fromkeys(key for job, _ in jobs for key in job if key != "seed")
+    swept = [key for key in keys if len({job.get(key) for job, _ in jobs}) > 1]
+    return _grouped([({key: job.get(key) for key in swept}, run) for job, run in jobs])
 
 
 def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
@@ -215,29 +230,7 @@ def _figure(figure: Figure, runs: Sequence[RunSummary]) -> Interval:
     return mean_over_runs([row[key] for row in evaluations if row and key in row], *limits)
 
 
-def compare_sweep(folder: Path, output: Path | None = None) -> None:
-    """Compare the runs of a sweep: print the table, write it and the learning curves.
-
-    Parameters
-    ----------
-    folder
-        Of the sweep.
-    output
-        Where to write to; None is the folder of the sweep.
-
-    Raises
-    ------
-    ValueError
-        There is no sweep in the folder.
-    OSError
-        The folder cannot be written to.
-    """
-    _tell(
-        group_jobs([(job, _run(folder, note)) for job, note in read_jobs(folder)]), output or folder
-    )
-
-
-def compare_folders(folders: Sequence[Path], output: Path) -> None:
+def compare_folders(folders: Sequence[Path], output: Path) -> RunComparison:
     """Compare all runs in some folders, which may be of sweeps or of single runs, as of one sweep.
 
     Raises
@@ -259,11 +252,11 @@ def compare_folders(folders: Sequence[Path], output: Path) -> None:
     readable = [run for run in found.values() if run.settings]
     if not readable:
         raise ValueError("there are no settings of any run to compare")
-    _tell(group_runs(readable), output)
+    return write_comparison(group_runs(readable), output)
 
 
-def _tell(groups: Sequence[Group], output: Path) -> None:
-    """Print the table, and write it and the learning curves."""
+def write_comparison(groups: Sequence[Group], output: Path) -> RunComparison:
+    """Write table and learning curves of groups to a folder."""
     groups = ranked(groups)
     rows, figures = table(groups), figures_of(groups)
     output.mkdir(parents=True, exist_ok=True)
@@ -283,16 +276,16 @@ def _tell(groups: Sequence[Group], output: Path) -> None:
         }
         for row in rows
     ]
-    print_table(list(shown[0]), shown)
-    print(
+    notes = [
         f"mean over finished runs [{CONFIDENCE:.0%} interval of the mean, Student's t]; fewer than "
-        f"{MIN_RUNS} runs, or equal ones, have no interval"
-    )
-    print(f"best first, by the final {', '.join(ranking_metrics(groups))}")
+        f"{MIN_RUNS} runs, or equal ones, have no interval",
+        f"best first, by the final {', '.join(ranking_metrics(groups))}",
+    ]
     if not has_one_reward(groups):
-        print("their rewards differ, so returns are not compared")
+        notes.append("their rewards differ, so returns are not compared")
     if others := [key for key in groups[0].settings if key not in keys]:
-        print(printable(f"they differ also in {', '.join(others)}: see {output / COMPARISON_FILE}"))
+        notes.append(f"they differ also in {', '.join(others)}: see {output / COMPARISON_FILE}")
+    return RunComparison(shown, list(map(printable, notes)))
 
 
 def telling_keys(groups: Sequence[Group]) -> list[str]:
@@ -318,10 +311,6 @@ def _in_common(groups: Sequence[Group]) -> str:
     names = [names_of(run) for group in groups for run in group.runs]
     values = [{own[key] for own in names} for key in (names[0] if names else ())]
     return printable(" ".join(value.pop() for value in values if len(value) == 1))
-
-
-def _run(folder: Path, note: Note | None) -> RunSummary | None:
-    return read_run(folder / note.folder) if note and note.folder else None
 
 
 def _shown(row: Row, column: str) -> str:
