@@ -65,7 +65,6 @@ def add_completers(commands: Mapping[str, argparse.ArgumentParser]) -> None:
 
 def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
     """What offers the values of an argument of a subcommand, if anything does."""
-    from flyrl.cli.bench import MEASURED  # noqa: PLC0415
     from flyrl.cli.figures import FIGURES  # noqa: PLC0415
     from flyrl.cli.play import NAMES  # noqa: PLC0415
 
@@ -75,7 +74,6 @@ def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
         ("evaluate", "overrides"): functools.partial(overrides, "evaluate"),
         ("figures", "names"): lambda **_: dict(FIGURES),
         ("play", "name"): lambda **_: dict.fromkeys(NAMES, ""),
-        ("bench", "parts"): lambda **_: dict.fromkeys(MEASURED, ""),
         ("runs", "paths"): folders,
         ("sweep", "folders"): functools.partial(folders, below="sweeps"),
         ("reproduce", "original"): folders,
