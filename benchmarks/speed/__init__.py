@@ -1,1 +1,1 @@
-"""How fast flyrl is beside other simulators of the fly; flyrl itself is measured by flyrl.bench."""
+"""How fast flyrl is on this machine, part by part, and beside other simulators of the fly."""

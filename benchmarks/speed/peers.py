@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from tqdm import tqdm
 
-from flyrl.bench.engine import SETTLING_S, settled_scene, walking_time
-from flyrl.bench.results import Row, significant
+from benchmarks.speed.engine import SETTLING_S, settled_scene, walking_time
+from benchmarks.speed.results import Row, significant
 from flyrl.simulation.flies import FlyBatch
 
 FLYRL_PRESETS: Final = ("reference", "balanced")

@@ -75,14 +75,12 @@ def offered(
 
 def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
     """What offers the values of an argument of a subcommand, if anything does."""
-    from flyrl.cli.bench import MEASURED  # noqa: PLC0415
     from flyrl.cli.figures import FIGURES  # noqa: PLC0415
     from flyrl.cli.play import NAMES  # noqa: PLC0415
 
     by_both: dict[tuple[str, str], Callable[..., Offer]] = {
         ("figures", "names"): lambda **_: dict(FIGURES),
         ("play", "name"): lambda **_: dict.fromkeys(NAMES, ""),
-        ("bench", "parts"): lambda **_: dict.fromkeys(MEASURED, ""),
         ("runs", "paths"): folders,
         ("sweep", "folders"): functools.partial(folders, below="sweeps"),
         ("reproduce", "original"): folders,

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from flyrl.cli import (
-    bench,
     compile,
     completion,
     figures,
@@ -34,7 +33,6 @@ _SUBCOMMANDS: Final = (
     sweeps,
     reproduce,
     tune,
-    bench,
     compile,
     completion,
 )
@@ -62,7 +60,6 @@ _EXAMPLES: Final = """examples:
   flyrl figures cpg_tripod
   flyrl runs --sort best --reverse
   flyrl reproduce runs/2026-01-31_120000_target_flat_ppo_0
-  flyrl bench engine --presets balanced --terrains flat
 
 exit status:
   0 done; 1 done, but something was left out or came to something else; 2 the command line, or a
@@ -120,7 +117,7 @@ def command_parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.Argum
     parser = argparse.ArgumentParser(
         prog="flyrl",
         description="Train policies that steer a simulated fly, compare and play with them; look "
-        "at runs,\nrepeat and tune them; draw figures; measure speed.",
+        "at runs,\nrepeat and tune them; draw figures.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog=_EXAMPLES,
     )

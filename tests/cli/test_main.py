@@ -127,28 +127,3 @@ def test_nothing_heavy_is_loaded_to_answer():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
-
-
-def test_bench_shows_what_is_stored(tmp_path, capsys):
-    assert main(["bench", "--show", "--output", str(tmp_path / "speed.json")]) == 0
-    assert capsys.readouterr().out == "nothing measured yet\n"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["engin"], "'engin'; did you mean 'engine'?"),
-        (["peers"], "part must be one of"),
-        (["engine", "--presets", "balance"], "'balance'; did you mean 'balanced'?"),
-    ],
-)
-def test_bench_names_what_it_cannot_measure(arguments, told, capsys, tmp_path):
-    assert main(["bench", *arguments, "--output", str(tmp_path / "speed.json")]) == 2
-    assert told in capsys.readouterr().err
-
-
-def test_bench_refuses_a_file_of_something_else(tmp_path, capsys):
-    path = tmp_path / "speed.json"
-    path.write_text("{")
-    assert main(["bench", "single", "--output", str(path)]) == 2
-    assert f"{path} holds no results of flyrl bench" in capsys.readouterr().err

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_callback import make_batch
 
-from flyrl.bench.scale import counted_compilations
+from benchmarks.speed.scale import counted_compilations
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.simulation.physics import FLY_PRESETS, PHYSICS_PRESETS

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.speed import engine, overhead, results
 from benchmarks.speed.__main__ import main
-from flyrl.bench import engine, overhead, results, worms
-from flyrl.bench.stopwatch import Stopwatch
-from flyrl.bench.table import aligned, engine_table, peers_table, rendering_table, table
+from benchmarks.speed.layers import Stopwatch
+from benchmarks.speed.results import part_table, table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.flies import FlyBatch
@@ -33,19 +33,14 @@ def cell(flies: int, speed: float, threads: int = 1, unstable: int = 0) -> resul
     }
 
 
-def test_a_new_part_takes_the_place_of_the_old_and_keeps_the_others() -> None:
-    stored = {"single": part(physics="old"), "scale": part(flies=1)}
-    merged = results.merged(stored, {"single": part(physics="new"), "engine": part(flies=2)})
-    assert list(merged) == ["engine", "scale", "single"]
-    assert merged["single"]["rows"] == [{"physics": "new"}]
-    assert merged["scale"] == stored["scale"]
-
-
-def test_results_are_read_back_and_none_where_there_is_no_file(tmp_path: Path) -> None:
+def test_results_are_read_back_in_order_and_none_where_there_is_no_file(tmp_path: Path) -> None:
     path = tmp_path / "new" / "speed.json"
     assert results.read(path) == {}
-    results.write(path, {"scale": part(flies=1)})
-    assert results.read(path) == {"scale": part(flies=1)}
+    results.write(path, {"scale": part(flies=1), "engine": part(flies=2)})
+    assert list(results.read(path).items()) == [
+        ("engine", part(flies=2)),
+        ("scale", part(flies=1)),
+    ]
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"scal": {}}', '{"scale": []}', '{"scale": {}}'])
@@ -55,50 +50,24 @@ def test_a_file_of_other_contents_is_an_error_that_names_it(tmp_path: Path, text
         results.read(tmp_path / "speed.json")
 
 
-def test_columns_are_aligned() -> None:
-    text = aligned(["name", "n"], [["a", "1"], ["longer", "1,000"]])
-    assert text.splitlines() == ["  name        n", "  a           1", "  longer  1,000"]
-
-
-def test_engine_table_has_a_column_per_number_of_flies() -> None:
-    text = engine_table([cell(64, 4000.0), cell(1, 1500.0), cell(64, 9000.0, threads=2)])
-    head, one, two = text.splitlines()
-    assert head.split() == ["physics", "terrain", "threads", "1", "fly", "64", "flies"]
-    assert one.split() == ["fast", "flat", "1", "1,500", "(1.50)", "4,000", "(4.00)"]
+def test_engine_table_has_a_column_per_number_of_flies_and_marks_unstable_ones() -> None:
+    rows = [cell(64, 4000.0, unstable=1), cell(1, 1500.0), cell(64, 9000.0, threads=2)]
+    head, one, two, note = part_table("engine", rows).splitlines()
+    assert head.split() == ["physics", "terrain", "threads", "1", "flies", "64", "flies"]
+    assert one.split() == ["fast", "flat", "1", "1,500", "(1.50)", "4,000", "(4.00)!"]
     assert two.split() == ["fast", "flat", "2", "-", "9,000", "(9.00)"]
+    assert note.strip().startswith("!")
 
 
-def test_engine_table_marks_where_a_fly_blew_up() -> None:
-    text = engine_table([cell(1, 1500.0), cell(64, 4000.0, unstable=1)])
-    assert "(1.50) " in text
-    assert "(4.00)!" in text
-    assert text.splitlines()[-1].strip().startswith("!")
-
-
-def test_peers_table_says_what_was_not_measured() -> None:
-    text = peers_table(
-        [
-            {
-                "simulator": "flygym 2",
-                "terrain": "flat",
-                "what": "replay",
-                "steps_per_s": 1000.0,
-                "real_time": 0.1,
-                "ratio": 52.04,
-            },
-            {"simulator": "flygym-gymnasium", "note": "not measured: pass --flygym PYTHON"},
-        ]
+def test_tables_say_what_was_not_measured() -> None:
+    row = {"simulator": "flygym 2", "terrain": "flat", "steps_per_s": 1000.0, "ratio": 52.04}
+    missing = {"simulator": "flygym-gymnasium", "note": "not measured: pass --flygym PYTHON"}
+    _, measured, note = part_table("peers", [row, missing]).splitlines()
+    assert measured.split() == ["flygym", "2", "flat", "1,000", "52.04"]
+    assert note == "  flygym-gymnasium: not measured: pass --flygym PYTHON"
+    assert part_table("rendering", [{"note": "not measured: no GL"}]) == (
+        "  rendering: not measured: no GL"
     )
-    _, measured, note = text.splitlines()
-    assert measured.split() == ["flat", "flygym", "2", "replay", "1,000", "0.100", "52.0"]
-    assert note.strip() == "flygym-gymnasium: not measured: pass --flygym PYTHON"
-
-
-def test_rendering_table_says_how_long_a_picture_takes_or_why_there_is_none() -> None:
-    row = {"terrain": "flat", "camera": "top", "pictures_per_s": 21.32, "wall_ms": 46.91}
-    text = rendering_table([{**row, "processor_ms": 45.04}])
-    assert text.splitlines()[1].split() == ["flat", "top", "21.3", "46.9", "45.0"]
-    assert rendering_table([{"note": "not measured: no GL"}]) == "  not measured: no GL"
 
 
 def test_machine_is_named_where_it_changes() -> None:
@@ -157,19 +126,9 @@ def test_a_larger_batch_repeats_the_settled_flies() -> None:
 
 
 def test_worms_are_timed_by_name() -> None:
-    rows = worms.measure(0.01, worms=2)
+    rows = engine.measure_worms(0.01, worms=2)
     assert [row["worm"] for row in rows] == list(WORMS)
     assert all(row["steps_per_s"] > 0 and not row["unstable"] for row in rows)
-
-
-def test_worm_table_marks_where_a_worm_blew_up() -> None:
-    row = {"worms": 32, "steps_per_s": 51234.0, "real_time": 51.234}
-    rows = [{"worm": "a", "unstable": 0, **row}, {"worm": "b", "unstable": 1, **row}]
-    text = table({"worm": results.Part(machine=MACHINE, settings={}, rows=rows)})
-    one, two, note = text.splitlines()[-3:]
-    assert one.split() == ["a", "32", "51,234", "51.2"]
-    assert two.split() == ["b", "32", "51,234!", "51.2"]
-    assert note.strip().startswith("!")
 
 
 def test_the_bare_replay_must_end_where_the_recording_did() -> None:

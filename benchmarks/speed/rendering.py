@@ -3,12 +3,13 @@
 import time
 from collections.abc import Sequence
 from contextlib import closing
+from itertools import product
 from typing import Final
 
 import numpy as np
 from tqdm import tqdm
 
-from flyrl.bench.results import Row, significant
+from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.report.captions import clock_text, titled
 from flyrl.report.video import measured
@@ -39,16 +40,11 @@ def measure(terrains: Sequence[str], pictures: int = 60) -> list[Row]:
     Each with the median picture's rate and wall time, and the processor time of all threads. Where
     nothing can be drawn, a single row says so.
     """
-    rows: list[Row] = []
-    with tqdm(total=len(terrains) * len(CAMERAS), unit="cell", desc="rendering") as bar:
-        for terrain in terrains:
-            for camera in CAMERAS:
-                try:
-                    rows.append(_measure(terrain, camera, pictures))
-                except RenderingUnavailableError as error:
-                    return [{"note": f"not measured: {error}"}]
-                bar.update()
-    return rows
+    cells = tqdm(list(product(terrains, CAMERAS)), desc="rendering")
+    try:
+        return [_measure(terrain, camera, pictures) for terrain, camera in cells]
+    except RenderingUnavailableError as error:
+        return [{"note": f"not measured: {error}"}]
 
 
 def _measure(terrain: str, camera: Camera, pictures: int) -> Row:

@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 import psutil
 
-from flyrl.bench.results import Row, significant
+from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 
 FLIES: Final = 1024
@@ -26,7 +26,7 @@ RESETS: Final = 20
 
 def measure() -> list[Row]:
     """Measure in a fresh process: task `target`, balanced physics, flat ground."""
-    command = [sys.executable, "-m", "flyrl.bench.scale"]
+    command = [sys.executable, "-m", "benchmarks.speed.scale"]
     found = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
     rows: list[Row] = json.loads(found.stdout)
     return rows

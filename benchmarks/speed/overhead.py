@@ -16,8 +16,8 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from flyrl.bench.engine import States, settle
-from flyrl.bench.results import Row, significant
+from benchmarks.speed.engine import States, settle
+from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation import callback
 from flyrl.simulation.scene import Scene

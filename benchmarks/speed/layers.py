@@ -4,7 +4,11 @@ Methods are timed by wrapping them here, from outside; flyrl itself carries no c
 """
 
 import time
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -12,13 +16,66 @@ import torch
 from tqdm import tqdm
 
 import flyrl  # noqa: F401 (registers the environments)
-from flyrl.bench.results import Row, significant
-from flyrl.bench.stopwatch import Stopwatch
+from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import TrainingConfig
 from flyrl.training.models import build_model
+
+
+class Stopwatch:
+    """Adds up wall time by name; what runs inside another name's time counts for itself alone.
+
+    Parameters
+    ----------
+    clock
+        Gives the time, s.
+
+    Attributes
+    ----------
+    seconds
+        Time so far, by name.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self._clock = clock
+        self._running: list[str] = []
+        self._since = 0.0
+
+    @contextmanager
+    def timing(self, name: str) -> Iterator[None]:
+        """Count the block as `name`."""
+        self._credit()
+        self._running.append(name)
+        try:
+            yield
+        finally:
+            self._credit()
+            self._running.pop()
+
+    def wrap(self, owner: Any, method: str, name: str) -> None:
+        """Count every call of `owner.method` from now on as `name`."""
+        wrapped = getattr(owner, method)
+
+        @wraps(wrapped)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            with self.timing(name):
+                return wrapped(*args, **kwargs)
+
+        setattr(owner, method, timed)
+
+    def shares(self) -> dict[str, float]:
+        """Share of each name in the time of all."""
+        total = sum(self.seconds.values())
+        return {name: seconds / total for name, seconds in self.seconds.items()}
+
+    def _credit(self) -> None:
+        now = self._clock()
+        if self._running:
+            self.seconds[self._running[-1]] += now - self._since
+        self._since = now
 
 
 def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64) -> list[Row]:

@@ -1,17 +1,20 @@
-"""Physics steps per second of walking flies, controller included."""
+"""Physics steps per second of walking flies, controller included, and of worms."""
 
 import time
 from collections.abc import Sequence
+from itertools import product
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from flyrl.bench.results import Row, significant
+from benchmarks.speed.results import Row, significant
+from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.scene import Scene
+from flyrl.simulation.scene import Scene, SceneConfig, build_scene
+from flyrl.simulation.worms import WormBatch
 
 SETTLING_S: Final = 0.2
 """s of simulated time before anything is measured: the fly drops and gets going."""
@@ -24,6 +27,12 @@ MAX_SETTLED: Final = 64
 """Flies that are settled, at most; a larger batch repeats them."""
 
 MIN_STEPS: Final = 3
+
+WORM_DECISION_S: Final = 0.05
+"""s of simulated time for which muscles hold."""
+
+WORM_WARM_UP: Final = 10
+"""Decisions before anything is measured: the worms get going."""
 
 States = NDArray[np.float64]
 
@@ -84,28 +93,22 @@ def measure(
 ) -> list[Row]:
     """One row per preset, terrain, number of threads and number of flies."""
     rows = []
-    total = len(presets) * len(terrains) * len(threads) * len(batches)
-    with tqdm(total=total, unit="cell", desc="engine") as bar:
-        for physics in presets:
-            for terrain in terrains:
-                scene, start = settled_scene(physics, terrain, max(batches))
-                timestep = scene.config.physics.timestep
-                for num_threads in threads:
-                    for num_flies in batches:
-                        flies = FlyBatch(scene, num_flies, num_threads)
-                        speed = steps_per_second(flies, start[:num_flies], seconds)
-                        rows.append(
-                            {
-                                "physics": physics,
-                                "terrain": terrain,
-                                "threads": num_threads,
-                                "flies": num_flies,
-                                "steps_per_s": significant(speed),
-                                "real_time": significant(speed * timestep),
-                                "unstable": int(flies.state().is_unstable.sum()),
-                            }
-                        )
-                        bar.update()
+    for physics, terrain in tqdm(list(product(presets, terrains)), desc="engine"):
+        scene, start = settled_scene(physics, terrain, max(batches))
+        for num_threads, num_flies in product(threads, batches):
+            flies = FlyBatch(scene, num_flies, num_threads)
+            speed = steps_per_second(flies, start[:num_flies], seconds)
+            rows.append(
+                {
+                    "physics": physics,
+                    "terrain": terrain,
+                    "threads": num_threads,
+                    "flies": num_flies,
+                    "steps_per_s": significant(speed),
+                    "real_time": significant(speed * scene.config.physics.timestep),
+                    "unstable": int(flies.state().is_unstable.sum()),
+                }
+            )
     return rows
 
 
@@ -121,7 +124,8 @@ def measure_threads(seconds: float, repeats: int, flies: int = 64) -> list[Row]:
         {
             "flies": flies,
             "ratio": significant(float(np.median(ratios))),
-            "ratios": [significant(ratio) for ratio in ratios],
+            "lowest": significant(min(ratios)),
+            "highest": significant(max(ratios)),
         }
     ]
 
@@ -132,3 +136,44 @@ def walking_time(flies: FlyBatch, start: States, steps: int) -> float:
     began = time.perf_counter()
     flies.step(steps)
     return time.perf_counter() - began
+
+
+def measure_worms(seconds: float, worms: int = 32) -> list[Row]:
+    """One row per named worm: on one thread, all muscles recruited anew every `WORM_DECISION_S`.
+
+    Parameters
+    ----------
+    seconds
+        Wall time to spend on each, s.
+    worms
+        Number that are stepped together.
+    """
+    rows = []
+    for name in tqdm(WORMS, desc="worm"):
+        body = WORMS[name]
+        batch = WormBatch(build_scene(SceneConfig(body)), worms, num_threads=1)
+        batch.reset(
+            np.arange(worms), np.zeros((worms, 2)), np.zeros(worms), np.zeros((worms, body.joints))
+        )
+        pools = [len(attached.muscle.pool) for attached in batch.scene.muscles]
+        steps = round(WORM_DECISION_S / batch.scene.model.opt.timestep)
+        rng = np.random.default_rng(0)
+        taken, decisions = 0.0, -WORM_WARM_UP
+        while decisions < 1 or taken < seconds:
+            batch.set_command(rng.integers(0, pools, (worms, len(pools))))
+            began = time.perf_counter()
+            batch.step(steps)
+            if decisions >= 0:
+                taken += time.perf_counter() - began
+            decisions += 1
+        speed = worms * steps * decisions / taken
+        rows.append(
+            {
+                "worm": name,
+                "worms": worms,
+                "steps_per_s": significant(speed),
+                "real_time": significant(speed * batch.scene.model.opt.timestep),
+                "unstable": int(batch.state().is_unstable.sum()),
+            }
+        )
+    return rows

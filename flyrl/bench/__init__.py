@@ -1,1 +1,0 @@
-"""How fast flyrl is on this machine, part by part."""
