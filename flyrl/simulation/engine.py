@@ -147,7 +147,7 @@ def place_fields(engine: np.void, userdata: np.dtype) -> None:
 def pack_model_data(engine: np.void, parameters: np.void, muscles: np.ndarray) -> np.ndarray:
     """Concatenate what a model carries for the callback into one float64 array.
 
-    The last is what `muscles.pack_leg_muscles` gives.
+    The last is what `fly_scene.pack_leg_muscles` gives.
     """
     engine["muscles_at"] = (ENGINE.itemsize + parameters.nbytes) // 8
     return np.concatenate(

@@ -5,13 +5,15 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
-from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly
+from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly, servo_stiffness
 from flyrl.bodies.table import BodyName
 from flyrl.controllers import Controller, Hybrid
 from flyrl.controllers.controller import compiled_step
 from flyrl.controllers.steps import StepsName
+from flyrl.muscles import MotorPool
 from flyrl.simulation.callback import announced, one_process_at_a_time
 from flyrl.simulation.engine import (
     ENGINE,
@@ -22,7 +24,6 @@ from flyrl.simulation.engine import (
     place_fields,
     userdata_dtype,
 )
-from flyrl.simulation.muscles import pack_leg_muscles
 from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import apply_physics
 from flyrl.simulation.scene import Scene, SceneConfig
@@ -132,3 +133,26 @@ def _engine_record(model: mujoco.MjModel) -> np.void:
         raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
     engine["tibia_bodies"] = tibias
     return engine
+
+
+def pack_leg_muscles(config: FlyConfig) -> NDArray[np.float64]:
+    """What the callback is told of the muscles; of a fly without, nothing.
+
+    Stiffness of the servos that they stand in for (42,), strengths (84,), two per joint, and the
+    recruitment table of the pool that they share (N,).
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If the profile is not one.
+    """
+    muscles = config.muscles
+    if muscles is None:
+        return np.empty(0)
+    pool = MotorPool.from_image(muscles.profile_path)
+    if muscles.order == "reversed":
+        pool = MotorPool(pool.forces[::-1])
+    factors = {"L": muscles.left, "R": muscles.right}
+    sides = np.array([factors[joint.removeprefix("joint_")[0]] for joint in JOINTS])
+    strengths = np.repeat(muscles.strength * sides, 2)
+    return np.concatenate([servo_stiffness(config), strengths, pool.recruitment])

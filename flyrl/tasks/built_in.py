@@ -4,8 +4,7 @@ from typing import Final
 
 from flyrl.tasks.function import TASKS
 from flyrl.tasks.heading import heading
-from flyrl.tasks.hybrid_turning import hybrid_turning
-from flyrl.tasks.joints import joints, joints_box
+from flyrl.tasks.hybrid_turning import hybrid_turning, joints, joints_box
 from flyrl.tasks.path import path
 from flyrl.tasks.target import target
 from flyrl.tasks.target_goal import target_goal

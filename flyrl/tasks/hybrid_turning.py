@@ -1,13 +1,18 @@
-"""HybridTurning: the bare decision problem of the descending drive, as in the literature."""
+"""HybridTurning and Joints: the bare decision problems of the literature.
 
+An action is the descending drive, or every joint's target and every grip: the published base
+environment (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
+"""
+
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets
 from flyrl.tasks.episode import TIME, Episode, draw_oscillators, draw_spawn
-from flyrl.tasks.function import TaskFunction
+from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
 from flyrl.tasks.terms import FAILURES
 from flyrl.terrains import Terrain
@@ -60,3 +65,15 @@ def hybrid_turning(time_limit: Annotated[float | None, TIME] = None) -> Task:
         decisive=("advance_mm",),
         compared=("advance_mm", "speed_mm_s"),
     )  # fmt: skip
+
+
+@variant_of(hybrid_turning)
+def joints(task: Task) -> Task:
+    """Observe and reward as in `hybrid_turning`; an action is a dict."""
+    return replace(task, actions=JointTargets())
+
+
+@variant_of(hybrid_turning)
+def joints_box(task: Task) -> Task:
+    """The same with one vector as its action."""
+    return replace(task, actions=JointTargets(is_dict=False))

@@ -15,17 +15,70 @@ import numpy as np
 from flyrl.bodies.worm import CRAWLER, HANGER, WormConfig
 from flyrl.muscles import MotorPool
 from flyrl.simulation.randomisation import UNVARIED
-from flyrl.tasks import worm_terms as terms
 from flyrl.tasks.actions import Neurons
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
+from flyrl.tasks.task import Array, Mask, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.tasks.terms import compass, forward_progress, velocity_b
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, one_of
 
 _ANGLE = Within(0, 3)
+
+
+def joint_angles(state: TaskState) -> Array:
+    """Angles of the joints, rad, (n, J)."""
+    return state.worm.joint_angles
+
+
+def joint_velocities(state: TaskState) -> Array:
+    """Velocities of the joints, 5 rad/s, (n, J)."""
+    return state.worm.joint_velocities / 5.0
+
+
+def tensions(state: TaskState) -> Array:
+    """Tensions of the muscles, 0 to 1, (n, M)."""
+    return state.worm.tensions
+
+
+def has_crawled(state: TaskState, way: float) -> Mask:
+    """Whether the worm has come `way` mm along +x in this episode, (n,)."""
+    return np.asarray(state.totals["progress"] >= way)
+
+
+def bend_error(state: TaskState) -> Array:
+    """Bend less what is asked for, rad, (n, 1)."""
+    return state.worm.bend[:, None] - state.command
+
+
+def absolute_bend_error(state: TaskState) -> Array:
+    """How far the bend is off what is asked for, rad, (n,)."""
+    return np.abs(bend_error(state)[:, 0])
+
+
+def bend_error_deg(state: TaskState) -> Array:
+    """The same, deg, (n,)."""
+    return np.degrees(absolute_bend_error(state))
+
+
+def has_bent(state: TaskState, tolerance: float) -> Mask:
+    """Whether the worm is bent as told, within `tolerance`, rad, (n,)."""
+    return np.asarray(absolute_bend_error(state) < tolerance)
+
+
+def bent(state: TaskState, tolerance: float) -> Array:
+    """1 where the worm is bent as told, else 0, (n,)."""
+    return has_bent(state, tolerance).astype(np.float64)
+
+
+def recruited_share(state: TaskState, pools: tuple[int, ...]) -> Array:
+    """Share of a worm's motor neurons that are recruited, 0 to 1, (n,).
+
+    The first neuron of a pool always is, so it does not count.
+    """
+    most = max(1, sum(pools) - len(pools))  # 1: of pools of one neuron each
+    return np.asarray(state.worm.neurons.sum(axis=1) / most)
 
 
 def _muscles(worm: WormConfig) -> Neurons:
@@ -44,15 +97,15 @@ def _senses(worm: WormConfig) -> tuple[ObservationTerm, ...]:
     joints = worm.joints
     return (
         ObservationTerm(
-            "joint_angles", (joints,), -2.0, 2.0, terms.joint_angles,
+            "joint_angles", (joints,), -2.0, 2.0, joint_angles,
             "of the joints from head to tail, in rad", spread=0.3,
         ),
         ObservationTerm(
-            "joint_velocities", (joints,), -5.0, 5.0, terms.joint_velocities,
+            "joint_velocities", (joints,), -5.0, 5.0, joint_velocities,
             "of the joints, in 5 rad/s", spread=0.4,
         ),
         ObservationTerm(
-            "tensions", (2 * joints,), 0.0, 1.0, terms.tensions,
+            "tensions", (2 * joints,), 0.0, 1.0, tensions,
             "share of its strength that each muscle exerts", spread=0.3,
         ),
     )  # fmt: skip
@@ -133,7 +186,7 @@ def worm_crawl(
     one_of("mount of a worm in the task 'worm_crawl'", worm.mount, ("crawling",))
     way = lengths * worm.segments * worm.segment_length
     actions = _muscles(worm)
-    recruited = partial(terms.recruited_share, pools=actions.pools)
+    recruited = partial(recruited_share, pools=actions.pools)
     as_long = "twice" if lengths == 2.0 else f"{lengths:g} times"
     return Task(
         observation=(
@@ -153,7 +206,7 @@ def worm_crawl(
         decision_interval_s=0.05,
         actions=actions,
         sample_episode=partial(_crawling_episode, worm=worm, start_angle=start_angle),
-        succeeds_in_time=partial(terms.has_crawled, way=way),
+        succeeds_in_time=partial(has_crawled, way=way),
         success=f"{way:g} mm along +x, {as_long} the worm's length",
         errors=(error("recruited_share", 1.0, recruited),),
         decisive=("advance_mm",),
@@ -196,7 +249,7 @@ def worm_hang(
         If there is no such profile of the worm's muscles.
     """
     actions = _muscles(worm)
-    recruited = partial(terms.recruited_share, pools=actions.pools)
+    recruited = partial(recruited_share, pools=actions.pools)
     return Task(
         observation=(
             ObservationTerm(
@@ -204,15 +257,15 @@ def worm_hang(
                 "bend that is asked for, in rad",
             ),
             ObservationTerm(
-                "bend_error", (1,), -4.0, 4.0, terms.bend_error,
+                "bend_error", (1,), -4.0, 4.0, bend_error,
                 "sum of the joints' angles less what is asked for, in rad", spread=0.3,
             ),
             *_senses(worm),
         ),
         reward=(
-            RewardTerm("error", -1.0, terms.absolute_bend_error, "rad off what is asked for"),
+            RewardTerm("error", -1.0, absolute_bend_error, "rad off what is asked for"),
             RewardTerm(
-                "bent", 0.5, partial(terms.bent, tolerance=tolerance),
+                "bent", 0.5, partial(bent, tolerance=tolerance),
                 "1 while the worm is bent as told",
             ),
             RewardTerm("recruitment", -0.2, recruited, "share of all neurons that are recruited"),
@@ -224,10 +277,10 @@ def worm_hang(
         sample_episode=partial(
             _hanging_episode, worm=worm, bend=bend, start_angle=start_angle
         ),
-        succeeds_in_time=partial(terms.has_bent, tolerance=tolerance),
+        succeeds_in_time=partial(has_bent, tolerance=tolerance),
         success=f"within {tolerance:g} rad of the bend at the end",
         errors=(
-            error("bend_error_deg", 180.0, terms.bend_error_deg),
+            error("bend_error_deg", 180.0, bend_error_deg),
             error("recruited_share", 1.0, recruited),
         ),
         decisive=("success", "bend_error_deg"),

@@ -6,7 +6,7 @@ import numpy as np
 
 from flyrl.simulation.worms import WormState
 from flyrl.tasks import TaskState
-from flyrl.tasks import worm_terms as terms
+from flyrl.tasks import worm as terms
 from flyrl.tasks.terms import compass, forward_progress, velocity_b
 from flyrl.terrains import Bounds
 
