@@ -15,7 +15,7 @@ from flyrl.cli.program import program
 from flyrl.resources import DISTRIBUTION
 
 COMMANDS = (
-    "train", "evaluate", "play", "walk", "figures", "runs", "sweep", "reproduce", "tune", "bench",
+    "train", "evaluate", "play", "walk", "figures", "runs", "sweep", "reproduce", "tune",
 )  # fmt: skip
 
 
