@@ -13,7 +13,7 @@ from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.report.captions import clock_text, titled
 from flyrl.report.video import measured
-from flyrl.simulation.overlay import EVERYTHING
+from flyrl.simulation.marks import EVERYTHING
 from flyrl.simulation.rendering import Camera, FlyRenderer, RenderingUnavailableError
 
 SIZE: Final = (640, 480)

@@ -188,7 +188,7 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     and touches planes only, with a foot under the middle of each segment: geoms "Foot1" to
     "Foot{N}", capsules that are tilted a little, so that only one end touches. MuJoCo aligns the
     contact of a capsule with a plane with the capsule's axis. But friction that differs along and
-    across it takes an explicit pair of the two geoms (see `flyrl.simulation.pairs`); without, that
+    across it takes an explicit pair of the two geoms (`flyrl.simulation.scene`); without, that
     along the segment holds in all directions.
 
     Parameters

@@ -9,9 +9,8 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
-from flyrl.envs.bodies import Bodies
+from flyrl.envs.bodies import Bodies, SensorNoise, generator
 from flyrl.envs.config import EnvConfig, Observation
-from flyrl.envs.noise import SensorNoise, generator
 from flyrl.envs.rendering import USUAL_VIEW, View, make_renderer
 from flyrl.simulation.batch import MOST_SIMS, Batch
 from flyrl.simulation.flies import FlyBatch

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, get_args
 
 from flyrl.envs.config import EnvConfig
-from flyrl.simulation.overlay import PLAIN, Overlay
+from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.rendering import BodyRenderer, Camera
 from flyrl.validation import one_of, whole_number
 

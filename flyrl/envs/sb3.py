@@ -12,10 +12,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvO
 
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.options import episode_with_options
+from flyrl.envs.options import action_space, episode_with_options, observation_space
 from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
-from flyrl.envs.spaces import action_space, observation_space
-from flyrl.simulation.overlay import PLAIN
+from flyrl.simulation.marks import PLAIN
 from flyrl.simulation.rendering import Camera
 from flyrl.validation import random_seed
 

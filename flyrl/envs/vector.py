@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv, Observation, Transition
-from flyrl.envs.options import episode_with_options
+from flyrl.envs.options import action_space, action_vectors, episode_with_options, observation_space
 from flyrl.envs.registration import limited_spec
 from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
-from flyrl.envs.spaces import action_space, action_vectors, observation_space
-from flyrl.simulation.overlay import PLAIN
+from flyrl.simulation.marks import PLAIN
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.simulation.rendering import Camera
 from flyrl.tasks import RUNNING, Episode

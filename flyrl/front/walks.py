@@ -22,7 +22,7 @@ from flyrl.front.recordings import save_table
 from flyrl.report.video import FPS, encode
 from flyrl.report.walk_figure import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.simulation.flies import FlyState
-from flyrl.simulation.overlay import Overlay
+from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import LegStates
 from flyrl.tasks import RUNNING

@@ -3,10 +3,14 @@
 After cortex, Simulated Muscles, R. McIntyre (2012-14).
 """
 
-from flyrl.muscles.attachment import AttachedMuscle, attach_muscles
-from flyrl.muscles.creature import Creature, load_creature, movement
-from flyrl.muscles.muscle import Muscle, PackedMuscles, pack_muscles
-from flyrl.muscles.pool import MotorPool
+from flyrl.muscles.attachment import (
+    AttachedMuscle,
+    Creature,
+    attach_muscles,
+    load_creature,
+    movement,
+)
+from flyrl.muscles.muscle import MotorPool, Muscle, PackedMuscles, pack_muscles
 
 __all__ = [
     "AttachedMuscle",

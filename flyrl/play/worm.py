@@ -13,7 +13,7 @@ from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
 from flyrl.play.playable import Playable
 from flyrl.simulation.recruitment import STEP, bend, last_neuron
-from flyrl.simulation.worm_scenery import add_surroundings, side_view
+from flyrl.simulation.worms import add_surroundings, side_view
 
 if TYPE_CHECKING:
     from flyrl.play.panel import Panel

@@ -20,8 +20,8 @@ from torch import nn
 
 from flyrl.entry_points import is_entry_point
 from flyrl.envs.core import EnvConfig
+from flyrl.envs.options import action_space, observation_space
 from flyrl.envs.record import env_record
-from flyrl.envs.spaces import action_space, observation_space
 from flyrl.policies.bundle import PolicyBundle, PolicyFileError, observation_layout
 from flyrl.policies.export import (
     ACTIVATION_MODULES,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from flyrl.simulation.leg_colours import LEG_COLOURS
+from flyrl.simulation.marks import LEG_COLOURS
 
 Picture = NDArray[np.uint8]
 

@@ -13,7 +13,7 @@ from flyrl.report.time_curves import time_figure
 from flyrl.report.video import FLY_PACE, FPS, Video
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import EpisodeRecord
-from flyrl.simulation.leg_colours import LEG_COLOURS
+from flyrl.simulation.marks import LEG_COLOURS
 
 _LEGEND: Final = {
     "grips": "tarsi while the leg grips",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from flyrl.simulation.worm_scenery import (
+from flyrl.simulation.worms import (
     BAR_EMPTY,
     BAR_FRAME,
     BAR_HEIGHT,

@@ -24,8 +24,7 @@ from flyrl.report.captions import Picture, clock_text, ending_text, titled, with
 from flyrl.report.film import jpeg
 from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import Batch
-from flyrl.simulation.marks import FORCE_PER_MM
-from flyrl.simulation.overlay import Overlay
+from flyrl.simulation.marks import FORCE_PER_MM, Overlay
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import Terrain

@@ -19,7 +19,7 @@ from flyrl.report.captions import clock_text, titled, with_legend
 from flyrl.report.film import Film, jpeg
 from flyrl.report.video import FLY_PACE, FPS, HOLD_FRAMES, encode, measured
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.overlay import Overlay
+from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
 
 WIDTH: Final = 640

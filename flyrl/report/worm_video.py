@@ -23,7 +23,7 @@ from flyrl.report.tension_bars import tension_bars
 from flyrl.report.video import FPS, HOLD_FRAMES, encode
 from flyrl.simulation.recruitment import STEP, Moment, recruit_stepwise
 from flyrl.simulation.rendering import Offscreen
-from flyrl.simulation.worm_scenery import add_surroundings, side_view
+from flyrl.simulation.worms import add_surroundings, side_view
 
 WIDTH: Final = 640
 HEIGHT: Final = 480

@@ -24,9 +24,8 @@ from flyrl.simulation.engine import (
     place_fields,
     userdata_dtype,
 )
-from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
 from flyrl.simulation.physics import apply_physics
-from flyrl.simulation.scene import Scene, SceneConfig
+from flyrl.simulation.scene import Scene, SceneConfig, drop_idle_shapes, pair_with_planes
 from flyrl.terrains import add_prop, add_terrain
 
 STEPS_OF_BODY: Final[dict[BodyName, StepsName]] = {

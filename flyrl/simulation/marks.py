@@ -1,4 +1,4 @@
-"""What is drawn into MuJoCo's picture of a scene that is not in its model: ribbons and arrows."""
+"""Marks in pictures: what an `Overlay` shows, ribbons, arrows, legs coloured by what they do."""
 
 import itertools
 import math
@@ -9,9 +9,46 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from flyrl.anatomy import LEGS
+from flyrl.anatomy import LEG_SEGMENTS, LEGS
+from flyrl.simulation.state import LegStates
 from flyrl.terrains import Ground, Terrain
 from flyrl.validation import FloatArray
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """What is drawn into pictures; each can be switched off. The defaults are those of videos.
+
+    Attributes
+    ----------
+    target
+        A marker on the target, where there is one.
+    leg_colours
+        Tarsi coloured while they grip, tibiae on retraction, femora on stumbling. Of flies.
+    trace
+        The thorax's path, as a ribbon on the ground. Of flies.
+    forces
+        An arrow at every foot, of the ground's force on the leg. Of flies. A gripping leg pulls
+        itself to the ground, so its arrow is mostly that of its grip.
+    scale_bar
+        A bar of a round length, as long as it would be at the body's distance.
+    clock
+        Simulated time, and how fast it plays.
+    """
+
+    target: bool = True
+    leg_colours: bool = True
+    trace: bool = True
+    forces: bool = False
+    scale_bar: bool = True
+    clock: bool = True
+
+
+PLAIN: Final = Overlay(leg_colours=False, trace=False, scale_bar=False, clock=False)
+"""The body, and its target."""
+
+EVERYTHING: Final = Overlay(forces=True)
+
 
 FORCE_PER_MM: Final = 30.0
 """µN that an arrow of 1 mm stands for; a gripping leg is held with 40."""
@@ -136,3 +173,51 @@ class Trace:
             for start, end in itertools.pairwise(self._points)
             if math.dist(start[:2], end[:2]) > 1e-6
         ]
+
+
+LEG_COLOURS: Final[dict[str, tuple[float, float, float]]] = {
+    "grips": (0.13, 0.59, 1.0),
+    "retracts": (0.93, 0.20, 0.80),
+    "stumbles": (0.66, 0.93, 0.10),
+}
+"""Red, green and blue, by field of `LegStates`."""
+
+_GLOW: Final = 1.5
+"""How much brighter a leg is painted, which light meets from one side; GL cuts off what is beyond
+white."""
+
+_SEGMENTS: Final[dict[str, tuple[str, ...]]] = {
+    "grips": LEG_SEGMENTS[3:],
+    "retracts": ("Tibia",),
+    "stumbles": ("Femur",),
+}
+
+
+class LegColours:
+    """Colours tarsi while they grip, a tibia on retraction, a femur on stumbling.
+
+    Parameters
+    ----------
+    model
+        With the body's meshes; a leg that is missing has none. Its colours now are the usual ones.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = model
+        self._parts = []
+        for field, segments in _SEGMENTS.items():
+            leg_of_body = {
+                model.body(f"{leg}{segment}").id: index
+                for index, leg in enumerate(LEGS)
+                for segment in segments
+            }
+            geoms = np.flatnonzero(np.isin(model.geom_bodyid, list(leg_of_body)))
+            legs = np.array([leg_of_body[body] for body in model.geom_bodyid[geoms]], dtype=int)
+            self._parts.append((field, geoms, legs, model.geom_rgba[geoms].copy()))
+
+    def apply(self, states: LegStates) -> None:
+        """Colour what is on, and give what is off its usual colour."""
+        for field, geoms, legs, usual in self._parts:
+            is_on = getattr(states, field)[legs, np.newaxis]
+            colour = (*(_GLOW * np.array(LEG_COLOURS[field])), 1.0)
+            self._model.geom_rgba[geoms] = np.where(is_on, colour, usual)

@@ -9,16 +9,56 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flyrl.bodies.worm import CRAWLING_ROOT, build_worm
+from flyrl.bodies.worm import CRAWLING_ROOT, WormConfig, build_worm
 from flyrl.muscles import attach_muscles
 from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.engine import creature_userdata_size, pack_creature_data
-from flyrl.simulation.pairs import pair_with_planes
 from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
-from flyrl.simulation.scene import Scene, SceneConfig
-from flyrl.simulation.worm_rendering import WormRenderer
+from flyrl.simulation.rendering import WormRenderer
+from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
 from flyrl.terrains import add_terrain
 from flyrl.validation import one_of
+
+BAR_WIDTH: Final = 300
+BAR_HEIGHT: Final = 20
+"""px."""
+
+BAR_RED: Final = (200, 24, 24)
+BAR_EMPTY: Final = (236, 238, 241)
+BAR_FRAME: Final = (40, 46, 54)
+
+
+def add_surroundings(spec: mujoco.MjSpec) -> None:
+    """Add a sky, and what holds a worm's first segment, to its specification, in place."""
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.62, 0.69, 0.76),
+        rgb2=(0.88, 0.90, 0.92),
+        width=64,
+        height=64 * 6,
+    )
+    radius = spec.geom("Segment1").size[0]
+    spec.worldbody.add_geom(
+        name="holder",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=(1.6 * radius, 1.6 * radius, 0.5 * radius),
+        pos=(0, 0, -0.5 * radius),
+        rgba=(0.35, 0.38, 0.42, 1),
+        contype=0,
+        conaffinity=0,
+    )
+
+
+def side_view(config: WormConfig) -> mujoco.MjvCamera:
+    """Look along +y at the whole worm, which is suspended along +z and bends to +x."""
+    length = config.segments * config.segment_length
+    camera = mujoco.MjvCamera()
+    camera.azimuth, camera.elevation, camera.distance = 90.0, -4.0, 1.7 * length
+    camera.lookat[:] = (0.15 * length, 0.0, 0.45 * length)
+    return camera
+
 
 Array = NDArray[np.float64]
 

@@ -3,10 +3,9 @@
 from typing import Final
 
 from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
-from flyrl.terrains.hills import Hills
-from flyrl.terrains.plane import Flat, Slope
 from flyrl.terrains.props import NOWHERE, TARGET_MARKER, Prop, add_prop
 from flyrl.terrains.rough import Blocks, Gapped, Mixed
+from flyrl.terrains.smooth import BALL, Air, Ball, Flat, Hills, Slope
 from flyrl.terrains.terrain import (
     DOWN,
     KINDS,
@@ -22,7 +21,6 @@ from flyrl.terrains.terrain import (
     terrain_named,
     terrain_on_record,
 )
-from flyrl.terrains.tether import BALL, Air, Ball
 
 KINDS.update(
     flat=Flat,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import flyrl
-from flyrl.simulation.overlay import EVERYTHING
+from flyrl.simulation.marks import EVERYTHING
 from flyrl.simulation.rendering import RenderingUnavailableError
 
 SIZE = {"width": 160, "height": 120}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import MultiDiscrete
 
-from flyrl.envs.spaces import action_space
+from flyrl.envs.options import action_space
 from flyrl.policies import LearnedPolicy, PolicyFileError
 from flyrl.policies.bundle import action_bounds
 from flyrl.policies.normaliser import Normaliser

@@ -13,9 +13,9 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from flyrl.bodies.worm import CRAWLER
 from flyrl.envs.core import EnvConfig
+from flyrl.envs.options import observation_space
 from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyrlVecEnv
-from flyrl.envs.spaces import observation_space
 from flyrl.policies import (
     LearnedPolicy,
     PolicyFileError,

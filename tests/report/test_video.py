@@ -24,7 +24,7 @@ from flyrl.report.video import (
     record_video,
     record_videos,
 )
-from flyrl.simulation.overlay import PLAIN, Overlay
+from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS, task_named

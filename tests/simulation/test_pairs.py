@@ -4,7 +4,7 @@ import pytest
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.fly import build_fly
-from flyrl.simulation.pairs import drop_idle_shapes, pair_with_planes
+from flyrl.simulation.scene import drop_idle_shapes, pair_with_planes
 from flyrl.terrains import TERRAINS, add_terrain
 
 CONTACT = ContactConfig(

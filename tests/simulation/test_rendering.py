@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.overlay import PLAIN, Overlay
+from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.rendering import (
     FlyRenderer,
     RenderingUnavailableError,

@@ -5,9 +5,8 @@ import pytest
 from test_worms import CRAWLING, HANGING, make_batch
 
 from flyrl.bodies.worm import CRAWLER
-from flyrl.simulation.rendering import RenderingUnavailableError
+from flyrl.simulation.rendering import RenderingUnavailableError, WormRenderer
 from flyrl.simulation.scene import SceneConfig
-from flyrl.simulation.worm_rendering import WormRenderer
 
 WIDTH, HEIGHT = 96, 64
 
