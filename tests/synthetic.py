@@ -6,9 +6,8 @@ from dataclasses import asdict
 import numpy as np
 
 from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import episode_row, episode_table
+from flyrl.evaluation.rows import episode_row, episode_table, trajectory
 from flyrl.evaluation.summary import summarise
-from flyrl.evaluation.trajectories import trajectory
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import OUTCOMES, TASKS, Episode, task_table
 

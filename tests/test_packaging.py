@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flyrl.policies import LearnedPolicy, PolicyBundle, observation_layout, save_bundle
-from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
 from tests.tiny import TINY_ARGUMENTS
 

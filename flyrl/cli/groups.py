@@ -22,8 +22,8 @@ from flyrl.tasks import TASKS, JointTargets, TaskFunction, task_record
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import ScheduleConfig
+from flyrl.training.keywords import tuned_name
 from flyrl.training.loggers import LOGGERS
-from flyrl.training.tuned import tuned_name
 
 HYDRA_VERSION: Final = "1.3"
 """Hydra's behaviour that the configs are written for."""

@@ -1,9 +1,19 @@
-"""How this process was started, for records that say how to repeat it; arguments that are paths."""
+"""Command line of this process for records, arguments that are paths, tables on the terminal."""
+
+from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from flyrl.text import printable
 
 
 class Subparsers(Protocol):
@@ -27,3 +37,33 @@ def path_argument(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError("the path is empty")
     return Path(text)
+
+
+NOTHING: Final = "-"
+_PIPE_WIDTH: Final = 1000
+"""Characters of a line that goes into a file or a pipe, where nothing needs folding."""
+
+Row = Mapping[str, Any]
+
+
+def print_table(columns: Sequence[str], rows: Sequence[Row]) -> None:
+    """Print rows under the heads of their columns; numbers to the right, nothing as a dash."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        is_number = all(isinstance(row.get(column), int | float | None) for row in rows)
+        table.add_column(_text(column), justify="right" if is_number else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(_text(row.get(column)) for column in columns))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _PIPE_WIDTH
+    console.print(table)
+
+
+def _text(value: Any) -> Text:
+    """A cell; what a stranger's file holds cannot move the cursor or colour the terminal."""
+    if value is None:
+        return Text(NOTHING)
+    if isinstance(value, float):
+        return Text(f"{value:.4g}")
+    return Text(printable(str(value)))

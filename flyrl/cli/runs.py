@@ -61,7 +61,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """List or compare."""
-    from flyrl.cli.tables import print_table  # noqa: PLC0415
+    from flyrl.cli.program import print_table  # noqa: PLC0415
     from flyrl.text import csv_text  # noqa: PLC0415
 
     missing = [str(path) for path in options.paths if not path.is_dir()]

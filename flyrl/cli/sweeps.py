@@ -80,7 +80,7 @@ def compare_sweep(folder: Path, output: Path | None = None) -> None:
 
 
 def _print(comparison: RunComparison) -> None:
-    from flyrl.cli.tables import print_table  # noqa: PLC0415
+    from flyrl.cli.program import print_table  # noqa: PLC0415
 
     print_table(list(comparison.rows[0]), comparison.rows)
     print(*comparison.notes, sep="\n")

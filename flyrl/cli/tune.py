@@ -62,7 +62,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Go on with a study, or start it; print its best trials."""
-    from flyrl.cli.tables import print_table  # noqa: PLC0415
+    from flyrl.cli.program import print_table  # noqa: PLC0415
     from flyrl.validation import at_least  # noqa: PLC0415
 
     if importlib.util.find_spec("optuna") is None:

@@ -1,15 +1,13 @@
 """Every entrant on every terrain -> paired results: metrics, statistics, results files."""
 
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.drive_map import measure_drive_map
+from flyrl.evaluation.drive_map import measure_drive_map, measure_steering
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import make_entrants
 from flyrl.evaluation.examples import walk_examples
 from flyrl.evaluation.learned import changed_terms
-from flyrl.evaluation.parts import drop_parts
 from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
-from flyrl.evaluation.run import evaluate
-from flyrl.evaluation.steering import measure_steering
+from flyrl.evaluation.run import drop_parts, evaluate
 from flyrl.policies.laws import FIXED
 
 __all__ = [

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Final
 from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition, all_conditions
-from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS, check_metrics
+from flyrl.evaluation.rows import LazySequence
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
@@ -39,7 +39,7 @@ class EvaluationConfig:
     ----------
     policies
         Learned policies: run folders, policy files or names, or algorithm:file.zip of a model that
-        Stable-Baselines3 saved. And your own, see `flyrl.evaluation.own.own_policy`: objects and
+        Stable-Baselines3 saved. And your own, see `evaluation.learned.own_policy`: objects and
         functions, or either by its name, module:attribute, which is imported.
     controllers
         Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that

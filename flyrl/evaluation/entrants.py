@@ -8,11 +8,9 @@ from collections.abc import Sequence
 import pandas as pd
 
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.entrant import Entrant
-from flyrl.evaluation.fixed import controller_names, make_fixed
-from flyrl.evaluation.learned import make_learned
+from flyrl.evaluation.entrant import Entrant, controller_names, make_fixed
+from flyrl.evaluation.learned import is_own_name, make_learned, make_own
 from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
-from flyrl.evaluation.own import is_own_name, make_own
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.summary import metric_values
 from flyrl.tasks import Task

@@ -25,13 +25,15 @@ from numpy.typing import NDArray
 from flyrl.evaluation.rows import (
     ROW_KEYS,
     Json,
+    Trajectory,
     csv_text,
     episode_table,
     episodes_digest,
+    pack_trajectories,
     plain_rows,
+    unpack_trajectories,
 )
 from flyrl.evaluation.tables import differences_table, summary_table
-from flyrl.evaluation.trajectories import Trajectory, pack_trajectories, unpack_trajectories
 from flyrl.files import OutputFolder, load_arrays
 from flyrl.rollouts.records import EpisodeRecord
 from flyrl.tasks import OUTCOMES

@@ -1,17 +1,53 @@
-"""Rows of results, one per episode: a table in memory, plain values and CSV in files."""
+"""Rows of results, one per episode, and their paths: in memory, as plain values, in files."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeVar, overload
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from flyrl.evaluation.metrics import METRICS, episode_metrics
 from flyrl.rollouts.records import EpisodeRecord
 from flyrl.text import csv_table
+
+T = TypeVar("T")
+
+
+class LazySequence(Sequence[T]):
+    """Items 0 to `length` - 1, each made anew whenever it is asked for, and never kept.
+
+    Parameters
+    ----------
+    length
+        Number of items.
+    make
+        Index -> item.
+    """
+
+    def __init__(self, length: int, make: Callable[[int], T]) -> None:
+        self._places = range(length)
+        self._make = make
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, index: int) -> T: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[T]: ...
+
+    def __getitem__(self, index: int | slice) -> T | list[T]:
+        if isinstance(index, slice):
+            return [self._make(place) for place in self._places[index]]
+        return self._make(self._places[index])
+
 
 Json = dict[str, Any]
 
@@ -116,3 +152,49 @@ def episodes_digest(table: pd.DataFrame) -> str:
 def _chunks(table: pd.DataFrame) -> Iterator[pd.DataFrame]:
     for start in range(0, len(table), _CHUNK):
         yield table.iloc[start : start + _CHUNK]
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Path of one episode: float32 arrays over its samples, fields as in `EpisodeRecord`."""
+
+    time_s: NDArray[np.float32]
+    position_w: NDArray[np.float32]
+    yaw: NDArray[np.float32]
+    drive: NDArray[np.float32]
+
+
+def trajectory(record: EpisodeRecord) -> Trajectory:
+    """Path of one episode, in single precision."""
+    return Trajectory(
+        record.time_s.astype(np.float32),
+        record.position_w.astype(np.float32),
+        record.yaw.astype(np.float32),
+        record.drive.astype(np.float32),
+    )
+
+
+def pack_trajectories(paths: Sequence[Trajectory]) -> dict[str, Any]:
+    """Plain arrays of many paths: how long each is, and their fields one after the other."""
+    if not paths:
+        return {"lengths": np.zeros(0, dtype=np.int64)}
+    columns = {
+        key: np.concatenate([getattr(path, key) for path in paths])
+        for key in Trajectory.__dataclass_fields__
+    }
+    return {"lengths": np.array([len(path.time_s) for path in paths], dtype=np.int64), **columns}
+
+
+def unpack_trajectories(arrays: Mapping[str, NDArray[Any]]) -> list[Trajectory]:
+    """Paths from what `pack_trajectories` made of them.
+
+    Raises
+    ------
+    KeyError
+        An array is missing.
+    """
+    if not arrays["lengths"].size:
+        return []
+    cuts = np.cumsum(arrays["lengths"])[:-1]
+    columns = [np.split(arrays[key], cuts) for key in Trajectory.__dataclass_fields__]
+    return [Trajectory(*fields) for fields in zip(*columns, strict=True)]

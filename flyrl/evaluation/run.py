@@ -1,16 +1,17 @@
-"""Let every entrant walk the same episodes."""
+"""An evaluation: every entrant walks the same episodes; what is finished is kept on the way."""
 
 from __future__ import annotations
 
 import dataclasses
 import datetime
+import hashlib
 import json
 import platform
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -21,13 +22,22 @@ from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import best_reference, make_entrants
-from flyrl.evaluation.lazy import LazySequence
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS, compared_metrics, decisive_metrics
-from flyrl.evaluation.parts import Part, Parts
 from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import Json, episode_row, episode_table, joined
+from flyrl.evaluation.rows import (
+    Json,
+    LazySequence,
+    Trajectory,
+    episode_row,
+    episode_table,
+    joined,
+    pack_trajectories,
+    plain_rows,
+    trajectory,
+    unpack_trajectories,
+)
 from flyrl.evaluation.summary import summarise
-from flyrl.evaluation.trajectories import Trajectory, trajectory
+from flyrl.files import OutputFolder, load_arrays
 from flyrl.progress import progress_bar
 from flyrl.resources import version
 from flyrl.rollouts import EpisodeRecord, run_episodes
@@ -35,6 +45,75 @@ from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import Terrain
 from flyrl.text import printable
+
+PARTS_FOLDER: Final = "parts"
+
+Part = tuple[pd.DataFrame, list[Trajectory]]
+"""Rows of a batch, and the paths of the first of them."""
+
+
+class Parts:
+    """Batches of episodes in a folder, of an evaluation of certain settings.
+
+    Parameters
+    ----------
+    folder
+        Of the results. None keeps nothing.
+    settings
+        Plain JSON values; what was walked with others does not count.
+    """
+
+    def __init__(self, folder: Path | None, settings: Any) -> None:
+        self._folder = None if folder is None else OutputFolder(folder)
+        text = json.dumps(settings, sort_keys=True)
+        self._digest = np.frombuffer(hashlib.sha256(text.encode()).digest(), dtype=np.uint8)
+
+    def read(self, place: Sequence[int]) -> Part | None:
+        """Rows and paths of a batch; None where there are none, or not whole.
+
+        Parameters
+        ----------
+        place
+            Numbers that tell the batch from all others.
+        """
+        if self._folder is None:
+            return None
+        try:
+            arrays = load_arrays(self._folder.path / _name(place))
+            if not np.array_equal(arrays["settings"], self._digest):
+                return None
+            rows = episode_table(json.loads(arrays["rows"].tobytes()))
+            return rows, unpack_trajectories(arrays)
+        except (OSError, KeyError, TypeError, ValueError):
+            return None
+
+    def write(self, place: Sequence[int], part: Part) -> None:
+        """Keep a batch.
+
+        Raises
+        ------
+        OSError
+            The folder cannot be written to.
+        """
+        if self._folder is None:
+            return
+        rows, paths = part
+        text = np.frombuffer(json.dumps(list(plain_rows(rows))).encode(), dtype=np.uint8)
+        with self._folder.replacing(_name(place)) as partial:
+            np.savez_compressed(
+                partial, settings=self._digest, rows=text, **pack_trajectories(paths)
+            )
+
+
+def _name(place: Sequence[int]) -> str:
+    return f"{PARTS_FOLDER}/{'-'.join(map(str, place))}.npz"
+
+
+def drop_parts(folder: Path) -> None:
+    """Drop the batches in a folder of results, once these hold them."""
+    output = OutputFolder(folder)
+    output.remove(*output.files(PARTS_FOLDER))
+
 
 if TYPE_CHECKING:
     from tqdm import tqdm

@@ -175,7 +175,7 @@ def evaluate(
         One or several of: a run; the name of a fixed controller ("cpg", "hybrid", "pursuit", …);
         that of a policy that comes with flyrl ("target-flat"), a run folder or a policy file; a
         function `(time_s, observation) -> drive`; an object with the `predict` of
-        Stable-Baselines3 (see `flyrl.evaluation.own.own_policy`); any of these, or a leg controller
+        Stable-Baselines3 (`evaluation.learned.own_policy`); any of these, or a leg controller
         of your own, as module:attribute. None takes the fixed controllers that go with the task.
     task
         Name of the task, a mapping with its name and parameters, or a task of your own.

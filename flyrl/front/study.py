@@ -33,9 +33,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from flyrl.files import write_text
 from flyrl.front.runs import illustrate
 from flyrl.text import csv_table
-from flyrl.training.callback import GoesOn
+from flyrl.training.callback import GoesOn, Interruption, interruption
 from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.interruption import Interruption, interruption
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.runs import flat, held, read_run
 from flyrl.validation import did_you_mean

@@ -19,8 +19,8 @@ from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
 from flyrl.front.recordings import save_table
+from flyrl.report.scene_figures import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.report.video import FPS, encode
-from flyrl.report.walk_figure import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.simulation.flies import FlyState
 from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer

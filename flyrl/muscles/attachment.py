@@ -1,4 +1,4 @@
-"""Muscles of a creature: where a model says they sit, and what they do there.
+"""Muscles of a creature: where a model says they sit, what they do there, their recruitment.
 
 In a creature's MJCF or MjSpec a muscle is a site of a body "muscles", a child of the world that
 holds nothing else. Its profile and strength are custom data:
@@ -21,7 +21,7 @@ Units are mm, g, s: torques come out in µN mm. After cortex, Simulated Muscles,
 (2012-14), where a muscle is a marker in the creature's model, too, and has no anchor.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -34,7 +34,7 @@ from flyrl.muscles.kernels import activate
 from flyrl.muscles.muscle import MotorPool, Muscle, pack_muscles, whole_numbers
 from flyrl.muscles.placement import Measured, Place, measuring_model, nearest_body, place_on
 from flyrl.resources import assets_folder
-from flyrl.validation import FloatArray, not_negative, one_of
+from flyrl.validation import FloatArray, at_least, not_negative, one_of, positive
 
 MUSCLES_BODY: Final = "muscles"
 """Name of the body that muscles are sites of."""
@@ -311,3 +311,68 @@ def movement(creature: Creature) -> Callable[[ArrayLike], FloatArray]:
         return tension
 
     return move
+
+
+STEP: Final = 20
+"""Neurons that a step recruits, as in cortex, Simulated Muscles, R. McIntyre."""
+
+
+class Moment(NamedTuple):
+    """A creature in the course of recruitment.
+
+    Attributes
+    ----------
+    n : what all muscles are activated with.
+    tension : of each of the M muscles, (M,) within 0 and 1.
+    bend : sum of the angles of all hinge joints, rad.
+    is_last : whether n changes next, or all ends.
+    """
+
+    n: int
+    tension: FloatArray
+    bend: float
+    is_last: bool
+
+
+def recruit_stepwise(
+    creature: Creature, step: int = STEP, hold_s: float = 1.0, frame_s: float = 0.04
+) -> Iterator[Moment]:
+    """Activate all muscles with 0, `step`, 2 `step`, … up to the last neuron of the longest pool.
+
+    Parameters
+    ----------
+    creature
+        It starts in its initial pose; its data move along, and hold what is at the moment given.
+    step
+        Neurons that are recruited at a time, 1 or more.
+    hold_s
+        For how long every n is held, s.
+    frame_s
+        From one moment to the next, s.
+    """
+    at_least("step", step, 1)
+    frames = max(1, round(positive("hold_s", hold_s) / positive("frame_s", frame_s)))
+    model, data = creature.model, creature.data
+    per_frame = max(1, round(frame_s / model.opt.timestep))
+    move = movement(creature)
+    last = last_neuron(creature)
+    mujoco.mj_resetData(model, data)
+    for n in [*range(0, last, step), last]:
+        tension = move(np.full(len(creature.muscles), n))
+        for frame in range(frames):
+            for _ in range(per_frame):
+                mujoco.mj_step(model, data)
+            # a step leaves the places of bodies as they were before it
+            mujoco.mj_kinematics(model, data)
+            yield Moment(n, tension, bend(creature), frame == frames - 1)
+
+
+def last_neuron(creature: Creature) -> int:
+    """Index of the last neuron of a creature's longest motor pool."""
+    return max(len(attached.muscle.pool) for attached in creature.muscles) - 1
+
+
+def bend(creature: Creature) -> float:
+    """How far a creature is bent at the moment: sum of the angles of all hinge joints, rad."""
+    hinges = creature.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
+    return float(creature.data.qpos[creature.model.jnt_qposadr[hinges]].sum())

@@ -15,7 +15,7 @@ from flyrl.policies.bundle import (
     observation_layout,
     save_bundle,
 )
-from flyrl.policies.fixed import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
+from flyrl.policies.laws import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
 from flyrl.policies.learned import LearnedPolicy, load_policy
 from flyrl.policies.library import named_policies
 from flyrl.policies.worm import Relaxed, WormCPG, WormReflex

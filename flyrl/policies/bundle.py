@@ -22,9 +22,15 @@ from safetensors.numpy import load, save
 
 from flyrl.files import write_bytes
 from flyrl.policies.library import named_policies
-from flyrl.policies.lstm import LSTM, LSTMLayer
-from flyrl.policies.mlp import ACTIVATIONS, MLP, Layer, check_layers
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import (
+    ACTIVATIONS,
+    LSTM,
+    MLP,
+    Layer,
+    LSTMLayer,
+    Normaliser,
+    check_layers,
+)
 from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion, preset_version
 from flyrl.tasks import Neurons, Task
 from flyrl.text import printable
@@ -177,7 +183,7 @@ def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
 
 
 def observation_layout(task: Task) -> tuple[TermLayout, ...]:
-    """Layout of a task's observation as a vector; see `flyrl.policies.vectors`."""
+    """Layout of a task's observation as a vector; see `flyrl.policies.networks`."""
     return tuple(TermLayout(term.name, term.size) for term in task.flattened().observation)
 
 

@@ -21,9 +21,7 @@ from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
 from flyrl.policies.bundle import PolicyBundle, Squashing, TermLayout
-from flyrl.policies.lstm import LSTM, LSTMLayer
-from flyrl.policies.mlp import MLP, Activation, Layer
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import LSTM, MLP, Activation, Layer, LSTMLayer, Normaliser
 
 ACTIVATION_MODULES: Final[dict[Activation, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
 _ACTIVATIONS: Final = {module: name for name, module in ACTIVATION_MODULES.items()}

@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flyrl.policies.vectors import vectors
+from flyrl.policies.networks import vectors
 from flyrl.tasks import Drives, Task
 
 

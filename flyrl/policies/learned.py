@@ -18,9 +18,7 @@ from flyrl.policies.bundle import (
     policy_file,
 )
 from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, is_law, law_named
-from flyrl.policies.lstm import LSTM, advance
-from flyrl.policies.mlp import evaluate
-from flyrl.policies.vectors import vectors
+from flyrl.policies.networks import LSTM, advance, evaluate, vectors
 from flyrl.tasks import Task, task_from
 from flyrl.validation import file_path
 

@@ -17,7 +17,7 @@ except ImportError as error:
 
 from flyrl.files import write_bytes
 from flyrl.policies.bundle import PolicyBundle
-from flyrl.policies.lstm import LSTM
+from flyrl.policies.networks import LSTM
 
 _OPSET: Final = 17
 _IR_VERSION: Final = 8

@@ -30,8 +30,7 @@ from flyrl.policies.export import (
     normaliser_of,
 )
 from flyrl.policies.learned import LearnedPolicy
-from flyrl.policies.lstm import LSTM
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import LSTM, Normaliser
 from flyrl.tasks import Task, task_from
 
 ALGORITHMS: Final[Mapping[str, type[BaseAlgorithm]]] = {

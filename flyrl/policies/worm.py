@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.controllers.cpg import cpg_step, motor_neuron_activity
-from flyrl.policies.vectors import vectors
+from flyrl.policies.networks import vectors
 from flyrl.tasks import Neurons
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from flyrl.report.curves import write_learning_curve, write_learning_curves
 from flyrl.report.html import write_report
-from flyrl.report.origin import read_origin
+from flyrl.report.setup import read_origin
 from flyrl.report.video import Video, record_videos
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""What is written onto pictures: names, the clock, a scale bar, what colours mean.
+"""Marks on pictures: names, the clock, a scale bar, what colours mean, bars of tension.
 
 Titles stand in the upper left corner, the scale bar in the lower left. The lower right one is left
 to the tension bars of worms, and in pictures of flies to the meaning of the legs' colours.
@@ -17,6 +17,14 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from flyrl.simulation.marks import LEG_COLOURS
+from flyrl.simulation.worms import (
+    BAR_EMPTY,
+    BAR_FRAME,
+    BAR_HEIGHT,
+    BAR_RED,
+    BAR_WIDTH,
+)
+from flyrl.validation import FloatArray
 
 Picture = NDArray[np.uint8]
 
@@ -133,4 +141,32 @@ def with_legend(picture: Picture, entries: Sequence[tuple[str, str]]) -> Picture
         colour = tuple(round(255 * part) for part in LEG_COLOURS[name])
         draw.rectangle((left + 10, y + 3, left + 21, y + 14), fill=colour)
         draw.text((left + 28, y), text, fill=_BRIGHT, font=font)
+    return np.asarray(image)
+
+
+_MARGIN: Final = 16
+
+
+def tension_bars(
+    picture: NDArray[np.uint8],
+    tensions: Sequence[float] | FloatArray,
+    width: int = BAR_WIDTH,
+    height: int = BAR_HEIGHT,
+) -> NDArray[np.uint8]:
+    """Draw a bar per muscle into the lower right corner of a picture, the first on top.
+
+    A bar measures `width` x `height` px and fills from the left with red; a thin frame surrounds
+    it.
+    """
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image)
+    left = image.width - _MARGIN - width
+    for place, tension in enumerate(tensions[::-1]):
+        top = image.height - _MARGIN - height - place * (height + 6)
+        right, bottom = left + width - 1, top + height - 1
+        draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill=BAR_FRAME)
+        draw.rectangle((left, top, right, bottom), fill=BAR_EMPTY)
+        filled = round(width * float(tension))
+        if filled:
+            draw.rectangle((left, top, left + filled - 1, bottom), fill=BAR_RED)
     return np.asarray(image)

@@ -38,8 +38,7 @@ from flyrl.controllers.steps import STEPS
 from flyrl.controllers.turning import modulated
 from flyrl.controllers.walknet import RULE_WEIGHTS, RULES
 from flyrl.report.close_up import spans
-from flyrl.report.paper import LEG_COLOURS, PAPER_STYLE, Plot, light
-from flyrl.report.style import WIDTH_IN
+from flyrl.report.style import LEG_COLOURS, PAPER_STYLE, WIDTH_IN, Plot, light
 from flyrl.validation import FloatArray
 
 BoolArray = NDArray[np.bool_]

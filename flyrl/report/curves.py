@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, PercentFormatter
 
 from flyrl.files import replacing
-from flyrl.report.palette import THEME, marker
-from flyrl.report.style import FRAMED_STYLE, WIDTH_IN, svg_text
+from flyrl.report.style import FRAMED_STYLE, THEME, WIDTH_IN, marker, svg_text
 
 FORMATS: Final = ("svg", "png")
 

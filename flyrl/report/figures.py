@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import paired_values
-from flyrl.report.palette import colours, marker
 from flyrl.report.style import (
     FIGURE_STYLE,
     FRAMED_STYLE,
     WIDTH_IN,
+    colours,
     episode_url,
+    marker,
     outcome_dot,
     svg_text,
 )

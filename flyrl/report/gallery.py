@@ -9,16 +9,12 @@ from typing import Final
 
 from flyrl.files import write_text
 from flyrl.report import controller_figures as controllers
-from flyrl.report.comparison_figure import comparison_plot
 from flyrl.report.curves import save_figure
 from flyrl.report.film import Film, write_film
-from flyrl.report.gaits_figure import gaits_plot
-from flyrl.report.muscle_figure import muscle_plot
-from flyrl.report.paper import Plot
-from flyrl.report.scene_figures import terrains_plot
-from flyrl.report.slopes_figure import slopes_plot
-from flyrl.report.walk_videos import WALKS, film_walk
-from flyrl.report.worm_video import film_worm
+from flyrl.report.scene_figures import muscle_plot, terrains_plot
+from flyrl.report.style import Plot
+from flyrl.report.walk_videos import WALKS, film_walk, film_worm
+from flyrl.report.walking_figures import comparison_plot, gaits_plot, slopes_plot
 from flyrl.resources import assets_folder
 from flyrl.text import csv_table
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.report.palette import marker, themed
+from flyrl.report.style import marker, themed
 from flyrl.terrains import Bounds, Boxes, Ground, Terrain
 
 MAX_LEVELS: Final = 6

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.conditions import compared_conditions
-from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.metrics import (
     GAIT_METRICS,
     lower_is_better,
@@ -23,15 +23,12 @@ from flyrl.evaluation.metrics import (
     recorded_metrics,
 )
 from flyrl.evaluation.results import Results
-from flyrl.evaluation.steering import Steering
 from flyrl.files import OutputFolder
 from flyrl.report.close_up import steering_figure
 from flyrl.report.curves import Evaluations
 from flyrl.report.episodes import episodes_section
+from flyrl.report.exports import format_tables, named_figures, standalone
 from flyrl.report.figures import metric_label, success_figure
-from flyrl.report.learning import curves_section, generalisation_section
-from flyrl.report.origin import origin_json
-from flyrl.report.palette import colours, stylesheet
 from flyrl.report.sections import (
     all_leaders,
     drive_map_section,
@@ -42,10 +39,14 @@ from flyrl.report.sections import (
     terrain_section,
     usual_rows,
 )
-from flyrl.report.setup import control_loop, trainings_section
-from flyrl.report.standalone import named_figures, standalone
-from flyrl.report.style import outcome_shapes
-from flyrl.report.tables import format_tables
+from flyrl.report.setup import (
+    control_loop,
+    curves_section,
+    generalisation_section,
+    origin_json,
+    trainings_section,
+)
+from flyrl.report.style import colours, outcome_shapes, stylesheet
 from flyrl.report.video import Video
 from flyrl.report.wording import (
     changes_text,

@@ -14,11 +14,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from flyrl.evaluation.rows import Json
-from flyrl.evaluation.trajectories import Trajectory
+from flyrl.evaluation.rows import Json, Trajectory
 from flyrl.report.ground import ground_symbol, seen_from_above
-from flyrl.report.palette import colours, marker
-from flyrl.report.style import FRAMED_STYLE, WIDTH_IN, episode_url, outcome_dot, svg_text
+from flyrl.report.style import (
+    FRAMED_STYLE,
+    WIDTH_IN,
+    colours,
+    episode_url,
+    marker,
+    outcome_dot,
+    svg_text,
+)
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import SUCCESS
 from flyrl.tasks import Episode

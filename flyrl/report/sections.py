@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 
 from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.leaders import Leader, find_leaders
 from flyrl.evaluation.metrics import recorded_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
 from flyrl.evaluation.studies import STUDIES, judge
+from flyrl.evaluation.summary import Leader, find_leaders
 from flyrl.report.close_up import drive_map_figure, gait_figure
+from flyrl.report.episodes import players
 from flyrl.report.figures import (
     MAX_DOTS,
     distributions_figure,
@@ -26,7 +27,6 @@ from flyrl.report.figures import (
     profiles_figure,
 )
 from flyrl.report.paths import Walk, Walks, paths_section, things_of
-from flyrl.report.player import players
 from flyrl.report.video import Video
 from flyrl.report.wording import interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord

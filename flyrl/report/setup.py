@@ -1,11 +1,23 @@
-"""Task, control loop and trainings of an evaluation, for the report's template."""
+"""Task, control loop, trainings and origin of an evaluation, for the report's template."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from flyrl.evaluation.rows import Json
+import numpy as np
+from markupsafe import Markup
+
+from flyrl.evaluation.generalisation import Generalisation, generalisation
+from flyrl.evaluation.results import Results
+from flyrl.evaluation.rows import Json, episodes_digest
+from flyrl.evaluation.seeds import trainings
+from flyrl.report.curves import Evaluations, learning_curves_svg
+from flyrl.report.sections import usual_rows
+from flyrl.validation import plain_record
 
 _LONGEST: Final = 400
 """Characters of a text from a policy file that are shown."""
@@ -82,3 +94,73 @@ def _text(value: Any) -> str:
         )
     text = "not recorded" if value in (None, "") else str(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+
+
+def generalisation_section(results: Results) -> Generalisation | None:
+    """Every training on every terrain; None where there is but one terrain."""
+    rng = np.random.default_rng(results.protocol["seed"])
+    return generalisation(results.protocol, usual_rows(results), rng)
+
+
+def curves_section(entrants: Sequence[Json], curves: Mapping[str, Evaluations]) -> str:
+    """Figure of the learning curves, a line per training; empty without an evaluation.
+
+    Parameters
+    ----------
+    entrants
+        Of the protocol.
+    curves
+        As in `flyrl.report.html.Additions`.
+    """
+    groups = [
+        (label, [curves[name] for name in names if curves.get(name)])
+        for label, names in trainings(entrants).items()
+    ]
+    if not any(runs for _, runs in groups):
+        return ""
+    return Markup(learning_curves_svg(groups, "learning-curves"))
+
+
+ORIGIN_SCHEMA: Final = "flyrl.report/1"
+ORIGIN_ID: Final = "origin"
+"""Of the element in a report that says how to repeat it."""
+
+
+def origin_json(results: Results) -> str:
+    """JSON from which the evaluation can be repeated and compared, to stand in a script element."""
+    protocol = results.protocol
+    origin = {
+        "schema": ORIGIN_SCHEMA,
+        "settings": protocol["settings"],
+        "versions": protocol["versions"],
+        "policies": {entrant["name"]: entrant["sha256"] for entrant in protocol["entrants"]},
+        "episodes_sha256": episodes_digest(results.episodes),
+    }
+    return json.dumps(origin).replace("<", "\\u003c")
+
+
+def read_origin(path: Path) -> Json:
+    """What a report holds of where it comes from: settings, versions, hashes.
+
+    Raises
+    ------
+    ValueError
+        The file is no report, or of another version.
+    OSError
+        It cannot be read.
+    """
+    text = path.read_text(encoding="utf-8", errors="replace")
+    found = re.search(rf'<script type="application/json" id="{ORIGIN_ID}">(.*?)</script>', text)
+    try:
+        origin: Json = json.loads(found.group(1)) if found else {}
+    except (ValueError, RecursionError):
+        origin = {}
+    if not isinstance(origin, dict) or origin.get("schema") != ORIGIN_SCHEMA:
+        raise ValueError(f"{path} is no report of this version of flyrl")
+    plain_record("the origin", origin)
+    for key in ("settings", "versions", "policies"):
+        if not isinstance(origin.get(key), dict):
+            raise ValueError(f"{path}: {key!r} must be an object, got {origin.get(key)!r:.60}")
+    if not isinstance(digest := origin.get("episodes_sha256"), str):
+        raise ValueError(f"{path}: 'episodes_sha256' must be text, got {digest!r:.60}")
+    return origin

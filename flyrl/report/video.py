@@ -20,9 +20,15 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.envs.rendering import View, make_renderer
 from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.progress import progress_bar
-from flyrl.report.captions import Picture, clock_text, ending_text, titled, with_scale_bar
+from flyrl.report.captions import (
+    Picture,
+    clock_text,
+    ending_text,
+    tension_bars,
+    titled,
+    with_scale_bar,
+)
 from flyrl.report.film import jpeg
-from flyrl.report.tension_bars import tension_bars
 from flyrl.simulation.batch import Batch
 from flyrl.simulation.marks import FORCE_PER_MM, Overlay
 from flyrl.simulation.rendering import RenderingUnavailableError

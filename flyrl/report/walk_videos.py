@@ -1,26 +1,32 @@
-"""The literature's videos of walking flies: slow, with what the legs do in colours.
+"""The literature's videos: walking flies with their legs in colours, and a worm that bends.
 
 After Wang-Chen et al. 2024 (doi 10.1038/s41592-024-02497-y).
 """
 
 from __future__ import annotations
 
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import mujoco
 import numpy as np
 import pandas as pd
 
 from flyrl.anatomy import LEGS
 from flyrl.bodies.fly import FlyConfig
+from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.report.captions import clock_text, titled, with_legend
+from flyrl.muscles import load_creature
+from flyrl.muscles.attachment import STEP, Moment, recruit_stepwise
+from flyrl.report.captions import Picture, clock_text, tension_bars, titled, with_legend
 from flyrl.report.film import Film, jpeg
 from flyrl.report.video import FLY_PACE, FPS, HOLD_FRAMES, encode, measured
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.marks import Overlay
-from flyrl.simulation.rendering import Camera, FlyRenderer
+from flyrl.simulation.rendering import Camera, FlyRenderer, Offscreen
+from flyrl.simulation.worms import add_surroundings, side_view
 
 WIDTH: Final = 640
 HEIGHT: Final = 480
@@ -161,3 +167,69 @@ def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:
     ):
         row |= {f"{name}_{leg}": value for leg, value in zip(LEGS, of_legs, strict=True)}
     return row
+
+
+HOLD_S: Final = 1.0
+"""For how long every number of neurons is held, s: the worm has settled then."""
+
+
+def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: float = HOLD_S) -> Film:
+    """Film a worm while more and more neurons of its muscle are recruited.
+
+    Parameters
+    ----------
+    config
+        The worm; by default the literature's.
+    step
+        Neurons that are recruited at a time.
+    hold_s
+        For how long every number of them is held, s.
+
+    Returns
+    -------
+    The video, in real time, and a table with a row per number of neurons: `n`; `tension`, within 0
+    and 1; `bend_deg`, the sum of all joints' angles in the end.
+
+    Raises
+    ------
+    ValueError
+        If the worm has more than one muscle.
+    RenderingUnavailableError
+        If no GL context can be made.
+    OSError, RuntimeError
+        If ffmpeg fails.
+    """
+    if config.muscles != "one":
+        raise ValueError(f"the filmed worm must have muscles='one', got {config.muscles!r}")
+    spec = build_worm(config)
+    add_surroundings(spec)
+    creature = load_creature(spec, config.profile_path.parent)
+    pictures: list[Picture] = []
+    rows = []
+    with _offscreen(creature.model) as offscreen:
+        camera = side_view(config)
+        for moment in recruit_stepwise(creature, step, hold_s, 1 / FPS):
+            mujoco.mj_camlight(creature.model, creature.data)
+            pictures.append(_annotated(offscreen.draw(creature.data, camera), moment))
+            if moment.is_last:
+                rows.append((moment.n, moment.tension[0], np.degrees(moment.bend)))
+    table = pd.DataFrame(rows, columns=["n", "tension", "bend_deg"])
+    mp4 = encode(pictures + pictures[-1:] * HOLD_FRAMES)
+    return Film(mp4, jpeg(pictures[-1]), table)
+
+
+def _annotated(picture: Picture, moment: Moment) -> Picture:
+    """Write what is recruited, the tension and the bend onto a picture, and draw the bar."""
+    text = f"tension {moment.tension[0]:.2f}   bend {np.degrees(moment.bend):.0f}°   real time"
+    picture = tension_bars(picture, moment.tension)
+    return titled(picture, f"neurons up to {moment.n}", text)
+
+
+@contextmanager
+def _offscreen(model: mujoco.MjModel) -> Iterator[Offscreen]:
+    model.vis.global_.offwidth, model.vis.global_.offheight = WIDTH, HEIGHT
+    offscreen = Offscreen(model, WIDTH, HEIGHT)
+    try:
+        yield offscreen
+    finally:
+        offscreen.close()

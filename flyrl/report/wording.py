@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from flyrl.evaluation.conditions import Condition
-from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.rows import Json
 from flyrl.evaluation.seeds import trainings
+from flyrl.evaluation.summary import Leader
 
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are written as 0."""

@@ -1,8 +1,11 @@
-"""What happens on the way of a training run: progress, evaluation, saving, stopping."""
+"""Callback of a training run: progress, evaluation, saving, stopping, interruption."""
 
 import signal
+import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from types import FrameType
 from typing import Any, Final
 
 import numpy as np
@@ -23,8 +26,46 @@ from flyrl.tasks import Episode, code_digests, code_of
 from flyrl.training.checkpoint import learner_state, save_checkpoint
 from flyrl.training.config import TrainingConfig, lasting_settings, training_record
 from flyrl.training.curriculum import Curriculum
-from flyrl.training.interruption import Interruption
 from flyrl.training.run_folder import RunFolder
+
+_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """Remembers the first signal that asked the run to end.
+
+    Attributes
+    ----------
+    signal
+        The signal, or None.
+    """
+
+    def __init__(self) -> None:
+        self.signal: signal.Signals | None = None
+
+    def __bool__(self) -> bool:
+        return self.signal is not None
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:
+        if self.signal is not None:
+            raise KeyboardInterrupt  # asked twice: drop everything
+        self.signal = signal.Signals(number)
+
+
+@contextmanager
+def interruption() -> Iterator[Interruption]:
+    """Catch the signals inside the block; outside the main thread, nothing is caught."""
+    asked = Interruption()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    previous = {number: signal.signal(number, asked._ask) for number in _SIGNALS}
+    try:
+        yield asked
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
 
 HELD_OUT_SEEDS: Final = range(2**31, 3 * 2**30)
 """Seeds of the held-out episodes: above those that training draws, below those of evaluations."""

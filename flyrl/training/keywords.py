@@ -1,15 +1,16 @@
-"""From keywords, as one writes them in Python, to the config of a training."""
+"""Keywords, as one writes them in Python, and tuned settings: to the config of a training."""
 
 from dataclasses import fields
 from typing import Any, Final
 
 from flyrl.envs.config import UnexpectedArgumentError, config_for
 from flyrl.envs.core import EnvConfig
+from flyrl.files import load_yaml
+from flyrl.resources import configs_folder
 from flyrl.tasks import Task, TaskSettings
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
-from flyrl.training.tuned import tuned_settings
 from flyrl.validation import did_you_mean, one_of
 
 _TOTAL: Final = "total_decisions"
@@ -92,3 +93,18 @@ def _hint(name: str, known: list[str]) -> str:
     if having:
         return f", which is one of {', '.join(having)}"
     return f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
+
+
+def tuned_name(task: str | None, algo: str | None) -> str:
+    """Name of the settings in `configs/tuned` for a task and an algorithm; not all have some."""
+    return f"{task}_{algo}"
+
+
+def tuned_settings(task: str, algo: str) -> dict[str, dict[str, Any]]:
+    """What was tried for a task and an algorithm: `algo` and `training`, each by field.
+
+    Empty where nothing was.
+    """
+    file = configs_folder() / "tuned" / f"{tuned_name(task, algo)}.yaml"
+    given = load_yaml(file) if file.is_file() else {}
+    return {"algo": {}, "training": {}, **given}

@@ -22,10 +22,9 @@ from torch.utils.tensorboard import SummaryWriter
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, load_bundle
 from flyrl.training.algorithms import OnPolicyConfig
-from flyrl.training.callback import GoesOn, RunCallback, fly_env
+from flyrl.training.callback import GoesOn, RunCallback, fly_env, interruption
 from flyrl.training.checkpoint import restore_learner
 from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
-from flyrl.training.interruption import interruption
 from flyrl.training.loggers.base import DECISIONS_LOGGED, Outcome
 from flyrl.training.loggers.remote import RemoteLog
 from flyrl.training.models import build_model

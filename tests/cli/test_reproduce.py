@@ -6,9 +6,7 @@ import pytest
 
 from flyrl.cli.main import main
 from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout
-from flyrl.policies.lstm import LSTM, LSTMLayer
-from flyrl.policies.mlp import MLP, Layer
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
 from flyrl.training.reproduce import compare, difference

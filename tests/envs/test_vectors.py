@@ -9,7 +9,7 @@ from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig
 from flyrl.policies.bundle import observation_layout
-from flyrl.policies.vectors import vectors
+from flyrl.policies.networks import vectors
 from flyrl.tasks import TASKS
 from flyrl.training.config import TrainingConfig
 

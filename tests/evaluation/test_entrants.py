@@ -18,7 +18,7 @@ from flyrl.policies import (
     observation_layout,
 )
 from flyrl.policies.bundle import TermLayout, save_bundle
-from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS, ObservationTerm, extended
 
 TARGET = TASKS["target"]()

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from flyrl.evaluation.leaders import find_leaders
 from flyrl.evaluation.rows import episode_row, episode_table
+from flyrl.evaluation.summary import find_leaders
 from tests.synthetic import make_record
 
 

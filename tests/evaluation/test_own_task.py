@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
-from flyrl.evaluation.leaders import find_leaders
 from flyrl.evaluation.metrics import (
     METRICS,
     check_metrics,
@@ -15,6 +14,7 @@ from flyrl.evaluation.metrics import (
     lower_is_better,
     recorded_metrics,
 )
+from flyrl.evaluation.summary import find_leaders
 from flyrl.report import write_report
 from flyrl.report.figures import metric_label
 from flyrl.tasks import TASKS, ErrorTerm, Task, Termination

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
 
-from flyrl.evaluation.parts import Parts, drop_parts
-from flyrl.evaluation.rows import episode_row, episode_table
-from flyrl.evaluation.trajectories import trajectory
+from flyrl.evaluation.rows import episode_row, episode_table, trajectory
+from flyrl.evaluation.run import Parts, drop_parts
 from flyrl.files import MANIFEST
 from tests.synthetic import make_record
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation import EvaluationConfig
-from flyrl.evaluation.steering import measure_steering
+from flyrl.evaluation.drive_map import measure_steering
 from flyrl.tasks import TASKS
 
 

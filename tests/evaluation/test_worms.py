@@ -19,11 +19,11 @@ from flyrl.evaluation import (
     write_results,
 )
 from flyrl.evaluation.conditions import QUANTITIES
-from flyrl.evaluation.fixed import controller_names
+from flyrl.evaluation.entrant import controller_names
 from flyrl.evaluation.metrics import METRICS
 from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
 from flyrl.policies.bundle import action_bounds, save_bundle
-from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.networks import MLP, Layer
 from flyrl.rollouts import run_episodes
 from flyrl.tasks import TASKS, task_named
 from tests.tasks.test_worm import WORM_TASKS

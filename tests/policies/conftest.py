@@ -10,9 +10,7 @@ import torch
 from sb3_contrib.common.torch_layers import BatchRenorm
 
 from flyrl.policies.bundle import PolicyBundle, TermLayout
-from flyrl.policies.lstm import LSTM, LSTMLayer
-from flyrl.policies.mlp import MLP, Activation, Layer
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import LSTM, MLP, Activation, Layer, LSTMLayer, Normaliser
 
 LAYOUT = (TermLayout("bearing", 2), TermLayout("speed", 1))
 

@@ -7,7 +7,7 @@ from gymnasium.spaces import MultiDiscrete
 from flyrl.envs.options import action_space
 from flyrl.policies import LearnedPolicy, PolicyFileError
 from flyrl.policies.bundle import action_bounds
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Drives, Neurons, ObservationTerm, Task
 
 

@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch import nn
 
-from flyrl.policies.lstm import LSTM, LSTMLayer, advance
+from flyrl.policies.networks import LSTM, LSTMLayer, advance
 
 
 def _random(sizes, seed=0):

@@ -3,7 +3,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flyrl.policies.mlp import MLP, Layer, check_layers, evaluate
+from flyrl.policies.networks import MLP, Layer, check_layers, evaluate
 
 
 def _layer(outputs: int, inputs: int) -> Layer:

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import Normaliser
 from tests.policies.conftest import Bandit
 
 

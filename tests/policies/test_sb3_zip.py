@@ -24,8 +24,7 @@ from flyrl.policies import (
     observation_layout,
 )
 from flyrl.policies.export import bundle_from_sb3
-from flyrl.policies.lstm import LSTM, LSTMLayer
-from flyrl.policies.normaliser import Normaliser
+from flyrl.policies.networks import LSTM, LSTMLayer, Normaliser
 from flyrl.tasks import TASKS, Neurons
 from flyrl.training.algorithms import SACConfig
 from flyrl.training.models import build_model

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flyrl.policies.vectors import vectors
+from flyrl.policies.networks import vectors
 
 
 def test_an_array_stays_as_it_is():

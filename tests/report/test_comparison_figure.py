@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from flyrl.report.comparison_figure import STUDY, draw_comparison
+from flyrl.report.walking_figures import STUDY, draw_comparison
 from flyrl.resources import configs_folder
 
 

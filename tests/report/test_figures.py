@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from flyrl.evaluation.rows import trajectory
 from flyrl.evaluation.statistics import Interval
-from flyrl.evaluation.trajectories import trajectory
 from flyrl.report.figures import (
     distributions_figure,
     doses_figure,
@@ -16,8 +16,8 @@ from flyrl.report.figures import (
     success_figure,
     swarm,
 )
-from flyrl.report.palette import colours
 from flyrl.report.paths import Walk, aligned_figure, ground_figure
+from flyrl.report.style import colours
 from flyrl.terrains import Gapped
 from tests.synthetic import HORIZON_S, make_results, walk
 

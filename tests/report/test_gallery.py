@@ -9,7 +9,7 @@ import pytest
 
 from flyrl.report.controller_figures import adhesion_plot, rules_graph_plot
 from flyrl.report.gallery import GALLERY
-from flyrl.report.muscle_figure import muscle_plot
+from flyrl.report.scene_figures import muscle_plot
 from flyrl.resources import assets_folder
 
 DOCS = Path(__file__).parents[2] / "docs"

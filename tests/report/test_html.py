@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.statistics import Interval
-from flyrl.evaluation.summary import summarise
+from flyrl.evaluation.summary import Leader, summarise
 from flyrl.report import Video, write_report
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.html import format_report

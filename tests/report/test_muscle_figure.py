@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyrl.report.muscle_figure import muscle_plot
+from flyrl.report.scene_figures import muscle_plot
 from tests.muscles.images import save_profile
 
 

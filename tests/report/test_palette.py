@@ -1,6 +1,6 @@
 import re
 
-from flyrl.report.palette import THEME, colours, marker, stylesheet, themed
+from flyrl.report.style import THEME, colours, marker, stylesheet, themed
 
 
 def test_fixed_controllers_keep_their_colour_in_any_company():

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from flyrl.report import Video
+from flyrl.report.episodes import players
 from flyrl.report.html import format_report
-from flyrl.report.player import players
 from flyrl.report.video import HOLD_FRAMES
 from tests.report.test_html import Page
 from tests.report.test_time_curves import walked

@@ -3,7 +3,7 @@ import copy
 import numpy as np
 import pytest
 
-from flyrl.evaluation.steering import Steering
+from flyrl.evaluation.drive_map import Steering
 from flyrl.report.html import format_report
 from flyrl.report.setup import control_loop, trainings_section
 from tests.report.test_html import Page

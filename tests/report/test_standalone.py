@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.drive_map import DriveMap
+from flyrl.report.exports import named_figures, standalone
 from flyrl.report.html import report_context
-from flyrl.report.standalone import named_figures, standalone
 from tests.report.test_close_up import walked
 from tests.synthetic import make_results
 

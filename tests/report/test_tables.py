@@ -5,13 +5,13 @@ import re
 
 import pytest
 
-from flyrl.evaluation.leaders import Leader
 from flyrl.evaluation.metrics import METRICS
 from flyrl.evaluation.statistics import Interval
+from flyrl.evaluation.summary import Leader
 from flyrl.evaluation.tables import differences_table, summary_table
+from flyrl.report.exports import format_tables
 from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.sections import all_leaders
-from flyrl.report.tables import format_tables
 from tests.synthetic import make_results
 
 

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from flyrl.report.time_curves import (
+from flyrl.report.close_up import (
     advance_mm,
     goal_distance_mm,
     held_drive,

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from flyrl.anatomy import JOINTS, LEGS
-from flyrl.report.walk_figure import walk_figure
+from flyrl.report.scene_figures import walk_figure
 
 
 @pytest.fixture(scope="module")

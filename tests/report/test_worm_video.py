@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig
+from flyrl.report.captions import tension_bars
 from flyrl.report.film import write_film
-from flyrl.report.tension_bars import tension_bars
 from flyrl.report.video import HOLD_FRAMES
-from flyrl.report.worm_video import film_worm
+from flyrl.report.walk_videos import film_worm
 from flyrl.simulation.rendering import RenderingUnavailableError
 from tests.report.test_video import read
 

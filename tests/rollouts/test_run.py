@@ -5,8 +5,7 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import ConstantDrive, LearnedPolicy, PolicyBundle, observation_layout
-from flyrl.policies.lstm import LSTM, LSTMLayer
-from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer
 from flyrl.rollouts import num_decisions, run_episodes
 from flyrl.tasks import TASKS, ErrorTerm, Termination
 from flyrl.terrains import Flat

@@ -7,7 +7,7 @@ import pytest
 
 from flyrl.bodies.worm import DEMONSTRATION, build_worm
 from flyrl.muscles import load_creature
-from flyrl.simulation.recruitment import recruit_stepwise
+from flyrl.muscles.attachment import recruit_stepwise
 
 WORM = dataclasses.replace(DEMONSTRATION, segments=4)
 

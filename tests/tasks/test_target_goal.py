@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flyrl.tasks import TASKS, RewardTerm, extended
-from flyrl.tasks.target_goal import is_reached
+from flyrl.tasks.target import is_reached
 from flyrl.tasks.terms import failure_info
 from tests.tasks.test_terms import fly_state, task_state, turned
 

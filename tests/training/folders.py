@@ -8,7 +8,7 @@ import yaml
 
 from flyrl.policies import observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
-from flyrl.policies.mlp import MLP, Layer
+from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import TrainingConfig, env_record, training_record

@@ -7,7 +7,7 @@ from stable_baselines3.her import HerReplayBuffer
 
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
-from flyrl.training.hindsight import HindsightBuffer
+from flyrl.training.models import HindsightBuffer
 
 STEPS = 6
 

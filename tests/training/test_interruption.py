@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from flyrl.training.interruption import interruption
+from flyrl.training.callback import interruption
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

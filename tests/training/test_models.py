@@ -25,8 +25,7 @@ from flyrl.training.checkpoint import (
     restore_learner,
     save_checkpoint,
 )
-from flyrl.training.hindsight import HindsightBuffer
-from flyrl.training.models import build_model
+from flyrl.training.models import HindsightBuffer, build_model
 
 # none of them a default, here or in Stable-Baselines3
 SETTINGS = {

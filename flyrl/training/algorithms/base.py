@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final
 
-from flyrl.policies.mlp import ACTIVATIONS, Activation
+from flyrl.policies.networks import ACTIVATIONS, Activation
 from flyrl.validation import Within, check_fields, one_of, positive, within
 
 LARGEST_SETTING: Final = 1e6

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Final, Literal, get_args
 
-from flyrl.policies.mlp import Activation
+from flyrl.policies.networks import Activation
 from flyrl.training.algorithms.base import MOST_SAMPLES, AlgorithmConfig
 from flyrl.validation import Within, at_least, one_of, positive, within
 
