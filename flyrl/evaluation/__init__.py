@@ -1,14 +1,35 @@
 """Every entrant on every terrain -> paired results: metrics, statistics, results files."""
 
+import importlib
+from typing import TYPE_CHECKING, Any, Final
+
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.drive_map import measure_drive_map, measure_steering
-from flyrl.evaluation.entrant import Entrant
-from flyrl.evaluation.entrants import make_entrants
-from flyrl.evaluation.examples import walk_examples
-from flyrl.evaluation.learned import changed_terms
-from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
-from flyrl.evaluation.run import drop_parts, evaluate
 from flyrl.policies.laws import FIXED
+
+if TYPE_CHECKING:
+    from flyrl.evaluation.drive_map import measure_drive_map, measure_steering
+    from flyrl.evaluation.entrant import Entrant
+    from flyrl.evaluation.entrants import make_entrants
+    from flyrl.evaluation.examples import walk_examples
+    from flyrl.evaluation.learned import changed_terms
+    from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
+    from flyrl.evaluation.run import drop_parts, evaluate
+
+# what needs pandas and SciPy's statistics is imported when it is first asked for
+_ON_DEMAND: Final = {
+    "Entrant": "entrant",
+    "Results": "results",
+    "ResultsError": "results",
+    "changed_terms": "learned",
+    "drop_parts": "run",
+    "evaluate": "run",
+    "load_results": "results",
+    "make_entrants": "entrants",
+    "measure_drive_map": "drive_map",
+    "measure_steering": "drive_map",
+    "walk_examples": "examples",
+    "write_results": "results",
+}
 
 __all__ = [
     "FIXED",
@@ -26,3 +47,9 @@ __all__ = [
     "walk_examples",
     "write_results",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _ON_DEMAND:
+        return getattr(importlib.import_module(f"{__name__}.{_ON_DEMAND[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar, overload
 
 from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition, all_conditions
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS, check_metrics
-from flyrl.evaluation.rows import LazySequence
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
@@ -18,6 +17,8 @@ from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task, TaskSettings
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, check_fields, not_negative, one_of, within
+
+T = TypeVar("T")
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -29,6 +30,36 @@ below this. So no policy was trained or chosen on an episode that it is compared
 MAX_EPISODES: Final = 2**16
 MAX_SEED: Final = 2**14 - 1
 """Together they reach the largest seed there is, 2**32 - 1."""
+
+
+class LazySequence(Sequence[T]):
+    """Items 0 to `length` - 1, each made anew whenever it is asked for, and never kept.
+
+    Parameters
+    ----------
+    length
+        Number of items.
+    make
+        Index -> item.
+    """
+
+    def __init__(self, length: int, make: Callable[[int], T]) -> None:
+        self._places = range(length)
+        self._make = make
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, index: int) -> T: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[T]: ...
+
+    def __getitem__(self, index: int | slice) -> T | list[T]:
+        if isinstance(index, slice):
+            return [self._make(place) for place in self._places[index]]
+        return self._make(self._places[index])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from flyrl.anatomy import LEGS, TRIPODS
 from flyrl.rollouts.records import BoolArray, FloatArray
@@ -56,6 +55,8 @@ def step_raster(stance: BoolArray, places: FloatArray, interval_s: float) -> Boo
 
 def without_blips(stance: BoolArray, interval_s: float) -> BoolArray:
     """A raster (S, 6) without what is shorter than half of `BLIP_S`."""
+    from scipy import ndimage  # noqa: PLC0415 - slow to import
+
     window = 2 * round(BLIP_S / interval_s / 2) + 1
     if len(stance) == 0:
         return stance

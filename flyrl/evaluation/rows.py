@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypeVar, overload
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -15,39 +15,6 @@ from numpy.typing import NDArray
 from flyrl.evaluation.metrics import METRICS, episode_metrics
 from flyrl.rollouts.records import EpisodeRecord
 from flyrl.text import csv_table
-
-T = TypeVar("T")
-
-
-class LazySequence(Sequence[T]):
-    """Items 0 to `length` - 1, each made anew whenever it is asked for, and never kept.
-
-    Parameters
-    ----------
-    length
-        Number of items.
-    make
-        Index -> item.
-    """
-
-    def __init__(self, length: int, make: Callable[[int], T]) -> None:
-        self._places = range(length)
-        self._make = make
-
-    def __len__(self) -> int:
-        return len(self._places)
-
-    @overload
-    def __getitem__(self, index: int) -> T: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[T]: ...
-
-    def __getitem__(self, index: int | slice) -> T | list[T]:
-        if isinstance(index, slice):
-            return [self._make(place) for place in self._places[index]]
-        return self._make(self._places[index])
-
 
 Json = dict[str, Any]
 

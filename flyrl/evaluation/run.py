@@ -19,14 +19,13 @@ import pandas as pd
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.record import plain
 from flyrl.evaluation.conditions import Condition
-from flyrl.evaluation.config import EvaluationConfig
+from flyrl.evaluation.config import EvaluationConfig, LazySequence
 from flyrl.evaluation.entrant import Entrant
 from flyrl.evaluation.entrants import best_reference, make_entrants
 from flyrl.evaluation.metrics import SMALLEST_EFFECTS, compared_metrics, decisive_metrics
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.rows import (
     Json,
-    LazySequence,
     Trajectory,
     episode_row,
     episode_table,

@@ -5,7 +5,6 @@ from functools import partial
 from typing import Annotated, Any, Final
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
@@ -44,6 +43,8 @@ def draw_path(
     With the difficulty, the first direction grows from straight ahead to any, the curves from none
     to the sharpest, and the length from half of `length`; a shorter path repeats its last point.
     """
+    from scipy.ndimage import gaussian_filter1d  # noqa: PLC0415 - slow to import
+
     steps = round(length / terms.PATH_SPACING)
     noise = gaussian_filter1d(rng.normal(size=steps), smoothness / terms.PATH_SPACING)
     curvature = difficulty * (noise / np.abs(noise).max() / radius)

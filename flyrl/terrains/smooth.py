@@ -9,7 +9,6 @@ from typing import Annotated, Final
 
 import mujoco
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from flyrl.bodies.fly import BOXES
 from flyrl.terrains.geoms import GROUND_FRICTION, add_checks
@@ -110,6 +109,8 @@ class Hills(Terrain):
 
 @functools.lru_cache(maxsize=8)
 def _field(seed: int, height: float, width: float) -> Heights:
+    from scipy.ndimage import gaussian_filter  # noqa: PLC0415 - slow to import
+
     cell = width / _CELLS_PER_WIDTH
     size = 1 + round(2 * HALF_WIDTH / cell)
     noise = np.random.default_rng(seed).uniform(size=(size, size))

@@ -1,6 +1,6 @@
 import pytest
 
-from flyrl.evaluation.rows import LazySequence
+from flyrl.evaluation.config import LazySequence
 
 SQUARES = LazySequence(4, lambda i: i * i)
 
