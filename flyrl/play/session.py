@@ -1,4 +1,4 @@
-"""The course of what is played: in real time or slower while somebody watches, told to a log."""
+"""Session of play: steps in real time or slower while somebody watches, and writes a log."""
 
 import copy
 import math
@@ -107,7 +107,7 @@ class Pace:
         self._last_s = now_s
         longest = max(self.max_lag_s, self.interval_s)
         self._owed_s = min(self._owed_s + passed * speed, longest)
-        # a hair more, lest 0.1 / 0.001 come to 99
+        # a hair more: 0.1 / 0.001 must not come to 99
         steps = int(self._owed_s / self.interval_s + 1e-6)
         self._owed_s -= steps * self.interval_s
         return steps
@@ -196,7 +196,7 @@ class Session:
             self._tell()
 
     def change(self, name: str, value: Setting) -> None:
-        """Set a control of the panel; a refusal is told on the panel and to the log.
+        """Set a control of the panel; a refusal is shown on the panel and logged.
 
         While nobody watches this does nothing.
         """

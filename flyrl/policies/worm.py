@@ -136,7 +136,7 @@ class WormCPG:
 
 
 class WormReflex:
-    """Recruit the muscles of one side more and more, until the worm is bent as told.
+    """Recruit the muscles of one side more and more, until the worm is bent as commanded.
 
     The share of neurons that is recruited, of the first muscle of every joint (or, below 0, of the
     second), falls at a rate of `gain` per rad of too much bend and s.

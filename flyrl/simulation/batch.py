@@ -240,7 +240,7 @@ class Batch(NativeBatch):
     def vary(self, ids: Ids, randomisations: Sequence[Randomisation]) -> None:
         """Make flies differ from the scene's own in friction, mass, servos and adhesion.
 
-        It holds until told otherwise, and leaves the other simulations alone. On random terrain,
+        It holds until the next command, and leaves the other simulations alone. On random terrain,
         set the ground before: with other masses, MuJoCo derives its bounds too. Sensor noise and
         latency are not of the body: the environment adds the one, and the leg controllers' states
         hold the other.

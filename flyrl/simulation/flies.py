@@ -245,7 +245,7 @@ class FlyBatch(Batch):
         moment: NDArray[np.float64],
         ids: Ids | slice = slice(None),
     ) -> None:
-        """Push and turn thoraxes from the next physics step on, until told otherwise.
+        """Push and turn thoraxes from the next physics step on, until the next call.
 
         Parameters
         ----------

@@ -135,7 +135,7 @@ def _engine_record(model: mujoco.MjModel) -> np.void:
 
 
 def pack_leg_muscles(config: FlyConfig) -> NDArray[np.float64]:
-    """What the callback is told of the muscles; of a fly without, nothing.
+    """Parameters of the muscles for the callback; none of a fly without.
 
     Stiffness of the servos that they stand in for (42,), strengths (84,), two per joint, and the
     recruitment table of the pool that they share (N,).

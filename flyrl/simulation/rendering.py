@@ -159,7 +159,7 @@ class FlyRenderer(BodyRenderer):
         return thorax
 
     def _marks(self, batch: Any, sim: int) -> list[Mark]:
-        """Trace, which goes on with every picture, and forces; the legs take their colours."""
+        """Add a piece of the trace and the forces; the legs take their colours."""
         if self._leg_colours is not None:
             self._leg_colours.apply(batch.leg_states(sim))
         marks: list[Mark] = []

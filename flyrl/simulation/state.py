@@ -48,7 +48,7 @@ class LegStates:
     Attributes
     ----------
     grips
-        Whether a leg is told to grip.
+        Whether the adhesion of a leg is on.
     retracts, stumbles
         Whether the retraction reflex, or the stumbling reflex, corrects a leg.
     """

@@ -1,8 +1,8 @@
 """Tasks for worms: their muscles are the action, one number of recruited neurons per muscle.
 
-worm_crawl: crawl along +x as far as possible. worm_hang: bend as told, with as few motor neurons as
-possible. Each has a variant with continuous actions, for algorithms that need these. They are made
-for a worm, since a worm may have any number of muscles.
+worm_crawl: crawl along +x as far as possible. worm_hang: bend as commanded, with as few motor
+neurons as possible. Each has a variant with continuous actions, for algorithms that need these.
+They are made for a worm, since a worm may have any number of muscles.
 """
 
 from dataclasses import replace
@@ -63,12 +63,12 @@ def bend_error_deg(state: TaskState) -> Array:
 
 
 def has_bent(state: TaskState, tolerance: float) -> Mask:
-    """Whether the worm is bent as told, within `tolerance`, rad, (n,)."""
+    """Whether the worm is bent as commanded, within `tolerance`, rad, (n,)."""
     return np.asarray(absolute_bend_error(state) < tolerance)
 
 
 def bent(state: TaskState, tolerance: float) -> Array:
-    """1 where the worm is bent as told, else 0, (n,)."""
+    """1 where the worm is bent as commanded, else 0, (n,)."""
     return has_bent(state, tolerance).astype(np.float64)
 
 
@@ -228,7 +228,7 @@ def worm_hang(
     start_angle: Annotated[float, _ANGLE] = 0.2,
     time_limit: Annotated[float, TIME] = 2.0,
 ) -> Task:
-    """Bend as told, with few neurons; a success is to be bent so at the end.
+    """Bend as commanded, with few neurons; a success is to be bent so at the end.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def worm_hang(
     bend
         Greatest bend that is asked for, to either side, rad.
     tolerance
-        A worm that is off by less has bent as told, rad.
+        Largest bend error of a success, rad.
     start_angle
         The joints of a worm that starts are bent by up to this, rad.
     time_limit
@@ -266,7 +266,7 @@ def worm_hang(
             RewardTerm("error", -1.0, absolute_bend_error, "rad off what is asked for"),
             RewardTerm(
                 "bent", 0.5, partial(bent, tolerance=tolerance),
-                "1 while the worm is bent as told",
+                "1 while the worm is bent as commanded",
             ),
             RewardTerm("recruitment", -0.2, recruited, "share of all neurons that are recruited"),
         ),
@@ -290,5 +290,5 @@ def worm_hang(
 
 @variant_of(worm_hang)
 def worm_hang_box(task: Task) -> Task:
-    """Bend as told, with continuous actions."""
+    """Bend as commanded, with continuous actions."""
     return _with_box(task)

@@ -25,6 +25,7 @@ best.mp4             the best policy on a held-out episode, where a video can be
 import datetime
 import json
 import shlex
+import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -71,6 +72,8 @@ class RunFolder:
     ) -> "RunFolder":
         """Make a new folder in `runs`, and write down what the run is and where it comes from.
 
+        It appears under its name with all of that in it, so that no reader meets half a run.
+
         Parameters
         ----------
         config
@@ -83,14 +86,18 @@ class RunFolder:
             End of the folder's name.
         """
         started = datetime.datetime.now().astimezone()
-        path = new_folder(runs, config.name(started, label))
-        folder = cls(path)
-        record = yaml.safe_dump(training_record(config), sort_keys=False)
-        write_text(path / CONFIG_FILE, record)
-        folder._note_command(command)
-        folder.write_json("provenance.json", folder._origin(config, started))
-        folder._write_changes("code.diff")
-        return folder
+        name = config.name(started, label)
+        folder = cls(new_folder(runs, f".{name}"))
+        try:
+            record = yaml.safe_dump(training_record(config), sort_keys=False)
+            write_text(folder.path / CONFIG_FILE, record)
+            folder._note_command(command)
+            folder.write_json("provenance.json", folder._origin(config, started))
+            folder._write_changes("code.diff")
+            return cls(folder.path.rename(new_folder(runs, name)))
+        except BaseException:
+            shutil.rmtree(folder.path)
+            raise
 
     @classmethod
     def open(cls, config: TrainingConfig, path: Path) -> "RunFolder":

@@ -31,6 +31,7 @@ def test_runs_of_the_same_second_get_their_own_folders(tmp_path):
     config = TrainingConfig()
     folders = {RunFolder.create(config, tmp_path).path for _ in range(3)}
     assert len(folders) == 3
+    assert set(tmp_path.iterdir()) == folders  # nothing is left of where they were filled
 
 
 def _interrupted(tmp_path, **changes):
