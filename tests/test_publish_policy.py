@@ -23,7 +23,7 @@ def run(tmp_path_factory):
         env=TINY_ENV,
         algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=1, hidden_layers=(8,)),
         training=ScheduleConfig(
-            total_decisions=32,
+            total_timesteps=32,
             num_envs=2,
             num_threads=1,
             evaluation_episodes=1,

@@ -12,7 +12,7 @@ TINY = TrainingConfig(
     env=TINY_ENV,
     algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(8,)),
     training=ScheduleConfig(
-        total_decisions=64,
+        total_timesteps=64,
         num_envs=4,
         num_threads=1,
         evaluation_interval=32,
@@ -25,7 +25,7 @@ TINY = TrainingConfig(
 TINY_ARGUMENTS = (
     "physics=fast",
     "task.time_limit=0.2",
-    "training.total_decisions=64",
+    "training.total_timesteps=64",
     "training.num_envs=4",
     "training.num_threads=1",
     "training.evaluation_interval=32",

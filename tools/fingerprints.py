@@ -48,7 +48,7 @@ STATE: Final = (
 
 TRAINING: Final = (
     "physics=fast", "terrain=blocks", "task.time_limit=0.2", "video_after=false",
-    "training.total_decisions=512", "training.num_envs=4", "training.evaluation_interval=256",
+    "training.total_timesteps=512", "training.num_envs=4", "training.evaluation_interval=256",
     "training.evaluation_episodes=2", "training.checkpoint_interval=64",
     "training.progress_bar=false", "algo.n_steps=8", "algo.batch_size=16", "algo.n_epochs=2",
     "algo.hidden_layers=[8]",

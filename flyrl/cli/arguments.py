@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
+from flyrl.training.config import present_names
 from flyrl.validation import did_you_mean, one_of
 
 if TYPE_CHECKING:
@@ -112,8 +113,15 @@ def with_own_things(arguments: Sequence[str]) -> list[str]:
         elif key.partition(".")[0] in own:
             words.append(f"++{word}")
         else:
-            words.append(word)
+            words.append(_by_present_name(word))
     return words
+
+
+def _by_present_name(word: str) -> str:
+    """Write an override of a setting that had another name by the one that it has."""
+    name = word.partition("=")[0].lstrip("+~")
+    (present,) = present_names({name: None}, "training.")
+    return word.replace(name, present, 1)
 
 
 def own_overrides(job: Sequence[str]) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.rendering import Camera
 from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
-from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig
+from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig, present_names
 from flyrl.training.loggers import LOGGERS, LoggerConfig
 from flyrl.validation import (
     check_fields,
@@ -52,7 +52,7 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
     return TrainingConfig(
         env=env_config(config),
         algo=algorithm_config(config),
-        training=from_keys("training", group(config, "training"), ScheduleConfig),
+        training=from_keys("training", present_names(group(config, "training")), ScheduleConfig),
         seed=whole_number("seed", config.get("seed", 0), 0, LARGEST_SEED),
         logger=_logger_config(config) if "logger" in config else None,
     )

@@ -164,7 +164,7 @@ def _shares(
     walks = (len(make_entrants(compared)) + 1) * len(compared.terrain_configs)
     simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
     return {
-        "training": config.training.total_decisions * config.env.decision_interval_s,
+        "training": config.training.total_timesteps * config.env.decision_interval_s,
         "evaluating": 0.5 * simulated_s,
         "filming": 75.0 * walks * len(compared.film) if settings.videos else 0.0,
         "reporting": 150.0,

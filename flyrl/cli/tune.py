@@ -36,7 +36,7 @@ def add_to(subparsers: Subparsers) -> None:
         epilog="What is maximised: the best success rate on the held-out episodes; of equal ones, "
         "that with the higher return. Exit status: 0, 1 if no trial came to its end, 2 for an "
         "error, 128 + the signal's number after an interruption. Example: flyrl tune --name target "
-        "--trials 30 task=target algo=ppo training.total_decisions=20000",
+        "--trials 30 task=target algo=ppo training.total_timesteps=20000",
     )
     parser.add_argument(
         "overrides", nargs="*", metavar="KEY=VALUE", help="settings of all trials, as of train.py"

@@ -88,9 +88,9 @@ def train(
     TrainingInterrupted
         After Ctrl-C or SIGTERM, with the run as far as it came. A KeyboardInterrupt.
     """
-    config = config_from_keywords(
-        task, algo, seed=seed, total_timesteps=total_timesteps, logger=logger, **settings
-    )
+    if total_timesteps is not None:
+        settings["total_timesteps"] = total_timesteps
+    config = config_from_keywords(task, algo, seed=seed, logger=logger, **settings)
     at_end = partial(illustrate, config, with_video=video_after)
     if resume is None:
         run = start(config, runs_folder, at_end=at_end)

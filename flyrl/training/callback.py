@@ -133,7 +133,7 @@ class RunCallback(BaseCallback):
         self._is_ending = False
         self._start = time.monotonic()
         self._bar = progress_bar(
-            schedule.total_decisions,
+            schedule.total_timesteps,
             is_shown=schedule.progress_bar,
             unit=" decisions",
             description="training",
@@ -148,7 +148,7 @@ class RunCallback(BaseCallback):
         self._start -= state["wall_time_s"]
         if self._curriculum is not None:
             self._curriculum.restore(state["curriculum"])
-        self._bar.initial = min(state["decisions"], self._config.training.total_decisions)
+        self._bar.initial = min(state["decisions"], self._config.training.total_timesteps)
         self._bar.reset()
         self._show()
 
@@ -163,7 +163,7 @@ class RunCallback(BaseCallback):
 
     def _on_step(self) -> bool:
         # set, not added up: the last update may go beyond the total
-        total = self._config.training.total_decisions
+        total = self._config.training.total_timesteps
         self._bar.update(min(self.num_timesteps, total) - self._bar.n)
         if self._curriculum is not None:
             self._adapt(self._curriculum)

@@ -2,6 +2,8 @@
 
 import dataclasses
 import datetime
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
@@ -18,13 +20,35 @@ from flyrl.validation import Within, check_fields, within
 LARGEST_SEED: Final = 2**31 - 1
 
 
+_EARLIER_NAMES: Final = {"total_decisions": "total_timesteps"}
+"""Fields of `ScheduleConfig` that had other names, which are understood for a release."""
+
+
+def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Settings of a schedule by the names of its fields; an earlier name is warned of.
+
+    Parameters
+    ----------
+    settings
+        By name, each after `prefix`.
+    prefix
+        Such as "training.".
+    """
+    found = dict(settings)
+    for earlier, present in _EARLIER_NAMES.items():
+        if f"{prefix}{earlier}" in found:
+            print(f"warning: {prefix}{earlier} is called {prefix}{present}", file=sys.stderr)
+            found[f"{prefix}{present}"] = found.pop(f"{prefix}{earlier}")
+    return found
+
+
 @dataclass(frozen=True, kw_only=True)
 class ScheduleConfig:
     """How long to train, on how many flies, and how often to look at the result.
 
     Attributes
     ----------
-    total_decisions
+    total_timesteps
         Decisions to collect, over all environments; the last update may go a little beyond.
     num_envs
         Flies that walk at the same time.
@@ -48,7 +72,7 @@ class ScheduleConfig:
         Whether and how the episodes get harder on the way.
     """
 
-    total_decisions: Annotated[int, Within(1, 10**12)] = 120_000
+    total_timesteps: Annotated[int, Within(1, 10**12)] = 120_000
     num_envs: Annotated[int, Within(1, MOST_SIMS)] = 32
     num_threads: Annotated[int, Within(0, MOST_THREADS)] = 0
     torch_threads: Annotated[int, Within(1, MOST_THREADS)] = 1

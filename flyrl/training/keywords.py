@@ -1,7 +1,7 @@
 """Keywords, as one writes them in Python, and tuned settings: to the config of a training."""
 
 from dataclasses import fields
-from typing import Any, Final
+from typing import Any
 
 from flyrl.envs.config import UnexpectedArgumentError, config_for
 from flyrl.envs.core import EnvConfig
@@ -9,12 +9,9 @@ from flyrl.files import load_yaml
 from flyrl.resources import configs_folder
 from flyrl.tasks import Task, TaskSettings
 from flyrl.training.algorithms import ALGORITHMS
-from flyrl.training.config import ScheduleConfig, TrainingConfig
+from flyrl.training.config import ScheduleConfig, TrainingConfig, present_names
 from flyrl.training.loggers import LOGGERS, LoggerConfig
 from flyrl.validation import did_you_mean, one_of
-
-_TOTAL: Final = "total_decisions"
-"""Field of the schedule that has a keyword of another name: `total_timesteps`, as in SB3."""
 
 
 def config_from_keywords(
@@ -22,7 +19,6 @@ def config_from_keywords(
     algo: str = "ppo",
     *,
     seed: int = 0,
-    total_timesteps: int | None = None,
     logger: str | LoggerConfig | None = None,
     **settings: Any,
 ) -> TrainingConfig:
@@ -36,8 +32,6 @@ def config_from_keywords(
         Name of the algorithm, see `flyrl.training.algorithms.ALGORITHMS`.
     seed
         Of the network, the exploration and the episodes.
-    total_timesteps
-        Decisions to collect, over all flies.
     logger
         Service that the metrics are sent to as well: its settings, or its name for the usual ones.
     settings
@@ -53,23 +47,22 @@ def config_from_keywords(
     ValueError
         A value that is not allowed.
     """
+    settings = present_names(settings)
     kind = ALGORITHMS[one_of("algo", algo, ALGORITHMS)]
     of_algo = {item.name for item in fields(kind)}
-    of_schedule = {item.name for item in fields(ScheduleConfig)} - {_TOTAL}
+    of_schedule = {item.name for item in fields(ScheduleConfig)}
     of_env = {name: settings[name] for name in settings.keys() - of_algo - of_schedule}
     try:
         env = config_for(EnvConfig, {"task": task, **of_env})
     except UnexpectedArgumentError as error:
         known = [item.name for item in fields(EnvConfig) if item.init]
-        known = sorted({*known, *of_algo, *of_schedule, "total_timesteps"} - {"task", "log_gait"})
+        known = sorted({*known, *of_algo, *of_schedule} - {"task", "log_gait"})
         raise UnexpectedArgumentError(
             f"a training of {algo} has no setting {error.name!r}{_hint(error.name, known)}",
             error.name,
         ) from None
     tuned = tuned_settings(env.resolved_task.name, algo)
     schedule = {**tuned["training"], **_only(settings, of_schedule)}
-    if total_timesteps is not None:
-        schedule[_TOTAL] = total_timesteps
     if isinstance(logger, str):
         logger = LOGGERS[one_of("logger", logger, LOGGERS)]()
     return TrainingConfig(

@@ -252,7 +252,7 @@ def _update(
     *more: KVWriter,
 ) -> Run:
     """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
-    total = config.training.total_decisions
+    total = config.training.total_timesteps
     decisions = None if state is None else state["run"]["decisions"]
     model.set_logger(_logger(folder, decisions, *more))
     env = fly_env(model)

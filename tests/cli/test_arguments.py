@@ -179,3 +179,11 @@ def test_a_sweep_may_hold_things_of_ones_own():
 def test_a_built_in_controller_stays_as_it_is():
     given = ["controller=cpg", "controller.frequency_hz=9", "logger=none"]
     assert with_own_things(given) == given
+
+
+def test_an_earlier_name_is_understood_and_warned_of(capsys):
+    given = ["training.total_decisions=100", "++training.total_decisions=5", "seed=1"]
+    present = ["training.total_timesteps=100", "++training.total_timesteps=5", "seed=1"]
+    assert with_own_things(given) == present
+    warning = "warning: training.total_decisions is called training.total_timesteps"
+    assert capsys.readouterr().err.splitlines() == [warning] * 2

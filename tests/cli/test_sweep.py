@@ -258,7 +258,7 @@ def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train
     [("launcher=joblib", signal.SIGTERM), ("launcher=ray", signal.SIGTERM)],
 )
 def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
-    endless = ["training.total_decisions=1000000", "seed=0,1"]
+    endless = ["training.total_timesteps=1000000", "seed=0,1"]
     command = [sys.executable, str(ROOT / "train.py"), *_tiny(how, *endless)]
     process = subprocess.Popen(
         command, cwd=tmp_path, env=ENVIRONMENT, text=True, stderr=subprocess.PIPE
@@ -280,7 +280,7 @@ def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
 @pytest.mark.slow
 def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train_here):
     sweep = tmp_path / "here"
-    asked = ("-m", "seed=0,1", "hydra.sweep.dir=here", "training.total_decisions=512")
+    asked = ("-m", "seed=0,1", "hydra.sweep.dir=here", "training.total_timesteps=512")
 
     def interrupt():
         deadline = time.monotonic() + 60
@@ -354,7 +354,7 @@ def _parameters(sweep):
 def test_a_run_whose_worker_is_killed_is_not_lost_to_ray(tmp_path, train_here):
     asked = [
         "seed=0,1",
-        "training.total_decisions=1024",
+        "training.total_timesteps=1024",
         "training.checkpoint_interval=256",
         "training.evaluation_interval=1024",
     ]

@@ -90,7 +90,7 @@ def _terminate_beyond(folder, decisions):
 
 @pytest.mark.slow
 def test_sigterm_ends_a_run_in_order_and_resume_goes_on_with_it(tmp_path, run_here):
-    longer = "training.total_decisions=20000"
+    longer = "training.total_timesteps=20000"
     command = [sys.executable, str(ROOT / "train.py"), *TINY_ARGUMENTS, longer]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120

@@ -49,7 +49,7 @@ and tests/training/loggers run such."""
 
 SHORT = ("task.time_limit=0.2",)
 SHORT_TRAINING = (
-    "training.total_decisions=32",
+    "training.total_timesteps=32",
     "training.num_envs=2",
     "training.num_threads=1",
     "training.evaluation_interval=32",

@@ -74,7 +74,11 @@ def test_tuned_settings_are_those_of_the_command_line():
 def test_a_keyword_beats_the_tuned_setting():
     config = config_from_keywords("traverse", gamma=0.5, num_envs=8)
     assert (config.algo.gamma, config.algo.log_std_init) == (0.5, -1.5)
-    assert (config.training.num_envs, config.training.total_decisions) == (8, 400_000)
+    assert (config.training.num_envs, config.training.total_timesteps) == (8, 400_000)
+
+
+def test_an_earlier_name_is_understood():
+    assert config_from_keywords(total_decisions=5) == config_from_keywords(total_timesteps=5)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +86,6 @@ def test_a_keyword_beats_the_tuned_setting():
     [
         ({"learning_rat": 1e-3}, "did you mean 'learning_rate'"),
         ({"terain": "flat"}, "did you mean 'terrain'"),
-        ({"total_decisions": 5}, "no setting 'total_decisions'"),
         ({"buffer_size": 1000}, "'buffer_size', which is one of sac, tqc"),
         ({"algo": "poo"}, "did you mean 'ppo'"),
         ({"task": "targt"}, "did you mean 'target'"),

@@ -20,7 +20,7 @@ from tests.tiny import TINY_ARGUMENTS
 
 TINY = (
     *(argument for argument in TINY_ARGUMENTS if not argument.startswith("algo.")),
-    "training.total_decisions=96",
+    "training.total_timesteps=96",
     "training.num_envs=2",
     "training.evaluation_episodes=1",
     "algo.n_steps=16",
@@ -107,7 +107,7 @@ def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
 def test_the_study_is_written_down(study):
     noted = _load(study, "two").user_attrs
     assert noted["commands"][0] == "flyrl tune --name two"
-    assert noted["record"]["settings"]["training"]["total_decisions"] == 96
+    assert noted["record"]["settings"]["training"]["total_timesteps"] == 96
 
 
 def test_a_study_with_other_settings_is_another(study, capsys):

@@ -92,7 +92,7 @@ def test_bad_settings_of_an_algorithm_name_key_and_value(name, key, value):
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("total_decisions", 0),
+        ("total_timesteps", 0),
         ("num_envs", 0),
         ("num_threads", -1),
         ("torch_threads", 0),

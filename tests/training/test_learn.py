@@ -26,7 +26,7 @@ from flyrl.training.runs import read_run
 from tests.tiny import TINY_ENV
 
 SCHEDULE = ScheduleConfig(
-    total_decisions=96,
+    total_timesteps=96,
     num_envs=4,
     num_threads=1,
     evaluation_interval=32,
@@ -154,7 +154,7 @@ def test_no_run_learns_from_held_out_episodes():
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 def test_sigterm_saves_the_policy(config, tmp_path):
-    schedule = replace(SCHEDULE, total_decisions=10**7, evaluation_interval=10**7)
+    schedule = replace(SCHEDULE, total_timesteps=10**7, evaluation_interval=10**7)
     timer = threading.Timer(3, os.kill, (os.getpid(), signal.SIGTERM))
     timer.start()
     finished = train(replace(config, training=schedule), tmp_path)
@@ -187,7 +187,7 @@ def test_a_run_that_is_told_not_to_go_on_ends_after_the_evaluation(config, tmp_p
     assert seen == [[32], [32, 64]]
     assert [row["decisions"] for row in pruned.evaluations] == [32, 64]
     assert pruned.state == "interrupted"
-    assert pruned.decisions < config.training.total_decisions
+    assert pruned.decisions < config.training.total_timesteps
 
     resume(config, folder)
     whole = read_run(train(config, tmp_path).folder)

@@ -23,7 +23,7 @@ from tests.training.folders import make_run
 
 ENV = TINY_ENV
 SCHEDULE = ScheduleConfig(
-    total_decisions=512,
+    total_timesteps=512,
     num_envs=4,
     num_threads=1,
     evaluation_interval=128,
@@ -56,7 +56,7 @@ RECURRENT_CONFIG = TrainingConfig(
 RANDOM_CONFIG = replace(
     PPO_CONFIG,
     env=replace(ENV, terrain="random_blocks", randomisation="default"),
-    training=replace(SCHEDULE, total_decisions=256),
+    training=replace(SCHEDULE, total_timesteps=256),
 )
 # of ten decisions, so that some end; and with two in a row, whatever comes of them, it gets harder
 CURRICULUM_CONFIG = replace(
@@ -64,7 +64,7 @@ CURRICULUM_CONFIG = replace(
     env=replace(ENV, terrain="random_blocks"),
     training=replace(
         SCHEDULE,
-        total_decisions=256,
+        total_timesteps=256,
         curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0),
     ),
 )
@@ -111,7 +111,7 @@ def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
 
 def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path, monkeypatch):
     # the last rollout goes beyond the total
-    schedule = replace(SCHEDULE, total_decisions=90, checkpoint_interval=10_000)
+    schedule = replace(SCHEDULE, total_timesteps=90, checkpoint_interval=10_000)
     config = replace(PPO_CONFIG, training=schedule)
     whole = train(config, tmp_path / "whole")
     with monkeypatch.context() as patch:
@@ -129,7 +129,7 @@ def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path, monkeypatch):
         return evaluate(callback)
 
     monkeypatch.setattr(RunCallback, "_evaluate", interrupted)
-    config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32))
+    config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32))
     run = train(config, tmp_path)
     assert read_run(run.folder).state == "finished"
     assert (run.interrupted_by, run.signal) == (None, signal.SIGTERM)
@@ -201,9 +201,9 @@ def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
 
 
 def test_a_finished_run_is_not_resumed(tmp_path):
-    run = train(replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32)), tmp_path)
+    run = train(replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32)), tmp_path)
     with pytest.raises(ResumeError, match="finished"):
-        resume(replace(PPO_CONFIG, training=replace(SCHEDULE, total_decisions=32)), run.folder)
+        resume(replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32)), run.folder)
 
 
 def test_other_settings_are_not_resumed(tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ TINY = replace(
     tiny.TINY,
     training=replace(
         tiny.TINY.training,
-        total_decisions=128,
+        total_timesteps=128,
         evaluation_interval=64,
         evaluation_episodes=1,
         checkpoint_interval=64,
