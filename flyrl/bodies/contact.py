@@ -1,10 +1,15 @@
-"""How legs touch the ground: MuJoCo's contact parameters, for planes and for boxes."""
+"""Contact of bodies with the ground: MuJoCo's parameters, for planes and for boxes; gravity."""
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from flyrl.anatomy import LEG_SEGMENTS
 from flyrl.validation import Within, check_fields, one_of
+
+GRAVITY: Final = (0.0, 0.0, -9810.0)
+"""mm/s²."""
+COLLISION_GROUP: Final = 3
+"""Of geoms that touch."""
 
 PlaneShape = Literal["capsule", "hull"]
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
-from flyrl.bodies.contact import ContactConfig, SurfaceContact
+from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY, ContactConfig, SurfaceContact
+from flyrl.bodies.look import COLOURS, VISUAL_GROUP, add_cameras, add_light, set_look
 from flyrl.bodies.symmetry import REFLECTION, symmetric_table
 from flyrl.bodies.table import (
     BodyName,
@@ -33,8 +34,6 @@ from flyrl.validation import Within, check_fields, distinct, one_of, within
 ROOT_BODY: Final = "Thorax"
 ROOT_JOINT: Final = "root"
 
-GRAVITY: Final = (0.0, 0.0, -9810.0)
-"""mm/s²."""
 
 SERVO_ARMATURE: Final = 2e-8
 """Inertia of a servo about its joint, g mm²: a thousandth of a leg's about its coxa.
@@ -72,39 +71,9 @@ TRUNK: Final = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
 TETHER: Final = 1e3
 """g (and g·mm²): inertia that holds the thorax, a million times the fly's; it has no weight."""
 
-VISUAL_GROUP: Final = 1
-COLLISION_GROUP: Final = 3
 
 _LEG_BODIES: Final = tuple(f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS)
 """How the names of the bodies of legs begin; the classic coxa is three bodies."""
-
-_VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
-"""Middle of the fly in the thorax frame, mm."""
-
-Colour = tuple[float, float, float, float]
-
-_COLOURS: Final[dict[str, Colour]] = {
-    "Thorax": (0.50, 0.33, 0.17, 1.0),
-    "Head": (0.56, 0.38, 0.20, 1.0),
-    "Eye": (0.48, 0.07, 0.06, 1.0),
-    "Wing": (0.74, 0.80, 0.88, 0.28),
-    "Haltere": (0.82, 0.70, 0.46, 1.0),
-    "Pedicel": (0.66, 0.47, 0.26, 1.0),
-    "Funiculus": (0.72, 0.52, 0.29, 1.0),
-    "Arista": (0.22, 0.16, 0.12, 1.0),
-    "Rostrum": (0.70, 0.52, 0.31, 1.0),
-    "Haustellum": (0.74, 0.57, 0.36, 1.0),
-    "A1A2": (0.78, 0.60, 0.34, 1.0),
-    "A3": (0.72, 0.53, 0.28, 1.0),
-    "A4": (0.62, 0.44, 0.22, 1.0),
-    "A5": (0.46, 0.31, 0.15, 1.0),
-    "A6": (0.27, 0.18, 0.10, 1.0),
-    "Coxa": (0.76, 0.57, 0.27, 1.0),
-    "Femur": (0.80, 0.62, 0.31, 1.0),
-    "Tibia": (0.84, 0.67, 0.36, 1.0),
-    "Tarsus": (0.71, 0.53, 0.29, 1.0),
-}
-"""Colour by the part of a body's name that it contains; the longest match wins."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +192,7 @@ def build_fly(
     spec.modelname = f"fly_{config.name}"
     spec.compiler.degree = False
     spec.option.gravity = GRAVITY
-    _set_look(spec)
+    set_look(spec)
 
     shapes = {row.segment: row for row in leg_collision()}
     for row in table.bodies:
@@ -242,8 +211,8 @@ def build_fly(
     _fix_joints(spec, config)
     if config.tethered:
         spec.joint(ROOT_JOINT).armature = TETHER
-    _add_cameras(spec)
-    _add_light(spec)
+    add_cameras(spec, ROOT_BODY)
+    add_light(spec, ROOT_BODY)
     return spec
 
 
@@ -364,12 +333,12 @@ def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:
         # Decimated surfaces are not watertight; their volume is never asked for.
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
-    part = max((key for key in _COLOURS if key in row.name), key=len)
+    part = max((key for key in COLOURS if key in row.name), key=len)
     if spec.material(part) is None:
         shiny = part in ("Eye", "Wing")
         spec.add_material(
             name=part,
-            rgba=_COLOURS[part],
+            rgba=COLOURS[part],
             specular=0.5 if shiny else 0.15,
             shininess=0.6 if shiny else 0.2,
         )
@@ -429,64 +398,3 @@ def _fix_joints(spec: mujoco.MjSpec, config: FlyConfig) -> None:
             solref=FIXED_SOLREF,
             solimp=FIXED_SOLIMP,
         )
-
-
-def _add_cameras(spec: mujoco.MjSpec) -> None:
-    """Cameras that follow the thorax without turning: "side" (from its right), "top", "track"."""
-    thorax = spec.body(ROOT_BODY)
-    for name, offset in (
-        ("side", (0.0, -7.0, 0.6)),
-        ("top", (0.0, -0.001, 9.0)),
-        ("track", (3.6, -4.4, 2.8)),
-    ):
-        thorax.add_camera(
-            name=name,
-            mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-            pos=np.add(_VIEW_CENTRE, offset),
-            quat=_looking_along(-np.array(offset)),
-            fovy=40,
-        )
-
-
-def _add_light(spec: mujoco.MjSpec) -> None:
-    """A sun that moves with the fly, since MuJoCo draws shadows only near its aim.
-
-    It stands overhead: under a slanting one the ground shadows itself in speckles, where the drawn
-    shadows end.
-    """
-    direction = np.array((0.0, 0.0, -1.0))
-    spec.body(ROOT_BODY).add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-        pos=np.array(_VIEW_CENTRE) - 10 * direction,
-        dir=direction,
-        diffuse=(0.6, 0.58, 0.54),
-        specular=(0.2, 0.2, 0.2),
-        castshadow=True,
-    )
-
-
-def _looking_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quaternion of a camera that looks along `direction` (3,) with the world's z upwards."""
-    back = -direction / np.linalg.norm(direction)
-    right = np.cross((0.0, 0.0, 1.0), back)
-    right /= np.linalg.norm(right)
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, np.stack([right, np.cross(back, right), back], axis=1).ravel())
-    return quat
-
-
-def _set_look(spec: mujoco.MjSpec) -> None:
-    """Viewing figures for a scene of a few mm; software rendering without multisampling."""
-    spec.visual.quality.offsamples = 0
-    spec.visual.quality.shadowsize = 1024
-    spec.visual.global_.offwidth = 1280
-    spec.visual.global_.offheight = 720
-    spec.stat.extent = 5.0
-    spec.visual.map.znear = 0.01
-    spec.visual.map.zfar = 60.0
-    spec.visual.map.shadowclip = 2.0
-    spec.visual.headlight.ambient = (0.3, 0.3, 0.3)
-    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
-    spec.visual.headlight.specular = (0.05, 0.05, 0.05)

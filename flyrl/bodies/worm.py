@@ -12,7 +12,8 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 import mujoco
 import numpy as np
 
-from flyrl.bodies.fly import BOXES, COLLISION_GROUP, GRAVITY, PLANES
+from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY
+from flyrl.bodies.fly import BOXES, PLANES
 from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 

@@ -3,9 +3,9 @@
 from flyrl.controllers.controller import CONTROLLERS, DRIVE, Command, Controller
 from flyrl.controllers.cpg import CPGNetwork
 from flyrl.controllers.cpg_controller import CPG
-from flyrl.controllers.hybrid_controller import Hybrid
+from flyrl.controllers.hybrid_controller import Hybrid, Reflexes
 from flyrl.controllers.joints_controller import Joints
-from flyrl.controllers.reflexes import Reflexes, ReflexParameters
+from flyrl.controllers.reflexes import ReflexParameters
 from flyrl.controllers.rule_based_controller import RuleBased
 from flyrl.controllers.steps import PreprogrammedSteps
 from flyrl.controllers.walknet import (

@@ -12,18 +12,15 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flyrl.anatomy import (
-    CONTACT_SEGMENTS,
     LEG_DOFS,
-    LEGS,
     RIGHT_LEG_MIRROR,
     SENSED_SEGMENTS,
     STUMBLING_SEGMENTS,
 )
 from flyrl.controllers.compilation import kernel
-from flyrl.validation import FloatArray, float_array, not_negative, one_of, positive
+from flyrl.validation import FloatArray, float_array, not_negative, one_of
 
 TWO_PI: Final = 2.0 * np.pi
 
@@ -343,110 +340,3 @@ def net_correction(
     """Correction of a leg: retraction before stumbling, capped, times the gain at a phase."""
     amount = retraction if retraction > 0.0 else stumbling
     return min(amount, cap) * phase_gain(theta, gain_phases, gain)
-
-
-class Reflexes:
-    """The two reflexes of all six legs.
-
-    Attributes
-    ----------
-    retraction, stumbling : array
-        Amounts, shape (6,), from 0.
-    persistence : array
-        Time for which each leg keeps being retracted, s, shape (6,).
-    vectors : array
-        Shift of each leg's target angles per unit of correction, rad, shape (6, 7).
-
-    Parameters
-    ----------
-    timestep
-        s.
-    parameters
-        E.g. `CLASSIC` or `CURRENT`.
-    swing_ends
-        Phase at which each leg's recorded swing ends, rad, shape (6,).
-
-    Raises
-    ------
-    ValueError
-        If the time step is not above 0 or the swing ends are not six phases.
-    """
-
-    def __init__(
-        self, timestep: float, parameters: ReflexParameters, swing_ends: ArrayLike
-    ) -> None:
-        self.timestep = positive("timestep", timestep)
-        self.parameters = parameters
-        self.vectors = parameters.leg_vectors()
-        self._gain_phases = parameters.gain_phases(float_array("swing_ends", swing_ends, (6,)))
-        self._gain = np.array(parameters.gain)
-        self._stumbling_sensors = parameters.stumbling_sensors()
-        self._retraction_rates = np.array(parameters.retraction_rates)
-        self._stumbling_rates = np.array(parameters.stumbling_rates)
-        self.retraction = np.zeros(len(LEGS))
-        self.stumbling = np.zeros(len(LEGS))
-        self.persistence = np.zeros(len(LEGS))
-
-    def step(
-        self,
-        thorax_z: float,
-        end_effector_z: ArrayLike,
-        contact_forces_w: ArrayLike,
-        heading_w: ArrayLike,
-    ) -> None:
-        """Advance by one time step under an observation.
-
-        Parameters
-        ----------
-        thorax_z, end_effector_z
-            Heights, mm, number and shape (6,), ordered as `anatomy.LEGS`.
-        contact_forces_w
-            µN, world frame, shape (36, 3), ordered as `anatomy.CONTACT_SEGMENTS`.
-        heading_w
-            Unit vector, world frame, shape (3,).
-
-        Raises
-        ------
-        ValueError
-            If an array has the wrong shape or is not finite.
-        """
-        p = self.parameters
-        # On fresh arrays, so that those handed out before keep the values of their time.
-        self.retraction = self.retraction.copy()
-        self.stumbling = self.stumbling.copy()
-        self.persistence = self.persistence.copy()
-        reflex_step(
-            self.retraction,
-            self.stumbling,
-            self.persistence,
-            float_array("thorax_z", thorax_z, ()).item(),
-            float_array("end_effector_z", end_effector_z, (len(LEGS),)),
-            float_array("contact_forces_w", contact_forces_w, (len(CONTACT_SEGMENTS), 3)),
-            float_array("heading_w", heading_w, (3,)),
-            p.retraction_margin,
-            p.stumbling_force,
-            self._retraction_rates,
-            self._stumbling_rates,
-            p.persistence_threshold,
-            p.persistence_s,
-            float(p.retraction_ends_stumbling),
-            self._stumbling_sensors,
-            self.timestep,
-        )
-
-    def net_corrections(self, phases: ArrayLike) -> FloatArray:
-        """Each leg's correction at its phase (rad, any number), shape (6,)."""
-        thetas = float_array("phases", phases, (len(LEGS),)) % TWO_PI
-        return np.array(
-            [
-                net_correction(
-                    self.retraction[leg],
-                    self.stumbling[leg],
-                    self.parameters.cap,
-                    thetas[leg],
-                    self._gain_phases[leg],
-                    self._gain,
-                )
-                for leg in range(len(LEGS))
-            ]
-        )

@@ -132,13 +132,15 @@ class Comparison(Results):
         config = self.config
         missing = {(crash["controller"], crash["terrain"]) for crash in self.protocol["crashes"]}
         view = replace(FILMED, camera=camera)
-        filmed, note = record_videos(config, missing, view) if videos else ([], None)
+        has_walks = not config.vary  # a report of doses has no place for single walks
+        has_films = videos and has_walks
+        filmed, note = record_videos(config, missing, view) if has_films else ([], None)
         with make_bar(1, is_shown=config.progress, unit=" parts", description="reporting") as bar:
             terrain = config.terrain_configs[0]
             has_map = close_ups and drive_map and config.legs is not None
             additions = Additions(
                 videos=filmed,
-                examples=walk_examples(config, self.examples) if close_ups else [],
+                examples=walk_examples(config, self.examples) if close_ups and has_walks else [],
                 drive_map=measure_drive_map(config, terrain) if has_map else None,
                 steering=measure_steering(config, terrain) if close_ups else None,
                 curves=training_evaluations(self.protocol["entrants"]),

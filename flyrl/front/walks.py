@@ -26,7 +26,7 @@ from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.simulation.state import LegStates
 from flyrl.tasks import RUNNING
-from flyrl.tasks.terms import thorax
+from flyrl.tasks.hybrid_turning import thorax
 from flyrl.terrains import Ball
 from flyrl.validation import float_array, positive
 

@@ -13,9 +13,59 @@ from flyrl.tasks import terms
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets
 from flyrl.tasks.episode import TIME, Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import FAILURES
+from flyrl.tasks.task import Array, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.terms import FAILURES, to_yaw_frame
 from flyrl.terrains import Terrain
+
+
+def joint_states(state: TaskState) -> Array:
+    """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
+    fly = state.fly
+    table = np.empty((len(fly.time), 3, 42))
+    table[:, 0] = fly.joint_angles
+    table[:, 1] = fly.joint_velocities
+    table[:, 2] = fly.actuator_torques
+    return table
+
+
+def thorax(state: TaskState) -> Array:
+    """Position (mm), velocity (mm/s), yaw-pitch-roll (rad), their rates (rad/s), (n, 4, 3).
+
+    Yaw-pitch-roll are the intrinsic z-y-x angles of the thorax.
+    """
+    fly = state.fly
+    rotation_w = fly.rotation_w
+    sin_pitch = np.minimum(np.maximum(-rotation_w[:, 2, 0], -1.0), 1.0)
+    cos_pitch = np.maximum(np.sqrt(1.0 - sin_pitch**2), 1e-6)
+    yaw = fly.yaw
+    # rates of the angles from the angular velocity in the frame after yaw
+    spin = to_yaw_frame(fly.angular_velocity_w[:, :2], yaw)
+    roll_rate = spin[:, 0] / cos_pitch
+    table = np.empty((len(yaw), 4, 3))
+    table[:, 0] = fly.position_w
+    table[:, 1] = fly.velocity_w
+    table[:, 2, 0] = yaw
+    table[:, 2, 1] = np.arcsin(sin_pitch)
+    table[:, 2, 2] = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
+    table[:, 3, 0] = fly.angular_velocity_w[:, 2] + sin_pitch * roll_rate
+    table[:, 3, 1] = spin[:, 1]
+    table[:, 3, 2] = roll_rate
+    return table
+
+
+def contact_forces(state: TaskState) -> Array:
+    """Ground's force on each sensed segment, µN, world frame, (n, 36, 3)."""
+    return state.fly.contact_forces_w
+
+
+def end_effectors(state: TaskState) -> Array:
+    """Tarsus5 of each leg, mm, world frame, (n, 6, 3)."""
+    return state.fly.end_effectors_w
+
+
+def heading(state: TaskState) -> Array:
+    """Unit vector along the thorax, world frame, (n, 3)."""
+    return state.fly.heading_w
 
 
 def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
@@ -31,27 +81,27 @@ def hybrid_turning(time_limit: Annotated[float | None, TIME] = None) -> Task:
     return Task(
         observation=(
             ObservationTerm(
-                "joints", (3, 42), -5000.0, 5000.0, terms.joints,
+                "joints", (3, 42), -5000.0, 5000.0, joint_states,
                 "angles (rad), velocities (rad/s) and actuator torques (µN·mm) of the leg joints",
                 spread=(0.13, 15.0, 2.0),
             ),
             ObservationTerm(
-                "fly", (4, 3), -5000.0, 5000.0, terms.thorax,
+                "fly", (4, 3), -5000.0, 5000.0, thorax,
                 "position (mm), velocity (mm/s), yaw-pitch-roll (rad) and their rates (rad/s)",
                 # no fly senses where in the world it is, so that is as exact as the end effectors
                 spread=(0.0, 10.0, 0.05, 6.0),
             ),
             ObservationTerm(
-                "contact_forces", (36, 3), -1e6, 1e6, terms.contact_forces,
+                "contact_forces", (36, 3), -1e6, 1e6, contact_forces,
                 "ground's force on each sensed leg segment (µN, world frame)",
                 spread=8.0,
             ),
             ObservationTerm(
-                "end_effectors", (6, 3), -1000.0, 1000.0, terms.end_effectors,
+                "end_effectors", (6, 3), -1000.0, 1000.0, end_effectors,
                 "position of each leg's Tarsus5 (mm, world frame)",
             ),
             ObservationTerm(
-                "fly_orientation", (3,), -1.0, 1.0, terms.heading, "unit heading (world frame)",
+                "fly_orientation", (3,), -1.0, 1.0, heading, "unit heading (world frame)",
                 spread=0.05,
             ),
         ),

@@ -40,7 +40,7 @@ CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
 
 
-def _to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
+def to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
     """Rotate horizontal vectors (n, 2) from the world into the body's yaw frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = vector_w[:, 0], vector_w[:, 1]
@@ -112,7 +112,7 @@ def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[n
 def target_direction_b(state: TaskState) -> Array:
     """Unit vector to the target: (cos, sin) of its bearing, left positive, (n, 2)."""
     offset_w = state.goal - state.fly.position_w[:, :2]
-    offset_b = _to_yaw_frame(offset_w, state.fly.yaw)
+    offset_b = to_yaw_frame(offset_w, state.fly.yaw)
     length = np.linalg.norm(offset_b, axis=1, keepdims=True)
     return np.asarray(offset_b / np.maximum(length, 1e-9))
 
@@ -143,9 +143,7 @@ def path_direction_b(state: TaskState, look_ahead: float) -> Array:
     _, nearest = path_position(state, position_w)
     path = state.command.reshape(len(nearest), -1, 2)
     ahead = np.minimum(nearest + round(look_ahead / PATH_SPACING), path.shape[1] - 1)
-    offset_b = _to_yaw_frame(
-        path[np.arange(len(nearest)), ahead] - position_w[:, :2], state.fly.yaw
-    )
+    offset_b = to_yaw_frame(path[np.arange(len(nearest)), ahead] - position_w[:, :2], state.fly.yaw)
     return np.asarray(offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9))
 
 
@@ -172,7 +170,7 @@ def mean_velocity(state: TaskState) -> Array:
 
 def velocity_b(state: TaskState) -> Array:
     """Forward and leftward velocity in units of 20 mm/s, (n, 2)."""
-    return _to_yaw_frame(state.body.velocity_w[:, :2], state.body.yaw) / 20.0
+    return to_yaw_frame(state.body.velocity_w[:, :2], state.body.yaw) / 20.0
 
 
 def heading_rate(state: TaskState) -> Array:
@@ -220,56 +218,6 @@ def reflexes(state: TaskState) -> Array:
 def muscle_tensions(state: TaskState) -> Array:
     """Tension of the legs' muscles, 0 to 1, (n, 84)."""
     return state.fly.muscle_tensions
-
-
-def joints(state: TaskState) -> Array:
-    """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
-    fly = state.fly
-    table = np.empty((len(fly.time), 3, 42))
-    table[:, 0] = fly.joint_angles
-    table[:, 1] = fly.joint_velocities
-    table[:, 2] = fly.actuator_torques
-    return table
-
-
-def thorax(state: TaskState) -> Array:
-    """Position (mm), velocity (mm/s), yaw-pitch-roll (rad), their rates (rad/s), (n, 4, 3).
-
-    Yaw-pitch-roll are the intrinsic z-y-x angles of the thorax.
-    """
-    fly = state.fly
-    rotation_w = fly.rotation_w
-    sin_pitch = np.minimum(np.maximum(-rotation_w[:, 2, 0], -1.0), 1.0)
-    cos_pitch = np.maximum(np.sqrt(1.0 - sin_pitch**2), 1e-6)
-    yaw = fly.yaw
-    # rates of the angles from the angular velocity in the frame after yaw
-    spin = _to_yaw_frame(fly.angular_velocity_w[:, :2], yaw)
-    roll_rate = spin[:, 0] / cos_pitch
-    table = np.empty((len(yaw), 4, 3))
-    table[:, 0] = fly.position_w
-    table[:, 1] = fly.velocity_w
-    table[:, 2, 0] = yaw
-    table[:, 2, 1] = np.arcsin(sin_pitch)
-    table[:, 2, 2] = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
-    table[:, 3, 0] = fly.angular_velocity_w[:, 2] + sin_pitch * roll_rate
-    table[:, 3, 1] = spin[:, 1]
-    table[:, 3, 2] = roll_rate
-    return table
-
-
-def contact_forces(state: TaskState) -> Array:
-    """Ground's force on each sensed segment, µN, world frame, (n, 36, 3)."""
-    return state.fly.contact_forces_w
-
-
-def end_effectors(state: TaskState) -> Array:
-    """Tarsus5 of each leg, mm, world frame, (n, 6, 3)."""
-    return state.fly.end_effectors_w
-
-
-def heading(state: TaskState) -> Array:
-    """Unit vector along the thorax, world frame, (n, 3)."""
-    return state.fly.heading_w
 
 
 # --- errors --------------------------------------------------------------------------------
@@ -324,7 +272,7 @@ def forward_progress(state: TaskState) -> Array:
 def forward_way(state: TaskState) -> Array:
     """Displacement along the heading before it, mm, (n,)."""
     way_w = (state.fly.position_w - state.previous.position_w)[:, :2]
-    return np.asarray(_to_yaw_frame(way_w, state.previous.yaw)[:, 0])
+    return np.asarray(to_yaw_frame(way_w, state.previous.yaw)[:, 0])
 
 
 def elapsed(state: TaskState) -> Array:

@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from flyrl.controllers.hybrid_controller import Reflexes
 from flyrl.controllers.reflexes import (
     CLASSIC,
     CURRENT,
     NO_LEG,
-    Reflexes,
     phase_gain,
     retraction_leg,
     stumbles,

@@ -7,6 +7,7 @@ import pytest
 
 from flyrl.simulation.flies import FlyState
 from flyrl.tasks import TASKS, TaskState, terms
+from flyrl.tasks.hybrid_turning import thorax
 from flyrl.tasks.terms import time_lost
 from flyrl.terrains import Bounds
 
@@ -107,9 +108,9 @@ def test_yaw_pitch_roll_and_their_rates() -> None:
     """A fly pitched by 60 degrees that spins about the vertical yaws and does nothing else."""
     rotation = turned(yaw=0.4, pitch=np.pi / 3)
     state = task_state(fly_state(rotation_w=rotation, angular_velocity_w=[[0, 0, 2.0]]))
-    thorax = terms.thorax(state)[0]
-    np.testing.assert_allclose(thorax[2], [0.4, np.pi / 3, 0.0], atol=1e-12)
-    np.testing.assert_allclose(thorax[3], [2.0, 0.0, 0.0], atol=1e-12)
+    table = thorax(state)[0]
+    np.testing.assert_allclose(table[2], [0.4, np.pi / 3, 0.0], atol=1e-12)
+    np.testing.assert_allclose(table[3], [2.0, 0.0, 0.0], atol=1e-12)
 
 
 def test_rates_equal_the_finite_differences_of_the_angles() -> None:
@@ -118,7 +119,7 @@ def test_rates_equal_the_finite_differences_of_the_angles() -> None:
     spin = (later @ now.T - np.eye(3)) / step
     omega = [spin[2, 1], spin[0, 2], spin[1, 0]]
     state = task_state(fly_state(rotation_w=now[None], angular_velocity_w=[omega]))
-    np.testing.assert_allclose(terms.thorax(state)[0, 3], rates, atol=1e-5)
+    np.testing.assert_allclose(thorax(state)[0, 3], rates, atol=1e-5)
 
 
 def test_progress_counts_mm_towards_the_target() -> None:
