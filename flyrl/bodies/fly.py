@@ -160,7 +160,7 @@ FLIES: Final[Mapping[str, FlyConfig]] = {
     "fly_muscles": FlyConfig(muscles=LegMuscles()),
     "tethered": FlyConfig(tethered=True),
 }
-"""Flies by name, as in configs/body."""
+"""Flies by name: choices of the group `body`."""
 
 
 def build_fly(

@@ -150,7 +150,7 @@ _wrapped = functools.cache(TaskFunction)  # so that equal arguments give the sam
 
 
 def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
-    """Task of its name and settings, as `task_record` and `configs/task` have them.
+    """Task of its name and settings, as `task_record` and the group `task` have them.
 
     Parameters
     ----------
