@@ -33,10 +33,17 @@ def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, An
         By name, each after `prefix`.
     prefix
         Such as "training.".
+
+    Raises
+    ------
+    ValueError
+        A setting is given by both of its names.
     """
     found = dict(settings)
     for earlier, present in _EARLIER_NAMES.items():
         if f"{prefix}{earlier}" in found:
+            if f"{prefix}{present}" in found:
+                raise ValueError(f"{prefix}{earlier} is {prefix}{present}, and both are given")
             print(f"warning: {prefix}{earlier} is called {prefix}{present}", file=sys.stderr)
             found[f"{prefix}{present}"] = found.pop(f"{prefix}{earlier}")
     return found

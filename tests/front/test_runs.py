@@ -79,6 +79,8 @@ def test_a_keyword_beats_the_tuned_setting():
 
 def test_an_earlier_name_is_understood():
     assert config_from_keywords(total_decisions=5) == config_from_keywords(total_timesteps=5)
+    with pytest.raises(ValueError, match="both are given"):
+        config_from_keywords(total_decisions=5, total_timesteps=9)
 
 
 @pytest.mark.parametrize(
