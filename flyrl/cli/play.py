@@ -109,7 +109,14 @@ def run(options: argparse.Namespace) -> int:
     if options.name != "fly" and given:
         raise ValueError(f"--{next(iter(given))} goes with the fly only, got {options.name!r}")
     if options.name == "fly":
+        is_checked = bool(given)
         given["policy"] = None if options.policy == _NONE else options.policy or _PILOT
+        if (
+            is_checked
+        ):  # before an address is printed; the defaults are right, and quicker unchecked
+            from flyrl.play.fly_setting import PlayedFlyConfig, pilots  # noqa: PLC0415
+
+            pilots(PlayedFlyConfig(**given).policy)
     return serve(lambda: _make(options.name, given), options)
 
 

@@ -19,6 +19,9 @@ ADDRESS: Final = "127.0.0.1"
 _WAIT_S: Final = 0.05
 """Time between two looks whether there is a model to show."""
 
+_GOODBYE_S: Final = 0.2
+"""Time that a page has to close its connections when the server ends."""
+
 
 def listen(port: int) -> socket.socket:
     """Listen on this computer alone.
@@ -125,8 +128,9 @@ def _guarded(serve: Callable[..., Any], hosts: list[str], service: Service) -> C
             return process_request(connection, request)
 
         service.is_guarded.set()
-        # controllers may have to be compiled before there is a model, which takes a minute
-        settings["open_timeout"] = None
+        # controllers may have to be compiled before there is a model, which takes a minute;
+        # a page that is still open at the end need not say goodbye
+        settings |= {"open_timeout": None, "close_timeout": _GOODBYE_S}
         return serve(handle, process_request=process, origins=origins, **settings)
 
     return guarded

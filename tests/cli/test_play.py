@@ -31,6 +31,19 @@ def test_a_worm_has_none_of_a_flys_options(option, capsys):
     assert only_line(capsys) == f"error: --{option} goes with the fly only, got 'worm'"
 
 
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--terrain=sand", "terrain must be one of"),
+        ("--policy=no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
+        ("--policy=velocity-flat", "'velocity-flat' cannot steer here"),
+    ],
+)
+def test_a_wrong_option_is_refused_before_an_address_is_printed(option, message, capsys):
+    assert main(["play", option, "--no-browser", "--port", "0"]) == 2
+    assert message in only_line(capsys)
+
+
 @pytest.mark.parametrize("port", ["80", "70000", "-1"])
 def test_no_such_port(port, capsys):
     assert main(["play", "worm", "--port", port]) == 2

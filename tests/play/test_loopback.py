@@ -3,6 +3,8 @@
 import contextlib
 import http.client
 import socket
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -11,7 +13,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from flyrl.play.loopback import listen, url
-from tests.play.commands import playing
+from tests.play.commands import TOY, playing
 
 LISTENS = "0A"
 
@@ -59,6 +61,37 @@ def handshake(port, path, origin):
             return 101
     except InvalidStatus as error:
         return error.response.status_code
+
+
+def test_the_page_comes_before_its_model_and_goes_at_once_though_somebody_is_silent(tmp_path):
+    (tmp_path / "wait").touch()
+    with playing(tmp_path / "log.jsonl", TOY) as toy, ThreadPoolExecutor(1) as pool:
+        port = urlsplit(toy.url).port
+        model = pool.submit(get, port, "/model")
+        assert get(port) == 200
+        with pytest.raises(TimeoutError):
+            model.result(timeout=0.3)
+        (tmp_path / "wait").unlink()
+        assert model.result(timeout=20) == 200
+        with silent(port):
+            toy.until(lambda entry: entry["is_watched"])
+            began_s = time.monotonic()
+            assert toy.interrupt() == (0, "\n", "")
+            assert time.monotonic() - began_s < 3.0
+
+
+@contextlib.contextmanager
+def silent(port):
+    """A browser that holds a WebSocket and never answers, as a tab that sleeps."""
+    with socket.create_connection(("127.0.0.1", port)) as client:
+        lines = (
+            "GET /state HTTP/1.1", f"Host: 127.0.0.1:{port}", f"Origin: http://127.0.0.1:{port}",
+            "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+        )  # fmt: skip
+        client.sendall("\r\n".join([*lines, "", ""]).encode())
+        assert b" 101 " in client.recv(20)
+        yield
 
 
 def test_every_socket_listens_on_127_0_0_1(played):

@@ -5,6 +5,7 @@ Run as a program, it is served like what `flyrl play` knows, with the same optio
 
 import argparse
 import sys
+import time
 
 import mujoco
 import numpy as np
@@ -125,4 +126,12 @@ class Toy(Playable):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     add_to(parser.add_subparsers())
-    sys.exit(serve(Toy, parser.parse_args(["play", "toy", *sys.argv[1:]])))
+    options = parser.parse_args(["play", "toy", *sys.argv[1:]])
+
+    def make():
+        """Make it as soon as nothing says "wait"."""
+        while (options.record_folder / "wait").exists():
+            time.sleep(0.02)
+        return Toy()
+
+    sys.exit(serve(make, options))
