@@ -4,20 +4,29 @@ from __future__ import annotations
 
 import datetime
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
+from uuid import uuid4
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from flyrl.anatomy import JOINTS, LEGS
-from flyrl.files import replacing, write_text
+from flyrl.files import replacing
 from flyrl.resources import install_command, version
 from flyrl.text import csv_table
 from flyrl.validation import one_of
+
+TORQUES: Final = tuple(joint.replace("joint_", "torque_") for joint in JOINTS)
+"""Columns of the joints' torques, ordered as `JOINTS`."""
+
+_GRIPS: Final = tuple(f"adhesion_{leg}" for leg in LEGS)
+
+_PACKAGES: Final = {".parquet": ("pyarrow", "parquet"), ".nwb": ("pynwb", "nwb")}
+"""Suffix -> package that writes such a file, and the extra of flyrl that installs it."""
 
 
 def save_table(path: str | Path, table: pd.DataFrame, about: str) -> Path:
@@ -42,35 +51,30 @@ def save_table(path: str | Path, table: pd.DataFrame, about: str) -> Path:
         The file cannot be written.
     """
     path = Path(path)
-    _WRITERS[one_of(f"suffix of {path.name!r}", path.suffix, _WRITERS)](path, table, about)
+    suffix = one_of(f"suffix of {path.name!r}", path.suffix, (".csv", ".npz", *_PACKAGES))
+    package = _needed(path, *_PACKAGES[suffix]) if suffix in _PACKAGES else None
+    with replacing(path) as partial:
+        if suffix == ".csv":
+            partial.write_text(csv_table(table, float_format="%.6g"), encoding="utf-8", newline="")
+        elif suffix == ".parquet":
+            table.to_parquet(partial, engine="pyarrow", index=False)
+        elif suffix == ".nwb":
+            _write_nwb(package, partial, table, about)
+        else:
+            arrays: dict[str, Any] = {str(name): table[name].to_numpy() for name in table}
+            arrays["joints"] = _columns(table, JOINTS)
+            arrays["adhesion"] = _columns(table, _GRIPS)
+            with partial.open("wb") as file:
+                np.savez_compressed(file, **arrays)
     return path
 
 
-def _write_csv(path: Path, table: pd.DataFrame, about: str) -> None:
-    write_text(path, csv_table(table, float_format="%.6g"))
-
-
-def _write_npz(path: Path, table: pd.DataFrame, about: str) -> None:
-    arrays: dict[str, Any] = {str(name): table[name].to_numpy() for name in table}
-    arrays["joints"] = _columns(table, list(JOINTS))
-    arrays["adhesion"] = _columns(table, [f"adhesion_{leg}" for leg in LEGS])
-    with replacing(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-
-
-def _write_parquet(path: Path, table: pd.DataFrame, about: str) -> None:
-    _needed("pyarrow", "parquet", path)
-    with replacing(path) as partial:
-        table.to_parquet(partial, engine="pyarrow", index=False)
-
-
-def _write_nwb(path: Path, table: pd.DataFrame, about: str) -> None:
+def _write_nwb(pynwb: Any, path: Path, table: pd.DataFrame, about: str) -> None:
     """Write time series of the whole fly, of its joints and of its legs, in SI units."""
-    pynwb = _needed("pynwb", "nwb", path)
     now = datetime.datetime.now().astimezone()
     file = pynwb.NWBFile(
         session_description=about,
-        identifier=f"flyrl {path.stem} {now.isoformat()}",
+        identifier=f"flyrl {uuid4()}",
         session_start_time=now,
         source_script=f"flyrl {version('flyrl')}",
         source_script_file_name="flyrl",
@@ -85,7 +89,7 @@ def _write_nwb(path: Path, table: pd.DataFrame, about: str) -> None:
     behaviour = file.create_processing_module("behavior", "a simulated walk")
     for series in _series(table, pynwb.TimeSeries):
         behaviour.add(series)
-    with replacing(path) as partial, pynwb.NWBHDF5IO(str(partial), "w") as output:
+    with pynwb.NWBHDF5IO(str(path), "w") as output:
         output.write(file)
 
 
@@ -93,26 +97,30 @@ def _series(table: pd.DataFrame, series: Callable[..., Any]) -> list[Any]:
     """Time series of a walk, each (T, k), with what their columns are in the description."""
     time_s = table.time_s.to_numpy()
     interval_s = float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1.0
-    command = [name for name in table if str(name).startswith("command_")]
-    forces = [f"f{axis}_{leg}" for leg in LEGS for axis in "xyz"]
-    torques = [joint.replace("joint_", "torque_") for joint in JOINTS]
-    legs = ", ".join(LEGS)
-    parts: list[tuple[str, list[Any], str, float, str]] = [
+    command = [str(name) for name in table if str(name).startswith("command_")]
+    forces, legs = [f"f{axis}_{leg}" for leg in LEGS for axis in "xyz"], ", ".join(LEGS)
+    # name, columns, unit, factor from the columns' unit, description
+    parts: list[tuple[str, Sequence[str], str, float, str]] = [
         ("thorax_position", ["x_mm", "y_mm", "z_mm"], "m", 1e-3, "x, y, z in the world"),
         ("thorax_velocity", ["vx_mm_s", "vy_mm_s", "vz_mm_s"], "m/s", 1e-3, "along x, y, z"),
         ("thorax_angles", ["yaw_rad", "pitch_rad", "roll_rad"], "rad", 1.0, "yaw, pitch, roll"),
-        ("joint_angles", list(JOINTS), "rad", 1.0, ", ".join(JOINTS)),
-        ("joint_torques", torques, "N*m", 1e-9, ", ".join(torques)),
-        ("phases", [f"phase_{leg}" for leg in LEGS], "rad", 1.0, f"of oscillators: {legs}"),
-        ("magnitudes", [f"magnitude_{leg}" for leg in LEGS], "1", 1.0, f"of oscillators: {legs}"),
-        ("adhesion", [f"adhesion_{leg}" for leg in LEGS], "1", 1.0, f"1 where a leg grips: {legs}"),
-        ("stance", [f"stance_{leg}" for leg in LEGS], "1", 1.0, f"1 where a leg stands: {legs}"),
-        ("retraction", [f"retracts_{leg}" for leg in LEGS], "1", 1.0, f"reflex, 1 in: {legs}"),
-        ("stumbling", [f"stumbles_{leg}" for leg in LEGS], "1", 1.0, f"reflex, 1 in: {legs}"),
+        ("joint_angles", JOINTS, "rad", 1.0, ", ".join(JOINTS)),
+        ("joint_torques", TORQUES, "N*m", 1e-9, ", ".join(TORQUES)),
         ("contact_forces", forces, "N", 1e-6, f"x, y, z in the world of each of {legs}"),
     ]
+    parts += [
+        (name, [f"{column}_{leg}" for leg in LEGS], unit, 1.0, f"{text}: {legs}")
+        for name, column, unit, text in (
+            ("phases", "phase", "rad", "of oscillators"),
+            ("magnitudes", "magnitude", "1", "of oscillators"),
+            ("adhesion", "adhesion", "1", "1 where a leg grips"),
+            ("stance", "stance", "1", "1 where a leg stands"),
+            ("retraction", "retracts", "1", "reflex, 1 in"),
+            ("stumbling", "stumbles", "1", "reflex, 1 in"),
+        )
+    ]
     if command:
-        parts.append(("command", command, "1", 1.0, ", ".join(map(str, command))))
+        parts.append(("command", command, "1", 1.0, ", ".join(command)))
     return [
         series(
             name=name,
@@ -127,26 +135,17 @@ def _series(table: pd.DataFrame, series: Callable[..., Any]) -> list[Any]:
     ]
 
 
-def _columns(table: pd.DataFrame, names: list[Any]) -> NDArray[np.float64]:
-    return np.ascontiguousarray(table[names].to_numpy(dtype=np.float64))
+def _columns(table: pd.DataFrame, names: Sequence[str]) -> NDArray[np.float64]:
+    return np.ascontiguousarray(table[list(names)].to_numpy(dtype=np.float64))
 
 
-def _needed(package: str, extra: str, path: Path) -> ModuleType:
+def _needed(path: Path, package: str, extra: str) -> ModuleType:
     try:
         return importlib.import_module(package)
     except ImportError as error:
         raise ValueError(
             f"{path.name} needs {package}, which is not installed: {install_command(extra)}"
         ) from error
-
-
-_WRITERS: Final[Mapping[str, Callable[[Path, pd.DataFrame, str], None]]] = {
-    ".csv": _write_csv,
-    ".npz": _write_npz,
-    ".parquet": _write_parquet,
-    ".nwb": _write_nwb,
-}
-"""Suffix -> what writes such a file."""
 
 
 def load_recording(path: Path) -> dict[str, Any]:
@@ -178,9 +177,8 @@ def load_recording(path: Path) -> dict[str, Any]:
     missing = [name for name in JOINTS if name not in table]
     if missing:
         raise ValueError(f"{path} must have a column for every joint; there is no {missing[0]!r}")
-    grips = [f"adhesion_{leg}" for leg in LEGS]
-    has_grips = set(grips) <= set(table)
+    has_grips = set(_GRIPS) <= set(table)
     return {
         "joints": table[list(JOINTS)].to_numpy(),
-        "adhesion": table[grips].to_numpy() if has_grips else None,
+        "adhesion": table[list(_GRIPS)].to_numpy() if has_grips else None,
     }

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final
+from types import SimpleNamespace
+from typing import Any, Final, cast
 
 import numpy as np
 import pandas as pd
@@ -18,14 +19,13 @@ from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
 from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
-from flyrl.front.recordings import save_table
+from flyrl.front.recordings import TORQUES, save_table
 from flyrl.report.scene_figures import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.report.video import FPS, encode
 from flyrl.simulation.flies import FlyState
 from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
-from flyrl.simulation.state import LegStates
-from flyrl.tasks import RUNNING
+from flyrl.tasks import RUNNING, TaskState
 from flyrl.tasks.hybrid_turning import thorax
 from flyrl.terrains import Ball
 from flyrl.validation import float_array, positive
@@ -36,6 +36,13 @@ Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLi
 
 FRAME_S: Final = 0.01
 """Simulated time between two pictures of a video, s: a quarter of real time."""
+
+_BODY: Final = (
+    *(f"{axis}_mm" for axis in "xyz"),
+    *(f"v{axis}_mm_s" for axis in "xyz"),
+    *(f"{angle}_rad" for angle in ("yaw", "pitch", "roll")),
+)
+"""Columns of the thorax."""
 
 
 def walk(
@@ -142,19 +149,17 @@ def _record(config: EnvConfig, commands: Commands, num_steps: int, every: float,
     env = BatchedEnv(replace(config, decision_interval=per_decision * timestep), 1, 1)
     observation = env.reset(seeds=[seed])
     states, rows, outcome = [env.flies.state()], [env.flies.integration_state()[0]], RUNNING
-    legs = [env.flies.leg_states(0)]
     for step in range(0, num_steps, per_decision):
         seen = {name: values[0] for name, values in dict(observation).items()}
         transition = env.step(commands(step, step * timestep, seen)[None])
         observation = transition.observation
         if (step + per_decision) % per_sample == 0:
             states.append(env.flies.state())
-            legs.append(env.flies.leg_states(0))
             rows.append(env.flies.integration_state()[0])
         if transition.done[0]:
             outcome = str(transition.outcome[0])
             break
-    return Walk(env, states, legs, np.array(rows), outcome)
+    return Walk(env, states, np.array(rows), outcome)
 
 
 @dataclass(frozen=True)
@@ -167,8 +172,6 @@ class Walk:
         What simulated it.
     states
         The fly at every sample, the first at its start.
-    legs
-        What its legs did at every sample: grip, and reflexes.
     rows
         MuJoCo's integration state at every sample, (T, size).
     outcome
@@ -177,7 +180,6 @@ class Walk:
 
     env: BatchedEnv
     states: list[FlyState]
-    legs: list[LegStates]
     rows: Array
     outcome: str
 
@@ -192,48 +194,32 @@ class Walk:
         ground's force `fx_…`, `fy_…`, `fz_…`, µN, world frame. Of a tethered fly on a ball also its
         fictive way: `fictive_x_mm`, `fictive_y_mm`, `fictive_yaw_rad`, from 0 on.
         """
-        of = _stacked(self.states)
-        fly = np.stack([thorax(_Seen(state)) for state in self.states])[:, 0]  # type: ignore[arg-type]
-        forces = of["contact_forces_w"].reshape(len(fly), NUM_LEGS, -1, 3).sum(axis=2)
-        columns: dict[str, Array] = {"time_s": of["time"]}
-        for axis, name in enumerate("xyz"):
-            columns[f"{name}_mm"] = fly[:, 0, axis]
-        for axis, name in enumerate("xyz"):
-            columns[f"v{name}_mm_s"] = fly[:, 1, axis]
-        for axis, name in enumerate(("yaw", "pitch", "roll")):
-            columns[f"{name}_rad"] = fly[:, 2, axis]
-        if isinstance(self.env.config.fly_scene.terrain, Ball):
-            columns |= _fictive_way(of["time"], of["fictive_velocity_b"])
-        if self.env.task.name != "joints_box":
-            names = self.env.config.fly_scene.controller.command.names
-            columns |= {f"command_{name}": of["command"][:, i] for i, name in enumerate(names)}
-        columns |= {name: of["joint_angles"][:, i] for i, name in enumerate(JOINTS)}
-        columns |= {
-            name.replace("joint_", "torque_"): of["actuator_torques"][:, i]
-            for i, name in enumerate(JOINTS)
+        fly = _stacked(self.states)
+        body = thorax(cast(TaskState, SimpleNamespace(fly=fly)))[:, :3].reshape(-1, 9)
+        forces = fly.contact_forces_w.reshape(len(body), NUM_LEGS, -1, 3).sum(axis=2)
+        scene = self.env.config.fly_scene
+        is_replayed = self.env.task.name == "joints_box"
+        names = () if is_replayed else scene.controller.command.names
+        legs = {
+            "phase": fly.phases,
+            "magnitude": fly.magnitudes,
+            "adhesion": fly.adhesion,
+            "stance": _stance(fly),
+            "retracts": (fly.retraction > 0.0).astype(np.float64),
+            "stumbles": (fly.stumbling > 0.0).astype(np.float64),
+            **{f"f{axis}": forces[:, :, i] for i, axis in enumerate("xyz")},
         }
-        stance = self._stance(of)
+        columns: dict[str, Array] = {
+            "time_s": fly.time,
+            **dict(zip(_BODY, body.T, strict=True)),
+            **(_fictive_way(fly) if isinstance(scene.terrain, Ball) else {}),
+            **{f"command_{name}": fly.command[:, i] for i, name in enumerate(names)},
+            **dict(zip(JOINTS, fly.joint_angles.T, strict=True)),
+            **dict(zip(TORQUES, fly.actuator_torques.T, strict=True)),
+        }
         for i, leg in enumerate(LEGS):
-            columns[f"phase_{leg}"] = of["phases"][:, i]
-            columns[f"magnitude_{leg}"] = of["magnitudes"][:, i]
-            columns[f"adhesion_{leg}"] = of["adhesion"][:, i]
-            columns[f"stance_{leg}"] = stance[:, i]
-            for reflex in ("retracts", "stumbles"):
-                corrected = [getattr(each, reflex)[i] for each in self.legs]
-                columns[f"{reflex}_{leg}"] = np.array(corrected, dtype=np.float64)
-            for axis, name in enumerate("xyz"):
-                columns[f"f{name}_{leg}"] = forces[:, i, axis]
+            columns |= {f"{name}_{leg}": values[:, i] for name, values in legs.items()}
         return pd.DataFrame(columns)
-
-    def _stance(self, of: Mapping[str, Array]) -> Array:
-        """1 for each leg that is on the ground with its tip at rest since the sample before."""
-        grounded = np.empty((len(self.states), NUM_LEGS))
-        grounded_legs_of(of["contact_forces_w"], grounded)
-        tips, time = of["end_effectors_w"][:, :, :2], of["time"]
-        moved = np.linalg.norm(np.diff(tips, axis=0), axis=2)
-        rests = moved < STANCE_SPEED * np.diff(time)[:, None]
-        stance: Array = grounded * np.concatenate([np.ones((1, NUM_LEGS)), rests])
-        return stance
 
     def plot(self, joints: Sequence[str] = SHOWN_JOINTS) -> WalkFigure:
         """Draw speed, angles of some joints, and which legs stand, over the time.
@@ -316,29 +302,30 @@ class Walk:
         return target
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """What a term of the thorax looks at."""
+def _stacked(states: list[FlyState]) -> FlyState:
+    """The fly at every sample as one state, whose first axis is the sample."""
+    names = [field.name for field in fields(FlyState)]
+    return FlyState(
+        **{name: np.concatenate([getattr(state, name) for state in states]) for name in names}
+    )
 
-    fly: FlyState
+
+def _stance(fly: FlyState) -> Array:
+    """1 for each leg that is on the ground with its tip at rest since the sample before, (T, 6)."""
+    grounded = np.empty((len(fly.time), NUM_LEGS))
+    grounded_legs_of(fly.contact_forces_w, grounded)
+    moved = np.linalg.norm(np.diff(fly.end_effectors_w[:, :, :2], axis=0), axis=2)
+    grounded[1:] *= moved < STANCE_SPEED * np.diff(fly.time)[:, None]
+    return grounded
 
 
-def _fictive_way(time: Array, velocity_b: Array) -> dict[str, Array]:
+def _fictive_way(fly: FlyState) -> dict[str, Array]:
     """Way and yaw that the ball's turning amounts to, by the trapezoidal rule."""
-    yaw = cumulative_trapezoid(velocity_b[:, 2], time, initial=0)
+    time, (forward, left, turning) = fly.time, fly.fictive_velocity_b.T
+    yaw = cumulative_trapezoid(turning, time, initial=0)
     cos, sin = np.cos(yaw), np.sin(yaw)
-    forward, left = velocity_b[:, 0], velocity_b[:, 1]
     return {
         "fictive_x_mm": cumulative_trapezoid(cos * forward - sin * left, time, initial=0),
         "fictive_y_mm": cumulative_trapezoid(sin * forward + cos * left, time, initial=0),
         "fictive_yaw_rad": yaw,
     }
-
-
-def _stacked(states: list[FlyState]) -> dict[str, Array]:
-    """Fields of the one fly at every sample, (T, ...)."""
-    names = (
-        "time", "command", "joint_angles", "actuator_torques", "phases", "magnitudes", "adhesion",
-        "contact_forces_w", "end_effectors_w", "fictive_velocity_b",
-    )  # fmt: skip
-    return {name: np.stack([getattr(state, name)[0] for state in states]) for name in names}

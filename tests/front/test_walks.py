@@ -1,5 +1,7 @@
 """Walks with their tables and videos, and recordings replayed."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -126,9 +128,8 @@ def test_on_a_ball_a_walk_has_its_fictive_way():
 
 
 def test_a_fictive_way_round_a_circle_ends_where_it_began():
-    time = np.linspace(0, 1, 1001)
     velocity = np.tile([10.0, 0.0, 2 * np.pi], (1001, 1))
-    way = _fictive_way(time, velocity)
+    way = _fictive_way(SimpleNamespace(time=np.linspace(0, 1, 1001), fictive_velocity_b=velocity))
     assert way["fictive_yaw_rad"][-1] == pytest.approx(2 * np.pi)
     assert way["fictive_x_mm"][-1] == pytest.approx(0.0, abs=1e-4)
     # half round: the diameter of a circle of 10 mm
