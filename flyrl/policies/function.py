@@ -38,10 +38,8 @@ class FunctionPolicy:
     def __init__(self, law: Law, task: Task) -> None:
         self._law = law
         self._task = task
-        self._places = [
-            (term.name, place, term.shape)
-            for term, place in zip(task.observation, task.slices().values(), strict=True)
-        ]
+        places = task.slices()
+        self._places = [(term.name, places[term.name], term.shape) for term in task.observation]
 
     def predict(
         self,

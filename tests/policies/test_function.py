@@ -75,3 +75,18 @@ def test_functions_are_told_apart_by_their_arguments():
     assert takes(lambda task: 0, 1)
     assert takes(lambda task, speed=1.0: 0, 1)
     assert not takes(lambda time_s, seen, more: 0, 2)
+
+
+def test_terms_of_a_dict_observation_come_under_their_own_names():
+    task = TASKS["hybrid_turning"]()
+    seen = []
+
+    def law(time_s, observation):
+        seen.append(observation)
+        return 1.0, 1.0
+
+    row = np.zeros(sum(term.size for term in task.observation))
+    row[task.slices()["joints"]] = 7.0
+    FunctionPolicy(law, task).predict(row)
+    assert {name for name, values in seen[0].items() if values.any()} == {"joints"}
+    assert (seen[0]["joints"] == 7.0).all()
