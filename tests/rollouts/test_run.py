@@ -69,22 +69,31 @@ def records(env):
     return run_episodes(env, WALK, [countdown(n) for n in (3, 99, 1, 2, 99)], controller="walk")
 
 
-def test_records_of_a_partial_last_batch_too_in_the_order_of_the_episodes(records):
+def test_a_partial_last_batch_is_walked(records):
     assert [record.index for record in records] == [0, 1, 2, 3, 4]
+
+
+def test_records_come_in_the_order_of_the_episodes(records):
     assert [record.seed for record in records] == [3, 99, 1, 2, 99]
+
+
+def test_outcomes_and_durations(records):
     assert [record.outcome for record in records] == [
         "success", "timeout", "success", "success", "timeout",
     ]  # fmt: skip
     durations = [record.duration_s for record in records]
     assert durations == pytest.approx([0.06, 0.1, 0.02, 0.04, 0.1])
-    # a sample at the start and after every decision
+
+
+def test_a_sample_at_the_start_and_after_every_decision(records):
     assert [len(record.time_s) for record in records] == [4, 6, 2, 3, 6]
+    np.testing.assert_allclose(records[0].time_s, [0, 0.02, 0.04, 0.06])
+
+
+def test_names_and_horizon(records):
     record = records[0]
-    np.testing.assert_allclose(record.time_s, [0, 0.02, 0.04, 0.06])
     assert (record.controller, record.task, record.terrain) == ("walk", "countdown", "flat")
     assert record.horizon_s == pytest.approx(LIMIT_S)
-    assert record.gait is None  # nothing is logged
-    np.testing.assert_allclose(records[1].drive[1:], 1.0, atol=1e-6)
 
 
 def test_a_record_starts_where_its_episode_spawns(records):
@@ -93,6 +102,10 @@ def test_a_record_starts_where_its_episode_spawns(records):
     offsets = [record.position_w[0] - record.episode.spawn_position_w for record in records]
     np.testing.assert_allclose(offsets, offsets[:1] * 5, atol=1e-12)
     np.testing.assert_allclose([record.yaw[0] for record in records], 0, atol=1e-12)
+
+
+def test_the_drive_is_the_one_that_was_held(records):
+    np.testing.assert_allclose(records[1].drive[1:], 1.0, atol=1e-6)
 
 
 def test_an_episode_gives_the_same_record_in_any_batch(records):
@@ -126,13 +139,13 @@ def test_progress_adds_up_whatever_ends_early(env):
     settled = []
     run_episodes(env, WALK, [countdown(n) for n in (3, 99, 1)], on_progress=settled.append)
     assert sum(settled) == num_decisions(env, 3) == 15
-    assert run_episodes(env, WALK, []) == []
 
 
 def test_a_horizon_shorter_than_the_task(env):
     (record,) = run_episodes(env, WALK, [countdown(99)], horizon_s=0.04)
     assert record.outcome == "timeout"
-    assert record.duration_s == record.horizon_s == pytest.approx(0.04)
+    assert record.duration_s == pytest.approx(0.04)
+    assert record.horizon_s == pytest.approx(0.04)
 
 
 def test_a_task_without_a_limit_needs_a_horizon():
@@ -145,6 +158,10 @@ def test_fine_decisions_are_sampled_at_the_floor_and_at_the_end():
     env = make_env(1, decision_interval=0.004)
     (record,) = run_episodes(env, WALK, [countdown(99)], horizon_s=0.05)
     np.testing.assert_allclose(record.time_s, [0, 0.02, 0.04, 0.048])
+
+
+def test_no_episodes_no_records(env):
+    assert run_episodes(env, WALK, []) == []
 
 
 def test_a_simulation_that_diverges_is_recorded_where_it_was_last_sound(env):
@@ -180,15 +197,27 @@ def test_a_success_has_the_errors_of_its_own_time():
     assert [record.outcome for record in records] == ["success", "timeout"]
 
 
-def test_gait_is_recorded_to_the_end_of_each_episode_and_the_same_in_any_batch():
-    episodes = [countdown(9), countdown(2), countdown(4)]
-    batches = [run_episodes(make_env(n, log_gait=True), WALK, episodes) for n in (1, 3)]
-    for alone, other in zip(*batches, strict=True):
+def test_gait_is_recorded_to_the_end_of_each_episode():
+    env = make_env(2, log_gait=True)
+    early, late = run_episodes(env, WALK, [countdown(2), countdown(9)])
+    assert early.gait.interval_s == pytest.approx(8e-4)  # two physics steps
+    assert len(early.gait.stance) == 50
+    assert len(late.gait.adhesion) == 125
+    assert 0 < early.gait.work_nj < late.gait.work_nj
+    assert late.gait.stance.any() and not late.gait.stance.all()
+
+
+def test_gait_is_the_same_in_any_batch():
+    episodes = [countdown(9), countdown(3), countdown(4)]
+    one_by_one = run_episodes(make_env(1, log_gait=True), WALK, episodes)
+    for alone, other in zip(
+        one_by_one, run_episodes(make_env(3, log_gait=True), WALK, episodes), strict=True
+    ):
         np.testing.assert_array_equal(alone.gait.stance, other.gait.stance)
         np.testing.assert_array_equal(alone.gait.slip_mm, other.gait.slip_mm)
         assert alone.gait.work_nj == other.gait.work_nj
-    late, early, _ = batches[1]
-    assert early.gait.interval_s == pytest.approx(8e-4)  # two physics steps
-    assert (len(early.gait.stance), len(late.gait.adhesion)) == (50, 125)
-    assert 0 < early.gait.work_nj < late.gait.work_nj
-    assert late.gait.stance.any() and not late.gait.stance.all()
+
+
+def test_without_a_log_no_gait_is_recorded():
+    (record,) = run_episodes(make_env(1), WALK, [countdown(1)])
+    assert record.gait is None
