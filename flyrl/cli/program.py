@@ -6,14 +6,12 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, Protocol
-
-from rich import box
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from flyrl.text import printable
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 
 class Subparsers(Protocol):
@@ -48,6 +46,10 @@ Row = Mapping[str, Any]
 
 def print_table(columns: Sequence[str], rows: Sequence[Row]) -> None:
     """Print rows under the heads of their columns; numbers to the right, nothing as a dash."""
+    from rich import box  # noqa: PLC0415
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for column in columns:
         is_number = all(isinstance(row.get(column), int | float | None) for row in rows)
@@ -62,6 +64,8 @@ def print_table(columns: Sequence[str], rows: Sequence[Row]) -> None:
 
 def _text(value: Any) -> Text:
     """A cell; what a stranger's file holds cannot move the cursor or colour the terminal."""
+    from rich.text import Text  # noqa: PLC0415
+
     if value is None:
         return Text(NOTHING)
     if isinstance(value, float):

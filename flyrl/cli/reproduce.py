@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 from flyrl.cli.program import Subparsers, path_argument, program
 from flyrl.entry_points import check_trust
 from flyrl.text import printable
-from flyrl.training.runs import read_run
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -162,6 +161,7 @@ def run(options: argparse.Namespace) -> int:
         return reproduce_report(options.original, is_trusted=options.trust, output=options.output)
     from flyrl.cli.config import training_config  # noqa: PLC0415
     from flyrl.training.reproduce import check_repeatable, compare, repeat_run  # noqa: PLC0415
+    from flyrl.training.runs import read_run  # noqa: PLC0415
 
     original = read_run(options.original)
     check_repeatable(original)  # so that damage shows before hours of training

@@ -8,10 +8,12 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.cli.program import Subparsers, path_argument
-from flyrl.training.runs import RunSummary, find_runs, flat, is_run, names_of, read_run
+
+if TYPE_CHECKING:
+    from flyrl.training.runs import RunSummary
 
 COLUMNS: Final = (
     "name",
@@ -63,6 +65,7 @@ def run(options: argparse.Namespace) -> int:
     """List or compare."""
     from flyrl.cli.program import print_table  # noqa: PLC0415
     from flyrl.text import csv_text  # noqa: PLC0415
+    from flyrl.training.runs import find_runs, is_run, read_run  # noqa: PLC0415
 
     missing = [str(path) for path in options.paths if not path.is_dir()]
     if missing:
@@ -101,6 +104,8 @@ def _named(runs: Mapping[Path, Path]) -> dict[str, Path]:
 
 def row(run: RunSummary) -> Row:
     """What the list says of a run, keyed by `COLUMNS`; and `problems`."""
+    from flyrl.training.runs import names_of  # noqa: PLC0415
+
     best, last = run.best, run.last
     return {
         "name": run.path.name,
@@ -143,6 +148,8 @@ def comparison(runs: Sequence[tuple[str, RunSummary]]) -> list[Row]:
     -------
     A row per setting or figure: what it is at "", the values at the runs' names.
     """
+    from flyrl.training.runs import flat  # noqa: PLC0415
+
     settings = {name: flat(run.settings) for name, run in runs}
     keys = dict.fromkeys(key for values in settings.values() for key in values)
     rows = [{"": key, **{name: settings[name].get(key) for name in settings}} for key in keys]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from flyrl.envs.registration import ENV_IDS, own_spec
-from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.tasks import Task, TaskSettings, task_from
+
+if TYPE_CHECKING:
+    from flyrl.envs.sb3 import FlyrlVecEnv
 
 
 def make(task: TaskSettings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
@@ -56,6 +58,8 @@ def make_sb3(task: TaskSettings | Task, num_envs: int = 1, **settings: Any) -> F
     ValueError
         There is no such task, setting or value.
     """
+    from flyrl.envs.sb3 import FlyrlVecEnv  # noqa: PLC0415  (takes torch)
+
     return FlyrlVecEnv(None, num_envs, task=task, **settings)
 
 
