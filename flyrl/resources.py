@@ -25,6 +25,11 @@ def configs_folder() -> Path:
     return _folder("configs")
 
 
+def tuned_name(task: str | None, algo: str | None) -> str:
+    """Name of the settings in `configs/tuned` for a task and an algorithm; not all have some."""
+    return f"{task}_{algo}"
+
+
 def muscle_profile(key: str, profile: str) -> Path:
     """Image of a muscle's motor pool: one of `assets/muscles` by its name, or a file by its path.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
-from flyrl.training.config import present_names
+from flyrl.training.runs import present_names
 from flyrl.validation import did_you_mean, one_of
 
 if TYPE_CHECKING:
@@ -184,7 +185,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
                     composed[choices] = compose(name, [*job, *search], return_hydra_config=True)
             ours = next(iter(composed.values())).hydra
             if name == config_name and not search:  # in others, Hydra alone knows what they hold
-                known = [*map(str, compose(name)), *GROUPS, "hydra"]
+                known = functools.cache(lambda: [*map(str, compose(name)), *GROUPS, "hydra"])
                 for config in composed.values():
                     _check_used(config, overrides, known)
     except (HydraException, OmegaConfBaseException, ValueError) as error:
@@ -238,7 +239,9 @@ def _choices(job: Iterable[str]) -> tuple[str, ...]:
     return tuple(item for item in job if item.lstrip("+~").partition("=")[0] in GROUPS)
 
 
-def _check_used(config: DictConfig, overrides: Iterable[Override], known: Sequence[str]) -> None:
+def _check_used(
+    config: DictConfig, overrides: Iterable[Override], known: Callable[[], Sequence[str]]
+) -> None:
     """Raise UsageError if something would be ignored: a key that nothing reads, a choice.
 
     Parameters
@@ -248,16 +251,16 @@ def _check_used(config: DictConfig, overrides: Iterable[Override], known: Sequen
     overrides
         On the command line.
     known
-        Keys at the top, and groups.
+        Gives the keys at the top, and groups; takes a tenth of a second.
     """
     for override in overrides:
         key, value = override.key_or_group, override.value()
         if override.is_add() or override.is_force_add():
-            if key.partition(".")[0] not in known:
-                raise unknown_key(key, known)
+            if key.partition(".")[0] not in known():
+                raise unknown_key(key, known())
         elif key in config and config[key] is None and value is not None:
             raise UsageError(f"{override.input_line} has no effect with task={config.task.name}")
-        elif key == "experiment" and (more := {*map(str, config)} - {*known}):
+        elif key == "experiment" and (more := {*map(str, config)} - {*known()}):
             raise UsageError(
                 f"{override.input_line} is for another command: it sets {', '.join(sorted(more))}"
             )

@@ -9,8 +9,9 @@ from flyrl.evaluation import EvaluationConfig
 from flyrl.simulation.rendering import Camera
 from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
-from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig, present_names
+from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
+from flyrl.training.runs import present_names
 from flyrl.validation import (
     check_fields,
     file_path,

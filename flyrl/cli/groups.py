@@ -4,26 +4,24 @@ A default is stated once, where it is used: in a dataclass, or in the signature 
 """
 
 import functools
+import hashlib
+import importlib.util
+import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
-from typing import Any, Final, cast
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from flyrl.cli.config import evaluation_defaults
-from flyrl.controllers import CONTROLLERS
-from flyrl.envs.config import BODIES
-from flyrl.resources import configs_folder
-from flyrl.simulation.physics import PHYSICS_PRESETS
-from flyrl.simulation.randomisation import RANDOMISATIONS
-from flyrl.tasks import TASKS, JointTargets, TaskFunction, task_record
-from flyrl.terrains import TERRAINS
-from flyrl.training.algorithms import ALGORITHMS
-from flyrl.training.config import ScheduleConfig
-from flyrl.training.keywords import tuned_name
-from flyrl.training.loggers import LOGGERS
+from flyrl.files import write_text
+from flyrl.resources import configs_folder, tuned_name
+
+if TYPE_CHECKING:
+    from flyrl.tasks import TaskFunction
 
 HYDRA_VERSION: Final = "1.3"
 """Hydra's behaviour that the configs are written for."""
@@ -44,8 +42,45 @@ _OWN_TASK: Final[Mapping[str, Any]] = {
 
 @functools.cache
 def groups() -> Mapping[str, Mapping[str, Any]]:
-    """Choices of each group by name, as plain values."""
-    named: dict[str, dict[str, Any]] = {
+    """Choices of each group by name, as plain values.
+
+    Read from a file beside the byte code, which is written anew whenever a source changed: the
+    dataclasses stand beside kernels and models, whose libraries take longer to load than all else.
+    """
+    file = Path(importlib.util.cache_from_source(__file__)).with_suffix(".json")
+    sources = _sources_digest()
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        if kept["sources"] == sources:
+            return cast(Mapping[str, Mapping[str, Any]], kept["groups"])
+    made = _plain(_make_groups())
+    with suppress(OSError):  # where it cannot be written, it is made every time
+        file.parent.mkdir(exist_ok=True)
+        write_text(file, json.dumps({"sources": sources, "groups": made}))
+    return cast(Mapping[str, Mapping[str, Any]], made)
+
+
+def _sources_digest() -> str:
+    """SHA-256 over names, sizes and times of all sources of flyrl, by which Python knows them."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        facts = path.stat()
+        digest.update(f"{path}\0{facts.st_size}\0{facts.st_mtime_ns}\0".encode())
+    return digest.hexdigest()
+
+
+def _make_groups() -> dict[str, dict[str, Any]]:
+    from flyrl.cli.config import evaluation_defaults  # noqa: PLC0415
+    from flyrl.controllers import CONTROLLERS  # noqa: PLC0415
+    from flyrl.envs.config import BODIES  # noqa: PLC0415
+    from flyrl.simulation.physics import PHYSICS_PRESETS  # noqa: PLC0415
+    from flyrl.simulation.randomisation import RANDOMISATIONS  # noqa: PLC0415
+    from flyrl.terrains import TERRAINS  # noqa: PLC0415
+    from flyrl.training.algorithms import ALGORITHMS  # noqa: PLC0415
+    from flyrl.training.config import ScheduleConfig  # noqa: PLC0415
+    from flyrl.training.loggers import LOGGERS  # noqa: PLC0415
+
+    return {
         "body": {name: asdict(body) for name, body in BODIES.items()},
         "controller": {
             name: asdict(kind()) for name, kind in CONTROLLERS.items() if name != "joints"
@@ -62,10 +97,11 @@ def groups() -> Mapping[str, Mapping[str, Any]]:
             **{name: {"name": name, **asdict(kind())} for name, kind in LOGGERS.items()},
         },
     }
-    return named
 
 
 def _tasks() -> Iterator[tuple[str, dict[str, Any]]]:
+    from flyrl.tasks import TASKS, JointTargets, task_record  # noqa: PLC0415
+
     for name, function in TASKS.items():
         if isinstance(function().actions, JointTargets):
             continue  # its 42 angles are no decisions to learn
@@ -75,8 +111,10 @@ def _tasks() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "own", dict(_OWN_TASK)
 
 
-def _with_worm(function: TaskFunction, settings: Mapping[str, Any]) -> dict[str, Any]:
+def _with_worm(function: "TaskFunction", settings: Mapping[str, Any]) -> dict[str, Any]:
     """Task for worms, which brings its body and its physics, and has no legs to control."""
+    from flyrl.envs.config import BODIES  # noqa: PLC0415
+
     body = next(name for name, each in BODIES.items() if each == function.worm)
     return {
         "defaults": [{"override /body": body}, {"override /physics": "worm"}],
@@ -92,7 +130,7 @@ def register() -> None:
     for group, choices in groups().items():
         for name, settings in choices.items():
             package = "_global_" if "defaults" in settings else None
-            store.store(name=name, node=_plain(settings), group=group, package=package)
+            store.store(name=name, node=dict(settings), group=group, package=package)
 
 
 def _plain(value: Any) -> Any:

@@ -2,8 +2,6 @@
 
 import dataclasses
 import datetime
-import sys
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
@@ -18,35 +16,6 @@ from flyrl.training.loggers import LoggerConfig
 from flyrl.validation import Within, check_fields, within
 
 LARGEST_SEED: Final = 2**31 - 1
-
-
-_EARLIER_NAMES: Final = {"total_decisions": "total_timesteps"}
-"""Fields of `ScheduleConfig` that had other names, which are understood for a release."""
-
-
-def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings of a schedule by the names of its fields; an earlier name is warned of.
-
-    Parameters
-    ----------
-    settings
-        By name, each after `prefix`.
-    prefix
-        Such as "training.".
-
-    Raises
-    ------
-    ValueError
-        A setting is given by both of its names.
-    """
-    found = dict(settings)
-    for earlier, present in _EARLIER_NAMES.items():
-        if f"{prefix}{earlier}" in found:
-            if f"{prefix}{present}" in found:
-                raise ValueError(f"{prefix}{earlier} is {prefix}{present}, and both are given")
-            print(f"warning: {prefix}{earlier} is called {prefix}{present}", file=sys.stderr)
-            found[f"{prefix}{present}"] = found.pop(f"{prefix}{earlier}")
-    return found
 
 
 @dataclass(frozen=True, kw_only=True)

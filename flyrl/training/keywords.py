@@ -6,11 +6,12 @@ from typing import Any
 from flyrl.envs.config import UnexpectedArgumentError, config_for
 from flyrl.envs.core import EnvConfig
 from flyrl.files import load_yaml
-from flyrl.resources import configs_folder
+from flyrl.resources import configs_folder, tuned_name
 from flyrl.tasks import Task, TaskSettings
 from flyrl.training.algorithms import ALGORITHMS
-from flyrl.training.config import ScheduleConfig, TrainingConfig, present_names
+from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
+from flyrl.training.runs import present_names
 from flyrl.validation import did_you_mean, one_of
 
 
@@ -86,11 +87,6 @@ def _hint(name: str, known: list[str]) -> str:
     if having:
         return f", which is one of {', '.join(having)}"
     return f"{did_you_mean(name, known)} (allowed: {', '.join(known)})"
-
-
-def tuned_name(task: str | None, algo: str | None) -> str:
-    """Name of the settings in `configs/tuned` for a task and an algorithm; not all have some."""
-    return f"{task}_{algo}"
 
 
 def tuned_settings(task: str, algo: str) -> dict[str, dict[str, Any]]:

@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -33,6 +34,35 @@ _PARTS: Final = {"task", "body", "terrain", "controller", "physics", "randomisat
 
 State = Literal["finished", "interrupted", "running", "damaged"]
 T = TypeVar("T")
+
+
+_EARLIER_NAMES: Final = {"total_decisions": "total_timesteps"}
+"""Fields of `ScheduleConfig` that had other names, which are understood for a release."""
+
+
+def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Settings of a schedule by the names of its fields; an earlier name is warned of.
+
+    Parameters
+    ----------
+    settings
+        By name, each after `prefix`.
+    prefix
+        Such as "training.".
+
+    Raises
+    ------
+    ValueError
+        A setting is given by both of its names.
+    """
+    found = dict(settings)
+    for earlier, present in _EARLIER_NAMES.items():
+        if f"{prefix}{earlier}" in found:
+            if f"{prefix}{present}" in found:
+                raise ValueError(f"{prefix}{earlier} is {prefix}{present}, and both are given")
+            print(f"warning: {prefix}{earlier} is called {prefix}{present}", file=sys.stderr)
+            found[f"{prefix}{present}"] = found.pop(f"{prefix}{earlier}")
+    return found
 
 
 class ResumeError(ValueError):
