@@ -1,6 +1,5 @@
 """What is installed: assets and configs (beside the package, or inside it), the distribution."""
 
-from importlib import metadata
 from pathlib import Path
 from typing import Final
 
@@ -69,6 +68,8 @@ def recorded_profile(key: str, profile: str) -> str:
 
 def version(package: str) -> str | None:
     """Version of a package, `flyrl` or the distribution of another; None if it is not installed."""
+    from importlib import metadata  # noqa: PLC0415 - slow to import
+
     try:
         return metadata.version(DISTRIBUTION if package == "flyrl" else package)
     except metadata.PackageNotFoundError:

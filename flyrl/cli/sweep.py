@@ -29,7 +29,6 @@ from typing import Any, Final, NoReturn, TypeGuard
 from flyrl.cli.arguments import Sweep
 from flyrl.cli.errors import Failure
 from flyrl.files import new_folder, usable_folder, write_text
-from flyrl.progress import progress_bar
 from flyrl.text import printable
 
 SWEEP_FILE: Final = "sweep.json"
@@ -321,6 +320,8 @@ def _tell_failures(jobs: Sequence[Job], ended: Sequence[Note | None]) -> int:
 def _progress(folder: Path, jobs: Sequence[Job], *, is_shown: bool) -> Iterator[None]:
     """Draw how many jobs have ended, as their notes tell."""
     stop = threading.Event()
+    from flyrl.progress import progress_bar  # noqa: PLC0415
+
     with progress_bar(len(jobs), is_shown=is_shown, unit=" jobs") as bar:
 
         def look() -> None:

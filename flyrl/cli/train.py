@@ -13,7 +13,6 @@ from flyrl.cli.entry import Start, run_command
 from flyrl.cli.errors import LEFT_OUT
 from flyrl.cli.sweep import Interrupted, by_key
 from flyrl.entry_points import check_trust
-from flyrl.progress import whole_job
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
@@ -60,6 +59,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, group, training_config  # noqa: PLC0415
     from flyrl.cli.evaluate import comparison, results_folder  # noqa: PLC0415
+    from flyrl.progress import whole_job  # noqa: PLC0415
     from flyrl.validation import file_path, one_of  # noqa: PLC0415
 
     for key in ("evaluate_after", "video_after", "trust"):

@@ -15,8 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, TypeVar
 
-from filelock import lock_descriptor
-
 from flyrl.files import load_yaml
 from flyrl.text import printable
 
@@ -109,6 +107,8 @@ def is_running(folder: Path) -> bool:
 
 def _is_locked(descriptor: int) -> bool:
     """Try to lock; return whether another has."""
+    from filelock import lock_descriptor  # noqa: PLC0415 - slow to import
+
     try:
         return not lock_descriptor(descriptor, blocking=False)
     except OSError:
