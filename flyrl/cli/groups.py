@@ -53,11 +53,11 @@ def groups() -> Mapping[str, Mapping[str, Any]]:
         kept = json.loads(file.read_text(encoding="utf-8"))
         if kept["sources"] == sources:
             return cast(Mapping[str, Mapping[str, Any]], kept["groups"])
-    made = _plain(_make_groups())
+    text = json.dumps({"sources": sources, "groups": _make_groups()})
     with suppress(OSError):  # where it cannot be written, it is made every time
         file.parent.mkdir(exist_ok=True)
-        write_text(file, json.dumps({"sources": sources, "groups": made}))
-    return cast(Mapping[str, Mapping[str, Any]], made)
+        write_text(file, text)
+    return cast(Mapping[str, Mapping[str, Any]], json.loads(text)["groups"])
 
 
 def _sources_digest() -> str:
@@ -131,13 +131,6 @@ def register() -> None:
         for name, settings in choices.items():
             package = "_global_" if "defaults" in settings else None
             store.store(name=name, node=dict(settings), group=group, package=package)
-
-
-def _plain(value: Any) -> Any:
-    """`value` with lists in place of tuples, which OmegaConf would make them anyway."""
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _tuned(*, _root_: DictConfig) -> str:

@@ -3,7 +3,12 @@
 import contextlib
 import copy
 import functools
+import importlib.util
+import json
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,6 +16,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from flyrl.bodies.fly import FLIES
+from flyrl.cli import groups as config_groups
 from flyrl.cli.config import (
     env_config,
     evaluation_config,
@@ -41,6 +47,31 @@ def _composed(*overrides, name="train"):
 
 def _names(group):
     return {path.stem for path in (configs_folder() / group).glob("*.yaml")}
+
+
+@pytest.mark.parametrize(
+    "kept", [None, "damaged", {"sources": "of earlier sources", "groups": {}}, [], {"sources": 1}]
+)
+def test_groups_are_made_anew_unless_kept_of_the_same_sources(kept, monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "pycache_prefix", str(tmp_path))
+    file = Path(importlib.util.cache_from_source(config_groups.__file__)).with_suffix(".json")
+    file.parent.mkdir(parents=True)
+    if kept is not None:
+        file.write_text(kept if isinstance(kept, str) else json.dumps(kept))
+    made = config_groups.groups.__wrapped__()
+    assert made["body"].keys() >= FLIES.keys()
+    monkeypatch.setattr(config_groups, "_make_groups", None)
+    assert config_groups.groups.__wrapped__() == made
+
+
+def test_the_config_is_printed_without_libraries_of_simulations():
+    code = (
+        "import sys; sys.argv[1:] = ['--cfg', 'job']; from flyrl.cli.train import main; main(); "
+        "print({'torch', 'mujoco', 'numba', 'scipy', 'pandas', 'PIL'} & {*sys.modules})"
+    )
+    config_groups.groups()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("set()\n")
 
 
 def test_defaults():
