@@ -109,11 +109,10 @@ def run(options: argparse.Namespace) -> int:
     if options.name != "fly" and given:
         raise ValueError(f"--{next(iter(given))} goes with the fly only, got {options.name!r}")
     if options.name == "fly":
+        # before an address is printed; the defaults are right, and quicker unchecked
         is_checked = bool(given)
         given["policy"] = None if options.policy == _NONE else options.policy or _PILOT
-        if (
-            is_checked
-        ):  # before an address is printed; the defaults are right, and quicker unchecked
+        if is_checked:
             from flyrl.play.fly_setting import PlayedFlyConfig, pilots  # noqa: PLC0415
 
             pilots(PlayedFlyConfig(**given).policy)

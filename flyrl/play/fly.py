@@ -24,7 +24,7 @@ from flyrl.play.fly_setting import (
     pilot_name,
     pilots,
 )
-from flyrl.play.playable import Playable, Setting
+from flyrl.play.playable import Playable
 from flyrl.rollouts import Policy
 from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.simulation.scene import build_scene
@@ -35,7 +35,7 @@ from flyrl.terrains import FLAT_GROUND, Bounds, Flat
 from flyrl.validation import FloatArray, one_of, random_seed, within
 
 if TYPE_CHECKING:
-    from flyrl.play.panel import Panel
+    from flyrl.play.panel import Panel, Setting
 
 KEY_STEP: Final = 0.1
 """Change of a drive by a press of an arrow key."""
@@ -180,7 +180,7 @@ class PlayedFly(Playable):
         else:
             self._drive_by_hand(self._drive + KEY_STEP * np.array(_ARROWS[key]))
 
-    def change(self, name: str, value: Setting) -> None:
+    def change(self, name: str, value: "Setting") -> None:
         """Set a control.
 
         Raises

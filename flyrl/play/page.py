@@ -21,8 +21,7 @@ from mujoco.studio.dear_imgui import dear_imgui as imgui
 from numpy.typing import NDArray
 
 from flyrl.play.loopback import Service, served_on
-from flyrl.play.panel import Panel
-from flyrl.play.playable import Setting
+from flyrl.play.panel import Panel, Setting
 from flyrl.play.session import Session
 
 _PAUSED_FRAME_S: Final = 1 / 25

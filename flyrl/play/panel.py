@@ -8,7 +8,8 @@ import numpy as np
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 from numpy.typing import NDArray
 
-from flyrl.play.playable import Setting
+Setting = float | str | bool | int
+"""Value that a person gives a control."""
 
 _LABELS: Final = 0.42
 """Share of the width that labels take."""

@@ -6,10 +6,7 @@ from typing import TYPE_CHECKING
 import mujoco
 
 if TYPE_CHECKING:
-    from flyrl.play.panel import Panel
-
-Setting = float | str | bool | int
-"""Value that a person gives a control."""
+    from flyrl.play.panel import Panel, Setting
 
 
 class Playable:
@@ -75,7 +72,7 @@ class Playable:
         """Values for the log, rounded to what is worth a line."""
         raise NotImplementedError
 
-    def change(self, name: str, value: Setting) -> None:
+    def change(self, name: str, value: "Setting") -> None:
         """Set a control of the panel.
 
         Raises

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import mujoco
 
-from flyrl.play.playable import Playable, Setting
+from flyrl.play.playable import Playable
 from flyrl.validation import one_of, random_seed
 
 if TYPE_CHECKING:
-    from flyrl.play.panel import Panel
+    from flyrl.play.panel import Panel, Setting
 
 FRAMES_PER_S: Final = 25
 """Pictures of a video per second of the screen's time."""
@@ -195,7 +195,7 @@ class Session:
             self.playable.point(x_w, y_w)
             self._tell()
 
-    def change(self, name: str, value: Setting) -> None:
+    def change(self, name: str, value: "Setting") -> None:
         """Set a control of the panel; a refusal is shown on the panel and logged.
 
         While nobody watches this does nothing.
@@ -252,7 +252,7 @@ class Session:
         """Note of the recorder."""
         return self._recorder.note if self._recorder is not None else ""
 
-    def _change(self, name: str, value: Setting) -> None:
+    def _change(self, name: str, value: "Setting") -> None:
         if name == PAUSE:
             self._pause(not self.is_paused)
         elif name == STEP:
