@@ -163,10 +163,11 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
     options = parsed_options(arguments)
     if options.shell_completion:
         return None
-    search = []
-    for folder in filter(None, (options.config_dir, options.config_path)):
-        search = [f"hydra.searchpath=['file://{Path(folder).resolve()}']"]
-        for file in sorted(Path(folder).rglob("*.yaml")):
+    more = options.config_dir
+    search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
+    own = list(filter(None, (more, options.config_path)))
+    for each in own:
+        for file in sorted(Path(each).rglob("*.yaml")):
             load_yaml(file)  # without aliases, which Hydra would multiply
     folder = str(Path(options.config_path or configs_folder()).resolve())
     name = options.config_name or config_name
@@ -184,7 +185,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
                 if choices not in composed:  # else other values of the same keys
                     composed[choices] = compose(name, [*job, *search], return_hydra_config=True)
             ours = next(iter(composed.values())).hydra
-            if name == config_name and not search:  # in others, Hydra alone knows what they hold
+            if name == config_name and not own:  # in others, Hydra alone knows what they hold
                 known = functools.cache(lambda: [*map(str, compose(name)), *GROUPS, "hydra"])
                 for config in composed.values():
                     _check_used(config, overrides, known)

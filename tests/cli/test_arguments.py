@@ -3,6 +3,7 @@ from itertools import pairwise
 import pytest
 
 from flyrl.cli.arguments import UsageError, check_arguments, unknown_key, with_own_things
+from flyrl.resources import configs_folder
 
 
 @pytest.mark.parametrize(
@@ -108,6 +109,14 @@ def test_a_config_with_aliases_is_refused(option, tmp_path):
     (tmp_path / "experiment" / "bomb.yaml").write_text(BOMB)
     with pytest.raises(ValueError, match=r"bomb\.yaml.*aliases \(\*name\) are not allowed"):
         check_arguments("train", [option, str(tmp_path), "experiment=bomb"])
+
+
+def test_a_folder_of_more_configs_counts_beside_another_folder_of_configs(tmp_path):
+    (tmp_path / "experiment").mkdir()
+    (tmp_path / "experiment" / "mine.yaml").write_text("# @package _global_\nseed: 7\n")
+    folders = ["--config-path", str(configs_folder()), "--config-dir", str(tmp_path)]
+    sweep = check_arguments("train", [*folders, "-m", "experiment=mine", "algo=ppo,sac"])
+    assert len(sweep.jobs) == 2
 
 
 def test_keys_of_every_choice_that_is_swept():
