@@ -32,6 +32,8 @@ def _records(path):
             continue
         _, size, kind = struct.unpack_from("<IHB", data, position)
         position += _HEADER
+        if position + size > len(data):  # W&B's own process is still writing it
+            return
         parts += data[position : position + size]
         position += size
         if kind in (1, 4):  # whole, or the last part
