@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from flyrl import CPGNetwork, PreprogrammedSteps
-from flyrl.controllers.cpg import tripod_coupling_weights, tripod_phase_biases
+from flyrl.controllers.cpg import gait_coupling_weights, gait_phase_biases
 
 
 def walk(terrain: str = "flat", seconds: float = 0.5, seed: int = 0) -> np.ndarray:
@@ -35,8 +35,8 @@ def walk(terrain: str = "flat", seconds: float = 0.5, seed: int = 0) -> np.ndarr
         timestep=timestep,
         intrinsic_freqs=np.full(6, 12.0),
         intrinsic_amps=np.ones(6),
-        coupling_weights=tripod_coupling_weights(),
-        phase_biases=tripod_phase_biases(),
+        coupling_weights=gait_coupling_weights(),
+        phase_biases=gait_phase_biases(),
         convergence_coefs=np.full(6, 20.0),
         seed=seed,
     )

@@ -11,10 +11,9 @@ import numpy as np
 
 from flyrl import CPGNetwork, PreprogrammedSteps
 from flyrl.controllers import Reflexes
-from flyrl.controllers.cpg import tripod_coupling_weights, tripod_phase_biases
+from flyrl.controllers.cpg import gait_coupling_weights, gait_phase_biases, modulated
 from flyrl.controllers.reflexes import CURRENT
 from flyrl.controllers.steps import adhesion_on
-from flyrl.controllers.turning import modulated
 
 
 def walk(
@@ -48,8 +47,8 @@ def walk(
         timestep=timestep,
         intrinsic_freqs=np.full(6, 12.0),
         intrinsic_amps=np.ones(6),
-        coupling_weights=tripod_coupling_weights(),
-        phase_biases=tripod_phase_biases(),
+        coupling_weights=gait_coupling_weights(),
+        phase_biases=gait_phase_biases(),
         convergence_coefs=np.full(6, 20.0),
         seed=seed,
     )

@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from flyrl import PreprogrammedSteps, RuleBasedSteppingCoordinator, construct_rules_graph
-from flyrl.controllers.walknet import RULE_WEIGHTS
+from flyrl.controllers.rule_based import RULE_WEIGHTS
 
 
 def walk(terrain: str = "flat", seconds: float = 0.5, seed: int = 0) -> np.ndarray:

@@ -1,18 +1,17 @@
 """Leg controllers: recorded steps, oscillators, stepping rules, reflexes, turning."""
 
-from flyrl.controllers.controller import CONTROLLERS, DRIVE, Command, Controller
+from flyrl.controllers.controller import CONTROLLERS, DRIVE, Command, Controller, Joints
 from flyrl.controllers.cpg import CPGNetwork
 from flyrl.controllers.cpg_controller import CPG
 from flyrl.controllers.hybrid_controller import Hybrid, Reflexes
-from flyrl.controllers.joints_controller import Joints
 from flyrl.controllers.reflexes import ReflexParameters
-from flyrl.controllers.rule_based_controller import RuleBased
-from flyrl.controllers.steps import PreprogrammedSteps
-from flyrl.controllers.walknet import (
+from flyrl.controllers.rule_based import (
+    RuleBased,
     RuleBasedSteppingCoordinator,
     construct_rules_graph,
     filter_edges,
 )
+from flyrl.controllers.steps import PreprogrammedSteps
 
 CONTROLLERS.update(cpg=CPG, hybrid=Hybrid, rule_based=RuleBased, joints=Joints)
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.anatomy import CONTACT_SEGMENTS, JOINTS, LEGS
-from flyrl.controllers.compilation import entry_point
+from flyrl.controllers.compilation import entry_point, kernel
 from flyrl.entry_points import find
-from flyrl.validation import from_keys
+from flyrl.validation import FloatArray, from_keys
 
 NUM_LEGS: Final = len(LEGS)
 NUM_JOINTS: Final = len(JOINTS)
@@ -197,3 +197,102 @@ def _check_record(name: str, dtype: np.dtype) -> None:
         base = dtype[each].base
         if base != np.float64:
             raise ValueError(f"{name}: {each!r} must be float64, got {base}")
+
+
+# ------------------------------------------------------------------ no controller at all
+
+
+JOINTS_COMMAND: Final = Command(
+    (*JOINTS, *(f"adhesion_{leg}" for leg in LEGS)),
+    (-np.pi,) * NUM_JOINTS + (0.0,) * NUM_LEGS,
+    (np.pi,) * NUM_JOINTS + (1.0,) * NUM_LEGS,
+)
+"""Target angles, rad, then adhesion: 1 grips, 0 does not."""
+
+
+@kernel
+def joints_step(parameters: Any, state: Any, senses: Any, command: Any, output: Any) -> None:
+    """Hand the command on."""
+    for joint in range(NUM_JOINTS):
+        output.angles[joint] = command[joint]
+    for leg in range(NUM_LEGS):
+        output.adhesion[leg] = command[NUM_JOINTS + leg]
+
+
+@dataclass(frozen=True)
+class Joints(Controller):
+    """The command itself: 42 target angles, rad, ordered as `anatomy.JOINTS`, and 6 adhesions.
+
+    It is the published low-level environment (Wang-Chen et al. 2024, doi
+    10.1038/s41592-024-02497-y), and the way for a program's own oscillators, or for a recording, to
+    move the fly.
+    """
+
+    command: ClassVar[Command] = JOINTS_COMMAND
+    step: ClassVar[Step] = staticmethod(joints_step)
+
+
+# ------------------------------------------------------------------ latency of the command
+
+
+CLOCK = np.dtype(
+    [
+        ("latency", "f8"),  # time steps from the command to the legs
+        ("now", "f8"),  # time steps since the start, counted where there is latency
+        ("num_pending", "f8"),  # commands on their way
+        ("first_pending", "f8"),  # where the oldest of them stands in the queue
+    ],
+    align=True,
+)
+"""What keeps the time of commands that are on their way: they wait in a queue until then."""
+
+
+@kernel
+def advance_command(
+    clock: Any, command: FloatArray, arrived: FloatArray, queue: FloatArray
+) -> None:
+    """Bring the command at the legs up to date, before each of their time steps, in place.
+
+    A command that is new in this step arrives `clock.latency` steps later, and holds until the
+    next one does. It takes its place in the queue while it is not yet at the legs; where there is
+    none, it sets out when one becomes free, unless another replaces it before.
+
+    Parameters
+    ----------
+    clock
+        Record of type `CLOCK`.
+    command
+        As last commanded, shape (k,).
+    arrived
+        At the legs, shape (k,).
+    queue
+        Shape (places, 1 + k): the time step in which a command arrives, and the command. A ring:
+        the oldest command stands at `clock.first_pending`.
+    """
+    size = command.size
+    if clock.latency == 0.0:
+        for i in range(size):
+            arrived[i] = command[i]
+        return
+    places = len(queue)
+    waiting = int(clock.num_pending)
+    first = int(clock.first_pending)
+    if waiting > 0 and queue[first, 0] <= clock.now:
+        for i in range(size):
+            arrived[i] = queue[first, 1 + i]
+        first = (first + 1) % places
+        waiting -= 1
+    last = (first + waiting - 1) % places
+    is_new = False
+    for i in range(size):
+        latest = queue[last, 1 + i] if waiting > 0 else arrived[i]
+        is_new = is_new or command[i] != latest
+    if waiting < places and is_new:
+        place = (first + waiting) % places
+        queue[place, 0] = clock.now + clock.latency
+        for i in range(size):
+            queue[place, 1 + i] = command[i]
+        waiting += 1
+    clock.num_pending = waiting
+    clock.first_pending = first
+    clock.now += 1.0

@@ -1,6 +1,7 @@
-"""Central pattern generator: a network of coupled phase oscillators.
+"""Central pattern generator: coupled phase oscillators, their gaits, and their descending drive.
 
-Source: Ijspeert et al. 2007, doi 10.1126/science.1138353.
+Sources: Ijspeert et al. 2007, doi 10.1126/science.1138353; for the drive the turning task of
+NeuroMechFly v2, Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y.
 """
 
 from typing import Final
@@ -8,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flyrl.anatomy import LEGS, TRIPODS
+from flyrl.anatomy import LEGS
 from flyrl.controllers.compilation import kernel
 from flyrl.validation import FloatArray, float_array, positive, random_seed
 
@@ -62,51 +63,79 @@ def cpg_step(
         magnitudes[i] += coefs[i] * (amps[i] - magnitudes[i]) * timestep
 
 
-def tripod_phase_biases() -> FloatArray:
-    """Phase biases of the tripod gait, rad, shape (6, 6): π between legs of different tripods."""
-    tripod = np.array([next(k for k, legs in enumerate(TRIPODS) if leg in legs) for leg in LEGS])
-    return np.where(tripod[:, np.newaxis] != tripod, np.pi, 0.0)
+@kernel
+def modulate(
+    drive: FloatArray,
+    frequency: FloatArray,
+    amplitude: FloatArray,
+    freqs: FloatArray,
+    amps: FloatArray,
+) -> None:
+    """Write the oscillators' intrinsic frequencies and amplitudes under a drive.
+
+    Parameters
+    ----------
+    drive
+        Left and right, shape (2,). A side's amplitude is the drive's size; a negative drive makes
+        it step backwards, and zero (of positive sign) lets its magnitude decay.
+    frequency, amplitude
+        Stepping frequency, Hz, and amplitude at a drive of 1, shape (6,).
+    freqs
+        Output, Hz, shape (6,), left legs first.
+    amps
+        Output, shape (6,), left legs first.
+    """
+    legs_per_side = freqs.size // 2
+    for i in range(freqs.size):
+        side = drive[i // legs_per_side]
+        freqs[i] = frequency[i] if side >= 0.0 else -frequency[i]
+        amps[i] = abs(side) * amplitude[i]
 
 
-def tripod_coupling_weights(weight: float = TRIPOD_COUPLING_WEIGHT) -> FloatArray:
-    """Coupling weights of the tripod gait, 1/s, shape (6, 6): none inside a tripod."""
-    return np.where(tripod_phase_biases() > 0, weight, 0.0)
+def modulated(drive: ArrayLike, frequency_hz: float) -> tuple[FloatArray, FloatArray]:
+    """Intrinsic frequencies (Hz) and amplitudes under a drive, each of shape (6,).
+
+    Raises
+    ------
+    ValueError
+        If the drive is not two finite numbers or the frequency is not above 0.
+    """
+    checked = float_array("drive", drive, (2,))
+    freqs, amps = np.empty(len(LEGS)), np.empty(len(LEGS))
+    frequency = np.full(len(LEGS), positive("frequency_hz", frequency_hz))
+    modulate(checked, frequency, np.ones(len(LEGS)), freqs, amps)
+    return freqs, amps
 
 
 GAIT_PHASES: Final[dict[str, tuple[float, ...]]] = {
+    "tripod": (0.0, 1 / 2, 0.0, 1 / 2, 0.0, 1 / 2),
     "tetrapod": (1 / 3, 2 / 3, 0.0, 2 / 3, 0.0, 1 / 3),
     "wave": (4 / 6, 5 / 6, 0.0, 1 / 6, 2 / 6, 3 / 6),
 }
-"""Gaits beside the tripod: where each leg is in its cycle as the left hind leg begins its own, a
-share, ordered as `anatomy.LEGS`. On each side a wave goes from back to front. In the tetrapod gait
-two legs swing at a time, a third of a cycle apart; in the wave gait each leg swings by itself, the
-sides half a cycle apart (Wilson 1966, doi 10.1146/annurev.en.11.010166.000535)."""
+"""Gaits: where each leg is in its cycle as the left hind leg begins its own, a share, ordered as
+`anatomy.LEGS`. In the tripod gait `anatomy.TRIPODS` take turns. On each side a wave goes from back
+to front. In the tetrapod gait two legs swing at a time, a third of a cycle apart; in the wave gait
+each leg swings by itself, the sides half a cycle apart (Wilson 1966, doi
+10.1146/annurev.en.11.010166.000535)."""
 
 
-def gait_phase_biases(gait: str) -> FloatArray:
-    """Phase biases of a gait, rad, shape (6, 6): "tripod" or one of `GAIT_PHASES`."""
-    if gait == "tripod":
-        return tripod_phase_biases()
+def gait_phase_biases(gait: str = "tripod") -> FloatArray:
+    """Phase biases of one of `GAIT_PHASES`, rad, shape (6, 6)."""
     phases = TWO_PI * np.array(GAIT_PHASES[gait])
     biases: FloatArray = np.mod(phases - phases[:, np.newaxis], TWO_PI)
     return biases
 
 
-def gait_coupling_weights(gait: str, weight: float = TRIPOD_COUPLING_WEIGHT) -> FloatArray:
+def gait_coupling_weights(
+    gait: str = "tripod", weight: float = TRIPOD_COUPLING_WEIGHT
+) -> FloatArray:
     """Coupling weights of a gait, 1/s, shape (6, 6): between all legs that are not in phase."""
-    if gait == "tripod":
-        return tripod_coupling_weights(weight)
     return np.where(gait_phase_biases(gait) > 0, weight, 0.0)
 
 
 def motor_neuron_activity(magnitudes: ArrayLike, phases: ArrayLike) -> FloatArray:
     """Activity of motor neurons that oscillators drive, r (1 + sin θ), elementwise."""
     return np.asarray(magnitudes, dtype=np.float64) * (1.0 + np.sin(phases))
-
-
-def joint_position(magnitudes: ArrayLike, phases: ArrayLike) -> FloatArray:
-    """Position of joints that oscillators drive, r (1 + cos θ), elementwise."""
-    return np.asarray(magnitudes, dtype=np.float64) * (1.0 + np.cos(phases))
 
 
 class CPGNetwork:

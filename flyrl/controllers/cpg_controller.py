@@ -29,6 +29,7 @@ from flyrl.controllers.cpg import (
     gait_coupling_weights,
     gait_phase_biases,
     initial_oscillators,
+    modulate,
 )
 from flyrl.controllers.steps import (
     PreprogrammedSteps,
@@ -37,7 +38,6 @@ from flyrl.controllers.steps import (
     step_fields,
     take_steps,
 )
-from flyrl.controllers.turning import modulate
 from flyrl.validation import Within, check_fields, positive, random_seed
 
 Gait = Literal["tripod", "tetrapod", "wave"]

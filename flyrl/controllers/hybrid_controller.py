@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flyrl.anatomy import CONTACT_SEGMENTS, LEG_DOFS, LEGS, SENSED_SEGMENTS
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS, Step
-from flyrl.controllers.cpg import cpg_step
+from flyrl.controllers.cpg import cpg_step, modulate
 from flyrl.controllers.cpg_controller import (
     OSCILLATOR_PARAMETERS,
     OSCILLATOR_STATE,
@@ -27,7 +27,6 @@ from flyrl.controllers.reflexes import (
     reflex_step,
 )
 from flyrl.controllers.steps import pack_step, step_fields, take_steps
-from flyrl.controllers.turning import modulate
 from flyrl.validation import FloatArray, Within, float_array, positive
 
 _NUM_DOFS: Final = len(LEG_DOFS)

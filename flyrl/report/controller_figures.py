@@ -30,13 +30,13 @@ from flyrl.controllers.cpg import (
     TRIPOD_AMPLITUDE,
     TRIPOD_CONVERGENCE_RATE,
     TRIPOD_FREQUENCY_HZ,
+    gait_coupling_weights,
+    gait_phase_biases,
+    modulated,
     three_oscillators,
-    tripod_coupling_weights,
-    tripod_phase_biases,
 )
+from flyrl.controllers.rule_based import RULE_WEIGHTS, RULES
 from flyrl.controllers.steps import STEPS
-from flyrl.controllers.turning import modulated
-from flyrl.controllers.walknet import RULE_WEIGHTS, RULES
 from flyrl.report.close_up import spans
 from flyrl.report.style import LEG_COLOURS, PAPER_STYLE, WIDTH_IN, Plot, light
 from flyrl.validation import FloatArray
@@ -205,8 +205,8 @@ def _tripod() -> CPGNetwork:
         timestep=TIMESTEP_S,
         intrinsic_freqs=np.full(count, TRIPOD_FREQUENCY_HZ),
         intrinsic_amps=np.full(count, TRIPOD_AMPLITUDE),
-        coupling_weights=tripod_coupling_weights(),
-        phase_biases=tripod_phase_biases(),
+        coupling_weights=gait_coupling_weights(),
+        phase_biases=gait_phase_biases(),
         convergence_coefs=np.full(count, TRIPOD_CONVERGENCE_RATE),
     )
 

@@ -13,7 +13,7 @@ import mujoco
 from filelock import lock_descriptor
 from numba.core.event import Event, Listener, install_listener
 
-from flyrl.controllers.latency import advance_command
+from flyrl.controllers.controller import advance_command
 from flyrl.muscles.kernels import activate
 from flyrl.simulation.layout import layout
 from flyrl.simulation.native import control_callback, segment_of, sensor_callback

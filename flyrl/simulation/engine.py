@@ -14,9 +14,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
+from flyrl.controllers.controller import CLOCK, NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
 from flyrl.controllers.gait_log import GAIT_LOG
-from flyrl.controllers.latency import CLOCK
 from flyrl.muscles import Muscle, pack_muscles
 
 MAGIC = 20_261_121.0

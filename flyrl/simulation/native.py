@@ -29,9 +29,15 @@ from flyrl.controllers.compilation import (
     pointer_cast,
     record_cast,
 )
-from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
+from flyrl.controllers.controller import (
+    CLOCK,
+    NUM_JOINTS,
+    NUM_LEGS,
+    OUTPUT,
+    SENSES,
+    advance_command,
+)
 from flyrl.controllers.gait_log import GAIT_LOG, log_gait
-from flyrl.controllers.latency import CLOCK, advance_command
 from flyrl.muscles.kernels import activate, move_by_muscles
 from flyrl.simulation.engine import (
     CREATURE_HEAD,

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flyrl.controllers.controller import DRIVE, DRIVE_HIGH, DRIVE_LOW, Command
-from flyrl.controllers.joints_controller import JOINTS_COMMAND
+from flyrl.controllers.controller import DRIVE, DRIVE_HIGH, DRIVE_LOW, JOINTS_COMMAND, Command
 
 __all__ = ["DRIVE_HIGH", "DRIVE_LOW", "Actions", "Drives", "JointTargets", "Neurons"]
 

@@ -5,11 +5,10 @@ import pytest
 
 from flyrl import CPGNetwork
 from flyrl.controllers.cpg import (
-    joint_position,
+    gait_coupling_weights,
+    gait_phase_biases,
     motor_neuron_activity,
     three_oscillators,
-    tripod_coupling_weights,
-    tripod_phase_biases,
 )
 
 TWO_PI = 2 * np.pi
@@ -32,8 +31,8 @@ def tripod(seed=0):
         6,
         timestep=1e-4,
         intrinsic_freqs=np.full(6, 12.0),
-        coupling_weights=tripod_coupling_weights(),
-        phase_biases=tripod_phase_biases(),
+        coupling_weights=gait_coupling_weights(),
+        phase_biases=gait_phase_biases(),
         convergence_coefs=np.full(6, 20.0),
         seed=seed,
     )
@@ -91,8 +90,8 @@ def test_tripod_biases():
         [0, 1, 0, 1, 0, 1],
         [1, 0, 1, 0, 1, 0],
     ]
-    np.testing.assert_array_equal(tripod_phase_biases() / np.pi, expected)
-    np.testing.assert_array_equal(tripod_coupling_weights(), 10 * np.array(expected))
+    np.testing.assert_array_equal(gait_phase_biases() / np.pi, expected)
+    np.testing.assert_array_equal(gait_coupling_weights(), 10 * np.array(expected))
 
 
 def test_a_single_oscillator_runs_at_its_frequency():
@@ -174,10 +173,6 @@ def test_assigned_amplitudes_take_effect():
 
 def test_motor_neuron_activity_by_hand():
     np.testing.assert_allclose(motor_neuron_activity([2.0, 2.0], [0.0, np.pi / 2]), [2.0, 4.0])
-
-
-def test_joint_position_by_hand():
-    np.testing.assert_allclose(joint_position([2.0, 2.0], [0.0, np.pi]), [4.0, 0.0], atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from flyrl.controllers.latency import CLOCK, advance_command
+from flyrl.controllers.controller import CLOCK, advance_command
 
 
 def drives_at_the_legs(

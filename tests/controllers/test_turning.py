@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyrl.controllers.turning import modulated
+from flyrl.controllers.cpg import modulated
 
 
 @pytest.mark.parametrize(
