@@ -12,6 +12,7 @@ from flyrl.policies.card import model_card
 from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
+from tests.policies.conftest import same_weights
 from tests.tiny import TINY_ENV
 from tools.publish_policy import check, main, publish
 
@@ -53,7 +54,7 @@ def published(run, tmp_path_factory):
 
 def test_published_policy_is_the_best_of_the_run(run, published):
     bundle, best = load_bundle(published / "target-flat.safetensors"), load_bundle(run)
-    assert bundle.network.packed().tobytes() == best.network.packed().tobytes()
+    assert same_weights(bundle, best)
     assert bundle.env == best.env
 
 

@@ -29,7 +29,6 @@ from flyrl.policies.networks import (
     Layer,
     LSTMLayer,
     Normaliser,
-    check_layers,
 )
 from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion, preset_version
 from flyrl.tasks import Neurons, Task
@@ -120,7 +119,6 @@ class PolicyBundle:
     lstm: LSTM | None = None
 
     def __post_init__(self) -> None:
-        check_layers(self.network.layers)
         _check_choice("activation", self.network.activation, ACTIVATIONS)
         _check_choice("squashing", self.squashing, SQUASHINGS)
         sizes = self.network.sizes
@@ -383,7 +381,6 @@ def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> P
         tuple(Layer(tensors[f"{i}.weight"], tensors[f"{i}.bias"]) for i in range(num_layers)),
         architecture["activation"],
     )
-    check_layers(network.layers)
     if list(network.sizes) != architecture["sizes"]:
         raise ValueError(f"sizes {architecture['sizes']}, but the tensors have {network.sizes}")
     normaliser = record["normaliser"]

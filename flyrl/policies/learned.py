@@ -18,7 +18,7 @@ from flyrl.policies.bundle import (
     policy_file,
 )
 from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, is_law, law_named
-from flyrl.policies.networks import LSTM, advance, evaluate, vectors
+from flyrl.policies.networks import LSTM, vectors
 from flyrl.tasks import Task, task_from
 from flyrl.validation import file_path
 
@@ -36,16 +36,9 @@ class LearnedPolicy:
 
     def __init__(self, bundle: PolicyBundle) -> None:
         self.bundle = bundle
-        self._sizes = np.array(bundle.network.sizes)
-        self._parameters = bundle.network.packed()
-        self._is_tanh = bundle.network.activation == "tanh"
-        self._is_squashed = bundle.squashing == "tanh"
         self._term_sizes = {term.name: term.size for term in bundle.observation}
-        self._low = np.array(bundle.action_low)
-        self._high = np.array(bundle.action_high)
+        self._low, self._high = np.array(bundle.action_low), np.array(bundle.action_high)
         self._is_integer = bundle.squashing == "argmax"
-        self._counts = bundle.action_counts if self._is_integer else ()
-        self._lstm_parameters = np.empty(0) if bundle.lstm is None else bundle.lstm.packed()
 
     def predict(
         self,
@@ -89,28 +82,25 @@ class LearnedPolicy:
             raise ValueError(
                 f"observation of shape {values.shape}; allowed: ({size},) or (n, {size})"
             )
-        rows = np.ascontiguousarray(np.atleast_2d(values))
+        rows = np.atleast_2d(values)
         if self.bundle.normaliser is not None:
             rows = self.bundle.normaliser.apply(rows)
         if self.bundle.lstm is not None:
-            hidden, cell = _memory(self.bundle.lstm, len(rows), state, episode_start)
-            advance(rows, hidden, cell, self._lstm_parameters)
-            rows, state = hidden[-1], (hidden, cell)
-        outputs = evaluate(rows, self._sizes, self._parameters, self._is_tanh, self._is_squashed)
-        actions = self._actions(outputs)
+            before = _memory(self.bundle.lstm, len(rows), state, episode_start)
+            state = self.bundle.lstm.step(rows, *before)
+            rows = state[0][-1]
+        actions = self._actions(self.bundle.network.outputs(rows))
         return (actions if values.ndim == 2 else actions[0]), state
 
     def _actions(self, outputs: NDArray[np.float64]) -> NDArray[Any]:
         """Actions (n, a) from the network's outputs."""
         if self._is_integer:
-            choices = np.empty((len(outputs), len(self._counts)), dtype=np.int64)
-            start = 0
-            for i, count in enumerate(self._counts):
-                choices[:, i] = outputs[:, start : start + count].argmax(axis=1)
-                start += count
-            return choices + self._low.astype(np.int64)
-        if self._is_squashed:
-            outputs = self._low + 0.5 * (outputs + 1) * (self._high - self._low)
+            ends = np.cumsum(self.bundle.action_counts)[:-1]
+            parts = np.split(outputs, ends, axis=1)
+            best = np.stack([part.argmax(axis=1) for part in parts], axis=1)
+            return best + self._low.astype(np.int64)
+        if self.bundle.squashing == "tanh":
+            outputs = self._low + 0.5 * (np.tanh(outputs) + 1) * (self._high - self._low)
         return np.clip(outputs, self._low, self._high).astype(np.float32)
 
     def check_task(self, task: Task) -> None:

@@ -30,6 +30,26 @@ def random_network(sizes: tuple[int, ...], activation: Activation) -> MLP:
     )
 
 
+def random_lstm(sizes: tuple[int, ...], scale: float = 0.5) -> LSTM:
+    """An LSTM with random weights; sizes as in `LSTM.sizes`."""
+    rng = np.random.default_rng(0)
+    layers = []
+    for inputs, units in pairwise(sizes):
+        shapes = ((4 * units, inputs), (4 * units, units), (4 * units,), (4 * units,))
+        layers.append(LSTMLayer(*(rng.normal(0, scale, s).astype(np.float32) for s in shapes)))
+    return LSTM(tuple(layers))
+
+
+def same_weights(one: PolicyBundle, other: PolicyBundle) -> bool:
+    """Whether networks and memories have the same weights to the bit."""
+
+    def weights(bundle):
+        layers = [*bundle.network.layers, *(bundle.lstm.layers if bundle.lstm else ())]
+        return [part.tobytes() for layer in layers for part in vars(layer).values()]
+
+    return weights(one) == weights(other)
+
+
 @pytest.fixture
 def bundle() -> PolicyBundle:
     """Three inputs, two hidden units, two outputs, with weights that are easy to follow by hand."""
@@ -65,12 +85,9 @@ def choosing(bundle) -> PolicyBundle:
 @pytest.fixture
 def recurrent(bundle) -> PolicyBundle:
     """One that normalises its observations and remembers, with random weights."""
-    rng = np.random.default_rng(0)
-    shapes = ((12, 3), (12, 3), (12,), (12,))
-    layer = LSTMLayer(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
     return replace(
         bundle,
-        lstm=LSTM((layer, layer)),
+        lstm=LSTM(2 * random_lstm((3, 3), scale=1.0).layers),
         normaliser=Normaliser(np.array([0.1, 0, -1]), np.array([1, 0.3, 2]), 1e-8, 10.0),
     )
 

@@ -13,6 +13,7 @@ from safetensors.numpy import load_file, save, save_file
 from flyrl.policies import PolicyFileError, load_policy
 from flyrl.policies.bundle import load_bundle, save_bundle, trained_with_preset
 from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion
+from tests.policies.conftest import same_weights
 from tests.simulation.test_physics import BALANCED_1
 
 
@@ -25,9 +26,7 @@ def file(bundle, tmp_path):
 
 def test_everything_comes_back(bundle, file):
     loaded = load_bundle(file)
-    for layer, original in zip(loaded.network.layers, bundle.network.layers, strict=True):
-        np.testing.assert_array_equal(layer.weight, original.weight)
-        np.testing.assert_array_equal(layer.bias, original.bias)
+    assert same_weights(loaded, bundle)
     assert loaded.network.activation == "relu"
     assert loaded.squashing == "clip"
     assert loaded.observation == bundle.observation
@@ -44,7 +43,7 @@ def test_normaliser_and_lstm_come_back(recurrent, tmp_path):
         np.testing.assert_array_equal(getattr(loaded.normaliser, name), given)
     assert (loaded.normaliser.epsilon, loaded.normaliser.clip) == (1e-8, 10.0)
     assert loaded.lstm.sizes == (3, 3, 3)
-    np.testing.assert_array_equal(loaded.lstm.packed(), recurrent.lstm.packed())
+    assert same_weights(loaded, recurrent)
 
 
 def test_whole_numbers_come_back(choosing, tmp_path):

@@ -24,11 +24,11 @@ from flyrl.policies import (
     observation_layout,
 )
 from flyrl.policies.export import bundle_from_sb3
-from flyrl.policies.networks import LSTM, LSTMLayer, Normaliser
+from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Neurons
 from flyrl.training.algorithms import SACConfig
 from flyrl.training.models import build_model
-from tests.policies.conftest import Bandit, random_network
+from tests.policies.conftest import Bandit, random_lstm, random_network, same_weights
 
 ENV = EnvConfig("target", terrain="gapped")
 SIZE = sum(term.size for term in observation_layout(TASKS["target"]()))
@@ -187,9 +187,7 @@ def test_out_and_in_again_is_the_same_policy(bundle, squashing, algorithm, tmp_p
     bundle = _bundle(bundle, squashing)
     export_sb3(bundle).save(tmp_path / "model.zip")
     again = import_sb3(tmp_path / "model.zip", algorithm, ENV, trust=True)
-    for layer, original in zip(again.network.layers, bundle.network.layers, strict=True):
-        np.testing.assert_array_equal(layer.weight, original.weight)
-        np.testing.assert_array_equal(layer.bias, original.bias)
+    assert same_weights(again, bundle)
     for name in ("squashing", "observation", "action_low", "action_high", "env"):
         assert getattr(again, name) == getattr(bundle, name)
     assert again.network.activation == bundle.network.activation
@@ -217,8 +215,7 @@ def test_out_and_in_again_with_goals(bundle, squashing, algorithm, tmp_path):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
     model.save(tmp_path / "model.zip")
     again = import_sb3(tmp_path / "model.zip", algorithm, env, trust=True)
-    for layer, original in zip(again.network.layers, bundle.network.layers, strict=True):
-        np.testing.assert_array_equal(layer.weight, original.weight)
+    assert same_weights(again, bundle)
 
 
 @pytest.mark.parametrize(
@@ -237,14 +234,10 @@ def test_exported_model_learns_on(bundle, squashing, algorithm, settings, fly_en
 def remembering(bundle):
     """A bundle for the task Target that normalises, and remembers in two layers."""
     rng = np.random.default_rng(3)
-    layers = []
-    for inputs in (SIZE, 6):
-        shapes = ((24, inputs), (24, 6), (24,), (24,))
-        layers.append(LSTMLayer(*(rng.normal(0, 0.5, s).astype(np.float32) for s in shapes)))
     return replace(
         _bundle(bundle),
         network=random_network((6, 16, 2), "tanh"),
-        lstm=LSTM(tuple(layers)),
+        lstm=random_lstm((SIZE, 6, 6)),
         normaliser=Normaliser(rng.normal(size=SIZE), rng.uniform(0.1, 4, SIZE), 1e-6, 1.5),
     )
 
@@ -275,8 +268,7 @@ def test_memory_and_statistics_come_back_from_their_files(remembering, tmp_path)
         vec_normalize=tmp_path / "statistics.pkl",
         trust=True,
     )
-    np.testing.assert_array_equal(again.lstm.packed(), remembering.lstm.packed())
-    np.testing.assert_array_equal(again.network.packed(), remembering.network.packed())
+    assert same_weights(again, remembering)
     for name in ("mean", "variance", "epsilon", "clip"):
         given = getattr(remembering.normaliser, name)
         np.testing.assert_array_equal(getattr(again.normaliser, name), given)
@@ -382,7 +374,7 @@ def test_whole_numbers_out_and_in_again(choosing_for_target, tmp_path):
     again = import_sb3(
         tmp_path / "model.zip", algorithm, EnvConfig(CHOICES, TWO_MUSCLES), trust=True
     )
-    np.testing.assert_array_equal(again.network.packed(), bundle.network.packed())
+    assert same_weights(again, bundle)
     for name in ("squashing", "observation", "action_low", "action_high"):
         assert getattr(again, name) == getattr(bundle, name)
 
