@@ -10,9 +10,8 @@ import gymnasium
 import numpy as np
 
 from flyrl import CPGNetwork, PreprogrammedSteps
-from flyrl.controllers import Reflexes
+from flyrl.controllers import Hybrid, Reflexes
 from flyrl.controllers.cpg import gait_coupling_weights, gait_phase_biases, modulated
-from flyrl.controllers.reflexes import CURRENT
 from flyrl.controllers.steps import adhesion_on
 
 
@@ -53,8 +52,7 @@ def walk(
         seed=seed,
     )
     network.intrinsic_freqs, network.intrinsic_amps = frequencies, amplitudes
-    reflexes = Reflexes(timestep, CURRENT, steps.swing_ends)
-    grip_starts = steps.swing_ends + CURRENT.swing_extension
+    reflexes = Reflexes(timestep, Hybrid())
     env.reset(seed=seed)
     path = []
     for _ in range(round(seconds / timestep)):
@@ -77,7 +75,7 @@ def walk(
         joints += reflexes.net_corrections(phases)[:, np.newaxis] * reflexes.vectors
         adhesion = [
             adhesion_on(*timing)
-            for timing in zip(phases, steps.swing_starts, grip_starts, strict=True)
+            for timing in zip(phases, steps.swing_starts, reflexes.grip_starts, strict=True)
         ]
         env.step({"joints": joints.ravel(), "adhesion": np.array(adhesion, dtype=np.int8)})
         path.append(env.unwrapped.core.state.position_w[0])

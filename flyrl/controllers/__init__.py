@@ -3,8 +3,7 @@
 from flyrl.controllers.controller import CONTROLLERS, DRIVE, Command, Controller, Joints
 from flyrl.controllers.cpg import CPGNetwork
 from flyrl.controllers.cpg_controller import CPG
-from flyrl.controllers.hybrid_controller import Hybrid, Reflexes
-from flyrl.controllers.reflexes import ReflexParameters
+from flyrl.controllers.hybrid import Hybrid, Reflexes
 from flyrl.controllers.rule_based import (
     RuleBased,
     RuleBasedSteppingCoordinator,
@@ -25,7 +24,6 @@ __all__ = [
     "Hybrid",
     "Joints",
     "PreprogrammedSteps",
-    "ReflexParameters",
     "Reflexes",
     "RuleBased",
     "RuleBasedSteppingCoordinator",

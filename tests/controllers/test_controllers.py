@@ -295,15 +295,15 @@ def test_a_gait_is_where_the_oscillators_settle(gait, in_phase):
 
 def test_reflexes_take_values_of_ones_own():
     own = Hybrid(cap=5.0, stumbling_segments=("Tarsus5",), hind=(0, 0, 0, 0, 0, 0.5, 0))
-    reflexes = own.reflex_parameters
-    assert reflexes.cap == 5.0
-    assert reflexes.retraction_rates == Hybrid("untethered").reflex_parameters.retraction_rates
+    record, usual = own.parameters(TIMESTEP), CURRENT.parameters(TIMESTEP)
+    assert record["cap"] == 5.0
+    np.testing.assert_array_equal(record["retraction_rates"], usual["retraction_rates"])
     forces = np.zeros((36, 3))
     forces[5, 0] = -2.0  # the left front tarsus's last segment
     observation = CALM._replace(contact_forces_w=forces)
     assert run(own, 10, observation=observation)["stumbling"][0] > 0
     assert run(CURRENT, 10, observation=observation)["stumbling"][0] == 0
-    assert own.parameters(TIMESTEP)["correction_vectors"][2, 5] == 0.5
+    assert record["correction_vectors"][2, 5] == 0.5
 
 
 def test_rules_take_weights_and_a_graph_of_ones_own():

@@ -1,33 +1,19 @@
 """The retraction and stumbling reflexes, against numbers worked out by hand."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
-from flyrl.controllers.hybrid_controller import Reflexes
-from flyrl.controllers.reflexes import (
-    CLASSIC,
-    CURRENT,
-    NO_LEG,
-    phase_gain,
-    retraction_leg,
-    stumbles,
-)
-from flyrl.controllers.steps import PreprogrammedSteps
+from flyrl.controllers import Hybrid, Reflexes
+from flyrl.controllers.reflexes import NO_LEG, phase_gain, retraction_leg, stumbles
 
 FORWARD = np.array([1.0, 0.0, 0.0])
-SENSORS = CURRENT.stumbling_sensors()
+CURRENT, CLASSIC = Hybrid(), Hybrid(reflexes="classic")
+FIGURES = CURRENT.parameters(1e-4)
 LEVEL = np.full(6, -1.0)
 LF_IN_HOLE = np.array([-2.0, -1.0, -1.0, -1.0, -1.0, -1.0])
 NO_FORCE = np.zeros((36, 3))
-SWING_ENDS = PreprogrammedSteps("untethered").swing_ends
-
-
-def lf_pushed_back():
-    forces = np.zeros((36, 3))
-    forces[1] = [-1.5, 0, 0]  # LFTarsus1
-    return forces
+LF_PUSHED_BACK = np.zeros((36, 3))
+LF_PUSHED_BACK[1, 0] = -1.5  # LFTarsus1
 
 
 def run(reflexes, num_steps, heights=LEVEL, forces=NO_FORCE):
@@ -37,7 +23,7 @@ def run(reflexes, num_steps, heights=LEVEL, forces=NO_FORCE):
 
 
 def current(timestep=1e-4):
-    return Reflexes(timestep, CURRENT, SWING_ENDS)
+    return Reflexes(timestep, CURRENT)
 
 
 @pytest.mark.parametrize(
@@ -51,13 +37,9 @@ def current(timestep=1e-4):
         ([-1.32, -1.3, -1.28, -1, -1, -1], NO_LEG),
     ],
 )
-def test_the_deepest_leg_is_retracted_if_it_is_alone(heights, leg):
-    assert retraction_leg(0.0, np.array(heights), 0.05) == leg
-
-
-def test_depth_is_measured_from_the_thorax():
-    heights = np.array([-1.0, -1.0, -1.2, -1.0, -1.0, -1.0]) + 7
-    assert retraction_leg(7.0, heights, 0.05) == 2
+@pytest.mark.parametrize("thorax_z", [0.0, 7.0])
+def test_the_deepest_leg_below_the_thorax_is_retracted_if_it_is_alone(heights, leg, thorax_z):
+    assert retraction_leg(thorax_z, np.array(heights) + thorax_z, 0.05) == leg
 
 
 @pytest.mark.parametrize(
@@ -66,47 +48,47 @@ def test_depth_is_measured_from_the_thorax():
 def test_tibia_and_upper_tarsus_stumble(segment, counts):
     forces = np.zeros((36, 3))
     forces[6 * 4 + segment, 0] = -2
-    assert stumbles(forces, FORWARD, 4, -1.0, SENSORS) is counts
-    assert not stumbles(forces, FORWARD, 3, -1.0, SENSORS)
+    assert stumbles(forces, FORWARD, 4, -1.0, FIGURES["stumbling_sensors"]) is counts
+    assert not stumbles(forces, FORWARD, 3, -1.0, FIGURES["stumbling_sensors"])
 
 
 @pytest.mark.parametrize(("force", "counts"), [(-1.01, True), (-1.0, False), (5.0, False)])
 def test_only_a_push_against_the_heading_counts(force, counts):
     forces = np.zeros((36, 3))
     forces[0] = [0.0, force, -9.0]
-    assert stumbles(forces, np.array([0.0, 1.0, 0.0]), 0, -1.0, SENSORS) is counts
+    heading_w = np.array([0.0, 1.0, 0.0])
+    assert stumbles(forces, heading_w, 0, -1.0, FIGURES["stumbling_sensors"]) is counts
 
 
-def test_retraction_grows_and_decays_at_its_rates():
-    reflexes = run(current(), 50, LF_IN_HOLE)
-    np.testing.assert_allclose(reflexes.retraction, [50 * 800 * 1e-4, 0, 0, 0, 0, 0])
-    run(reflexes, 30)
-    assert reflexes.retraction[0] == pytest.approx(4.0 - 30 * 700 * 1e-4)
+@pytest.mark.parametrize(
+    ("reflex", "trouble", "growth", "decay"),
+    [
+        ("retraction", {"heights": LF_IN_HOLE}, 800, 700),
+        ("stumbling", {"forces": LF_PUSHED_BACK}, 2200, 1800),
+    ],
+)
+def test_a_reflex_grows_and_decays_at_its_rates_to_0(reflex, trouble, growth, decay):
+    reflexes = run(current(), 50, **trouble)
+    np.testing.assert_allclose(getattr(reflexes, reflex), [50 * growth * 1e-4, 0, 0, 0, 0, 0])
+    run(reflexes, 20)
+    assert getattr(reflexes, reflex)[0] == pytest.approx((50 * growth - 20 * decay) * 1e-4)
     run(reflexes, 100)
-    assert reflexes.retraction[0] == 0
+    assert getattr(reflexes, reflex)[0] == 0
 
 
-def test_stumbling_grows_and_decays_at_its_rates():
-    reflexes = run(current(), 50, forces=lf_pushed_back())
-    np.testing.assert_allclose(reflexes.stumbling, [50 * 2200 * 1e-4, 0, 0, 0, 0, 0])
-    run(reflexes, 30)
-    assert reflexes.stumbling[0] == pytest.approx(11.0 - 30 * 1800 * 1e-4)
-    run(reflexes, 100)
-    assert reflexes.stumbling[0] == 0
-
-
-def test_classic_rates():
-    reflexes = run(Reflexes(1e-4, CLASSIC, SWING_ENDS), 60, LF_IN_HOLE, lf_pushed_back())
+def test_classic_rates_and_that_retraction_comes_before_stumbling():
+    reflexes = run(Reflexes(1e-4, CLASSIC), 60, LF_IN_HOLE, LF_PUSHED_BACK)
     assert reflexes.retraction[0] == pytest.approx(60 * 0.05)
     assert reflexes.stumbling[0] == pytest.approx(60 * 0.2)
+    assert reflexes.net_corrections(np.zeros(6))[0] == pytest.approx(3)  # not 12
     run(reflexes, 30)
     assert reflexes.retraction[0] == pytest.approx(3 - 1)  # 30 steps of 1/30
     assert reflexes.stumbling[0] == pytest.approx(12 - 1.5)
 
 
 def test_current_retraction_ends_stumbling():
-    reflexes = run(current(), 50, forces=lf_pushed_back())
-    run(reflexes, 1, LF_IN_HOLE, lf_pushed_back())
+    reflexes = run(current(), 50, forces=LF_PUSHED_BACK)
+    run(reflexes, 1, LF_IN_HOLE, LF_PUSHED_BACK)
     assert reflexes.stumbling[0] == 0
     assert reflexes.retraction[0] == pytest.approx(0.08)
 
@@ -127,72 +109,57 @@ def test_a_strongly_retracted_leg_persists_for_two_milliseconds(timestep, num_st
     assert growing == num_steps
 
 
-def test_a_weakly_retracted_leg_does_not_persist():
-    reflexes = run(current(), 249, LF_IN_HOLE)  # 19.92
-    before = reflexes.retraction[0]
-    run(reflexes, 1)
-    assert reflexes.retraction[0] == pytest.approx(before - 0.07)
-
-
-def test_classic_legs_do_not_persist():
-    reflexes = run(Reflexes(1e-4, CLASSIC, SWING_ENDS), 1000, LF_IN_HOLE)  # 50
-    run(reflexes, 1)
-    assert reflexes.retraction[0] == pytest.approx(50 - 1 / 30)
+@pytest.mark.parametrize(
+    ("controller", "num_steps", "reached", "decay"),
+    [(CURRENT, 249, 19.92, 0.07), (CLASSIC, 1000, 50, 1 / 30)],
+)
+def test_weakly_retracted_and_classic_legs_do_not_persist(controller, num_steps, reached, decay):
+    reflexes = run(Reflexes(1e-4, controller), num_steps, LF_IN_HOLE)
+    assert reflexes.retraction[0] == pytest.approx(reached)
+    assert run(reflexes, 1).retraction[0] == pytest.approx(reached - decay)
 
 
 def test_gain_by_hand():
-    # Swing end 2: points at 0, 1, 2 + π/4 = 2.785, (2 + 2π)/2 = 4.142, 2π.
-    phases = CURRENT.gain_phases(np.full(6, 2.0))[0]
-    gain = np.array(CURRENT.gain)
-    np.testing.assert_allclose(phases, [0, 1, 2.785398, 4.141593, 6.283185], atol=1e-6)
-    assert phase_gain(0.0, phases, gain) == 0
-    assert phase_gain(0.5, phases, gain) == pytest.approx(0.4)
-    assert phase_gain(1.0, phases, gain) == pytest.approx(0.8)
-    assert phase_gain((1 + phases[2]) / 2, phases, gain) == pytest.approx(0.4)
-    assert phase_gain(phases[2], phases, gain) == pytest.approx(0, abs=1e-15)
-    assert phase_gain(phases[3], phases, gain) == pytest.approx(-0.1)
+    # The swing of RH ends at 1.954769: 1/2, + π/4, (+ 2π)/2.
+    phases, gain = FIGURES["gain_phases"][5], FIGURES["gain"]
+    np.testing.assert_allclose(phases, [0, 0.977384, 2.740167, 4.118977, 6.283185], atol=1e-6)
+    np.testing.assert_array_equal(gain, [0, 0.8, 0, -0.1, 0])
+    points = [0.0, phases[1] / 2, phases[1], (phases[1] + phases[2]) / 2, *phases[2:]]
+    expected = [0, 0.4, 0.8, 0.4, 0, -0.1, 0]
+    found = [phase_gain(theta, phases, gain) for theta in points]
+    np.testing.assert_allclose(found, expected, atol=1e-15)
     assert phase_gain((phases[3] + phases[4]) / 2, phases, gain) == pytest.approx(-0.05)
-    assert phase_gain(phases[4], phases, gain) == pytest.approx(0, abs=1e-15)
 
 
-def test_classic_has_no_gain():
-    phases = CLASSIC.gain_phases(SWING_ENDS)[0]
-    for theta in np.linspace(0, 2 * np.pi, 50):
-        assert phase_gain(theta, phases, np.array(CLASSIC.gain)) == 1
-
-
-def test_correction_is_capped():
+def test_current_corrections_are_capped_and_depend_on_the_phase():
     reflexes = run(current(), 2000, LF_IN_HOLE)
     assert reflexes.retraction[0] == pytest.approx(160)
-    peak = SWING_ENDS / 2
+    peak = CURRENT.load_steps().swing_ends / 2
     np.testing.assert_allclose(reflexes.net_corrections(peak), [0.8 * 80, 0, 0, 0, 0, 0])
 
 
-def test_classic_correction_is_not_capped():
-    reflexes = run(Reflexes(1e-4, CLASSIC, SWING_ENDS), 2000, LF_IN_HOLE)
-    assert reflexes.net_corrections(np.zeros(6))[0] == pytest.approx(100)
-
-
-def test_retraction_comes_before_stumbling():
-    reflexes = run(Reflexes(1e-4, CLASSIC, SWING_ENDS), 60, LF_IN_HOLE, lf_pushed_back())
-    assert reflexes.net_corrections(np.zeros(6))[0] == pytest.approx(3)  # not 12
+@pytest.mark.parametrize("phase", np.linspace(0, 2 * np.pi, 7))
+def test_classic_corrections_are_neither(phase):
+    reflexes = run(Reflexes(1e-4, CLASSIC), 2000, LF_IN_HOLE)
+    assert reflexes.net_corrections(np.full(6, phase))[0] == pytest.approx(100)
 
 
 def test_stumbling_corrects_where_nothing_retracts():
-    reflexes = run(Reflexes(1e-4, CLASSIC, SWING_ENDS), 60, forces=lf_pushed_back())
+    reflexes = run(Reflexes(1e-4, CLASSIC), 60, forces=LF_PUSHED_BACK)
     assert reflexes.net_corrections(np.zeros(6))[0] == pytest.approx(12)
 
 
-def test_current_right_legs_mirror_left_ones():
-    vectors = CURRENT.leg_vectors()
-    np.testing.assert_array_equal(vectors[1], [-0.015, 0.001, 0.025, -0.02, 0, -0.02, 0])
-    np.testing.assert_array_equal(vectors[4], [-0.015, -0.001, -0.025, -0.02, 0, -0.02, 0])
-
-
-def test_classic_right_legs_do_as_left_ones():
-    vectors = CLASSIC.leg_vectors()
-    np.testing.assert_array_equal(vectors[:3], vectors[3:])
-    np.testing.assert_array_equal(vectors[3], [0, 0, 0, -0.02, 0, 0.016, 0])
+@pytest.mark.parametrize(
+    ("controller", "leg", "vector"),
+    [
+        (CURRENT, 1, [-0.015, 0.001, 0.025, -0.02, 0, -0.02, 0]),
+        (CURRENT, 4, [-0.015, -0.001, -0.025, -0.02, 0, -0.02, 0]),
+        (CLASSIC, 0, [0, 0, 0, -0.02, 0, 0.016, 0]),
+        (CLASSIC, 3, [0, 0, 0, -0.02, 0, 0.016, 0]),
+    ],
+)
+def test_only_current_right_legs_mirror_left_ones(controller, leg, vector):
+    np.testing.assert_array_equal(Reflexes(1e-4, controller).vectors[leg], vector)
 
 
 def test_amounts_handed_out_before_do_not_change():
@@ -201,36 +168,6 @@ def test_amounts_handed_out_before_do_not_change():
     run(reflexes, 1, LF_IN_HOLE)
     assert not before.any()
     assert reflexes.retraction.any()
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"front": (1.0, 2.0)}, r"front must have shape \(7,\), got shape \(2,\)"),
-        ({"gain": (0.0,)}, r"gain must have shape \(5,\)"),
-        ({"retraction_rates": (-1, 1)}, "retraction_rates must be at least 0"),
-        ({"stumbling_rates": (1,)}, r"stumbling_rates must have shape \(2,\)"),
-        ({"persistence_s": -1.0}, "persistence_s must be .* at least 0, got -1.0"),
-        ({"retraction_margin": -0.05}, "retraction_margin must be .* at least 0, got -0.05"),
-        ({"cap": -80.0}, "cap must be a number of at least 0, or inf, got -80.0"),
-        ({"stumbling_force": np.nan}, "stumbling_force must be finite, got nan"),
-    ],
-)
-def test_parameters_are_checked(change, message):
-    with pytest.raises(ValueError, match=message):
-        dataclasses.replace(CURRENT, **change)
-
-
-@pytest.mark.parametrize(
-    ("timestep", "swing_ends", "message"),
-    [
-        (-1e-4, SWING_ENDS, "timestep must be a finite number above 0, got -0.0001"),
-        (1e-4, SWING_ENDS[:5], r"swing_ends must have shape \(6,\), got shape \(5,\)"),
-    ],
-)
-def test_arguments_are_checked(timestep, swing_ends, message):
-    with pytest.raises(ValueError, match=message):
-        Reflexes(timestep, CURRENT, swing_ends)
 
 
 @pytest.mark.parametrize(
