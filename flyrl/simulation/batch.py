@@ -12,10 +12,9 @@ from mujoco.batch import SimulationError
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.simulation.callback import install
-from flyrl.simulation.randomisation import Randomisation
+from flyrl.simulation.randomisation import Randomisation, Variation
 from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import Scene, SceneConfig
-from flyrl.simulation.variation import Variation
 from flyrl.terrains import HEIGHT_FIELD, NOWHERE, Ground, box_colours
 from flyrl.validation import whole_number
 

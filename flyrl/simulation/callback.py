@@ -15,7 +15,7 @@ from numba.core.event import Event, Listener, install_listener
 
 from flyrl.controllers.controller import advance_command
 from flyrl.muscles.kernels import activate
-from flyrl.simulation.layout import layout
+from flyrl.simulation.engine import layout
 from flyrl.simulation.native import control_callback, segment_of, sensor_callback
 
 _CONTROL_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)

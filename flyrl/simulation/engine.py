@@ -1,4 +1,4 @@
-"""Records that a model and its simulations carry for the control callback, see `callback`.
+"""Where the control callback finds what it needs: flyrl's records, and fields of MuJoCo's structs.
 
 A model that flyrl built carries the record `ENGINE`, the controller's parameters and the muscles in
 its first custom numeric. `mjData.userdata`, which is part of MuJoCo's integration state, holds the
@@ -8,10 +8,14 @@ exactly. Worms have a mark of their own: their models carry the muscles, and the
 neurons are recruited and the muscles' tensions.
 """
 
+import ctypes
+import functools
 import secrets
+from collections import namedtuple
 from collections.abc import Sequence
 from typing import Any, Final
 
+import mujoco
 import numpy as np
 
 from flyrl.controllers.controller import CLOCK, NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
@@ -168,3 +172,148 @@ def pack_creature_data(muscles: Sequence[Muscle]) -> np.ndarray:
     packed = pack_muscles(muscles)
     head = (CREATURE_MAGIC, len(packed.strengths), len(packed.recruitment))
     return np.concatenate([head, packed.starts, packed.strengths, packed.recruitment])
+
+
+# ------------------------------------------------------------------ MuJoCo's own structs
+
+_C_TYPES: dict[str, Any] = {
+    "int": ctypes.c_int,
+    "float": ctypes.c_float,
+    "mjtNum": np.ctypeslib.as_ctypes_type(mujoco.MJTNUM_DTYPE),
+    "mjtByte": ctypes.c_uint8,
+    "mjtBool": ctypes.c_bool,
+    "mjtSize": ctypes.c_int64,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_void_p,
+}
+
+_POINTER: Final = ctypes.c_void_p
+
+FIELDS: Final[dict[str, dict[str, Any]]] = {
+    "mjModel": {
+        "nuserdata": ctypes.c_int64,
+        "nnumericdata": ctypes.c_int64,
+        "numeric_data": _POINTER,
+        "geom_bodyid": _POINTER,
+    },
+    "mjData": {
+        "time": ctypes.c_double,
+        "ncon": ctypes.c_int,
+        "contact": _POINTER,
+        "ctrl": _POINTER,
+        "userdata": _POINTER,
+        "xpos": _POINTER,
+        "xmat": _POINTER,
+        "actuator_force": _POINTER,
+        "actuator_length": _POINTER,
+        "actuator_velocity": _POINTER,
+        "efc_force": _POINTER,
+    },
+    "mjContact": {
+        "frame": 9 * ctypes.c_double,
+        "friction": 5 * ctypes.c_double,
+        "dim": ctypes.c_int,
+        "geom1": ctypes.c_int,
+        "geom2": ctypes.c_int,
+        "efc_address": ctypes.c_int,
+    },
+}
+"""Fields that the callbacks read and write, and their C types."""
+
+Layout = namedtuple(  # type: ignore[misc]  # the names are computed
+    "Layout", [*(name for fields in FIELDS.values() for name in fields), "contact_size"]
+)
+"""Offset of each of `FIELDS` in its struct, and the size of a contact, bytes."""
+
+
+def _c_type(node: Any) -> Any:
+    from mujoco.introspect import ast_nodes  # noqa: PLC0415  (0.2 s: only once, when installing)
+
+    if isinstance(node, ast_nodes.PointerType):
+        return ctypes.c_void_p
+    if isinstance(node, ast_nodes.ArrayType):
+        c_type = _c_type(node.inner_type)
+        for extent in reversed(node.extents):
+            c_type = c_type * extent
+        return c_type
+    if isinstance(node, ast_nodes.ValueType):
+        return _C_TYPES[node.name] if node.name in _C_TYPES else _c_struct(node.name)
+    return _structure("anonymous", node.fields)
+
+
+def _structure(name: str, fields: Any) -> type[ctypes.Structure]:
+    c_fields = [(field.name, _c_type(field.type)) for field in fields]
+    return type(name, (ctypes.Structure,), {"_fields_": c_fields})
+
+
+@functools.cache
+def _c_struct(name: str) -> type[ctypes.Structure]:
+    from mujoco.introspect import structs  # noqa: PLC0415
+
+    if name not in structs.STRUCTS:
+        raise RuntimeError(f"MuJoCo {mujoco.__version__} has no struct {name!r} to lay out")
+    return _structure(name, structs.STRUCTS[name].fields)
+
+
+@functools.cache
+def layout() -> Any:
+    """`Layout` of this MuJoCo, after they were checked against a live simulation.
+
+    MuJoCo describes its structs in `mujoco.introspect`.
+
+    Raises
+    ------
+    RuntimeError
+        If the installed MuJoCo does not lay its structs out as it describes them.
+    """
+    offsets = [
+        getattr(_c_struct(struct), name).offset
+        for struct, fields in FIELDS.items()
+        for name in fields
+    ]
+    found = Layout._make([*offsets, ctypes.sizeof(_c_struct("mjContact"))])
+    check_layout(found)
+    return found
+
+
+_PROBE = """
+<mujoco>
+  <size nuserdata="3"/>
+  <custom><numeric name="probe" data="5 6 7 8"/></custom>
+  <option cone="elliptic"/>
+  <worldbody>
+    <geom type="plane" size="1 1 1"/>
+    <body pos="0.2 0 0.09"><freejoint/><geom size="0.1" friction="1 0.5 0.1" condim="6"/></body>
+    <body pos="-0.2 0 0.09"><joint name="slide" type="slide"/><geom size="0.1"/></body>
+  </worldbody>
+  <actuator><motor joint="slide"/></actuator>
+</mujoco>
+"""
+
+
+def check_layout(found: Any) -> None:
+    """Compare each offset with what MuJoCo's bindings say of a simulation with two contacts."""
+    model = mujoco.MjModel.from_xml_string(_PROBE)
+    data = mujoco.MjData(model)
+    data.time = 0.25
+    mujoco.mj_forward(model, data)
+    # the bindings' array of distances begins where the contacts do
+    contacts = data.contact.dist.ctypes.data
+    # the bindings' only way to the address of a struct; where it fails, so does every test of ours
+    structs = {
+        "mjModel": (model._address, model),
+        "mjData": (data._address, data),
+        "mjContact": (contacts + found.contact_size, data.contact[1]),
+    }
+    for struct, (address, bindings) in structs.items():
+        for name, c_type in FIELDS[struct].items():
+            offset_says = c_type.from_address(address + getattr(found, name))
+            bindings_say = contacts if name == "contact" else getattr(bindings, name)
+            if c_type is _POINTER and name != "contact":
+                bindings_say = bindings_say.ctypes.data
+            if not np.array_equal(getattr(offset_says, "value", offset_says), bindings_say):
+                raise RuntimeError(
+                    f"MuJoCo {mujoco.__version__} does not lay out {name!r} as it describes it: "
+                    f"expected {bindings_say!r}"
+                )

@@ -12,10 +12,10 @@ from flyrl.bodies.fly import spawn_offset, start_pose
 from flyrl.controllers import PreprogrammedSteps
 from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.fly_scene import STEPS_OF_BODY, build_fly_scene, leg_controller
+from flyrl.simulation.marks import LegStates
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import Scene
-from flyrl.simulation.state import LegStates
 from flyrl.terrains import BALL, Ball
 
 Array = NDArray[np.float64]

@@ -8,9 +8,9 @@ from typing import Final
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from flyrl.anatomy import LEG_SEGMENTS, LEGS
-from flyrl.simulation.state import LegStates
 from flyrl.terrains import Ground, Terrain
 from flyrl.validation import FloatArray
 
@@ -173,6 +173,23 @@ class Trace:
             for start, end in itertools.pairwise(self._points)
             if math.dist(start[:2], end[:2]) > 1e-6
         ]
+
+
+@dataclass(frozen=True)
+class LegStates:
+    """What the legs of one simulation do; (6,) each, ordered as anatomy.LEGS.
+
+    Attributes
+    ----------
+    grips
+        Whether the adhesion of a leg is on.
+    retracts, stumbles
+        Whether the retraction reflex, or the stumbling reflex, corrects a leg.
+    """
+
+    grips: NDArray[np.bool_]
+    retracts: NDArray[np.bool_]
+    stumbles: NDArray[np.bool_]
 
 
 LEG_COLOURS: Final[dict[str, tuple[float, float, float]]] = {

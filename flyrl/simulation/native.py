@@ -51,7 +51,6 @@ from flyrl.simulation.engine import (
     PROCESS,
     bytes_before,
 )
-from flyrl.simulation.layout import Layout
 
 _as_int64 = pointer_cast(types.int64)
 _as_int32 = pointer_cast(types.int32)
@@ -104,25 +103,25 @@ def _int32(address):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _engine_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
+def _engine_address(model, at):  # type: ignore[no-untyped-def]
     """Address of a model's ENGINE record, or 0 where the model is not of this process."""
-    if _int64(model + numeric_size_at) < ENGINE_SIZE:
+    if _int64(model + at.nnumericdata) < ENGINE_SIZE:
         return 0
-    address = _int64(model + numeric_at)
+    address = _int64(model + at.numeric_data)
     engine = carray(_as_engine(address), (1,))[0]
     if engine.magic != MAGIC or engine.process != _this_process():  # type: ignore[call-arg]
         return 0
-    return address if _int64(model + userdata_size_at) >= engine.userdata_size else 0
+    return address if _int64(model + at.nuserdata) >= engine.userdata_size else 0
 
 
 @kernel
-def _creature_address(model, userdata_size_at, numeric_size_at, numeric_at):  # type: ignore[no-untyped-def]
+def _creature_address(model, at):  # type: ignore[no-untyped-def]
     """Address of what `pack_creature_data` packed, or 0 where the model has none."""
-    if _int64(model + numeric_size_at) < CREATURE_HEAD:
+    if _int64(model + at.nnumericdata) < CREATURE_HEAD:
         return 0
-    address = _int64(model + numeric_at)
+    address = _int64(model + at.numeric_data)
     head = carray(as_float64(address), (CREATURE_HEAD,))
-    if head[0] != CREATURE_MAGIC or _int64(model + userdata_size_at) < 2 * int(head[1]):
+    if head[0] != CREATURE_MAGIC or _int64(model + at.nuserdata) < 2 * int(head[1]):
         return 0
     return address
 
@@ -149,37 +148,28 @@ def _move_creature(address, userdata, ctrl):  # type: ignore[no-untyped-def]
 # numbers: a captured kernel has another key in every process, which would compile anew.
 
 
-def control_callback(found: Layout) -> Any:
-    """Compile the callback that advances the leg controller, or moves a creature's muscles."""
-    userdata_size_at = found.model["nuserdata"]
-    numeric_size_at = found.model["nnumericdata"]
-    numeric_at = found.model["numeric_data"]
-    time_at = found.data["time"]
-    ctrl_at = found.data["ctrl"]
-    userdata_at = found.data["userdata"]
-    positions_at = found.data["xpos"]
-    rotations_at = found.data["xmat"]
-    angles_at = found.data["actuator_length"]
-    velocities_at = found.data["actuator_velocity"]
+def control_callback(at: Any) -> Any:
+    """Compile the callback that advances the leg controller, or moves a creature's muscles.
+
+    `at` is the `engine.Layout`, here and below.
+    """
     engine_bytes = ENGINE.itemsize
-    senses_at = bytes_before("senses")
-    output_at = bytes_before("output")
-    clock_at = bytes_before("clock")
+    senses_at, output_at, clock_at = map(bytes_before, ("senses", "output", "clock"))
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
-        address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
+        address = _engine_address(model, at)
         if address == 0:
-            creature = _creature_address(model, userdata_size_at, numeric_size_at, numeric_at)
+            creature = _creature_address(model, at)
             if creature != 0:
-                _move_creature(creature, _int64(data + userdata_at), _int64(data + ctrl_at))
+                _move_creature(creature, _int64(data + at.userdata), _int64(data + at.ctrl))
             return
         engine = carray(_as_engine(address), (1,))[0]
-        userdata = _int64(data + userdata_at)
+        userdata = _int64(data + at.userdata)
         head = carray(_as_head(userdata), (1,))[0]
         output = carray(_as_output(userdata + output_at), (1,))[0]
-        time = carray(as_float64(data + time_at), (1,))[0]
-        angles = carray(as_float64(_int64(data + angles_at)), (NUM_JOINTS,))
+        time = carray(as_float64(data + at.time), (1,))[0]
+        angles = carray(as_float64(_int64(data + at.actuator_length)), (NUM_JOINTS,))
         # mj_forward at the same time must not advance the controller a second time
         if time != head.last_time:
             head.last_time = time
@@ -198,10 +188,10 @@ def control_callback(found: Layout) -> Any:
             _sense(
                 engine,
                 senses,
-                _int64(data + positions_at),
-                _int64(data + rotations_at),
+                _int64(data + at.xpos),
+                _int64(data + at.xmat),
                 angles,
-                carray(as_float64(_int64(data + velocities_at)), (NUM_JOINTS,)),
+                carray(as_float64(_int64(data + at.actuator_velocity)), (NUM_JOINTS,)),
             )
             _call(  # type: ignore[call-arg]
                 int(engine.kernel),
@@ -211,7 +201,7 @@ def control_callback(found: Layout) -> Any:
                 arrived,
                 userdata + output_at,
             )
-        ctrl = carray(as_float64(_int64(data + ctrl_at)), (NUM_JOINTS + NUM_LEGS,))
+        ctrl = carray(as_float64(_int64(data + at.ctrl)), (NUM_JOINTS + NUM_LEGS,))
         if engine.num_neurons != 0.0:
             muscles = address + 8 * int(engine.muscles_at)
             strengths = muscles + 8 * NUM_JOINTS
@@ -317,60 +307,40 @@ def _log_gait(engine, head, userdata, contact_forces_w, adhesion, time, position
     )
 
 
-def sensor_callback(found: Layout) -> Any:
+def sensor_callback(at: Any) -> Any:
     """Compile the callback that sums contact forces per segment."""
-    userdata_size_at = found.model["nuserdata"]
-    numeric_size_at = found.model["nnumericdata"]
-    numeric_at = found.model["numeric_data"]
-    geom_body_at = found.model["geom_bodyid"]
-    userdata_at = found.data["userdata"]
-    num_contacts_at = found.data["ncon"]
-    contacts_at = found.data["contact"]
-    constraint_forces_at = found.data["efc_force"]
-    contact_size = found.contact_size
-    frame_at = found.contact["frame"]
-    friction_at = found.contact["friction"]
-    dim_at = found.contact["dim"]
-    geom1_at = found.contact["geom1"]
-    geom2_at = found.contact["geom2"]
-    row_at = found.contact["efc_address"]
-    time_at = found.data["time"]
-    positions_at = found.data["xpos"]
-    torques_at = found.data["actuator_force"]
-    velocities_at = found.data["actuator_velocity"]
     acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
-    senses_at = bytes_before("senses")
-    output_at = bytes_before("output")
+    senses_at, output_at = map(bytes_before, ("senses", "output"))
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
         if stage != acceleration_stage:
             return
-        address = _engine_address(model, userdata_size_at, numeric_size_at, numeric_at)
+        address = _engine_address(model, at)
         if address == 0:
             return
         engine = carray(_as_engine(address), (1,))[0]
-        userdata = _int64(data + userdata_at)
+        userdata = _int64(data + at.userdata)
         forces_w = carray(_as_senses(userdata + senses_at), (1,))[0].contact_forces_w
         forces_w[:, :] = 0.0
-        bodies = _int64(model + geom_body_at)
-        contacts = _int64(data + contacts_at)
-        constraint_forces = _int64(data + constraint_forces_at)
-        for i in range(_int32(data + num_contacts_at)):
-            contact = contacts + i * contact_size
-            row = _int32(contact + row_at)
-            segment1 = segment_of(engine, _int32(bodies + 4 * _int32(contact + geom1_at)))
-            segment2 = segment_of(engine, _int32(bodies + 4 * _int32(contact + geom2_at)))
+        bodies = _int64(model + at.geom_bodyid)
+        contacts = _int64(data + at.contact)
+        constraint_forces = _int64(data + at.efc_force)
+        for i in range(_int32(data + at.ncon)):
+            contact = contacts + i * at.contact_size
+            row = _int32(contact + at.efc_address)
+            segment1 = segment_of(engine, _int32(bodies + 4 * _int32(contact + at.geom1)))
+            segment2 = segment_of(engine, _int32(bodies + 4 * _int32(contact + at.geom2)))
             if row < 0 or (segment1 < 0 and segment2 < 0):
                 continue
             _add_contact_force(
                 forces_w,
                 segment1,
                 segment2,
-                carray(as_float64(contact + frame_at), (3, 3)),
+                carray(as_float64(contact + at.frame), (3, 3)),
                 carray(as_float64(constraint_forces + 8 * row), (10,)),
-                carray(as_float64(contact + friction_at), (5,)),
-                _int32(contact + dim_at),
+                carray(as_float64(contact + at.friction), (5,)),
+                _int32(contact + at.dim),
                 engine.is_elliptic != 0.0,
             )
         if engine.gait_places != 0.0:
@@ -380,10 +350,10 @@ def sensor_callback(found: Layout) -> Any:
                 userdata,
                 forces_w,
                 carray(_as_output(userdata + output_at), (1,))[0].adhesion,
-                carray(as_float64(data + time_at), (1,))[0],
-                _int64(data + positions_at),
-                carray(as_float64(_int64(data + torques_at)), (NUM_JOINTS,)),
-                carray(as_float64(_int64(data + velocities_at)), (NUM_JOINTS,)),
+                carray(as_float64(data + at.time), (1,))[0],
+                _int64(data + at.xpos),
+                carray(as_float64(_int64(data + at.actuator_force)), (NUM_JOINTS,)),
+                carray(as_float64(_int64(data + at.actuator_velocity)), (NUM_JOINTS,)),
             )
         if engine.senses_contact == 0.0:
             forces_w[:, :] = 0.0

@@ -7,10 +7,11 @@ import functools
 import importlib
 import itertools
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from flyrl.bodies.fly import PLANES, FlyConfig
 from flyrl.controllers.gait_log import SAMPLING_S
@@ -19,7 +20,7 @@ from flyrl.muscles import AttachedMuscle
 from flyrl.simulation.callback import install
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.terrains import Flat, Prop, Terrain
-from flyrl.validation import Within, check_fields
+from flyrl.validation import FloatArray, Within, check_fields
 
 
 def drop_idle_shapes(spec: mujoco.MjSpec) -> None:
@@ -168,6 +169,39 @@ class Scene:
     joint_dofs: np.ndarray
     userdata: np.dtype
     muscles: tuple[AttachedMuscle, ...] = ()
+
+
+class BodyState(Protocol):
+    """A snapshot of n bodies, as the terms of a task read it.
+
+    A dataclass of arrays whose first axis is the simulation.
+
+    Attributes
+    ----------
+    time
+        s since the reset, (n,).
+    position_w, velocity_w
+        Of the body's middle, mm and mm/s, (n, 3), world frame.
+    yaw
+        Heading's angle from +x, rad, (n,).
+    actuation
+        What it does by command, (n, k), as a rollout records it.
+    is_unstable
+        Whether the simulation blew up since its reset, (n,).
+    """
+
+    @property
+    def time(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def position_w(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def velocity_w(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def yaw(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def actuation(self) -> FloatArray: ...  # noqa: D102
+    @property
+    def is_unstable(self) -> NDArray[np.bool_]: ...  # noqa: D102
 
 
 def build_scene(config: SceneConfig, visual: bool = False) -> Scene:

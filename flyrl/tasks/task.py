@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.bodies.worm import WormConfig
 from flyrl.simulation.flies import FlyState
-from flyrl.simulation.state import BodyState
+from flyrl.simulation.scene import BodyState
 from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions, Drives
 from flyrl.tasks.episode import Episode

@@ -15,8 +15,8 @@ from flyrl.bodies.contact import ContactConfig
 from flyrl.bodies.fly import FlyConfig
 from flyrl.controllers import CONTROLLERS
 from flyrl.simulation import callback, engine, native
+from flyrl.simulation.engine import layout
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.layout import layout
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TERRAINS

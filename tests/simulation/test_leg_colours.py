@@ -4,9 +4,8 @@ import pytest
 
 from flyrl.anatomy import LEG_SEGMENTS, LEGS
 from flyrl.bodies.fly import FlyConfig
-from flyrl.simulation.marks import LEG_COLOURS, LegColours
+from flyrl.simulation.marks import LEG_COLOURS, LegColours, LegStates
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.simulation.state import LegStates
 
 TARSI = LEG_SEGMENTS[3:]
 
