@@ -11,8 +11,8 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
-from flyrl.envs.config import config_for
-from flyrl.envs.core import BatchedEnv, Observation
+from flyrl.envs.config import Observation, config_for
+from flyrl.envs.core import BatchedEnv
 from flyrl.envs.options import action_space, action_vectors, episode_with_options, observation_space
 from flyrl.envs.registration import limited_spec
 from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode

@@ -11,11 +11,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flyrl.envs.config import config_for
-from flyrl.envs.core import BatchedEnv, Observation, Transition
+from flyrl.envs.config import Observation, config_for
+from flyrl.envs.core import BatchedEnv
 from flyrl.envs.options import action_space, action_vectors, episode_with_options, observation_space
 from flyrl.envs.registration import limited_spec
 from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
+from flyrl.envs.task_batch import Transition
 from flyrl.simulation.marks import PLAIN
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.simulation.rendering import Camera

@@ -6,7 +6,8 @@ import pytest
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.controllers import Hybrid
-from flyrl.envs.core import BatchedEnv, EnvConfig, Transition
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.task_batch import Transition
 from flyrl.policies import OpenLoop
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import (

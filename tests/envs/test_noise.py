@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from flyrl.envs.bodies import SensorNoise
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.envs.task_batch import SensorNoise
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS, ObservationTerm, Task
 

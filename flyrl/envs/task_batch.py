@@ -1,0 +1,320 @@
+"""A task on a batch of bodies: what it observes, rewards and ends, without Python loops."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flyrl.envs.config import EnvConfig, Observation
+from flyrl.tasks import (
+    ACHIEVED_GOAL,
+    DESIRED_GOAL,
+    RUNNING,
+    SUCCESS,
+    TIMEOUT,
+    UNSTABLE,
+    Episode,
+    ObservationTerm,
+    Task,
+    TaskState,
+)
+
+Array = NDArray[np.float64]
+
+_STREAM: Final = 171_006_538
+"""Sets the generators of the noise apart from the task's, which have the same seed."""
+
+
+class SensorNoise:
+    """Normal noise on the observation terms that have a spread, anew for every decision.
+
+    Each simulation draws it from a generator of its own, seeded with its episode.
+
+    Parameters
+    ----------
+    terms
+        Of the observation.
+    num_envs
+        Number of simulations.
+
+    Attributes
+    ----------
+    is_on
+        Whether there is any noise now.
+    """
+
+    def __init__(self, terms: Sequence[ObservationTerm], num_envs: int) -> None:
+        spreads = [term.spreads() for term in terms]
+        self._spread = np.concatenate([spread.ravel() for spread in spreads])
+        ends = np.cumsum([spread.size for spread in spreads])
+        self._where = {
+            term.name: (slice(int(end) - spread.size, int(end)), (num_envs, *spread.shape))
+            for term, spread, end in zip(terms, spreads, ends, strict=True)
+        }
+        self._strength = np.zeros(num_envs)
+        self._noise = np.zeros((num_envs, self._spread.size))
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self.is_on = False
+
+    def start(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
+        """Begin episodes: draw the noise of their first observation."""
+        self._strength[ids] = [episode.randomisation.sensor_noise for episode in episodes]
+        self.is_on = bool(self._strength.any())
+        for i, episode in zip(ids, episodes, strict=True):
+            is_noisy = self._strength[i] > 0.0
+            self._rngs[i] = np.random.default_rng([episode.seed, _STREAM]) if is_noisy else None
+        self._noise[ids] = 0.0
+        self.draw(ids)
+
+    def draw(self, ids: NDArray[np.intp] | slice) -> None:
+        """Draw the noise of the next observation of some simulations."""
+        for i in np.arange(len(self._rngs))[ids]:
+            rng = self._rngs[i]
+            if rng is not None:
+                drawn = rng.standard_normal(self._spread.size)
+                self._noise[i] = self._strength[i] * self._spread * drawn
+
+    def of(self, name: str) -> NDArray[np.float64]:
+        """Noise of a term, (n, *shape)."""
+        where, shape = self._where[name]
+        return self._noise[:, where].reshape(shape)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Copy everything that the future noise depends on."""
+        return {
+            "strength": self._strength.copy(),
+            "noise": self._noise.copy(),
+            "generators": [rng and rng.bit_generator.state for rng in self._rngs],
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Put back what `snapshot` returned."""
+        self._strength[:] = snapshot["strength"]
+        self._noise[:] = snapshot["noise"]
+        self._rngs = [state and generator(state) for state in snapshot["generators"]]
+        self.is_on = bool(self._strength.any())
+
+
+def generator(state: Mapping[str, Any]) -> np.random.Generator:
+    """Generator that goes on from the state of another."""
+    rng = np.random.default_rng()
+    rng.bit_generator.state = state
+    return rng
+
+
+@dataclass(frozen=True)
+class Transition:
+    """What one decision led to, for every simulation of a batch.
+
+    Attributes
+    ----------
+    observation
+        float32, (n, size), or a dict of (n, ...) arrays; see `Task.is_flat`.
+    reward
+        (n,).
+    terminated, truncated
+        (n,); the outcome and success below are final where one of them holds.
+    outcome_code
+        Index of the outcome in `outcomes`, (n,).
+    is_success
+        (n,).
+    outcomes
+        The task's outcomes by code (see `flyrl.tasks.Task.outcomes`).
+    """
+
+    observation: Observation
+    reward: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    outcome_code: NDArray[np.int64]
+    is_success: NDArray[np.bool_]
+    outcomes: tuple[str, ...]
+
+    @property
+    def outcome(self) -> NDArray[np.str_]:
+        """Names of the outcomes, (n,): "running" until an episode ends."""
+        return np.array(self.outcomes)[self.outcome_code]
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether the episode ended, (n,)."""
+        return self.terminated | self.truncated
+
+
+class TaskBatch:
+    """A task on `num_envs` bodies: where its episodes lead to, and what came of them so far.
+
+    Parameters
+    ----------
+    config
+        What to simulate.
+    num_envs
+        Number of simulations.
+
+    Attributes
+    ----------
+    max_decisions
+        Decisions until the task truncates an episode; None without a time limit.
+    goal, command
+        Of the episodes, as in `TaskState`; None before the first.
+    """
+
+    def __init__(self, config: EnvConfig, num_envs: int) -> None:
+        task = self._task = config.resolved_task
+        interval_s = self._interval_s = config.decision_interval_s
+        limit = task.time_limit_s
+        self.max_decisions = None if limit is None else round(limit / interval_s)
+        self.goal: Array | None = None
+        self.command: Array | None = None
+        self._bounds = config.scene.terrain.bounds
+        self._decisions = np.zeros(num_envs, dtype=np.int64)
+        self._totals = np.zeros((len(task.reward), num_envs))
+        self._total_of = {
+            term.name: total for term, total in zip(task.reward, self._totals, strict=True)
+        }
+        self._means = {term.name: np.zeros((num_envs, term.size)) for term in task.means}
+        self._new_share = {
+            term.name: -math.expm1(-interval_s / term.time_constant_s) for term in task.means
+        }
+        self._noise = SensorNoise(task.observation, num_envs)
+        self._outcomes = task.outcomes
+        self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
+
+    def start(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
+        """Start episodes, one per simulation in `ids`."""
+        goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
+        commands = np.array([episode.command for episode in episodes], dtype=np.float64)
+        if self.goal is None or self.command is None:
+            self.goal = np.zeros((len(self._decisions), goals.shape[1]))
+            self.command = np.zeros((len(self._decisions), commands.shape[1]))
+        self.goal[ids] = goals
+        self.command[ids] = commands
+        self._noise.start(ids, episodes)
+        self._totals[:, ids] = 0.0
+        for mean in self._means.values():
+            mean[ids] = 0.0
+        self._decisions[ids] = 0
+
+    def state(self, body: Any, previous: Any, props: Array) -> TaskState:
+        """What the task's terms are computed from."""
+        if self.goal is None or self.command is None:
+            raise RuntimeError("the environment must be reset first")
+        if self.max_decisions is None:
+            decisions_left = np.full(len(self._decisions), np.inf)
+        else:
+            decisions_left = (self.max_decisions - self._decisions).astype(np.float64)
+        return TaskState(
+            body=body,
+            previous=previous,
+            props=props,
+            goal=self.goal,
+            command=self.command,
+            totals=self._total_of,
+            means=self._means,
+            decisions_left=decisions_left,
+            decision_interval_s=self._interval_s,
+            bounds=self._bounds,
+        )
+
+    def decide(
+        self, body: Any, previous: Any, props: Array, moved: NDArray[np.intp] | slice
+    ) -> Transition:
+        """Count a decision of the simulations that moved: reward it, and end what it ends."""
+        self._decisions[moved] += 1
+        if self._noise.is_on:
+            self._noise.draw(moved)
+        state = self.state(body, previous, props)
+        for averaged in self._task.means:
+            mean = self._means[averaged.name]
+            values = averaged.compute(state)
+            mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
+        reward = np.zeros(len(self._decisions))
+        for term, total in zip(self._task.reward, self._totals, strict=True):
+            values = term.compute(state)
+            reward += term.weight * values
+            total[moved] += values[moved]
+        terminated = body.is_unstable.copy()
+        outcome = np.where(terminated, self._code[UNSTABLE], self._code[RUNNING])
+        is_success = np.zeros(len(reward), dtype=bool)
+        for termination in self._task.terminations:
+            ends = np.asarray(termination.holds(state), dtype=bool) & ~terminated
+            outcome[ends] = self._code[termination.outcome]
+            is_success[ends] = termination.is_success
+            terminated |= ends
+        truncated = np.zeros(len(reward), dtype=bool)
+        if self.max_decisions is not None:
+            truncated = ~terminated & (self._decisions >= self.max_decisions)
+            outcome[truncated] = self._code[TIMEOUT]
+            if self._task.succeeds_in_time is not None and truncated.any():
+                is_success |= truncated & self._task.succeeds_in_time(state)
+                outcome[is_success] = self._code[SUCCESS]
+        return Transition(
+            self.observe(state), reward, terminated, truncated, outcome, is_success, self._outcomes
+        )
+
+    def observe(self, state: TaskState) -> Observation:
+        """Observation of all simulations; see `Task.is_flat`."""
+        terms = {}
+        for term in self._task.observation:
+            values = term.compute(state)
+            if self._noise.is_on:
+                values = values + self._noise.of(term.name)
+            terms[term.name] = term.shown(values)
+        if not self._task.has_vectors:
+            return terms
+        names = (ACHIEVED_GOAL, DESIRED_GOAL) if self._task.has_goals else ()
+        goals = {name: terms.pop(name) for name in names}
+        rows = [values.reshape(len(values), -1) for values in terms.values()]
+        vector = np.concatenate(rows, axis=1)
+        return {**goals, "observation": vector} if goals else vector
+
+    def snapshot(self) -> dict[str, Any]:
+        """Copy everything that the future depends on."""
+        return {
+            "goal": None if self.goal is None else self.goal.copy(),
+            "command": None if self.command is None else self.command.copy(),
+            "noise": self._noise.snapshot(),
+            "totals": self._totals.copy(),
+            "means": {name: mean.copy() for name, mean in self._means.items()},
+            "decisions": self._decisions.copy(),
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Put back what `snapshot` returned."""
+        self.goal, self.command = snapshot["goal"], snapshot["command"]
+        self._noise.restore(snapshot["noise"])
+        self._totals[:] = snapshot["totals"]
+        for name, mean in self._means.items():
+            mean[:] = snapshot["means"][name]
+        self._decisions[:] = snapshot["decisions"]
+
+
+def check_terms(task: Task, state: TaskState) -> None:
+    """Raise ValueError if a term does not give a row of its shape per simulation."""
+    num_envs = len(state.goal)
+    rows: list[tuple[str, tuple[int, ...], Callable[[Any], NDArray[Any]]]] = [
+        *((term.name, (term.size,), term.compute) for term in task.means),
+        *((term.name, term.shape, term.compute) for term in task.observation),
+        *((term.name, (), term.compute) for term in task.reward),
+        *((term.name, (), term.compute) for term in task.errors),
+        *((end.outcome, (), end.holds) for end in task.terminations),
+    ]
+    if task.succeeds_in_time is not None:
+        rows.append((SUCCESS, (), task.succeeds_in_time))
+    for name, shape, compute in rows:
+        try:
+            with np.errstate(all="ignore"):  # no time has passed yet, by which it may divide
+                values = compute(state)
+        except KeyError as error:
+            raise ValueError(
+                f"the task's term {name!r} needs the reward or mean {error}, which the task "
+                "does not have (see task.without)"
+            ) from error
+        if np.shape(values) != (num_envs, *shape):
+            raise ValueError(
+                f"the task's term {name!r} must give an array of shape {('n', *shape)} for n "
+                f"simulations, got {np.shape(values)} for {num_envs}"
+            )
