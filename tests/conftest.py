@@ -1,5 +1,6 @@
-"""The order of the tests, Ctrl-C in them, and commands of a terminal."""
+"""The order of the tests, Ctrl-C in them, what Python compiles, and commands of a terminal."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,10 @@ def pytest_configure():
     """Mind Ctrl-C: a shell makes its background jobs, and all that they start, ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    # where no bytecode is kept, every process that a test starts compiles all that it imports:
+    # most of the time of a short command
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
 
 
 def pytest_collection_modifyitems(items):

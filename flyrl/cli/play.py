@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 from flyrl.cli.program import Subparsers, path_argument
 
 if TYPE_CHECKING:
-    from flyrl.play.playable import Playable
-    from flyrl.play.session import Recorder
+    from flyrl.play.session import Playable
 
 _PORT: Final = 8080
 
@@ -145,18 +144,12 @@ def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
     try:
         from flyrl.play import page as pages  # noqa: PLC0415
         from flyrl.play.loopback import listen, url  # noqa: PLC0415
-        from flyrl.play.session import Session  # noqa: PLC0415
     except ImportError as error:
         return _fail(
             f"mujoco.studio, which shows the page, cannot be used ({error}); "
             "install mujoco in the version that flyrl asks for: "
             "pip install -e . in flyrl's checkout"
         )
-
-    def make_recorder() -> Recorder:
-        from flyrl.report.recording import VideoRecorder  # noqa: PLC0415
-
-        return VideoRecorder(options.record_folder, options.name)
 
     try:
         with (
@@ -166,10 +159,13 @@ def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
         ):
             address = url(listening)
             print(f"{options.name}: {address} (Ctrl-C ends it)", flush=True)
-            session = Session(make(), log, make_recorder)
-            if not options.no_browser:
-                _open_browser(address)
-            with closing(session):
+            from flyrl.play.recording import VideoRecorder  # noqa: PLC0415
+            from flyrl.play.session import Session  # noqa: PLC0415
+
+            with closing(VideoRecorder(options.record_folder, options.name)) as recorder:
+                session = Session(make(), recorder, log)
+                if not options.no_browser:
+                    _open_browser(address)
                 page.play(session)
     except pages.PageUnavailableError as error:
         return _fail(str(error))

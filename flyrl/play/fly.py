@@ -24,7 +24,7 @@ from flyrl.play.fly_setting import (
     pilot_name,
     pilots,
 )
-from flyrl.play.playable import Playable
+from flyrl.play.session import Playable
 from flyrl.rollouts import Policy
 from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.simulation.scene import build_scene

@@ -12,17 +12,18 @@ import math
 import socket
 import time
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import mujoco
 import numpy as np
 from mujoco.studio import launch_thread, messages, viewer_protocol, web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from numpy.typing import NDArray
 
 from flyrl.play.loopback import Service, served_on
 from flyrl.play.panel import Panel, Setting
-from flyrl.play.session import Session
+
+if TYPE_CHECKING:  # the page is served before that is imported, which takes seconds
+    from flyrl.play.session import Session
 
 _PAUSED_FRAME_S: Final = 1 / 25
 """Time from one state that is sent to the next while time stands still; else the viewer's own."""
@@ -109,7 +110,7 @@ class Page:
         self._is_narrow = self._is_closed = self._forgets_keys = False
         self._height = math.inf
 
-    def play(self, session: Session) -> None:
+    def play(self, session: "Session") -> None:
         """Play until interrupted, or until the viewer is closed."""
         playable, viewer = session.playable, self._viewer
         viewer.camera = session.camera
@@ -128,7 +129,7 @@ class Page:
                 with _silence():
                     viewer.dispatch(messages.ModelEvent(model=display_model(drawn)))
                 self._service.is_ready = True
-            copy_state(playable.data, viewer.data)
+            playable.copy_into(viewer.data)
             # by itself it would ask for a browser all the time
             if is_watched and viewer.prepare_next_frame():
                 viewer.dispatch(messages.UpdateEvent())
@@ -141,7 +142,7 @@ class Page:
                 least_s = _PAUSED_FRAME_S
             time.sleep(max(0.001, least_s - (time.monotonic() - began_s)))
 
-    def _draw(self, session: Session) -> None:
+    def _draw(self, session: "Session") -> None:
         """Draw a picture of the panel; do what a person does."""
         io = imgui.GetIO()
         # keys are the simulation's, not for going from control to control
@@ -164,18 +165,14 @@ class Page:
         for name, value in self._draw_panel(session).items():
             session.change(name, value)
 
-    def _point(self, session: Session) -> None:
-        io, viewer = imgui.GetIO(), self._viewer
-        width, height = io.DisplaySize.x, io.DisplaySize.y
-        mujoco.mj_forward(viewer.model, viewer.data)
-        view = camera_view(viewer.model, viewer.data, viewer.camera)
-        if view is None or not height:
-            return
-        place = ground_point(view, io.MousePos.x / width, io.MousePos.y / height, width / height)
-        if place is not None:
-            session.point(*place)
+    def _point(self, session: "Session") -> None:
+        mouse, size, viewer = imgui.GetIO().MousePos, imgui.GetIO().DisplaySize, self._viewer
+        place = mouse.x / size.x, mouse.y / size.y
+        point = ground_point(viewer.model, viewer.data, viewer.camera, *place, size.x / size.y)
+        if point is not None:
+            session.point(*point)
 
-    def _draw_panel(self, session: Session) -> dict[str, Setting]:
+    def _draw_panel(self, session: "Session") -> dict[str, Setting]:
         """Draw the panel at the left of the page; return what a person has changed.
 
         At the left, since the width of the page is only known some pictures after it was opened.
@@ -245,66 +242,35 @@ def display_model(model: mujoco.MjModel) -> mujoco.MjModel:
     return display
 
 
-def copy_state(source: mujoco.MjData, target: mujoco.MjData) -> None:
-    """Copy what is drawn of a state, between copies of one model: joints and mocap bodies."""
-    target.qpos[:] = source.qpos
-    target.mocap_pos[:] = source.mocap_pos
-    target.mocap_quat[:] = source.mocap_quat
+def ground_point(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    camera: mujoco.MjvCamera,
+    x: float,
+    y: float,
+    aspect: float,
+) -> tuple[float, float] | None:
+    """Point of the ground that is seen at a place of the picture, x and y in mm.
 
-
-class View(NamedTuple):
-    """How the world is seen.
-
-    Attributes
-    ----------
-    position_w
-        Of the eye, mm, (3,).
-    forward_w, up_w
-        Directions of length 1, across each other, (3,).
-    slope
-        Half the height of what is seen at a distance of 1: the tangent of half the angle.
-    """
-
-    position_w: NDArray[np.float64]
-    forward_w: NDArray[np.float64]
-    up_w: NDArray[np.float64]
-    slope: float
-
-
-def camera_view(
-    model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera
-) -> View | None:
-    """View of a camera; None if it has no perspective."""
-    scene = mujoco.MjvScene(model, maxgeom=1)
-    mujoco.mjv_updateCamera(model, data, camera, scene)
-    left, right = scene.camera
-    if left.orthographic:
-        return None
-    return View(
-        (np.array(left.pos, np.float64) + right.pos) / 2,
-        np.array(left.forward, np.float64),
-        np.array(left.up, np.float64),
-        left.frustum_top / left.frustum_near,
-    )
-
-
-def ground_point(view: View, x: float, y: float, aspect: float) -> tuple[float, float] | None:
-    """Where the plane z = 0 is seen at a place of the picture, mm; None if it is not seen there.
+    None where nothing is seen there, or something that stands on the ground.
 
     Parameters
     ----------
-    view
-        From where.
+    model, data
+        What is drawn.
+    camera
+        From where it is seen.
     x, y
         Place as shares of the picture's width and height, from its upper left corner.
     aspect
         Width of the picture, divided by its height.
     """
-    right = np.cross(view.forward_w, view.up_w)
-    across, upwards = (2 * x - 1) * aspect * view.slope, (1 - 2 * y) * view.slope
-    ray = view.forward_w + across * right + upwards * view.up_w
-    height = view.position_w[2]
-    if ray[2] * height >= 0:
-        return None
-    x_w, y_w, _ = view.position_w - height / ray[2] * ray
-    return float(x_w), float(y_w)
+    mujoco.mj_forward(model, data)
+    scene = mujoco.MjvScene(model, maxgeom=1)
+    mujoco.mjv_updateCamera(model, data, camera, scene)
+    point_w, ids = np.zeros(3), np.zeros((3, 1, 1), np.int32)  # of geom, flex and skin
+    body = mujoco.mjv_select(
+        model, data, mujoco.MjvOption(), aspect, x, 1 - y, scene, point_w, *ids
+    )
+    # the world is body 0
+    return (float(point_w[0]), float(point_w[1])) if body == 0 else None

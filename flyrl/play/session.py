@@ -1,22 +1,19 @@
-"""Session of play: steps in real time or slower while somebody watches, and writes a log."""
+"""What is played, and its course in time: in real time or slower while somebody watches."""
 
 import copy
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 import mujoco
 
-from flyrl.play.playable import Playable
+from flyrl.play.recording import DRAWN, FRAMES_PER_S, VideoRecorder
 from flyrl.validation import one_of, random_seed
 
 if TYPE_CHECKING:
     from flyrl.play.panel import Panel, Setting
-
-FRAMES_PER_S: Final = 25
-"""Pictures of a video per second of the screen's time."""
 
 MAX_LAG_S: Final = 0.1
 """How much simulated time is made up for at most, where the computer does not keep up."""
@@ -50,34 +47,85 @@ _RATE_S: Final = 0.5
 """Time over which the speed that is reached is measured."""
 
 
-class Recorder(Protocol):
-    """Collector of what is to be seen, which makes a video of it.
+class Playable:
+    """A simulation that a person acts on while it runs; a subclass says what it is.
 
     Attributes
     ----------
-    is_on
-        Whether it collects.
-    note
-        What a person should know: that a video is being written, where it lies, why there is none;
-        empty for nothing.
+    title
+        Its name.
+    keys
+        Name of a key -> what a press does, in a few words. Letters, and "up", "down", "left",
+        "right"; "click" tells what `point` does.
+    interval_s
+        Simulated time that a step takes, s.
+    seed
+        Of the last reset.
+    model, data
+        Of MuJoCo, to be drawn. The model is another object after the scene was changed; of the data
+        the part `recording.DRAWN` of the state is drawn.
+    camera
+        From where it is seen at first.
     """
 
-    is_on: bool
-    note: str
+    title: str
+    keys: Mapping[str, str]
+    interval_s: float
+    seed: int = 0
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    camera: mujoco.MjvCamera
 
-    def start(self) -> None:
-        """Begin a video."""
+    def copy_into(self, data: mujoco.MjData) -> None:
+        """Copy what is drawn into data of another copy of the model."""
+        mujoco.mj_copyState(self.model, self.data, data, DRAWN)
 
-    def take(
-        self, model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera, number: int
-    ) -> None:
-        """Keep the state as that many pictures, `FRAMES_PER_S` of which pass in a second."""
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the last reset, s."""
+        return float(self.data.time)
 
-    def stop(self) -> None:
-        """Write the video; this returns before it is there."""
+    @property
+    def hint(self) -> str:
+        """A line that stands in the picture: the keys that matter at the moment."""
+        raise NotImplementedError
 
-    def close(self) -> None:
-        """Write what was collected, and wait until it is there."""
+    def step(self, number: int) -> None:
+        """Simulate a number of steps."""
+        raise NotImplementedError
+
+    def reset(self, seed: int) -> None:
+        """Start again; the same seed starts the same."""
+        raise NotImplementedError
+
+    def press(self, key: str) -> None:
+        """Do what a key stands for, one of `keys`."""
+        raise NotImplementedError
+
+    def relax(self) -> None:
+        """Let go of all that a person holds, since nobody is there any more."""
+        raise NotImplementedError
+
+    def draw(self, panel: "Panel") -> None:
+        """Draw the panel's sections as they are at the moment."""
+        raise NotImplementedError
+
+    def figures(self) -> Mapping[str, float | str | bool]:
+        """Values for the log, rounded to what is worth a line."""
+        raise NotImplementedError
+
+    def change(self, name: str, value: "Setting") -> None:
+        """Set a control of the panel.
+
+        Raises
+        ------
+        ValueError
+            If it cannot be set so; everything is as before then.
+        """
+        raise ValueError(f"{self.title} has no {name!r} to set")
+
+    def point(self, x_w: float, y_w: float) -> None:
+        """Do what a click on the ground stands for, mm in the world's frame."""
 
 
 @dataclass
@@ -125,13 +173,13 @@ class Session:
     ----------
     playable
         What is played.
+    recorder
+        Makes videos of it.
     log
         Called with an entry at the start, and whenever it differs in anything but time from the one
         before: `time_s`, which has passed in the simulation; `is_watched`, `is_paused`, `speed`,
         `seed`, `is_recording`; `recording`, what the recorder says; `message`, why the latest
         change was refused; and `playable.figures()`.
-    make_recorder
-        Called before the first video; None: there are no videos.
     clock
         Tells time in s, to see how long the simulation takes.
 
@@ -150,8 +198,8 @@ class Session:
     def __init__(
         self,
         playable: Playable,
-        log: Callable[[Mapping[str, Any]], None] = lambda entry: None,
-        make_recorder: Callable[[], Recorder] | None = None,
+        recorder: VideoRecorder,
+        log: Callable[[Mapping[str, Any]], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.playable: Final = playable
@@ -160,9 +208,8 @@ class Session:
         self.is_watched = False
         self.is_paused = False
         self.speed = 1.0
+        self._recorder = recorder
         self._log = log
-        self._make_recorder = make_recorder
-        self._recorder: Recorder | None = None
         self._clock = clock
         self._pace = Pace(playable.interval_s)
         self._film = Pace(1 / FRAMES_PER_S, max_lag_s=1.0)
@@ -231,26 +278,10 @@ class Session:
             )
             panel.choice(SPEED, "speed", tuple(SPEEDS), speed)
             panel.integer(SEED, "seed of a reset", self._next_seed)
-            if self._make_recorder is not None:
-                panel.switch(RECORD, "record a video", self._is_recording)
-            for note in (self._recording, self._message):
-                if note:
-                    panel.text(note)
+            panel.switch(RECORD, "record a video", self._recorder.is_on)
+            for note in filter(None, (self._recorder.note, self._message)):
+                panel.text(note)
         self.playable.draw(panel)
-
-    def close(self) -> None:
-        """Finish the video that is being made, if any."""
-        if self._recorder is not None:
-            self._recorder.close()
-
-    @property
-    def _is_recording(self) -> bool:
-        return self._recorder is not None and self._recorder.is_on
-
-    @property
-    def _recording(self) -> str:
-        """Note of the recorder."""
-        return self._recorder.note if self._recorder is not None else ""
 
     def _change(self, name: str, value: "Setting") -> None:
         if name == PAUSE:
@@ -290,16 +321,12 @@ class Session:
             self._rate_since = (now_s, self.playable.time_s)
 
     def _record(self, is_on: bool) -> None:
-        if self._make_recorder is None or self._is_recording == is_on:
-            return
-        if self._recorder is None:
-            self._recorder = self._make_recorder()
-        if not is_on:
+        if self._recorder.is_on and not is_on:
             self._recorder.stop()
-            return
-        self._recorder.start()
-        self._film.pause()
-        self._take(1)
+        elif is_on and not self._recorder.is_on:
+            self._recorder.start()
+            self._film.pause()
+            self._take(1)
 
     def _step(self, due: int) -> None:
         """Take so many steps, as far as there is time."""
@@ -311,7 +338,7 @@ class Session:
             due -= number
 
     def _take(self, number: int) -> None:
-        if number and self._recorder is not None and self._recorder.is_on:
+        if number and self._recorder.is_on:
             playable = self.playable
             self._recorder.take(playable.model, playable.data, self.camera, number)
 
@@ -321,8 +348,8 @@ class Session:
             "is_paused": self.is_paused,
             "speed": self.speed,
             "seed": self.playable.seed,
-            "is_recording": self._is_recording,
-            "recording": self._recording,
+            "is_recording": self._recorder.is_on,
+            "recording": self._recorder.note,
             "message": self._message,
             **self.playable.figures(),
         }

@@ -12,7 +12,7 @@ import numpy as np
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.muscles import load_creature, movement
 from flyrl.muscles.attachment import STEP, bend, last_neuron
-from flyrl.play.playable import Playable
+from flyrl.play.session import Playable
 from flyrl.simulation.worms import add_surroundings, side_view
 
 if TYPE_CHECKING:

@@ -54,8 +54,8 @@ def log():
 
 
 @pytest.fixture
-def worm(log):
-    return Session(PlayedWorm(dataclasses.replace(DEMONSTRATION, segments=4)), log.append)
+def worm(log, kept):
+    return Session(PlayedWorm(dataclasses.replace(DEMONSTRATION, segments=4)), kept, log.append)
 
 
 class Kept:
@@ -81,7 +81,7 @@ def kept():
 
 @pytest.fixture
 def toy(log, kept):
-    session = Session(Toy(), log.append, lambda: kept)
+    session = Session(Toy(), kept, log.append)
     session.watch(True)
     session.change("speed", 1.0)
     return session
@@ -220,10 +220,10 @@ def test_the_first_section_controls_time(toy):
     assert drawn(toy, "buttons")[0][0][PAUSE] == "Go on"
 
 
-def test_a_slow_simulation_leaves_time_for_the_page(log):
+def test_a_slow_simulation_leaves_time_for_the_page(log, kept):
     # every look at the clock finds 20 ms gone
     ticks = itertools.count(0.0, 0.02)
-    session = Session(Toy(), log.append, clock=lambda: next(ticks))
+    session = Session(Toy(), kept, log.append, clock=lambda: next(ticks))
     session.watch(True)
     session.advance(0.0)
     session.advance(0.1)

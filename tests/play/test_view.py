@@ -6,59 +6,42 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.play.page import View, camera_view, copy_state, display_model, ground_point
+from flyrl.play.page import display_model, ground_point
 from flyrl.play.worm import PlayedWorm
 from tests.play.toy import Toy
 
-DOWN = View(np.array([1.0, 2.0, 10.0]), np.array([0, 0, -1.0]), np.array([0, 1.0, 0]), 0.5)
-"""From 10 mm above (1, 2), with the world's y upwards in the picture: 10 mm of it, 20 across."""
+SCENE = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="0 0 1"/>
+    <geom type="box" pos="50 0 1" size="1 1 1"/>
+    <body pos="-50 0 1"><geom type="box" size="1 1 1"/></body>
+  </worldbody>
+</mujoco>
+"""
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "place"),
+    ("lookat", "elevation", "place", "expected"),
     [
-        (0.5, 0.5, (1, 2)),
-        (1.0, 0.5, (11, 2)),
-        (0.5, 0.0, (1, 7)),
-        (0.25, 0.75, (-4, -0.5)),
+        ((1, 2, 0), -30, (0.5, 0.5), (1, 2)),
+        # MuJoCo's field of view is 45° high: from 10 mm above, 2 * 10 tan 22.5° of the ground
+        ((1, 2, 0), -90, (0.5, 0.0), (1, 2 + 10 * math.tan(math.radians(22.5)))),
+        ((1, 2, 0), -90, (1.0, 0.5), (1 + 20 * math.tan(math.radians(22.5)), 2)),
+        # the sky
+        ((1, 2, 0), -10, (0.5, 0.0), None),
+        # the side of a block that belongs to the ground, and a body in front of the ground
+        ((50, 0, 1), 0, (0.5, 0.5), (50, -1)),
+        ((-50, 0, 1), -30, (0.5, 0.5), None),
     ],
 )
-def test_straight_down(x, y, place):
-    assert ground_point(DOWN, x, y, aspect=2.0) == pytest.approx(place)
-
-
-def test_at_an_angle_of_45_degrees():
-    half = math.sqrt(0.5)
-    view = View(
-        np.array([0, 0, 3.0]), np.array([half, 0, -half]), np.array([half, 0, half]), slope=1.0
-    )
-    assert ground_point(view, 0.5, 0.5, 1.0) == pytest.approx((3, 0))
-    # the lower edge looks straight down
-    assert ground_point(view, 0.5, 1.0, 1.0) == pytest.approx((0, 0))
-    # to the right is -y
-    assert ground_point(view, 1.0, 0.5, 1.0) == pytest.approx((3, -3 / half))
-    # the upper edge looks at the horizon
-    assert ground_point(view, 0.5, 0.0, 1.0) is None
-
-
-def test_the_sky_is_no_ground():
-    up = DOWN._replace(forward_w=np.array([0, 0, 1.0]))
-    assert ground_point(up, 0.5, 0.5, 1.0) is None
-
-
-def test_a_camera_sees_what_it_looks_at_in_the_middle():
-    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+def test_a_click_meets_the_ground_that_is_seen_there(lookat, elevation, place, expected):
+    model = mujoco.MjModel.from_xml_string(SCENE)
     camera = mujoco.MjvCamera()
-    camera.azimuth, camera.elevation, camera.distance = 90.0, -30.0, 8.0
-    camera.lookat[:] = (1.0, 2.0, 0.0)
-    view = camera_view(model, data, camera)
-    # from the south, 8 sin 30° high
-    assert view.position_w == pytest.approx((1, 2 - 8 * math.cos(math.radians(30)), 4), abs=1e-5)
-    # MuJoCo's field of view is 45° high
-    assert view.slope == pytest.approx(math.tan(math.radians(22.5)), rel=1e-5)
-    assert ground_point(view, 0.5, 0.5, 1.6) == pytest.approx((1, 2), abs=1e-4)
+    camera.azimuth, camera.elevation, camera.distance = 90, elevation, 10
+    camera.lookat[:] = lookat
+    point = ground_point(model, mujoco.MjData(model), camera, *place, aspect=2.0)
+    assert point == (expected and pytest.approx(expected, abs=1e-3))
 
 
 def test_what_is_drawn_knows_no_forces():
@@ -81,7 +64,7 @@ def test_mocap_bodies_are_drawn_where_they_are():
     toy.data.mocap_quat[0] = (0.6, 0.8, 0, 0)
     model = display_model(toy.model)
     data = mujoco.MjData(model)
-    copy_state(toy.data, data)
+    toy.copy_into(data)
     mujoco.mj_forward(model, data)
     assert data.body("target").xpos == pytest.approx((5, -1, 0.2))
     assert data.body("target").xquat == pytest.approx((0.6, 0.8, 0, 0))

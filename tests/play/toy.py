@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from flyrl.cli.play import add_to, serve
-from flyrl.play.playable import Playable
+from flyrl.play.session import Playable
 
 _SHAPES = {
     "box": 'type="box" size="1 0.6 0.4" rgba="0.8 0.3 0.2 1"',

@@ -1,42 +1,47 @@
 """Videos of what is played: states are collected, and drawn when it is over, in a thread."""
 
 import copy
+import itertools
 import threading
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import imageio_ffmpeg
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from flyrl.files import usable_folder, write_bytes
-from flyrl.report.captions import Picture
-from flyrl.report.video import FPS, MAX_BYTES, encode
-from flyrl.simulation.rendering import Offscreen, RenderingUnavailableError
+from flyrl.simulation.rendering import Offscreen, Picture, RenderingUnavailableError
+from flyrl.validation import FloatArray
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
 """px."""
 
+FRAMES_PER_S: Final = 25
+"""Pictures of a video per second of the screen's time."""
+
 MAX_S: Final = 30
 """How long a video may be, s; it ends by itself then."""
 
-_BYTES_S: Final = 10
-"""A video may have `video.MAX_BYTES` for every so many seconds, or part of them."""
+_BYTES: Final = 2 * 10**6
+"""A video may have so many for every 10 s, or part of them."""
+
+DRAWN: Final = int(
+    mujoco.mjtState.mjSTATE_QPOS
+    | mujoco.mjtState.mjSTATE_MOCAP_POS
+    | mujoco.mjtState.mjSTATE_MOCAP_QUAT
+)
+"""Part of MuJoCo's state that is drawn: joints and mocap bodies."""
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """What is drawn: a state, and from where it is seen."""
+class _Frame(NamedTuple):
+    """A picture to draw: the state's part `DRAWN`, and from where it is seen."""
 
     model: mujoco.MjModel
-    qpos: NDArray[np.float64]
-    mocap_pos: NDArray[np.float64]
-    mocap_quat: NDArray[np.float64]
+    state: FloatArray
     camera: mujoco.MjvCamera
 
 
@@ -77,35 +82,27 @@ class VideoRecorder:
         except (RenderingUnavailableError, RuntimeError, OSError) as error:
             self.note = _no_video(error)
             return
-        self._frames = []
         self.is_on, self.note = True, "recording"
 
     def take(
         self, model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera, number: int
     ) -> None:
-        """Keep the state as that many pictures, 25 of which pass in a second."""
-        frame = _Frame(
-            model,
-            data.qpos.copy(),
-            data.mocap_pos.copy(),
-            data.mocap_quat.copy(),
-            copy.copy(camera),
-        )
-        room = round(MAX_S * FPS) - len(self._frames)
-        self._frames += [frame] * min(number, room)
+        """Keep the state as that many pictures, `FRAMES_PER_S` of which pass in a second."""
+        state = np.empty(mujoco.mj_stateSize(model, DRAWN))
+        mujoco.mj_getState(model, data, state, DRAWN)
+        room = round(MAX_S * FRAMES_PER_S) - len(self._frames)
+        self._frames += [_Frame(model, state, copy.copy(camera))] * min(number, room)
         if number >= room:
             self.stop()
 
     def stop(self) -> None:
-        """Write what was collected, in a thread."""
-        self.is_on = False
+        """Write what was collected, in a thread: this returns before the video is there."""
+        self.is_on, self.note = False, ""
         frames, self._frames = self._frames, []
-        if not frames:
-            self.note = ""
-            return
-        self.note = f"Writing a video of {len(frames) / FPS:.1f} s ..."
-        self._writing = threading.Thread(target=self._write, args=(frames,))
-        self._writing.start()
+        if frames:
+            self.note = f"Writing a video of {len(frames) / FRAMES_PER_S:.1f} s ..."
+            self._writing = threading.Thread(target=self._write, args=(frames,))
+            self._writing.start()
 
     def close(self) -> None:
         """Write what was collected, and wait until it is there."""
@@ -115,10 +112,15 @@ class VideoRecorder:
             self._writing.join()
 
     def _write(self, frames: list[_Frame]) -> None:
+        # with Matplotlib, for which nobody needs to wait who records nothing
+        from flyrl.report.video import encode  # noqa: PLC0415
+
+        number = 1
+        while (path := self._folder / f"{self._name}_{number}.mp4").exists():
+            number += 1
+        tens = -(-len(frames) // (FRAMES_PER_S * 10))
         try:
-            path = _free_path(self._folder, self._name)
-            tens = -(-len(frames) // (FPS * _BYTES_S))
-            write_bytes(path, encode(list(_drawn(frames)), max_bytes=MAX_BYTES * tens))
+            write_bytes(path, encode(list(_drawn(frames)), FRAMES_PER_S, max_bytes=_BYTES * tens))
             self.note = f"Video: {path}"
         except (RenderingUnavailableError, RuntimeError, OSError) as error:
             self.note = _no_video(error)
@@ -126,35 +128,19 @@ class VideoRecorder:
 
 def _drawn(frames: list[_Frame]) -> Iterator[Picture]:
     """Draw frames; where the model becomes another one, it is set up anew."""
-    left = 0
-    while left < len(frames):
-        model = frames[left].model
-        shown = copy.deepcopy(model)
+    for _, group in itertools.groupby(frames, key=lambda frame: id(frame.model)):
+        alike = list(group)
+        shown = copy.deepcopy(alike[0].model)
         shown.vis.quality.offsamples = 0
         shown.vis.global_.offwidth, shown.vis.global_.offheight = WIDTH, HEIGHT
         data = mujoco.MjData(shown)
         with closing(Offscreen(shown, WIDTH, HEIGHT)) as offscreen:
-            while left < len(frames) and frames[left].model is model:
-                yield _draw(shown, data, offscreen, frames[left])
-                left += 1
-
-
-def _draw(
-    model: mujoco.MjModel, data: mujoco.MjData, offscreen: Offscreen, frame: _Frame
-) -> Picture:
-    data.qpos[:] = frame.qpos
-    data.mocap_pos[:], data.mocap_quat[:] = frame.mocap_pos, frame.mocap_quat
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
-    return offscreen.draw(data, frame.camera)
-
-
-def _free_path(folder: Path, name: str) -> Path:
-    number = 1
-    while (path := folder / f"{name}_{number}.mp4").exists():
-        number += 1
-    return path
+            for frame in alike:
+                mujoco.mj_setState(shown, data, frame.state, DRAWN)
+                mujoco.mj_kinematics(shown, data)
+                mujoco.mj_comPos(shown, data)
+                mujoco.mj_camlight(shown, data)
+                yield offscreen.draw(data, frame.camera)
 
 
 def _no_video(error: Exception) -> str:

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.report import recording
-from flyrl.report.recording import VideoRecorder
+from flyrl.play import recording
+from flyrl.play.recording import VideoRecorder
 from flyrl.simulation.rendering import RenderingUnavailableError
 
 _XML = """
