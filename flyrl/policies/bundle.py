@@ -5,6 +5,7 @@ under `flyrl`; the record's `sha256` is that of the whole file with these 64 dig
 that any changed byte is noticed.
 """
 
+import dataclasses
 import hashlib
 import json
 import math
@@ -204,21 +205,25 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
     path
         File to write; an existing one is replaced.
     """
-    record = {
-        "sha256": _NO_DIGEST,
-        "schema": SCHEMA,
-        "architecture": _architecture(bundle),
-        "observation": [{"name": term.name, "size": term.size} for term in bundle.observation],
-        "action": {"low": bundle.action_low, "high": bundle.action_high},
-        "normaliser": None if bundle.normaliser is None else _normaliser_record(bundle.normaliser),
-        "env": bundle.env,
-        "training": bundle.training,
-    }
+    record = {"sha256": _NO_DIGEST, **bundle_record(bundle)}
     data = save(_tensors(bundle), {_METADATA_KEY: json.dumps(record, allow_nan=False)})
     digest = hashlib.sha256(data).hexdigest()
     # The digest is the first value of the header, so the first match is the field itself.
     data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
     write_bytes(path, data)
+
+
+def bundle_record(bundle: PolicyBundle) -> dict[str, Any]:
+    """All but the weights, as plain JSON values."""
+    return {
+        "schema": SCHEMA,
+        "architecture": _architecture(bundle),
+        "observation": [dataclasses.asdict(term) for term in bundle.observation],
+        "action": {"low": bundle.action_low, "high": bundle.action_high},
+        "normaliser": None if bundle.normaliser is None else _normaliser_record(bundle.normaliser),
+        "env": bundle.env,
+        "training": bundle.training,
+    }
 
 
 def _architecture(bundle: PolicyBundle) -> dict[str, Any]:

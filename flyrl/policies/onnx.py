@@ -1,32 +1,46 @@
 """Policies as ONNX files, for whatever runs ONNX."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flyrl.resources import install_command
 
 try:
     import onnx
-    from onnx import TensorProto, helper, numpy_helper
+    from onnx import numpy_helper, parser
 except ImportError as error:
     raise ImportError(f"export_onnx needs the package onnx: {install_command('onnx')}") from error
 
 from flyrl.files import write_bytes
-from flyrl.policies.bundle import PolicyBundle
-from flyrl.policies.networks import LSTM
+from flyrl.policies.bundle import PolicyBundle, bundle_record
+from flyrl.policies.networks import LSTM, MLP, Normaliser
 
-_OPSET: Final = 17
-_IR_VERSION: Final = 8
-"""Of the year 2022: old enough for any runtime in use."""
+# the version of the format is of the year 2022: old enough for any runtime in use
+_MODEL: Final = """\
+<ir_version: 8, opset_import: ["" : 17], producer_name: "flyrl">
+flyrl_policy ({inputs}) => ({outputs}) {{
+{nodes}
+}}"""
+"""A model in ONNX's text format; torch's own exporter would need onnxscript as well."""
 
 _ACTIVATIONS: Final = {"tanh": "Tanh", "relu": "Relu"}
 
-_Part = tuple[list[onnx.NodeProto], dict[str, NDArray[Any]]]
-"""Nodes of a graph, and the constants that they take."""
+
+class _Graph:
+    """Nodes, one a line of the text format, and the constants that they take."""
+
+    def __init__(self) -> None:
+        self.nodes: list[str] = []
+        self.constants: dict[str, NDArray[Any]] = {}
+
+    def add(self, *nodes: str, **constants: ArrayLike) -> None:
+        self.nodes += nodes
+        self.constants |= {name: np.asarray(value) for name, value in constants.items()}
 
 
 def export_onnx(bundle: PolicyBundle, path: Path) -> None:
@@ -51,158 +65,127 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     path
         File to write (.onnx); an existing one is replaced.
     """
-    is_integer = bundle.squashing == "argmax"
-    constants: dict[str, NDArray[Any]] = {}
-    nodes = []
-    value = "observation"
+    graph, value = _Graph(), "observation"
+    inputs = [f"float[n,{bundle.num_inputs}] observation"]
+    kind = "int64" if bundle.squashing == "argmax" else "float"
+    outputs = [f"{kind}[n,{len(bundle.action_low)}] action"]
     if bundle.normaliser is not None:
-        normaliser = bundle.normaliser
-        constants |= {
-            "mean": (mean := normaliser.mean.astype(np.float32)),
-            "rest_of_mean": (normaliser.mean - mean).astype(np.float32),
-            "scale": (1 / np.sqrt(normaliser.variance + normaliser.epsilon)).astype(np.float32),
-            "least": np.array(-normaliser.clip, np.float32),
-            "most": np.array(normaliser.clip, np.float32),
-        }
-        nodes += [
-            # in two parts: one float32 is too coarse where the mean is large against its deviation
-            helper.make_node("Sub", [value, "mean"], ["almost_centred"]),
-            helper.make_node("Sub", ["almost_centred", "rest_of_mean"], ["centred"]),
-            helper.make_node("Mul", ["centred", "scale"], ["scaled"]),
-            helper.make_node("Clip", ["scaled", "least", "most"], ["normalised"]),
-        ]
-        value = "normalised"
-    kind_of_action = TensorProto.INT64 if is_integer else TensorProto.FLOAT
-    inputs = [_value("observation", "n", bundle.num_inputs)]
-    outputs = [_value("action", "n", len(bundle.action_low), kind=kind_of_action)]
+        value = _add_normaliser(graph, bundle.normaliser)
     if bundle.lstm is not None:
-        lstm_nodes, lstm_constants = _lstm(bundle.lstm, value)
-        nodes += lstm_nodes
-        constants |= lstm_constants
-        value = "remembered"
-        memory = (len(bundle.lstm.layers), "n", bundle.lstm.sizes[-1])
-        inputs += [_value(name, *memory) for name in ("hidden", "cell")]
-        inputs.append(_value("episode_start", "n", kind=TensorProto.BOOL))
-        outputs += [_value(f"next_{name}", *memory) for name in ("hidden", "cell")]
-    layers = bundle.network.layers
-    for i, layer in enumerate(layers):
-        constants[f"{i}.weight"], constants[f"{i}.bias"] = layer.weight, layer.bias
-        nodes.append(
-            helper.make_node("Gemm", [value, f"{i}.weight", f"{i}.bias"], [f"{i}.sum"], transB=1)
+        value = _add_lstm(graph, bundle.lstm, value)
+        memory = f"float[{len(bundle.lstm.layers)},n,{bundle.lstm.sizes[-1]}]"
+        inputs += [f"{memory} hidden", f"{memory} cell", "bool[n] episode_start"]
+        outputs += [f"{memory} next_hidden", f"{memory} next_cell"]
+    value = _add_network(graph, bundle.network, value)
+    (_add_choices if kind == "int64" else _add_range)(graph, bundle, value)
+    model = parser.parse_model(
+        _MODEL.format(
+            inputs=", ".join(inputs), outputs=", ".join(outputs), nodes="\n".join(graph.nodes)
         )
-        value = f"{i}.sum"
-        if i < len(layers) - 1:
-            kind = _ACTIVATIONS[bundle.network.activation]
-            nodes.append(helper.make_node(kind, [value], [f"{i}.unit"]))
-            value = f"{i}.unit"
-    action_nodes, action_constants = (_choices if is_integer else _range)(bundle, value)
-    nodes += action_nodes
-    constants |= action_constants
-    graph = helper.make_graph(
-        nodes,
-        "flyrl_policy",
-        inputs,
-        outputs,
-        [numpy_helper.from_array(array, name) for name, array in constants.items()],
     )
-    model = helper.make_model(
-        graph,
-        ir_version=_IR_VERSION,
-        opset_imports=[helper.make_opsetid("", _OPSET)],
-        producer_name="flyrl",
+    model.graph.initializer.extend(
+        numpy_helper.from_array(array, name) for name, array in graph.constants.items()
     )
-    helper.set_model_props(
-        model,
-        {
-            "flyrl.observation": json.dumps(
-                [{"name": term.name, "size": term.size} for term in bundle.observation]
-            ),
-            "flyrl.action": json.dumps({"low": bundle.action_low, "high": bundle.action_high}),
-            "flyrl.env": json.dumps(bundle.env),
-            "flyrl.training": json.dumps(bundle.training),
-        },
-    )
+    record, shown = bundle_record(bundle), ("observation", "action", "env", "training")
+    props = {f"flyrl.{key}": json.dumps(record[key]) for key in shown}
+    onnx.helper.set_model_props(model, props)
     onnx.checker.check_model(model, full_check=True)
     write_bytes(path, model.SerializeToString())
 
 
-def _value(name: str, *shape: int | str, kind: int = TensorProto.FLOAT) -> onnx.ValueInfoProto:
-    return helper.make_tensor_value_info(name, kind, shape)
+def _add_normaliser(graph: _Graph, normaliser: Normaliser) -> str:
+    mean = normaliser.mean.astype(np.float32)
+    graph.add(
+        # in two parts: one float32 is too coarse where the mean is large against its deviation
+        "almost_centred = Sub(observation, mean)",
+        "centred = Sub(almost_centred, rest_of_mean)",
+        "scaled = Mul(centred, scale)",
+        "normalised = Clip(scaled, least, most)",
+        mean=mean,
+        rest_of_mean=(normaliser.mean - mean).astype(np.float32),
+        scale=(1 / np.sqrt(normaliser.variance + normaliser.epsilon)).astype(np.float32),
+        least=np.float32(-normaliser.clip),
+        most=np.float32(normaliser.clip),
+    )
+    return "normalised"
 
 
-def _range(bundle: PolicyBundle, value: str) -> _Part:
-    """Nodes and constants from `value` to "action", one output per component."""
-    low, high = (np.array(b, np.float32) for b in (bundle.action_low, bundle.action_high))
-    constants: dict[str, NDArray[Any]] = {"low": low, "high": high}
-    nodes = []
-    if bundle.squashing == "tanh":
-        # tanh runs from -1 to 1: half of the range on either side of its middle
-        constants["middle"] = np.float32(0.5) * (low + high)
-        constants["half"] = np.float32(0.5) * (high - low)
-        nodes += [
-            helper.make_node("Tanh", [value], ["squashed"]),
-            helper.make_node("Mul", ["squashed", "half"], ["stretched"]),
-            helper.make_node("Add", ["stretched", "middle"], ["shifted"]),
-        ]
-        value = "shifted"
-    nodes += [
-        helper.make_node("Max", [value, "low"], ["not_too_low"]),
-        helper.make_node("Min", ["not_too_low", "high"], ["action"]),
-    ]
-    return nodes, constants
-
-
-def _choices(bundle: PolicyBundle, value: str) -> _Part:
-    """Nodes and constants from `value` to "action", an output per whole number."""
-    counts = np.array(bundle.action_counts, np.int64)
-    constants: dict[str, NDArray[Any]] = {
-        "counts": counts,
-        "low": np.array(bundle.action_low, np.int64),
-    }
-    parts = [f"choice.{i}" for i in range(len(counts))]
-    nodes = [
-        helper.make_node("Split", [value, "counts"], parts, axis=1),
-        # of equals, ArgMax takes the first
-        *(helper.make_node("ArgMax", [part], [f"{part}.best"], axis=1) for part in parts),
-        helper.make_node("Concat", [f"{part}.best" for part in parts], ["best"], axis=1),
-        helper.make_node("Add", ["best", "low"], ["action"]),
-    ]
-    return nodes, constants
-
-
-def _lstm(lstm: LSTM, value: str) -> _Part:
-    """Nodes and constants from `value` to "remembered", the last layer's output."""
-    units = lstm.sizes[-1]
-    constants: dict[str, NDArray[Any]] = {
-        "zero": np.array(0, np.float32),
-        "first_axis": np.array([0]),
-        "last_axis": np.array([1]),
-    }
-    nodes = [
-        helper.make_node("Unsqueeze", ["episode_start", "last_axis"], ["starts"]),
+def _add_lstm(graph: _Graph, lstm: LSTM, value: str) -> str:
+    units, layers = lstm.sizes[-1], range(len(lstm.layers))
+    graph.add(
+        "starts = Unsqueeze(episode_start, last_axis)",
         # a sequence of one step
-        helper.make_node("Unsqueeze", [value, "first_axis"], ["sequence"]),
-    ]
-    names = [f"lstm.{i}" for i in range(len(lstm.layers))]
+        f"sequence = Unsqueeze({value}, first_axis)",
+        zero=np.float32(0),
+        first_axis=[0],
+        last_axis=[1],
+    )
     for state in ("hidden", "cell"):
-        nodes += [
-            helper.make_node("Where", ["starts", "zero", state], [f"kept_{state}"]),
-            helper.make_node("Split", [f"kept_{state}"], [f"{n}.{state}" for n in names], axis=0),
-        ]
+        graph.add(
+            f"kept_{state} = Where(starts, zero, {state})",
+            f"{_listed(state, layers)} = Split<axis = 0>(kept_{state})",
+        )
     value = "sequence"
-    for name, layer in zip(names, lstm.layers, strict=True):
+    for i, layer in enumerate(lstm.layers):
         bias = np.concatenate([layer.input_bias, layer.recurrent_bias])
         parts = {"W": layer.input_weight, "R": layer.recurrent_weight, "B": bias}
         for part, array in parts.items():
             # ONNX wants the gates in the order input, output, forget, candidate
             gates = array.reshape(-1, 4, units, *array.shape[1:])[:, [0, 3, 1, 2]]
-            constants[f"{name}.{part}"] = gates.reshape(1, *array.shape)
-        weights = [f"{name}.{part}" for part in parts]
-        taken = [value, *weights, "", f"{name}.hidden", f"{name}.cell"]
-        given = ["", f"{name}.next_hidden", f"{name}.next_cell"]
-        nodes.append(helper.make_node("LSTM", taken, given, hidden_size=units))
-        value = f"{name}.next_hidden"
+            graph.constants[f"{part}_{i}"] = gates.reshape(1, *array.shape)
+        graph.add(
+            f"all_{i}, next_hidden_{i}, next_cell_{i} = LSTM<hidden_size = {units}>"
+            f"({value}, W_{i}, R_{i}, B_{i}, , hidden_{i}, cell_{i})"
+        )
+        value = f"next_hidden_{i}"
     for state in ("next_hidden", "next_cell"):
-        nodes.append(helper.make_node("Concat", [f"{n}.{state}" for n in names], [state], axis=0))
-    nodes.append(helper.make_node("Squeeze", [value, "first_axis"], ["remembered"]))
-    return nodes, constants
+        graph.add(f"{state} = Concat<axis = 0>({_listed(state, layers)})")
+    graph.add(f"remembered = Squeeze({value}, first_axis)")
+    return "remembered"
+
+
+def _add_network(graph: _Graph, network: MLP, value: str) -> str:
+    for i, layer in enumerate(network.layers):
+        if i:
+            graph.add(f"unit_{i} = {_ACTIVATIONS[network.activation]}({value})")
+            value = f"unit_{i}"
+        graph.add(f"sum_{i} = Gemm<transB = 1>({value}, weight_{i}, bias_{i})")
+        graph.constants |= {f"weight_{i}": layer.weight, f"bias_{i}": layer.bias}
+        value = f"sum_{i}"
+    return value
+
+
+def _add_range(graph: _Graph, bundle: PolicyBundle, value: str) -> None:
+    """From one output per component to "action"."""
+    low, high = (np.array(b, np.float32) for b in (bundle.action_low, bundle.action_high))
+    if bundle.squashing == "tanh":
+        # tanh runs from -1 to 1: half of the range on either side of its middle
+        graph.add(
+            f"squashed = Tanh({value})",
+            "stretched = Mul(squashed, half)",
+            "shifted = Add(stretched, middle)",
+            middle=np.float32(0.5) * (low + high),
+            half=np.float32(0.5) * (high - low),
+        )
+        value = "shifted"
+    graph.add(
+        f"not_too_low = Max({value}, low)", "action = Min(not_too_low, high)", low=low, high=high
+    )
+
+
+def _add_choices(graph: _Graph, bundle: PolicyBundle, value: str) -> None:
+    """From an output per whole number to "action"."""
+    components = range(len(bundle.action_low))
+    graph.add(
+        f"{_listed('choice', components)} = Split<axis = 1>({value}, counts)",
+        # of equals, ArgMax takes the first
+        *(f"best_{i} = ArgMax<axis = 1>(choice_{i})" for i in components),
+        f"best = Concat<axis = 1>({_listed('best', components)})",
+        "action = Add(best, low)",
+        counts=np.array(bundle.action_counts, np.int64),
+        low=np.array(bundle.action_low, np.int64),
+    )
+
+
+def _listed(name: str, numbers: Iterable[int]) -> str:
+    return ", ".join(f"{name}_{i}" for i in numbers)
