@@ -215,6 +215,11 @@ def check_fields(config: Any, group: str = "") -> None:
         object.__setattr__(config, name, value)
 
 
+def checked(name: str, value: Any, hint: Any) -> Any:
+    """Return `value` as its annotation asks for it, by the rules of `check_fields`."""
+    return _checked(name, value, hint, None)
+
+
 def checked_arguments(
     function: Callable[..., Any], given: Mapping[str, Any], group: str = ""
 ) -> dict[str, Any]:

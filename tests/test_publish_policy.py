@@ -9,7 +9,7 @@ import pytest
 
 from flyrl.policies import load_bundle, named_policies
 from flyrl.policies.card import model_card
-from flyrl.training.algorithms import PPOConfig
+from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.learn import train
 from tests.policies.conftest import same_weights
@@ -22,7 +22,7 @@ def run(tmp_path_factory):
     """A tiny run that claims to come from a commit, whatever state the checkout is in."""
     config = TrainingConfig(
         env=TINY_ENV,
-        algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=1, hidden_layers=(8,)),
+        algo=AlgorithmConfig("ppo", n_steps=8, batch_size=16, n_epochs=1, hidden_layers=(8,)),
         training=ScheduleConfig(
             total_timesteps=32,
             num_envs=2,

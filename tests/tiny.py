@@ -4,13 +4,13 @@ from dataclasses import replace
 
 from flyrl.envs.core import EnvConfig
 from flyrl.tasks import TASKS
-from flyrl.training.algorithms import PPOConfig
+from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 
 TINY_ENV = EnvConfig(replace(TASKS["target"](), time_limit_s=0.2), physics="fast")
 TINY = TrainingConfig(
     env=TINY_ENV,
-    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(8,)),
+    algo=AlgorithmConfig("ppo", n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(8,)),
     training=ScheduleConfig(
         total_timesteps=64,
         num_envs=4,

@@ -19,7 +19,6 @@ import flyrl  # noqa: F401 (registers the environments)
 from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
-from flyrl.training.algorithms import PPOConfig
 from flyrl.training.config import TrainingConfig
 from flyrl.training.models import build_model
 
@@ -118,13 +117,13 @@ def measure_ppo(rollouts: int, flies: Sequence[int] = (32, 64)) -> list[Row]:
 
 def _measure_ppo(rollouts: int, flies: int) -> Row:
     config = TrainingConfig()
-    if not isinstance(config.algo, PPOConfig):
+    if config.algo.name != "ppo":
         raise TypeError(f"the default algorithm is {config.algo.name}, not PPO")
     torch.set_num_threads(config.training.torch_threads)
     env = FlyrlVecEnv(config.env, flies, config.training.num_threads)
     env.seed(config.seed)
     model = build_model(config.algo, env, config.seed)
-    decisions = config.algo.n_steps * flies
+    decisions = config.algo.settings["n_steps"] * flies
     with tqdm(total=rollouts + 1, desc=f"ppo, flies: {flies}") as bar:
         model.learn(decisions)
         bar.update()

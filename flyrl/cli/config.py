@@ -78,7 +78,7 @@ def algorithm_config(config: Mapping[str, Any]) -> AlgorithmConfig:
     """Settings of a learning algorithm, from the group `algo`; `name` picks which."""
     settings = group(config, "algo")
     name = one_of("algo.name", settings.pop("name", None), ALGORITHMS)
-    return from_keys("algo", settings, ALGORITHMS[name])
+    return AlgorithmConfig(name, **settings)
 
 
 def _logger_config(config: Mapping[str, Any]) -> LoggerConfig | None:

@@ -89,7 +89,7 @@ def _make_groups() -> dict[str, dict[str, Any]]:
         "physics": {name: asdict(preset) for name, preset in PHYSICS_PRESETS.items()},
         "randomisation": {name: asdict(ranges) for name, ranges in RANDOMISATIONS.items()},
         "task": dict(_tasks()),
-        "algo": {name: {"name": name, **asdict(kind())} for name, kind in ALGORITHMS.items()},
+        "algo": {name: {"name": name, **each} for name, each in ALGORITHMS.items()},
         "training": {"default": asdict(ScheduleConfig())},
         "evaluation": {"default": evaluation_defaults()},
         "logger": {

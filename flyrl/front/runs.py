@@ -10,8 +10,7 @@ from flyrl.evaluation import EvaluationConfig
 from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
-from flyrl.training.config import TrainingConfig
-from flyrl.training.keywords import config_from_keywords
+from flyrl.training.config import TrainingConfig, config_from_keywords
 from flyrl.training.learn import Run
 from flyrl.training.learn import resume as go_on
 from flyrl.training.learn import train as start

@@ -3,6 +3,7 @@
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import FrameType
@@ -24,8 +25,12 @@ from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, code_digests, code_of
 from flyrl.training.checkpoint import learner_state, save_checkpoint
-from flyrl.training.config import TrainingConfig, lasting_settings, training_record
-from flyrl.training.curriculum import Curriculum
+from flyrl.training.config import (
+    CurriculumConfig,
+    TrainingConfig,
+    lasting_settings,
+    training_record,
+)
 from flyrl.training.run_folder import RunFolder
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
@@ -102,6 +107,66 @@ def _unweighted(records: Sequence[EpisodeRecord]) -> dict[str, float]:
         for record in records
     ]
     return {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
+
+
+class Curriculum:
+    """The present difficulty, and the successes that decide on the next.
+
+    Parameters
+    ----------
+    config
+        When it rises and falls.
+    """
+
+    def __init__(self, config: CurriculumConfig) -> None:
+        self._config = config
+        self._level = 0
+        self._successes: deque[bool] = deque(maxlen=config.window)
+
+    @property
+    def difficulty(self) -> float:
+        """Of the episodes that are drawn now, from 0 to 1."""
+        return min(1.0, self._config.start + self._level * self._config.step)
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of successes among the latest episodes at this difficulty; None without any."""
+        return sum(self._successes) / len(self._successes) if self._successes else None
+
+    def count(self, is_success: bool, difficulty: float) -> None:
+        """Take note of an episode that ended, and change the difficulty if it is time.
+
+        Parameters
+        ----------
+        is_success
+            Whether the task was solved.
+        difficulty
+            That the episode was drawn at; it counts only if this is still the present one.
+        """
+        if difficulty != self.difficulty:
+            return
+        self._successes.append(is_success)
+        share = self.success_rate
+        if share is None or len(self._successes) < self._config.window:
+            return
+        if share >= self._config.raise_at and self.difficulty < 1.0:
+            self._change(+1)
+        elif self._config.lower_at is not None and share <= self._config.lower_at and self._level:
+            self._change(-1)
+
+    def _change(self, levels: int) -> None:
+        self._level += levels
+        self._successes.clear()
+
+    def state(self) -> dict[str, Any]:
+        """Everything that the future depends on, as plain values, for `restore`."""
+        return {"level": self._level, "successes": list(self._successes)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Put back what `state` returned."""
+        self._level = state["level"]
+        self._successes.clear()
+        self._successes.extend(state["successes"])
 
 
 class RunCallback(BaseCallback):

@@ -2,20 +2,69 @@
 
 import dataclasses
 import datetime
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
+from flyrl.envs.config import UnexpectedArgumentError, config_for
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record, plain
+from flyrl.files import load_yaml
+from flyrl.resources import configs_folder, tuned_name
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
-from flyrl.tasks import FAILURES
+from flyrl.tasks import FAILURES, Task, TaskSettings
 from flyrl.text import plain_name
-from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig, HindsightConfig, PPOConfig
-from flyrl.training.curriculum import CurriculumConfig
-from flyrl.training.loggers import LoggerConfig
-from flyrl.validation import Within, check_fields, within
+from flyrl.training.algorithms import (
+    ALGORITHMS,
+    ON_POLICY,
+    AlgorithmConfig,
+    further_settings,
+)
+from flyrl.training.loggers import LOGGERS, LoggerConfig
+from flyrl.training.runs import present_names
+from flyrl.validation import Within, check_fields, did_you_mean, one_of, within
 
 LARGEST_SEED: Final = 2**31 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurriculumConfig:
+    """How the difficulty of the training episodes goes from low to 1, the usual one.
+
+    Policies are always evaluated at difficulty 1.
+
+    Attributes
+    ----------
+    enabled
+        Whether there is a curriculum; else every episode has difficulty 1.
+    start
+        Difficulty of the first episodes, from 0 to 1.
+    step
+        By how much the difficulty rises or falls at a time.
+    window
+        Number of episodes, all drawn at the present difficulty, that a change is decided on: the
+        latest ones. Some times `training.num_envs`, since successes end first.
+    raise_at
+        Share of successes from which on the difficulty rises.
+    lower_at
+        Share of successes down from which the difficulty falls, though not below `start`; with
+        None it never does.
+    """
+
+    enabled: bool = False
+    start: Annotated[float, Within(0, 1)] = 0.0
+    step: Annotated[float, Within(1e-6, 1)] = 0.1
+    window: Annotated[int, Within(1, 10**6)] = 100
+    raise_at: Annotated[float, Within(0, 1)] = 0.7
+    lower_at: Annotated[float, Within(0, 1)] | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self, "training.curriculum")
+        if self.lower_at is not None and self.lower_at >= self.raise_at:
+            raise ValueError(
+                "training.curriculum.lower_at must be below training.curriculum.raise_at, "
+                f"{self.raise_at}, got {self.lower_at}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +132,7 @@ class TrainingConfig:
     """
 
     env: EnvConfig = field(default_factory=EnvConfig)
-    algo: AlgorithmConfig = field(default_factory=PPOConfig)
+    algo: AlgorithmConfig = field(default_factory=AlgorithmConfig)
     training: ScheduleConfig = field(default_factory=ScheduleConfig)
     seed: int = 0
     logger: LoggerConfig | None = None
@@ -101,16 +150,16 @@ class TrainingConfig:
             raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
         if not task.has_vectors:
             object.__setattr__(self, "env", replace(self.env, as_vectors=True))
-        if task.has_goals and not self.algo.takes_dicts:
+        if task.has_goals and self.algo.name == "crossq":
             raise ValueError(
                 f"algo must be one that takes the Dict of a task with goals, as {task.name!r}, "
                 f"got {self.algo.name!r}"
             )
-        if task.actions.is_integer and not self.algo.takes_whole_numbers:
-            takers = [name for name, algo in ALGORITHMS.items() if algo.takes_whole_numbers]
+        if task.actions.is_integer and self.algo.name not in ON_POLICY:
             raise ValueError(
-                f"algo must be one of {', '.join(takers)} where actions are whole numbers, as in "
-                f"{task.name!r}, got {self.algo.name!r}, which needs a task whose actions are a Box"
+                f"algo must be one of {', '.join(ON_POLICY)} where actions are whole numbers, as "
+                f"in {task.name!r}, got {self.algo.name!r}, which needs a task whose actions are "
+                "a Box"
             )
         terrain = self.env.scene.terrain
         if self.training.curriculum.enabled and not (task.difficulty or terrain.random):
@@ -119,10 +168,10 @@ class TrainingConfig:
                 f"got true in {task.name!r} on {terrain.name!r} with terrain.random=false"
             )
         self.algo.check_num_envs(self.training.num_envs)
-        if isinstance(self.algo, HindsightConfig) and self.algo.her:
-            self._check_hindsight(self.algo)
+        if self.algo.settings.get("her"):
+            self._check_hindsight()
 
-    def _check_hindsight(self, algo: HindsightConfig) -> None:
+    def _check_hindsight(self) -> None:
         """Raise ValueError unless decisions of the task can be replayed with other goals."""
         task = self.env.resolved_task
         if not task.has_goals:
@@ -140,7 +189,7 @@ class TrainingConfig:
             )
         assert task.time_limit_s is not None  # __post_init__ checked
         decisions = round(task.time_limit_s / self.env.decision_interval_s)
-        algo.check_episodes(self.training.num_envs, decisions)
+        self.algo.check_episodes(self.training.num_envs, decisions)
 
     def name(self, now: datetime.datetime, label: str = "") -> str:
         """Name of a run that starts now: date, time, task, terrain, algorithm, seed, label."""
@@ -153,6 +202,71 @@ class TrainingConfig:
             *filter(None, [label]),
         )
         return "_".join(parts)
+
+
+def config_from_keywords(
+    task: TaskSettings | Task = "target",
+    algo: str = "ppo",
+    *,
+    seed: int = 0,
+    logger: str | LoggerConfig | None = None,
+    **settings: Any,
+) -> TrainingConfig:
+    """Config of a training, the same that the command line composes of the same settings.
+
+    Parameters
+    ----------
+    task
+        Name of the task, or a task of your own.
+    algo
+        Name of the algorithm, see `flyrl.training.algorithms.ALGORITHMS`.
+    seed
+        Of the network, the exploration and the episodes.
+    logger
+        Service that the metrics are sent to as well: its settings, or its name for the usual ones.
+    settings
+        Settings of the algorithm, fields of `ScheduleConfig` and of `EnvConfig`, and parameters of
+        the task. Those that are not given are the ones that were tuned for the task and the
+        algorithm, else the usual ones.
+
+    Raises
+    ------
+    UnexpectedArgumentError
+        A keyword that neither the environment, the algorithm nor the schedule has. A TypeError and
+        a ValueError.
+    ValueError
+        A value that is not allowed.
+    """
+    settings = present_names(settings)
+    one_of("algo", algo, ALGORITHMS)
+    of_algo = ALGORITHMS[algo].keys() | further_settings(algo)
+    of_schedule = {item.name for item in dataclasses.fields(ScheduleConfig)}
+    of_env = {name: settings[name] for name in settings.keys() - of_algo - of_schedule}
+    try:
+        env = config_for(EnvConfig, {"task": task, **of_env})
+    except UnexpectedArgumentError as error:
+        known = {item.name for item in dataclasses.fields(EnvConfig) if item.init}
+        known = {*known, *ALGORITHMS[algo], *of_schedule} - {"task", "log_gait"}
+        hint = f"{did_you_mean(error.name, known)} (allowed: {', '.join(sorted(known))})"
+        if others := [name for name, known in ALGORITHMS.items() if error.name in known]:
+            hint = f", which is one of {', '.join(others)}"
+        message = f"a training of {algo} has no setting {error.name!r}{hint}"
+        raise UnexpectedArgumentError(message, error.name) from None
+    # what was tried for the task and the algorithm, if anything was
+    file = configs_folder() / "tuned" / f"{tuned_name(env.resolved_task.name, algo)}.yaml"
+    tuned = load_yaml(file) if file.is_file() else {}
+
+    def chosen(group: str, names: Iterable[str]) -> dict[str, Any]:
+        given = {name: settings[name] for name in names if name in settings}
+        return {**tuned.get(group, {}), **given}
+
+    return TrainingConfig(
+        env=env,
+        algo=AlgorithmConfig(algo, **chosen("algo", of_algo)),
+        training=ScheduleConfig(**chosen("training", of_schedule)),
+        seed=seed,
+        logger=LOGGERS[one_of("logger", logger, LOGGERS)]() if isinstance(logger, str) else logger,
+    )
 
 
 WITHOUT_EFFECT: Final = (
@@ -179,7 +293,7 @@ def training_record(config: TrainingConfig) -> dict[str, Any]:
     """Everything about a run as plain JSON values, keyed like `configs/train.yaml`."""
     record = {
         **env_record(config.env),
-        "algo": {"name": config.algo.name, **plain(dataclasses.asdict(config.algo))},
+        "algo": {"name": config.algo.name, **plain(config.algo.settings)},
         "training": plain(dataclasses.asdict(config.training)),
         "seed": config.seed,
     }

@@ -21,7 +21,7 @@ from torch.utils.tensorboard import SummaryWriter
 
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, load_bundle
-from flyrl.training.algorithms import OnPolicyConfig
+from flyrl.training.algorithms import ON_POLICY
 from flyrl.training.callback import GoesOn, RunCallback, fly_env, interruption
 from flyrl.training.checkpoint import restore_learner
 from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
@@ -266,7 +266,7 @@ def _update(
             model.learn(
                 total,
                 callback=callback,
-                log_interval=1 if isinstance(config.algo, OnPolicyConfig) else 4 * env.num_envs,
+                log_interval=1 if config.algo.name in ON_POLICY else 4 * env.num_envs,
                 reset_num_timesteps=state is None,
             )
         except (RuntimeError, ValueError) as error:  # as PyTorch raises at the next action

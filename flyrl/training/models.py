@@ -1,14 +1,11 @@
 """Stable-Baselines3's model from the settings of an algorithm; hindsight replay."""
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from sb3_contrib import TQC, TRPO, CrossQ, RecurrentPPO
-from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples
@@ -17,21 +14,9 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from stable_baselines3.her import HerReplayBuffer
 
 from flyrl.policies.export import ACTIVATION_MODULES
+from flyrl.policies.sb3_zip import ALGORITHMS
 from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
-from flyrl.training.algorithms import (
-    A2CConfig,
-    AlgorithmConfig,
-    CrossQConfig,
-    DDPGConfig,
-    HindsightConfig,
-    NoisyConfig,
-    PPOConfig,
-    RecurrentPPOConfig,
-    SACConfig,
-    TD3Config,
-    TQCConfig,
-    TRPOConfig,
-)
+from flyrl.training.algorithms import AlgorithmConfig
 
 
 class HindsightBuffer(HerReplayBuffer):
@@ -108,20 +93,7 @@ class _Infos:
 CLIP: Final = 10.0
 """Normalised observations and rewards lie within this of 0."""
 
-_MODELS: Final[dict[type[AlgorithmConfig], type[BaseAlgorithm]]] = {
-    PPOConfig: PPO,
-    A2CConfig: A2C,
-    TRPOConfig: TRPO,
-    RecurrentPPOConfig: RecurrentPPO,
-    SACConfig: SAC,
-    TQCConfig: TQC,
-    CrossQConfig: CrossQ,
-    TD3Config: TD3,
-    DDPGConfig: DDPG,
-}
-
-# Settings that are not arguments of the model: those of its policy, and those of other names.
-_OF_POLICY: Final = {
+_OF_POLICY: Final[tuple[str, ...]] = (
     "enable_critic_lstm",
     "log_std_init",
     "lstm_hidden_size",
@@ -129,20 +101,8 @@ _OF_POLICY: Final = {
     "n_lstm_layers",
     "n_quantiles",
     "renorm_warmup_steps",
-}
-_TRANSLATED: Final = {
-    "action_noise_std",
-    "activation",
-    "goal_selection_strategy",
-    "her",
-    "hidden_layers",
-    "initial_ent_coef",
-    "learning_rate",
-    "learning_rate_decay",
-    "n_sampled_goal",
-    "normalize_observation",
-    "normalize_reward",
-}
+)
+"""Settings that are arguments of the model's policy instead of the model."""
 
 
 def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
@@ -156,60 +116,50 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         Where it will learn; wrapped in a VecNormalize if the settings say so.
     seed
         Of the network and the exploration.
+
+    Raises
+    ------
+    ValueError
+        Stable-Baselines3 refuses a value.
     """
-    settings = {
-        field.name: getattr(algo, field.name)
-        for field in dataclasses.fields(algo)
-        if field.name not in _TRANSLATED
-    }
-    of_policy = {name: settings.pop(name) for name in _OF_POLICY & settings.keys()}
-    if hasattr(algo, "initial_ent_coef"):
-        settings["ent_coef"] = f"auto_{algo.initial_ent_coef}"
-    if isinstance(algo, NoisyConfig):
-        shape = env.action_space.shape
-        assert shape is not None
-        std = np.full(shape, algo.action_noise_std)
-        settings["action_noise"] = NormalActionNoise(np.zeros(shape), std)
-    if isinstance(algo, HindsightConfig) and algo.her:
-        settings["replay_buffer_class"] = HindsightBuffer
-        settings["replay_buffer_kwargs"] = {
-            "n_sampled_goal": algo.n_sampled_goal,
-            "goal_selection_strategy": algo.goal_selection_strategy,
-        }
-    return _MODELS[type(algo)](
-        policy=_policy(algo, env),
-        env=_normalised(algo, env),
-        learning_rate=(
-            LinearSchedule(algo.learning_rate, 0.0, 1.0)
-            if algo.learning_rate_decay
-            else algo.learning_rate
-        ),
-        policy_kwargs={
-            "net_arch": list(algo.hidden_layers),
-            "activation_fn": ACTIVATION_MODULES[algo.activation],
-            **of_policy,
-        },
-        seed=seed,
-        device="cpu",
-        **settings,
-    )
-
-
-def _policy(algo: AlgorithmConfig, env: VecEnv) -> str:
-    """Name of the policy in Stable-Baselines3."""
+    settings = dict(algo.settings)
+    policy_kwargs = {name: settings.pop(name) for name in _OF_POLICY if name in settings}
+    policy_kwargs["net_arch"] = list(settings.pop("hidden_layers"))
+    policy_kwargs["activation_fn"] = ACTIVATION_MODULES[settings.pop("activation")]
+    norm_obs = settings.pop("normalize_observation")
+    norm_reward = settings.pop("normalize_reward")
+    if norm_obs or norm_reward:
+        env = VecNormalize(
+            env,
+            norm_obs=norm_obs,
+            norm_reward=norm_reward,
+            clip_obs=CLIP,
+            clip_reward=CLIP,
+            gamma=settings["gamma"],
+        )
+    if settings.pop("learning_rate_decay"):
+        settings["learning_rate"] = LinearSchedule(settings["learning_rate"], 0.0, 1.0)
+    if "initial_ent_coef" in settings:
+        settings["ent_coef"] = f"auto_{settings.pop('initial_ent_coef')}"
+    if "action_noise_std" in settings:
+        std = np.full(env.action_space.shape or (), settings.pop("action_noise_std"))
+        settings["action_noise"] = NormalActionNoise(np.zeros_like(std), std)
+    if "her" in settings:
+        names = ("n_sampled_goal", "goal_selection_strategy")
+        of_buffer = {name: settings.pop(name) for name in names}
+        if settings.pop("her"):
+            settings["replay_buffer_class"] = HindsightBuffer
+            settings["replay_buffer_kwargs"] = of_buffer
     inputs = "MultiInput" if isinstance(env.observation_space, spaces.Dict) else "Mlp"
-    memory = "Lstm" if isinstance(algo, RecurrentPPOConfig) else ""
-    return f"{inputs}{memory}Policy"
-
-
-def _normalised(algo: AlgorithmConfig, env: VecEnv) -> VecEnv:
-    if not algo.normalize_observation and not algo.normalize_reward:
-        return env
-    return VecNormalize(
-        env,
-        norm_obs=algo.normalize_observation,
-        norm_reward=algo.normalize_reward,
-        clip_obs=CLIP,
-        clip_reward=CLIP,
-        gamma=algo.gamma,
-    )
+    memory = "Lstm" if algo.name == "recurrent_ppo" else ""
+    try:
+        return ALGORITHMS[algo.name](
+            policy=f"{inputs}{memory}Policy",
+            env=env,
+            policy_kwargs=policy_kwargs,
+            seed=seed,
+            device="cpu",
+            **settings,
+        )
+    except (AssertionError, TypeError, ValueError) as error:  # of settings without a range here
+        raise ValueError(f"algo={algo.name}: Stable-Baselines3 refuses: {error}") from error

@@ -33,9 +33,8 @@ from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASK_NAMES, TASKS, task_record
 from flyrl.terrains import TERRAINS
-from flyrl.training.algorithms import ALGORITHMS
-from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
+from flyrl.training.config import CurriculumConfig, TrainingConfig, training_record
 from flyrl.training.loggers import LOGGERS
 from flyrl.training.runs import flat
 from tests.tasks.test_worm import WORM_TASKS
@@ -152,8 +151,8 @@ def test_the_body_of_another_creature_is_refused():
 def test_the_experiment_with_hindsight_is_one():
     config = training_config(_composed("experiment=her"))
     assert config.env.resolved_task == TASKS["target_goal"]()
-    assert config.algo == ALGORITHMS["sac"](
-        her=True, learning_starts=4800, hidden_layers=(128, 128), gamma=0.98, tau=0.01
+    assert config.algo == AlgorithmConfig(
+        "sac", her=True, learning_starts=4800, hidden_layers=(128, 128), gamma=0.98, tau=0.01
     )
 
 
@@ -219,7 +218,7 @@ def test_tuned_settings_hold_for_their_task_and_algorithm_alone(name):
 
 def test_a_setting_on_the_command_line_beats_the_tuned_one():
     config = training_config(_composed("task=traverse", "algo.log_std_init=-3"))
-    assert config.algo.log_std_init == -3
+    assert config.algo.settings["log_std_init"] == -3
 
 
 def test_a_key_reaches_the_settings():
@@ -238,7 +237,7 @@ def test_a_key_reaches_the_settings():
         )
     )
     assert config.seed == 5
-    assert config.algo.learning_rate == 1e-3
+    assert config.algo.settings["learning_rate"] == 1e-3
     assert config.training.num_envs == 64
     assert config.env.scene.terrain == TERRAINS["random_blocks"]
     weights = {term.name: term.weight for term in config.env.resolved_task.reward}

@@ -52,7 +52,7 @@ def test_train_from_an_empty_folder(tmp_path, run_here):
         (["trust=yes"], "error: trust must be one of False, True, got 'yes'\n"),
         (["evaluate_after=[]"], "error: evaluate_after must be one of False, True, got []\n"),
         (["video_after=null"], "error: video_after must be one of False, True, got None\n"),
-        (["algo.gamma=2"], "error: algo.gamma must lie within 0 and 1, got 2.0\n"),
+        (["algo.gamma=2"], "error: algo.gamma must be a finite number from 0 to 1, got 2.0\n"),
         (
             ["resume=runs/a", "seed=1"],
             "error: resume continues with the run's own settings; 'seed' cannot be given with it "

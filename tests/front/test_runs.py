@@ -18,8 +18,7 @@ from flyrl.front.runs import TrainingInterrupted
 from flyrl.resources import configs_folder
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS
-from flyrl.training.config import training_record
-from flyrl.training.keywords import config_from_keywords
+from flyrl.training.config import config_from_keywords, training_record
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
 
@@ -73,7 +72,7 @@ def test_tuned_settings_are_those_of_the_command_line():
 
 def test_a_keyword_beats_the_tuned_setting():
     config = config_from_keywords("traverse", gamma=0.5, num_envs=8)
-    assert (config.algo.gamma, config.algo.log_std_init) == (0.5, -1.5)
+    assert (config.algo.settings["gamma"], config.algo.settings["log_std_init"]) == (0.5, -1.5)
     assert (config.training.num_envs, config.training.total_timesteps) == (8, 400_000)
 
 
@@ -91,7 +90,7 @@ def test_an_earlier_name_is_understood():
         ({"buffer_size": 1000}, "'buffer_size', which is one of sac, tqc"),
         ({"algo": "poo"}, "did you mean 'ppo'"),
         ({"task": "targt"}, "did you mean 'target'"),
-        ({"gamma": 2}, r"algo\.gamma must lie within 0 and 1"),
+        ({"gamma": 2}, r"algo\.gamma must be a finite number from 0 to 1"),
         ({"num_envs": 0}, r"training\.num_envs must be"),
         ({"logger": "wandbb"}, "did you mean 'wandb'"),
         ({"controller": "rule_based"}, "ignores"),

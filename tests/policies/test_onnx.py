@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from flyrl.policies import LearnedPolicy, TermLayout, export_onnx
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.policies.networks import Normaliser
-from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, perturbed, random_network
 
@@ -140,7 +140,7 @@ def test_a_memory_goes_from_step_to_step_as_the_policy_s(recurrent, tmp_path):
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_same_actions_as_the_model_that_was_trained(name, tmp_path):
     """From torch, over the bundle, to ONNX."""
-    algo = ALGORITHMS[name](hidden_layers=(32, 32), normalize_observation=True)
+    algo = AlgorithmConfig(name, hidden_layers=(32, 32), normalize_observation=True)
     env = DummyVecEnv(8 * [Bandit])
     model = perturbed(build_model(algo, env, seed=0))
     statistics, rng = model.get_vec_normalize_env(), np.random.default_rng(1)

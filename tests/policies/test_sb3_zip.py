@@ -26,7 +26,7 @@ from flyrl.policies import (
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Neurons
-from flyrl.training.algorithms import SACConfig
+from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, random_lstm, random_network, same_weights
 
@@ -76,7 +76,9 @@ def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
 def test_a_model_with_hindsight_can_be_imported(tmp_path):
     config = EnvConfig("target_goal")
     env = FlyrlVecEnv(config, 2, num_threads=1, seed=0)
-    model = build_model(SACConfig(her=True, learning_starts=1000, hidden_layers=(8,)), env, seed=0)
+    model = build_model(
+        AlgorithmConfig("sac", her=True, learning_starts=1000, hidden_layers=(8,)), env, seed=0
+    )
     model.save(tmp_path / "model.zip")
     bundle = import_sb3(tmp_path / "model.zip", SAC, config, trust=True)
     weights = model.actor.latent_pi[0].weight.detach().numpy()

@@ -10,7 +10,7 @@ from flyrl.policies import observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
 from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
-from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.config import TrainingConfig, env_record, training_record
 
 _IDENTITY = ("-c", "user.name=a", "-c", "user.email=a@b.c")
@@ -29,7 +29,7 @@ def make_run(
 ):
     """Write a run folder; `bias` is that of its last policy, evaluations are rows of the table."""
     folder.mkdir(parents=True)
-    config = TrainingConfig(algo=ALGORITHMS[algo](), seed=seed)
+    config = TrainingConfig(algo=AlgorithmConfig(algo), seed=seed)
     (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config), sort_keys=False))
     origin = {"started": folder.name, "git": {"commit": COMMIT, "is_dirty": False}}
     (folder / "provenance.json").write_text(json.dumps({**origin, **(provenance or {})}))

@@ -7,86 +7,45 @@ import pytest
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.record import env_record
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Termination, extended
-from flyrl.training.algorithms import ALGORITHMS, A2CConfig, CrossQConfig, SACConfig, TD3Config
-from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
-from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
+from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig, training_record
+
+
+@pytest.mark.parametrize("value", [float("nan"), 1e13, -11])
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_setting_of_an_algorithm_has_a_range(name, value):
+    for key in ALGORITHMS[name]:
+        with pytest.raises(ValueError, match=rf"algo\.{key} must .*, got"):
+            AlgorithmConfig(name, **{key: value})
 
 
 @pytest.mark.parametrize(
-    ("name", "key", "value"),
+    ("name", "settings"),
     [
-        *[
-            (name, key, value)
-            for name in ALGORITHMS
-            for key, value in (
-                ("learning_rate", 0.0),
-                ("learning_rate", float("nan")),
-                ("gamma", 1.1),
-                ("hidden_layers", (64, 0)),
-                ("activation", "elu"),
-            )
-        ],
-        *[
-            (name, key, 10**9)
-            for name, key in (
-                ("ppo", "hidden_layers"),
-                ("ppo", "n_steps"),
-                ("ppo", "batch_size"),
-                ("ppo", "n_epochs"),
-                ("recurrent_ppo", "lstm_hidden_size"),
-                ("recurrent_ppo", "n_lstm_layers"),
-                ("trpo", "cg_max_steps"),
-                ("sac", "buffer_size"),
-                ("sac", "batch_size"),
-                ("sac", "gradient_steps"),
-                ("tqc", "n_critics"),
-                ("tqc", "n_quantiles"),
-            )
-        ],
-        ("ppo", "hidden_layers", (10**9,)),
-        ("ppo", "hidden_layers", (8,) * 17),
-        ("ppo", "batch_size", 1),
-        ("ppo", "n_steps", 0),
-        ("ppo", "gae_lambda", 1.5),
-        ("ppo", "clip_range", 0.0),
-        ("ppo", "clip_range", 1e308),
-        ("sac", "learning_rate", 1e9),
-        ("ppo", "n_epochs", 0),
-        ("ppo", "ent_coef", -1.0),
-        ("ppo", "log_std_init", 3.0),
-        ("a2c", "vf_coef", -1.0),
-        ("a2c", "max_grad_norm", -1.0),
-        ("trpo", "target_kl", 0.0),
-        ("trpo", "n_critic_updates", 0),
-        ("trpo", "cg_max_steps", 0),
-        ("trpo", "cg_damping", -0.1),
-        ("trpo", "line_search_max_iter", 0),
-        ("trpo", "line_search_shrinking_factor", 1.2),
-        ("recurrent_ppo", "lstm_hidden_size", 0),
-        ("recurrent_ppo", "n_lstm_layers", 0),
-        ("sac", "buffer_size", 10),
-        ("sac", "learning_starts", -1),
-        ("sac", "gradient_steps", 0),
-        ("sac", "tau", 0.0),
-        ("sac", "initial_ent_coef", 0.0),
-        ("tqc", "tau", 1.5),
-        ("tqc", "n_critics", 0),
-        ("tqc", "n_quantiles", 0),
-        ("tqc", "top_quantiles_to_drop_per_net", 25),
-        ("crossq", "policy_delay", 0),
-        ("crossq", "renorm_warmup_steps", -1),
-        ("td3", "policy_delay", 0),
-        ("td3", "target_policy_noise", 0.0),
-        ("td3", "target_noise_clip", -1.0),
-        ("ddpg", "action_noise_std", -0.1),
-        ("ddpg", "tau", 0.0),
-        ("sac", "n_sampled_goal", 0),
-        ("td3", "goal_selection_strategy", "past"),
+        *[("ppo", dict.fromkeys([key], 0)) for key in ("learning_rate", "clip_range", "n_epochs")],
+        *[("sac", dict.fromkeys([key], 0)) for key in ("initial_ent_coef", "tau", "batch_size")],
+        *[("ppo", {"hidden_layers": sizes}) for sizes in ((64, 0), (10**9,), (8,) * 17)],
+        ("ppo", {"gamma": 1.1}),
+        ("ppo", {"activation": "elu"}),
+        ("ppo", {"batch_size": 10**9}),
+        ("trpo", {"line_search_shrinking_factor": 1.2}),
+        ("sac", {"buffer_size": 10}),
+        ("tqc", {"top_quantiles_to_drop_per_net": 25}),
+        ("td3", {"goal_selection_strategy": "past"}),
     ],
 )
-def test_bad_settings_of_an_algorithm_name_key_and_value(name, key, value):
+def test_bad_settings_of_an_algorithm_name_key_and_value(name, settings):
+    (key,) = settings
     with pytest.raises(ValueError, match=rf"algo\.{key}(\[\d\])? must .*, got"):
-        ALGORITHMS[name](**{key: value})
+        AlgorithmConfig(name, **settings)
+
+
+def test_a_setting_that_an_algorithm_lacks_is_named_with_the_closest_one():
+    with pytest.raises(ValueError, match=r"algo has no 'clip_vf'; did you mean 'clip_range_vf'"):
+        AlgorithmConfig("ppo", clip_vf=0.2)
+    for ours in ("device", "policy_kwargs", "replay_buffer_class"):  # set by flyrl alone
+        with pytest.raises(ValueError, match=f"algo has no '{ours}'"):
+            AlgorithmConfig("sac", **{ours: None})
 
 
 @pytest.mark.parametrize(
@@ -113,7 +72,7 @@ def test_bad_schedules_name_key_and_value(key, value):
 
 @pytest.mark.parametrize("name", ["ppo", "recurrent_ppo", "trpo"])
 def test_an_update_must_split_into_batches(name):
-    algo = ALGORITHMS[name](n_steps=10, batch_size=64)
+    algo = AlgorithmConfig(name, n_steps=10, batch_size=64)
     schedule = ScheduleConfig(num_envs=8)
     with pytest.raises(ValueError, match=r"algo\.batch_size must divide 80.* got 64"):
         TrainingConfig(algo=algo, training=schedule)
@@ -121,21 +80,25 @@ def test_an_update_must_split_into_batches(name):
 
 @pytest.mark.parametrize("name", ["ppo", "a2c", "trpo"])
 def test_an_update_must_fit_into_memory(name):
-    algo = ALGORITHMS[name](n_steps=10**6)
+    algo = AlgorithmConfig(name, n_steps=10**6)
     with pytest.raises(ValueError, match=r"n_steps x training\.num_envs must be at most 10000000,"):
         TrainingConfig(algo=algo, training=ScheduleConfig(num_envs=64))
 
 
 def test_a_single_advantage_cannot_be_normalised():
     schedule = ScheduleConfig(num_envs=1)
-    TrainingConfig(algo=A2CConfig(n_steps=1), training=schedule)
+    TrainingConfig(algo=AlgorithmConfig("a2c", n_steps=1), training=schedule)
     with pytest.raises(ValueError, match=r"must be at least 2 .*got 1 x 1"):
-        TrainingConfig(algo=A2CConfig(n_steps=1, normalize_advantage=True), training=schedule)
+        TrainingConfig(
+            algo=AlgorithmConfig("a2c", n_steps=1, normalize_advantage=True), training=schedule
+        )
 
 
 def test_a_replay_buffer_must_hold_all_environments():
     with pytest.raises(ValueError, match=r"algo\.buffer_size must be at least 500, got 300"):
-        TrainingConfig(algo=TD3Config(buffer_size=300), training=ScheduleConfig(num_envs=500))
+        TrainingConfig(
+            algo=AlgorithmConfig("td3", buffer_size=300), training=ScheduleConfig(num_envs=500)
+        )
 
 
 def test_seed_outside_the_range():
@@ -155,7 +118,7 @@ def test_dict_observations_without_goals_are_refused():
 
 def test_an_algorithm_without_dicts_is_refused_in_a_task_with_goals():
     with pytest.raises(ValueError, match=r"algo must .* as 'target_goal', got 'crossq'"):
-        TrainingConfig(env=EnvConfig(task="target_goal"), algo=CrossQConfig())
+        TrainingConfig(env=EnvConfig(task="target_goal"), algo=AlgorithmConfig("crossq"))
 
 
 def _choosing(algo):
@@ -164,20 +127,22 @@ def _choosing(algo):
 
 @pytest.mark.parametrize("name", ["ppo", "a2c", "trpo", "recurrent_ppo"])
 def test_an_algorithm_may_choose_whole_numbers(name):
-    assert _choosing(ALGORITHMS[name]()).algo.name == name
+    assert _choosing(AlgorithmConfig(name)).algo.name == name
 
 
 @pytest.mark.parametrize("name", ["sac", "tqc", "crossq", "td3", "ddpg"])
 def test_an_algorithm_without_whole_numbers_is_refused_for_them(name):
     message = rf"algo must be one of ppo, a2c, trpo, recurrent_ppo .* 'worm_crawl', got '{name}'"
     with pytest.raises(ValueError, match=message):
-        _choosing(ALGORITHMS[name]())
-    TrainingConfig(env=EnvConfig("worm_crawl_box"), algo=ALGORITHMS[name]())
+        _choosing(AlgorithmConfig(name))
+    TrainingConfig(env=EnvConfig("worm_crawl_box"), algo=AlgorithmConfig(name))
 
 
 def _hindsight(task="target_goal", **changes):
     settings = {"learning_starts": 32 * 150, "buffer_size": 2 * 32 * 150, **changes}
-    return TrainingConfig(env=EnvConfig(task=task), algo=SACConfig(her=True, **settings))
+    return TrainingConfig(
+        env=EnvConfig(task=task), algo=AlgorithmConfig("sac", her=True, **settings)
+    )
 
 
 def test_hindsight_is_refused_where_it_cannot_be():
@@ -225,7 +190,7 @@ def test_a_curriculum_needs_a_task_or_a_ground_that_can_be_easier():
 
 
 def test_name_of_a_run():
-    config = TrainingConfig(env=EnvConfig(terrain="mixed"), algo=SACConfig(), seed=7)
+    config = TrainingConfig(env=EnvConfig(terrain="mixed"), algo=AlgorithmConfig("sac"), seed=7)
     now = datetime.datetime(2026, 1, 2, 3, 4, 5)
     assert config.name(now) == "2026-01-02_030405_target_mixed_sac_7"
     assert config.name(now, "tau-0.1") == "2026-01-02_030405_target_mixed_sac_7_tau-0.1"

@@ -1,6 +1,7 @@
 import pytest
 
-from flyrl.training.curriculum import Curriculum, CurriculumConfig
+from flyrl.training.callback import Curriculum
+from flyrl.training.config import CurriculumConfig
 
 CONFIG = CurriculumConfig(enabled=True, start=0.2, step=0.3, window=4, raise_at=0.75, lower_at=0.25)
 

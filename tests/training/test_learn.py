@@ -3,7 +3,7 @@ import os
 import pickle
 import signal
 import threading
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,10 +16,9 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
-from flyrl.training.algorithms import PPOConfig, SACConfig
+from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import held_out_episodes
-from flyrl.training.config import ScheduleConfig, TrainingConfig
-from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig
 from flyrl.training.learn import resume, train
 from flyrl.training.models import build_model
 from flyrl.training.runs import read_run
@@ -35,12 +34,14 @@ SCHEDULE = ScheduleConfig(
 )
 PPO_CONFIG = TrainingConfig(
     env=TINY_ENV,
-    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(16, 16)),
+    algo=AlgorithmConfig("ppo", n_steps=8, batch_size=16, n_epochs=2, hidden_layers=(16, 16)),
     training=SCHEDULE,
 )
 SAC_CONFIG = TrainingConfig(
     env=TINY_ENV,
-    algo=SACConfig(learning_starts=16, batch_size=16, gradient_steps=1, hidden_layers=(16,)),
+    algo=AlgorithmConfig(
+        "sac", learning_starts=16, batch_size=16, gradient_steps=1, hidden_layers=(16,)
+    ),
     training=SCHEDULE,
 )
 
@@ -81,7 +82,7 @@ def test_policy_knows_where_it_comes_from(run):
     assert bundle.env == env_record(PPO_CONFIG.env)
     assert bundle.training["algo"] == "ppo"
     settings = bundle.training["settings"]  # which its seeds have in common
-    assert settings["algo"] == {"name": "ppo", **plain(asdict(PPO_CONFIG.algo))}
+    assert settings["algo"] == {"name": "ppo", **plain(PPO_CONFIG.algo.settings)}
     assert settings["training"]["num_envs"] == PPO_CONFIG.training.num_envs
 
 
@@ -95,7 +96,7 @@ def test_last_policy_acts_as_the_sb3_model(run):
 
 
 def test_a_normalised_run_keeps_its_statistics(tmp_path):
-    algo = replace(PPO_CONFIG.algo, normalize_observation=True, normalize_reward=True)
+    algo = PPO_CONFIG.algo.with_settings(normalize_observation=True, normalize_reward=True)
     run = train(replace(PPO_CONFIG, algo=algo), tmp_path)
     policy = load_policy(run.folder / "last.safetensors")
     with (run.folder / "vecnormalize.pkl").open("rb") as file:
@@ -166,7 +167,7 @@ def test_sigterm_saves_the_policy(config, tmp_path):
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 def test_a_training_that_diverges_says_so(config, tmp_path):
-    algo = replace(config.algo, learning_rate=1e6)
+    algo = config.algo.with_settings(learning_rate=1e6)
     with pytest.raises(ValueError, match=r"diverged after \d+ decisions: .*algo\.learning_rate"):
         train(replace(config, algo=algo), tmp_path)
 
@@ -196,7 +197,7 @@ def test_a_run_that_is_told_not_to_go_on_ends_after_the_evaluation(config, tmp_p
 
 
 def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):
-    algo = replace(SAC_CONFIG.algo, her=True, learning_starts=40)
+    algo = SAC_CONFIG.algo.with_settings(her=True, learning_starts=40)
     run = train(TrainingConfig(env=EnvConfig(SHORT_GOAL), algo=algo, training=SCHEDULE), tmp_path)
     policy = str(run.folder / "last.safetensors")
     config = EvaluationConfig(policies=(policy,), controllers=("zero",), task=SHORT_GOAL)

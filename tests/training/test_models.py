@@ -18,7 +18,7 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.export import bundle_from_sb3
 from flyrl.tasks import TASKS
-from flyrl.training.algorithms import ALGORITHMS, DDPGConfig, SACConfig, TD3Config
+from flyrl.training.algorithms import ALGORITHMS, ON_POLICY, AlgorithmConfig
 from flyrl.training.checkpoint import (
     learner_state,
     load_checkpoint,
@@ -28,7 +28,17 @@ from flyrl.training.checkpoint import (
 from flyrl.training.models import HindsightBuffer, build_model
 
 # none of them a default, here or in Stable-Baselines3
+OF_POLICY = {
+    "log_std_init": -1.0,
+    "lstm_hidden_size": 5,
+    "n_lstm_layers": 2,
+    "enable_critic_lstm": False,
+    "n_critics": 3,
+    "n_quantiles": 7,
+    "renorm_warmup_steps": 50,
+}
 SETTINGS = {
+    **OF_POLICY,
     "gamma": 0.9,
     "n_steps": 6,
     "gae_lambda": 0.8,
@@ -54,15 +64,6 @@ SETTINGS = {
     "target_policy_noise": 0.3,
     "target_noise_clip": 0.6,
 }
-OF_POLICY = {
-    "log_std_init": -1.0,
-    "lstm_hidden_size": 5,
-    "n_lstm_layers": 2,
-    "enable_critic_lstm": False,
-    "n_critics": 3,
-    "n_quantiles": 7,
-    "renorm_warmup_steps": 50,
-}
 TRANSLATED = {
     "hidden_layers": (6, 7),
     "activation": "relu",
@@ -72,8 +73,7 @@ TRANSLATED = {
 
 
 def _known(name, settings):
-    fields = {field.name for field in dataclasses.fields(ALGORITHMS[name])}
-    return {key: value for key, value in settings.items() if key in fields}
+    return {key: value for key, value in settings.items() if key in ALGORITHMS[name]}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -111,8 +111,8 @@ def goal_envs():
 
 
 def test_settings_of_hindsight_reach_the_buffer(goal_envs):
-    plain = SACConfig(buffer_size=1000)
-    algo = dataclasses.replace(plain, her=True, n_sampled_goal=3, goal_selection_strategy="final")
+    plain = AlgorithmConfig("sac", buffer_size=1000)
+    algo = plain.with_settings(her=True, n_sampled_goal=3, goal_selection_strategy="final")
     buffer = build_model(algo, goal_envs[0], seed=0).replay_buffer
     assert isinstance(buffer, HindsightBuffer)
     assert buffer.n_sampled_goal == 3
@@ -123,48 +123,49 @@ def test_settings_of_hindsight_reach_the_buffer(goal_envs):
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_settings_reach_the_model(name, env):
     settings = _known(name, SETTINGS)
-    of_policy = _known(name, OF_POLICY)
-    model = build_model(
-        ALGORITHMS[name](**settings, **of_policy, **TRANSLATED, normalize_reward=True), env, seed=3
-    )
+    algo = AlgorithmConfig(name, **settings, **TRANSLATED, normalize_reward=True)
+    model = build_model(algo, env, seed=3)
     for key, value in settings.items():
-        given = getattr(model, key)
+        given = model.policy_kwargs[key] if key in OF_POLICY else getattr(model, key)
         assert (given(1.0) if callable(given) else given) == value, key
-    for key, value in of_policy.items():
-        assert model.policy_kwargs[key] == value, key
     assert model.policy_kwargs["net_arch"] == [6, 7]
     assert model.policy_kwargs["activation_fn"] is torch.nn.ReLU
     assert model.lr_schedule(0.5) == 1e-3
     assert model.seed == 3
 
 
+def test_further_arguments_of_stable_baselines_reach_the_model(env):
+    assert build_model(AlgorithmConfig("ppo", clip_range_vf=0.1), env, 0).clip_range_vf(1) == 0.1
+    assert build_model(AlgorithmConfig("tqc", target_entropy=-3), env, 0).target_entropy == -3
+    with pytest.raises(ValueError, match=r"algo=ppo: Stable-Baselines3 refuses: .*clip_range_vf"):
+        build_model(AlgorithmConfig("ppo", clip_range_vf=-1), env, 0)
+
+
 def test_use_rms_prop_chooses_the_optimiser(env):
     for use_rms_prop, optimiser in ((True, torch.optim.RMSprop), (False, torch.optim.Adam)):
-        algo = ALGORITHMS["a2c"](use_rms_prop=use_rms_prop)
+        algo = AlgorithmConfig("a2c", use_rms_prop=use_rms_prop)
         assert isinstance(build_model(algo, env, 0).policy.optimizer, optimiser)
 
 
 @pytest.mark.parametrize("name", ["sac", "tqc", "crossq"])
 def test_entropy_weight_at_the_start(name, env):
-    model = build_model(ALGORITHMS[name](initial_ent_coef=0.3), env, seed=0)
+    model = build_model(AlgorithmConfig(name, initial_ent_coef=0.3), env, seed=0)
     assert model.log_ent_coef.exp().item() == pytest.approx(0.3)
 
 
-def test_ddpg_has_one_critic(env):
-    assert build_model(DDPGConfig(), env, seed=0).critic.n_critics == 1
-
-
 def test_action_noise(env):
-    noise = build_model(TD3Config(action_noise_std=0.3), env, seed=0).action_noise
+    noise = build_model(AlgorithmConfig("td3", action_noise_std=0.3), env, seed=0).action_noise
     assert isinstance(noise, NormalActionNoise)
-    np.testing.assert_array_equal(noise._sigma, [0.3, 0.3])
+    draws = np.array([noise() for _ in range(1000)])
+    assert draws.std(axis=0) == pytest.approx([0.3, 0.3], rel=0.1)
 
 
 @pytest.mark.parametrize("observation", [False, True])
 @pytest.mark.parametrize("reward", [False, True])
 def test_normalisation(observation, reward, env):
-    algo = ALGORITHMS["ppo"](gamma=0.9, normalize_observation=observation, normalize_reward=reward)
-    normaliser = build_model(algo, env, seed=0).get_vec_normalize_env()
+    chosen = {"normalize_observation": observation, "normalize_reward": reward}
+    model = build_model(AlgorithmConfig("ppo", gamma=0.9, **chosen), env, seed=0)
+    normaliser = model.get_vec_normalize_env()
     if not observation and not reward:
         assert normaliser is None
     else:
@@ -224,10 +225,13 @@ WITHOUT_NORMALISATION = {"normalize_observation": False, "normalize_reward": Fal
         ("recurrent_ppo", {**WITHOUT_NORMALISATION, "enable_critic_lstm": False}),
         ("td3", WITHOUT_NORMALISATION),
         ("ddpg", {"normalize_observation": False}),
+        # of Stable-Baselines3's own
+        ("ppo", {"clip_range_vf": 0.1, "target_kl": 0.01}),
+        ("sac", {"train_freq": 2, "n_steps": 3, "target_update_interval": 2}),
     ],
 )
 def test_going_on_from_a_checkpoint_gives_the_same_bits(name, changes, env, other_env, tmp_path):
-    algo = ALGORITHMS[name](**_known(name, TINY) | changes)
+    algo = AlgorithmConfig(name, **_known(name, TINY) | changes)
     _check_resuming(algo, env, other_env, tmp_path)
 
 
@@ -244,7 +248,7 @@ HINDSIGHT = {"her": True, "n_sampled_goal": 2, "learning_starts": 40}
     ],
 )
 def test_going_on_with_goals_gives_the_same_bits(name, changes, goal_envs, tmp_path):
-    algo = ALGORITHMS[name](**_known(name, TINY) | changes)
+    algo = AlgorithmConfig(name, **_known(name, TINY) | changes)
     end = _check_resuming(algo, *goal_envs, tmp_path)
     if algo.name != "ppo":
         is_failure = end["replay_buffer"]["arrays"]["failures"]["is_failure"]
@@ -277,11 +281,9 @@ class _Chooses(DummyVecEnv):
         assert state == {}
 
 
-@pytest.mark.parametrize(
-    "name", [name for name, algo in ALGORITHMS.items() if algo.takes_whole_numbers]
-)
+@pytest.mark.parametrize("name", ON_POLICY)
 def test_going_on_with_whole_numbers_gives_the_same_bits(name, tmp_path):
-    algo = ALGORITHMS[name](**_known(name, TINY), log_std_init=-3.0)
+    algo = AlgorithmConfig(name, **_known(name, TINY), log_std_init=-3.0)
     end = _check_resuming(algo, _Chooses(), _Chooses(), tmp_path)
     # the noise of a range has no part in it
     assert "log_std" not in end["parameters"]["policy"]
@@ -343,8 +345,8 @@ def test_every_algorithm_learns(name):
         "learning_starts": 200,
         "gradient_steps": 2,
     }
-    algo = ALGORITHMS[name](
-        **_known(name, settings), normalize_observation=True, normalize_reward=True
+    algo = AlgorithmConfig(
+        name, **_known(name, settings), normalize_observation=True, normalize_reward=True
     )
     env = DummyVecEnv([Follow] * 8)
     model = build_model(algo, env, seed=0)

@@ -11,11 +11,10 @@ import yaml
 
 from flyrl.envs.core import EnvConfig
 from flyrl.tasks import task_named
-from flyrl.training.algorithms import PPOConfig, RecurrentPPOConfig, SACConfig
+from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
-from flyrl.training.config import ScheduleConfig, TrainingConfig, training_record
-from flyrl.training.curriculum import CurriculumConfig
+from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig, training_record
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
 from tests.tiny import TINY_ENV
@@ -33,17 +32,20 @@ SCHEDULE = ScheduleConfig(
 )
 PPO_CONFIG = TrainingConfig(
     env=ENV,
-    algo=PPOConfig(n_steps=8, batch_size=16, n_epochs=2, learning_rate_decay=True),
+    algo=AlgorithmConfig("ppo", n_steps=8, batch_size=16, n_epochs=2, learning_rate_decay=True),
     training=SCHEDULE,
 )
 SAC_CONFIG = TrainingConfig(
     env=ENV,
-    algo=SACConfig(learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)),
+    algo=AlgorithmConfig(
+        "sac", learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)
+    ),
     training=SCHEDULE,
 )
 RECURRENT_CONFIG = TrainingConfig(
     env=ENV,
-    algo=RecurrentPPOConfig(
+    algo=AlgorithmConfig(
+        "recurrent_ppo",
         n_steps=8,
         batch_size=16,
         n_epochs=2,
@@ -232,7 +234,7 @@ def folder(interrupted, tmp_path):
     [
         (replace(PPO_CONFIG, seed=1), "seed was 0 when the run was interrupted, and is 1"),
         (
-            replace(PPO_CONFIG, algo=replace(PPO_CONFIG.algo, learning_rate=0.1)),
+            replace(PPO_CONFIG, algo=PPO_CONFIG.algo.with_settings(learning_rate=0.1)),
             r"algo\.learning_rate was .*, and is 0\.1 in its config\.yaml",
         ),
         (
