@@ -17,7 +17,7 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig, open_dict
 
-from flyrl.cli.errors import reported
+from flyrl.cli.terminal import reported
 from flyrl.resources import install_command
 
 

@@ -36,7 +36,6 @@ def run_here(tmp_path, monkeypatch, capsys):
 
     def run_here(program, *arguments):
         monkeypatch.chdir(tmp_path)
-        monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")  # so that what a sweep sets is put back
         command = [program, *arguments]
         monkeypatch.setattr(sys, "argv", command.copy())
         capsys.readouterr()

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final, cast
 
-from flyrl.cli.program import Subparsers
+from flyrl.cli.terminal import Subparsers
 
 SHELLS: Final = ("bash", "zsh", "fish")
 

@@ -1,26 +1,43 @@
-"""How a command starts: the command line is checked, Hydra composes, plain values are handed on."""
+"""From a command line to jobs: it is checked, Hydra composes, plain values are handed on.
 
+The folder of a sweep holds the run folders; `comparison.csv` and the learning curves, once it has
+ended; Hydra's `multirun.yaml`; and in `jobs/` a file per job that ended, with its error, if any.
+"""
+
+import contextlib
+import hashlib
 import os
+import re
+import signal
 import sys
+import threading
+import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from types import FrameType
+from typing import Any, Final, NoReturn
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig
 
-from flyrl.cli import sweep
-from flyrl.cli.arguments import check_arguments, own_overrides, with_own_things
-from flyrl.cli.errors import reported
+from flyrl.cli.arguments import Sweep, check_arguments, own_overrides, with_own_things
 from flyrl.cli.groups import HYDRA_VERSION, plain_values
-from flyrl.cli.program import program
+from flyrl.cli.terminal import Failure, program, reported
+from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.resources import configs_folder
+from flyrl.text import printable
 
 _FULL_ERRORS: Final = "HYDRA_FULL_ERROR"
+_IN_NAMES: Final = ("task", "terrain", "algo", "seed")
+"""Keys whose values stand in the name of every run folder."""
+_MAX_LABEL: Final = 80
+_LOOK_S: Final = 1.0
+_ESCAPED: Final = re.compile(r"\\([\\()\[\]{}:=, \t])")
+
+Job = tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -40,7 +57,7 @@ class Start:
     """
 
     command: tuple[str, ...]
-    overrides: tuple[str, ...]
+    overrides: Job
     sweep: Path | None = None
     label: str = ""
 
@@ -69,62 +86,71 @@ def run_command(
     ------
     SystemExit
         With status 1 after a sweep of which a job failed, 2 for a command line that cannot be
-        meant so, 130 after Ctrl-C.
+        meant so, 128 + the signal's number after Ctrl-C or SIGTERM.
     """
-    with reported():
-        _run(config_name, run, end_of_sweep, subcommand)
+    with reported(), _sigterm_as_ctrl_c() as stopped_by:
+        command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
+        sys.argv[1:] = with_own_things(arguments)  # where Hydra reads them
+        asked = check_arguments(config_name, sys.argv[1:])
+        names = job_names(asked.jobs if asked else ())
+        here, process = Path.cwd(), os.getpid()
+        full_errors = os.environ.get(_FULL_ERRORS)
+
+        def job(config: DictConfig) -> None:
+            settings = HydraConfig.get()
+            overrides = own_overrides(settings.overrides.task)
+            with _variable(_FULL_ERRORS, full_errors):
+                if settings.mode is not RunMode.MULTIRUN:
+                    with reported():
+                        run(plain_values(config), Start((*command, *arguments), overrides))
+                    return
+                title, label = names.get(overrides, ("", ""))
+                folder = Path(settings.sweep.dir)
+                start = Start((*command, *overrides), overrides, folder, label)
+                with contextlib.chdir(here):  # which a remote process may not be in
+                    print(title, file=sys.stderr)
+                    run_job(
+                        note_of(folder, overrides),
+                        lambda: run(plain_values(config), start),
+                        is_here=os.getpid() == process,
+                    )
+
+        start_hydra = hydra.main(
+            version_base=HYDRA_VERSION,
+            config_path=str(configs_folder().resolve()),
+            config_name=config_name,
+        )(job)
+        # Hydra raises its own errors then, instead of printing their tracebacks
+        with _variable(_FULL_ERRORS, "1"):
+            if asked is None:
+                start_hydra()
+            else:
+                _run_sweep(asked, start_hydra, end_of_sweep, stopped_by)
 
 
-def _run(
-    config_name: str,
-    run: Callable[[dict[str, Any], Start], Path],
-    end_of_sweep: Callable[[Path], None],
-    subcommand: Sequence[str],
-) -> None:
-    command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
-    sys.argv[1:] = with_own_things(arguments)  # where Hydra reads them
-    asked = check_arguments(config_name, sys.argv[1:])
-    here = Path.cwd()
-    titles = sweep.titles(asked.jobs) if asked else {}
-    labels = sweep.folder_labels(asked.jobs) if asked else {}
+@contextlib.contextmanager
+def _sigterm_as_ctrl_c() -> Iterator[list[int]]:
+    """Let SIGTERM raise KeyboardInterrupt with its number, which goes into the list, too.
 
-    full_errors = os.environ.get(_FULL_ERRORS)
+    Of all that a handler can raise, Ray hands on this alone, without the number.
+    """
+    numbers: list[int] = []
 
-    def job(config: DictConfig) -> None:
-        with _variable(_FULL_ERRORS, full_errors):
-            run_job(config)
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
+        numbers.append(number)
+        raise KeyboardInterrupt(number)
 
-    def run_job(config: DictConfig) -> None:
-        settings = HydraConfig.get()
-        overrides = own_overrides(settings.overrides.task)
-        if settings.mode is not RunMode.MULTIRUN:
-            with reported():
-                run(plain_values(config), Start((*command, *arguments), overrides))
-            return
-        folder = Path(settings.sweep.dir)
-        start = Start((*command, *overrides), overrides, folder, labels.get(overrides, ""))
-        title = titles.get(overrides, "")
-
-        def run_reported() -> Path:
-            with reported():
-                return run(plain_values(config), start)
-
-        sweep.run_job(folder, here, overrides, title, run_reported)
-
-    start_hydra = hydra.main(
-        version_base=HYDRA_VERSION,
-        config_path=str(configs_folder().resolve()),
-        config_name=config_name,
-    )(job)
-    # Hydra raises its own errors then, instead of printing their tracebacks
-    with _variable(_FULL_ERRORS, "1"):
-        if asked is None:
-            start_hydra()
-        else:
-            sweep.run_sweep(asked, (*command, *arguments), start_hydra, end_of_sweep)
+    if threading.current_thread() is not threading.main_thread():  # where no handler can be set
+        yield numbers
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield numbers
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _variable(name: str, value: str | None) -> Iterator[None]:
     """Set an environment variable for a while; None unsets it."""
     before = os.environ.pop(name, None)
@@ -136,3 +162,164 @@ def _variable(name: str, value: str | None) -> Iterator[None]:
         os.environ.pop(name, None)
         if before is not None:
             os.environ[name] = before
+
+
+def by_key(job: Job) -> dict[str, str]:
+    """Overrides of a job as key and value, without the backslashes that Hydra escapes with."""
+    pairs = (item.partition("=") for item in job)
+    return {key.lstrip("+"): _ESCAPED.sub(r"\1", value) for key, _, value in pairs}
+
+
+def job_names(jobs: Sequence[Job]) -> dict[Job, tuple[str, str]]:
+    """Title of each job, and a label that ends the name of its folder, of its swept values.
+
+    The label is short, safe everywhere, and without what is in the name of every run folder.
+    """
+    settings = [by_key(job) for job in jobs]
+    keys = dict.fromkeys(key for each in settings for key in each)
+    swept = [key for key in keys if len({each.get(key) for each in settings}) > 1]
+    names = {}
+    for number, (job, each) in enumerate(zip(jobs, settings, strict=True), start=1):
+        apart = {key: value for key, value in each.items() if key in swept}
+        title = " ".join(f"{key}={value}" for key, value in apart.items())
+        words = [
+            f"{key.rpartition('.')[2]}-{value.strip('[]{}()')}"
+            for key, value in apart.items()
+            if key not in _IN_NAMES
+        ]
+        label = re.sub(r"[^A-Za-z0-9_.+-]+", "-", "_".join(words))[:_MAX_LABEL].strip("-._")
+        names[job] = (f"job {number} of {len(jobs)}" + (f": {title}" if title else ""), label)
+    return names
+
+
+def note_of(folder: Path, job: Job) -> Path:
+    """File in a sweep's folder that says how a job ended: its error, or nothing."""
+    return folder / "jobs" / f"{hashlib.sha256(' '.join(job).encode()).hexdigest()[:16]}.txt"
+
+
+def run_job(note: Path, job: Callable[[], object], *, is_here: bool) -> None:
+    """Run a job of a sweep and note how it ended; an error is printed and noted, not raised.
+
+    Parameters
+    ----------
+    note
+        See `note_of`.
+    job
+        The job.
+    is_here
+        Whether this is the process of the command, so that an interruption ends the sweep.
+
+    Raises
+    ------
+    SystemExit
+        The job was interrupted, here.
+    """
+    error, end = "", None
+    try:
+        with reported():
+            job()
+    except Failure as failure:
+        error = failure.message
+    except SystemExit as interruption:
+        error, end = "interrupted", interruption
+    except Exception as bug:
+        traceback.print_exc()
+        error = f"{type(bug).__name__}: {bug}"
+    try:
+        note.parent.mkdir(parents=True, exist_ok=True)
+        write_text(note, error)
+    except OSError as unwritten:  # the job counts as one that has not ended; the others go on
+        print(f"error: {unwritten}", file=sys.stderr)
+    if end is not None and is_here:
+        raise end
+
+
+def _run_sweep(
+    asked: Sweep,
+    start: Callable[[], object],
+    at_end: Callable[[Path], None],
+    stopped_by: Sequence[int],
+) -> NoReturn:
+    """Run a sweep to its end, whatever becomes of its jobs, and exit with what came of it.
+
+    Parameters
+    ----------
+    asked
+        What the command line asks for. A folder that it names may hold an earlier sweep, which
+        then grows by these jobs.
+    start
+        Runs the jobs.
+    at_end
+        Takes the folder.
+    stopped_by
+        Numbers of the signals that came.
+
+    Raises
+    ------
+    SystemExit
+        A job failed (1), or the sweep was interrupted (128 + the signal's number).
+    OSError
+        Its folder cannot be used.
+    """
+    folder = asked.folder
+    if asked.is_named:
+        usable_folder(folder)
+    else:
+        folder = new_folder(folder.parent, folder.name)
+        place = "hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'"))
+        words = [i for i, text in enumerate(sys.argv) if i and "=" in text and text[0] != "-"]
+        # beside the others: Hydra takes no overrides on both sides of an option
+        sys.argv.insert(words[0] if words else len(sys.argv), place)
+    notes = {note_of(folder, job): title for job, (title, _) in job_names(asked.jobs).items()}
+    for note in notes:
+        note.unlink(missing_ok=True)
+    code: int | str | None = 0
+    try:
+        # jobs in this process draw their own progress
+        with _progress([*notes]) if asked.is_elsewhere else contextlib.nullcontext():
+            start()
+    except KeyboardInterrupt:
+        code = 128 + (stopped_by[-1] if stopped_by else signal.SIGINT)
+    except SystemExit as error:
+        code = error.code
+    try:
+        at_end(folder)
+    except (OSError, ValueError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        code = code or 2
+    failures = 0
+    for note, title in notes.items():
+        told = note.read_text() if note.exists() else "not started, killed, or still running"
+        if told:
+            failures += 1
+            print(printable(f"failed: {title}: {told}"), file=sys.stderr)
+    if failures:
+        print(
+            f"go on with what is missing: the same command with hydra.sweep.dir={folder}",
+            file=sys.stderr,
+        )
+    print(f"sweep: {folder}")
+    sys.exit(code or int(failures > 0))
+
+
+@contextlib.contextmanager
+def _progress(notes: Sequence[Path]) -> Iterator[None]:
+    """Draw how many jobs have ended, as their notes tell."""
+    from flyrl.progress import progress_bar  # noqa: PLC0415
+
+    stop = threading.Event()
+    with progress_bar(len(notes), is_shown=True, unit=" jobs") as bar:
+
+        def look() -> None:
+            is_last = False
+            while not is_last:
+                is_last = stop.wait(_LOOK_S)
+                bar.update(sum(note.exists() for note in notes) - bar.n)
+
+        thread = threading.Thread(target=look, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()

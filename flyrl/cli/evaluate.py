@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import datetime
 import shlex
-import signal
 import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from flyrl.cli.entry import Start, run_command
-from flyrl.cli.errors import LEFT_OUT
-from flyrl.files import OutputFolder, new_folder, usable_folder
+from flyrl.cli.terminal import LEFT_OUT
+from flyrl.files import new_folder
 from flyrl.text import plain_name
 
 if TYPE_CHECKING:
@@ -57,6 +53,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
 
     settings = own_settings(record)
     config = comparison(record, settings, start.command)
+    from flyrl.front.results import results_folder  # noqa: PLC0415
+
     if settings.folder is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
         parent = start.sweep or Path("reports")
@@ -64,33 +62,15 @@ def run(record: dict[str, Any], start: Start) -> Path:
         folder = new_folder(parent, name)
     else:
         folder = results_folder(settings.folder)
-    with _terminable():
-        try:
-            report, is_complete = compare(config, folder, settings)
-        except KeyboardInterrupt as stop:
-            print(f"interrupted; resume with: folder={folder}", file=sys.stderr)
-            raise SystemExit(128 + (stop.args[0] if stop.args else signal.SIGINT)) from None
+    try:
+        report, is_complete = compare(config, folder, settings)
+    except KeyboardInterrupt:
+        print(f"resume with: folder={folder}", file=sys.stderr)
+        raise
     print(f"report: {report}")
     if not is_complete and start.sweep is None:
         raise SystemExit(LEFT_OUT)
     return folder
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """Let SIGTERM raise KeyboardInterrupt, with its number, as Ctrl-C does without one."""
-
-    def stop(number: int, frame: FrameType | None) -> NoReturn:
-        raise KeyboardInterrupt(number)
-
-    if threading.current_thread() is not threading.main_thread():  # where no handler can be set
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def comparison(
@@ -140,19 +120,3 @@ def compare(
         drive_map=settings.drive_map,
     )
     return report, results.is_complete
-
-
-def results_folder(path: str | Path) -> Path:
-    """Make a folder for results and report if it is missing; return it.
-
-    Raises
-    ------
-    OSError
-        It cannot be written to, or a file of somebody else's is in the way.
-    """
-    from flyrl.evaluation.results import RESULTS_FILES  # noqa: PLC0415
-    from flyrl.report.html import REPORT_FILE  # noqa: PLC0415
-
-    folder = usable_folder(Path(path))
-    OutputFolder(folder).check_free(*RESULTS_FILES, REPORT_FILE)
-    return folder

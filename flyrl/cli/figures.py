@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from flyrl.cli.program import Subparsers, path_argument
+from flyrl.cli.terminal import Subparsers, path_argument
 
 FIGURES: Final = {
     "cpg_three": "phases and magnitudes of three coupled oscillators",

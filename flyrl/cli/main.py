@@ -8,21 +8,20 @@ import importlib
 import os
 import re
 import sys
+import time
 from collections.abc import Sequence
 from typing import Any, Final
 
 from flyrl.cli import (
-    compile,
     completion,
     figures,
     play,
     reproduce,
     runs,
-    sweeps,
     tune,
     walk,
 )
-from flyrl.cli.errors import UNUSABLE, Ended, reported
+from flyrl.cli.terminal import UNUSABLE, Ended, reported
 from flyrl.resources import version
 
 _SUBCOMMANDS: Final = (
@@ -30,10 +29,8 @@ _SUBCOMMANDS: Final = (
     walk,
     figures,
     runs,
-    sweeps,
     reproduce,
     tune,
-    compile,
     completion,
 )
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads
@@ -132,7 +129,24 @@ def command_parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.Argum
         composed.add_argument("overrides", nargs=argparse.REMAINDER, metavar="KEY=VALUE")
     for module in _SUBCOMMANDS:
         module.add_to(subparsers)
+    subparsers.add_parser(
+        "compile",
+        help="compile the controllers now, instead of at the first start",
+        description="Compile the controllers, unless that is done, and print where they are kept: "
+        "in __pycache__ beside the sources, or in the folder NUMBA_CACHE_DIR.",
+    ).set_defaults(run=_compile)
     return parser, dict(subparsers.choices)
+
+
+def _compile(options: argparse.Namespace) -> int:
+    """Print the time that it took, and the folders."""
+    from flyrl.simulation.callback import cache_folders, install  # noqa: PLC0415
+
+    start = time.perf_counter()
+    install()
+    print(f"controllers ready after {time.perf_counter() - start:.1f} s")
+    print(*(f"cache: {folder}" for folder in cache_folders()), sep="\n")
+    return 0
 
 
 def _parsed(given: Sequence[str]) -> argparse.Namespace:

@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flyrl.cli.program import Subparsers, path_argument
+from flyrl.cli.terminal import Subparsers, path_argument
 
 if TYPE_CHECKING:
     from flyrl.play.session import Playable

@@ -6,24 +6,16 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
-from flyrl.cli.program import Subparsers, path_argument, program
+from flyrl.cli.terminal import Subparsers, path_argument, program
 from flyrl.entry_points import check_trust
 from flyrl.text import printable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-Json = dict[str, Any]
 
 IDENTICAL, DIFFERENT = 0, 1
 
 REPORTS: Final = (".html", ".htm")
 """How the name of a report ends."""
-
-MAX_SHOWN: Final = 5
-"""Episodes that differ which are listed one by one."""
 
 
 def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> int:
@@ -50,13 +42,14 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
         A file cannot be read, or written.
     """
     from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
-    from flyrl.cli.evaluate import results_folder  # noqa: PLC0415
-    from flyrl.evaluation.rows import episodes_digest  # noqa: PLC0415
-    from flyrl.front.results import compare  # noqa: PLC0415
+    from flyrl.front.results import (  # noqa: PLC0415
+        compare,
+        differences_from_report,
+        results_folder,
+    )
     from flyrl.report import read_origin  # noqa: PLC0415
 
-    origin = read_origin(path)
-    record = origin["settings"]
+    record = read_origin(path)["settings"]
     if not record:
         raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
     check_trust(path, record, is_trusted, "--trust")
@@ -65,54 +58,12 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     if output is not None:
         results_folder(output)
     results = compare(config)
+    is_same, lines = differences_from_report(path, results)
     if output is not None:
         print(f"repeat: {results.write(output, videos=False, close_ups=False)}")
-    lines = _origins_differ(origin, results.protocol)
-    is_same = episodes_digest(results.episodes) == origin["episodes_sha256"]
     print(f"episodes: {'identical, bit for bit' if is_same else 'they differ'}")
-    if not is_same:
-        lines += _episodes_differ(path.parent, results.episodes)
-    for line in lines or ["same policies and packages"]:
-        print(line)
+    print(*(lines or ["same policies and packages"]), sep="\n")
     return IDENTICAL if is_same else DIFFERENT
-
-
-def _origins_differ(origin: Json, protocol: Json) -> list[str]:
-    now = {entrant["name"]: entrant["sha256"] for entrant in protocol["entrants"]}
-    lines = [
-        f"policy {name}: another file than then"
-        for name, digest in origin["policies"].items()
-        if now.get(name) != digest
-    ]
-    lines += [
-        f"{package}: {version}, in the repeat {protocol['versions'].get(package)}"
-        for package, version in origin["versions"].items()
-        if protocol["versions"].get(package) != version
-    ]
-    return lines
-
-
-def _episodes_differ(folder: Path, episodes: pd.DataFrame) -> list[str]:
-    """Where the rows differ from those beside the report, if they are there."""
-    from flyrl.evaluation import ResultsError, load_results  # noqa: PLC0415
-    from flyrl.evaluation.rows import plain_rows  # noqa: PLC0415
-
-    try:
-        before = list(plain_rows(load_results(folder).episodes))
-    except ResultsError as error:
-        return [f"which ones cannot be said: {error}"]
-    rows = list(plain_rows(episodes))
-    if len(before) != len(rows):
-        return [f"{len(before)} episodes, in the repeat {len(rows)}"]
-    different = [(one, other) for one, other in zip(before, rows, strict=True) if one != other]
-    lines = [f"{len(different)} of {len(rows)} episodes differ"]
-    for one, other in different[:MAX_SHOWN]:
-        key = next(key for key in {**one, **other} if one.get(key) != other.get(key))
-        lines.append(
-            f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
-            f"{key} {one.get(key)}, in the repeat {other.get(key)}"
-        )
-    return lines
 
 
 def add_to(subparsers: Subparsers) -> None:

@@ -1,4 +1,4 @@
-"""flyrl runs: list run folders, or compare some of them."""
+"""flyrl runs and flyrl sweep: list run folders, compare some, compare sweeps over their seeds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flyrl.cli.program import Subparsers, path_argument
+from flyrl.cli.terminal import Subparsers, path_argument
 
 if TYPE_CHECKING:
     from flyrl.training.runs import RunSummary
@@ -34,7 +34,7 @@ Row = dict[str, Any]
 
 
 def add_to(subparsers: Subparsers) -> None:
-    """Add the subcommand."""
+    """Add the subcommands."""
     parser = subparsers.add_parser(
         "runs",
         help="list run folders, or compare some",
@@ -59,11 +59,33 @@ def add_to(subparsers: Subparsers) -> None:
     parser.add_argument("--reverse", action="store_true", help="the largest first")
     parser.add_argument("--csv", action="store_true", help="print CSV, with exact figures")
     parser.set_defaults(run=run)
+    sweep = subparsers.add_parser(
+        "sweep",
+        help="compare the runs of sweeps over their seeds",
+        description="Print the table that a sweep ends with, and write it and the learning curves "
+        "to its folder; also of one that is still going on, or was killed. Of several folders, of "
+        "sweeps and of single runs, make one table and one figure.",
+        epilog="Example: flyrl sweep runs/sweeps/2026-01-31_120000",
+    )
+    sweep.add_argument(
+        "folders",
+        nargs="+",
+        type=path_argument,
+        metavar="FOLDER",
+        help="of a sweep, as in runs/sweeps; two or more may be of single runs too",
+    )
+    sweep.add_argument(
+        "--output",
+        type=path_argument,
+        metavar="FOLDER",
+        help="where comparison.csv and learning_curves go (default: the folder of the one sweep)",
+    )
+    sweep.set_defaults(run=run_sweep)
 
 
 def run(options: argparse.Namespace) -> int:
     """List or compare."""
-    from flyrl.cli.program import print_table  # noqa: PLC0415
+    from flyrl.cli.terminal import print_table  # noqa: PLC0415
     from flyrl.text import csv_text  # noqa: PLC0415
     from flyrl.training.runs import find_runs, is_run, read_run  # noqa: PLC0415
 
@@ -187,3 +209,21 @@ def _readable_value(value: Any, kind: str) -> Any:
     if kind == "time":
         return str(datetime.timedelta(seconds=round(value)))
     return value
+
+
+def run_sweep(options: argparse.Namespace) -> int:
+    """Print and write what the folders hold."""
+    if len(options.folders) > 1 and options.output is None:
+        raise ValueError("several folders need --output, the folder to write to")
+    compare_folders(options.folders, options.output or options.folders[0])
+    return 0
+
+
+def compare_folders(folders: Sequence[Path], output: Path) -> None:
+    """Compare the runs in some folders: print the table, write it and the learning curves."""
+    from flyrl.cli.terminal import print_table  # noqa: PLC0415
+    from flyrl.front.comparison import compare_folders  # noqa: PLC0415
+
+    compared = compare_folders(folders, output)
+    print_table(list(compared.rows[0]), compared.rows)
+    print(*compared.notes, sep="\n")

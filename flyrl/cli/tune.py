@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from flyrl.cli.program import Subparsers
+from flyrl.cli.terminal import Subparsers
 from flyrl.resources import configs_folder, install_command
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Go on with a study, or start it; print its best trials."""
-    from flyrl.cli.program import print_table  # noqa: PLC0415
+    from flyrl.cli.terminal import print_table  # noqa: PLC0415
     from flyrl.validation import at_least  # noqa: PLC0415
 
     if importlib.util.find_spec("optuna") is None:

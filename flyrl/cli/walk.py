@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any, Final
 
-from flyrl.cli.program import Subparsers, path_argument
+from flyrl.cli.terminal import Subparsers, path_argument
 
 _FILES: Final = {
     "csv": "CSV",

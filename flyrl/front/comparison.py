@@ -1,4 +1,4 @@
-"""Runs of sweeps compared over their seeds: a table, and a figure of the learning curves."""
+"""Runs of sweeps: compared over their seeds in a table and a figure, and known again."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_ove
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
 from flyrl.text import csv_text, printable
-from flyrl.training.config import WITHOUT_EFFECT
+from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
 from flyrl.training.runs import RunSummary, find_runs, flat, names_of, read_run
 
 COMPARISON_FILE: Final = "comparison.csv"
@@ -35,7 +35,7 @@ class Group:
     settings
         What sets the group apart from the others; the same keys in each.
     jobs
-        How many were asked for, or found.
+        How many were found.
     runs
         The finished ones.
     """
@@ -61,19 +61,6 @@ class RunComparison:
     notes: list[str]
 
 
-def group_jobs(jobs: Sequence[tuple[Mapping[str, str], RunSummary | None]]) -> list[Group]:
-    """A group per combination of swept settings, but for the seed.
-
-    Parameters
-    ----------
-    jobs
-        Overrides of each job by key, and its run where it made one.
-    """
-    keys = dict.fromkeys(key for job, _ in jobs for key in job if key != "seed")
-    swept = [key for key in keys if len({job.get(key) for job, _ in jobs}) > 1]
-    return _grouped([({key: job.get(key) for key in swept}, run) for job, run in jobs])
-
-
 def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
     """A group per combination of the settings in which runs differ, but for the seed.
 
@@ -81,18 +68,19 @@ def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
     for these, one counts. What follows from the task, terrain, algorithm, body or leg controller
     (the learning rate that is SAC's default, say) is not named beside it.
     """
-    settings: dict[str, Settings] = {}
-    chosen: dict[str, RunSummary] = {}
-    for run in runs:
+    chosen: dict[str, tuple[Settings, RunSummary]] = {}
+    for run in sorted(runs, key=lambda run: run.state != "finished"):
         own = _settings(run)
-        same = repr(sorted(own.items()))
-        is_first = same not in chosen
-        if is_first or (run.state == "finished" and chosen[same].state != "finished"):
-            settings[same], chosen[same] = own, run
-    keys = [key for key in _differing(list(settings.values())) if key != "seed"]
-    return _grouped(
-        [({key: settings[same].get(key) for key in keys}, run) for same, run in chosen.items()]
-    )
+        chosen.setdefault(repr(sorted(own.items())), (own, run))
+    keys = [key for key in _differing([own for own, _ in chosen.values()]) if key != "seed"]
+    groups: dict[str, tuple[Settings, list[RunSummary]]] = {}
+    for own, run in chosen.values():
+        settings = {key: own.get(key) for key in keys}
+        groups.setdefault(repr(settings), (settings, []))[1].append(run)
+    return [
+        Group(settings, len(members), tuple(run for run in members if run.state == "finished"))
+        for settings, members in groups.values()
+    ]
 
 
 def _settings(run: RunSummary) -> Settings:
@@ -125,18 +113,6 @@ def _differing(settings: Sequence[Settings]) -> list[str]:
         if any(len(different) > 1 for different in values.values()):
             shown.append(key)
     return shown
-
-
-def _grouped(runs: Sequence[tuple[Settings, RunSummary | None]]) -> list[Group]:
-    """Groups in order of their first run; a run that is there twice counts once."""
-    alike: dict[str, tuple[Settings, list[RunSummary | None]]] = {}
-    for settings, run in runs:
-        alike.setdefault(repr(settings), (settings, []))[1].append(run)
-    groups = []
-    for settings, members in alike.values():
-        finished = {run.path: run for run in members if run and run.state == "finished"}
-        groups.append(Group(settings, len(members), tuple(finished.values())))
-    return groups
 
 
 def figures_of(groups: Sequence[Group]) -> dict[str, Figure]:
@@ -228,6 +204,38 @@ def _figure(figure: Figure, runs: Sequence[RunSummary]) -> Interval:
     which, key, limits = figure
     evaluations: list[Mapping[str, float] | None] = [getattr(run, which) for run in runs]
     return mean_over_runs([row[key] for row in evaluations if row and key in row], *limits)
+
+
+def earlier_run(config: TrainingConfig, folder: Path, but: Sequence[str] = ()) -> RunSummary | None:
+    """Find the finished or interrupted run in a folder that comes to the same as a config.
+
+    Parameters
+    ----------
+    config
+        Of a training. Of its settings without an effect on the result, only `but` count.
+    folder
+        Of a sweep.
+    but
+        Dotted keys.
+
+    Raises
+    ------
+    ValueError
+        Another process is at it.
+    """
+    wanted = with_effect(training_record(config), but)
+    found: RunSummary | None = None
+    for path in find_runs(folder):
+        run = read_run(path)
+        if with_effect(run.settings, but) != wanted:
+            continue
+        if run.state == "finished":
+            return run
+        if run.state == "running":
+            raise ValueError(f"another process trains in {path}")
+        if run.state == "interrupted" and run.has_checkpoint:
+            found = found or run
+    return found
 
 
 def compare_folders(folders: Sequence[Path], output: Path) -> RunComparison:

@@ -16,17 +16,21 @@ from flyrl.envs.record import env_record, plain
 from flyrl.evaluation import (
     EvaluationConfig,
     Results,
+    ResultsError,
     drop_parts,
+    load_results,
     measure_drive_map,
     measure_steering,
     walk_examples,
     write_results,
 )
 from flyrl.evaluation import evaluate as walk_episodes
-from flyrl.files import OutputFolder, write_text
+from flyrl.evaluation.results import RESULTS_FILES
+from flyrl.evaluation.rows import episodes_digest, plain_rows
+from flyrl.files import OutputFolder, usable_folder, write_text
 from flyrl.policies.laws import is_law
 from flyrl.progress import progress_bar as make_bar
-from flyrl.report import record_videos, write_report
+from flyrl.report import read_origin, record_videos, write_report
 from flyrl.report.html import REPORT_FILE, Additions, format_report
 from flyrl.report.video import FILMED
 from flyrl.simulation.rendering import Camera
@@ -37,6 +41,9 @@ from flyrl.validation import did_you_mean
 
 _GROUPS: Final = ("task", "body", "physics", "randomisation")
 """Of an environment's record, what an evaluation is composed of."""
+
+_MAX_LISTED: Final = 5
+"""Episodes that differ from a report's which are listed one by one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -247,6 +254,63 @@ def compare(config: EvaluationConfig, folder: str | Path | None = None) -> Compa
             file=sys.stderr,
         )
     return Comparison(**vars(results), config=config)
+
+
+def results_folder(path: str | Path) -> Path:
+    """Make a folder for results and report if it is missing; return it.
+
+    Raises
+    ------
+    OSError
+        It cannot be written to, or a file of somebody else's is in the way.
+    """
+    folder = usable_folder(Path(path))
+    OutputFolder(folder).check_free(*RESULTS_FILES, REPORT_FILE)
+    return folder
+
+
+def differences_from_report(path: Path, results: Results) -> tuple[bool, list[str]]:
+    """Whether results are those of a report to the bit; and lines that name what differs.
+
+    Raises
+    ------
+    ValueError
+        The file is no report.
+    """
+    origin, protocol = read_origin(path), results.protocol
+    now = {entrant["name"]: entrant["sha256"] for entrant in protocol["entrants"]}
+    lines = [
+        f"policy {name}: another file than then"
+        for name, digest in origin["policies"].items()
+        if now.get(name) != digest
+    ]
+    lines += [
+        f"{package}: {version}, in the repeat {protocol['versions'].get(package)}"
+        for package, version in origin["versions"].items()
+        if protocol["versions"].get(package) != version
+    ]
+    is_same = episodes_digest(results.episodes) == origin["episodes_sha256"]
+    return is_same, lines if is_same else lines + _episodes_differ(path.parent, results)
+
+
+def _episodes_differ(folder: Path, results: Results) -> list[str]:
+    """Where the rows differ from those beside the report, if they are there."""
+    try:
+        before = list(plain_rows(load_results(folder).episodes))
+    except ResultsError as error:
+        return [f"which ones cannot be said: {error}"]
+    rows = list(plain_rows(results.episodes))
+    if len(before) != len(rows):
+        return [f"{len(before)} episodes, in the repeat {len(rows)}"]
+    different = [(one, other) for one, other in zip(before, rows, strict=True) if one != other]
+    lines = [f"{len(different)} of {len(rows)} episodes differ"]
+    for one, other in different[:_MAX_LISTED]:
+        key = next(key for key in {**one, **other} if one.get(key) != other.get(key))
+        lines.append(
+            f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
+            f"{key} {one.get(key)}, in the repeat {other.get(key)}"
+        )
+    return lines
 
 
 def _entrants(given: Any) -> dict[str, Any]:

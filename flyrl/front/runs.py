@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flyrl.evaluation import EvaluationConfig
+from flyrl.evaluation import EvaluationConfig, make_entrants
 from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
-from flyrl.training.config import TrainingConfig, config_from_keywords
+from flyrl.training.config import TrainingConfig, config_from_keywords, training_record
 from flyrl.training.learn import Run
-from flyrl.training.learn import resume as go_on
+from flyrl.training.learn import resume as resume_run
 from flyrl.training.learn import train as start
 from flyrl.training.loggers import LoggerConfig
 from flyrl.training.run_folder import RunFolder
-from flyrl.training.runs import read_run, training_returns
+from flyrl.training.runs import find_runs, read_run, training_returns
 
 
 class TrainingInterrupted(KeyboardInterrupt):
@@ -90,15 +91,81 @@ def train(
     if total_timesteps is not None:
         settings["total_timesteps"] = total_timesteps
     config = config_from_keywords(task, algo, seed=seed, logger=logger, **settings)
-    at_end = partial(illustrate, config, with_video=video_after)
-    if resume is None:
-        run = start(config, runs_folder, at_end=at_end)
-    else:
-        folder = resume.folder if isinstance(resume, Run) else resume
-        run = go_on(config, folder, at_end=at_end)
+    folder = resume.folder if isinstance(resume, Run) else resume
+    run = learn(config, runs_folder, folder=folder, with_video=video_after)
     if run.signal is not None:  # what follows shall not start, even if the run came to its end
         raise TrainingInterrupted(run)
     return run
+
+
+def learn(
+    config: TrainingConfig,
+    runs: str | Path = "runs",
+    command: Sequence[str] = (),
+    label: str = "",
+    *,
+    folder: str | Path | None = None,
+    with_video: bool = True,
+) -> Run:
+    """Train a new run, or resume one, and illustrate its folder.
+
+    Parameters
+    ----------
+    config, runs, command, label
+        As in `flyrl.training.learn.train`.
+    folder
+        Of an interrupted run of the same config, to resume.
+    with_video
+        Whether to film the best policy.
+
+    Raises
+    ------
+    ValueError
+        As in `flyrl.training.learn.train` and `resume`.
+    OSError
+        A folder cannot be written to; the message says how to resume once it can.
+    """
+    at_end = partial(illustrate, config, with_video=with_video)
+    try:
+        if folder is None:
+            return start(config, runs, command, label, at_end=at_end)
+        return resume_run(config, folder, command, at_end=at_end)
+    except OSError as error:
+        written = Path(folder or runs)
+        if error.errno is not None and written.is_dir():
+            for path in reversed(find_runs(written, depth=1)):  # the latest first, by name
+                run = read_run(path)
+                if run.has_checkpoint and run.settings == training_record(config):
+                    raise OSError(
+                        f"{error}; once {path} can be written to, resume with: resume={path}"
+                    ) from error
+        raise
+
+
+def simulated_shares(
+    config: TrainingConfig, compared: EvaluationConfig, *, videos: bool
+) -> dict[str, float]:
+    """Parts of a training with a comparison -> how long each takes, in simulated s of training.
+
+    Measured in `experiment=main` on two cores.
+
+    Parameters
+    ----------
+    config
+        Of the training.
+    compared
+        Of the comparison, without the policy that is to be trained.
+    videos
+        Whether everyone is filmed.
+    """
+    walks = (len(make_entrants(compared)) + 1) * len(compared.terrain_configs)
+    simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
+    return {
+        "training": config.training.total_timesteps * config.env.decision_interval_s,
+        "evaluating": 0.5 * simulated_s,
+        "filming": 75.0 * walks * len(compared.film) if videos else 0.0,
+        "reporting": 150.0,
+    }
 
 
 def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:

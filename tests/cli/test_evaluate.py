@@ -181,7 +181,7 @@ def test_an_interrupted_evaluation_says_how_to_go_on(run_here, tmp_path, own_pol
     arguments = ("controllers=[zero]", "folder=out", *SHORT)
     result = run_here("evaluate.py", "policies=[own_policies:stopped]", *arguments)
     assert result.returncode == 130
-    assert "interrupted; resume with: folder=out" in result.stderr
+    assert "resume with: folder=out\ninterrupted\n" in result.stderr
     assert not (tmp_path / "out" / "results.json").exists()
 
 

@@ -99,7 +99,6 @@ def check(program, arguments):
 def here(tmp_path, monkeypatch):
     """An empty current folder."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")
 
 
 @QUICK

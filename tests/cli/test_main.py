@@ -11,7 +11,7 @@ import pytest
 
 from flyrl.cli.entry import run_command
 from flyrl.cli.main import COMPOSED, command_parsers, main
-from flyrl.cli.program import program
+from flyrl.cli.terminal import program
 from flyrl.resources import DISTRIBUTION
 
 COMMANDS = (

@@ -149,7 +149,7 @@ def test_runs_of_the_same_name_are_told_apart(tmp_path, capsys):
         (["runs", "nowhere"], "error: there is no folder nowhere\n"),
         (["runs", "--sort", "sed"], "invalid choice: 'sed'"),
         (["rums"], "there is no command 'rums'; did you mean 'runs'?"),
-        (["sweep", "."], "error: . is not the folder of a sweep: "),
+        (["sweep", "."], "error: there is no run in .\n"),
     ],
 )
 def test_wrong_command_lines(tmp_path, monkeypatch, capsys, arguments, message):

@@ -1,6 +1,5 @@
 import contextlib
 import csv
-import json
 import os
 import signal
 import subprocess
@@ -12,21 +11,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flyrl.cli.arguments import Sweep
-from flyrl.cli.errors import Failure
-from flyrl.cli.sweep import (
-    Interrupted,
-    by_key,
-    folder_labels,
-    read_jobs,
-    run_job,
-    run_sweep,
-    swept_keys,
-    titles,
-)
+from flyrl.cli.entry import by_key, job_names, note_of, run_job
 from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
+from tests.training.folders import make_run
 
 ROOT = Path(__file__).parents[2]
 TINY = (*TINY_ARGUMENTS, "training.evaluation_episodes=1", "video_after=false")
@@ -56,14 +45,9 @@ def train_here(run_here):
     return lambda *arguments: run_here("train.py", *_tiny(*arguments))
 
 
-def _sweep(folder, jobs):
-    (folder / "sweep.json").write_text(json.dumps({"commands": [], "jobs": jobs}))
-
-
-def test_what_is_swept():
+def test_jobs_are_told_apart_by_what_is_swept():
     jobs = [("seed=0", "algo=ppo", "x=1"), ("seed=1", "algo=ppo", "x=1", "+y=2")]
-    assert swept_keys(jobs) == ["seed", "y"]
-    assert titles(jobs)[jobs[1]] == "job 2 of 2: seed=1 y=2"
+    assert job_names(jobs)[jobs[1]] == ("job 2 of 2: seed=1 y=2", "y-2")
     assert by_key([r"task.terms=[my_terms\:HEIGHT]"]) == {"task.terms": "[my_terms:HEIGHT]"}
 
 
@@ -74,46 +58,44 @@ def test_folders_are_named_by_swept_values_that_any_file_system_takes():
         ("seed=1", "algo=sac", "algo.gamma=0.9", r"evaluation.policies=[a/b\:é]", "x=1"),
         ("seed=2", "algo=sac", "algo.gamma=0.9", long, "x=1"),
     ]
-    labels = folder_labels(jobs)
-    assert labels[jobs[0]] == "gamma-0.99_hidden_layers-64-64"
-    assert labels[jobs[1]] == "gamma-0.9_policies-a-b"
-    assert labels[jobs[2]] == ("gamma-0.9_terms--" + "x" * 80)[:80]
-    assert folder_labels([("seed=0",), ("seed=1",)]) == {("seed=0",): "", ("seed=1",): ""}
+    assert [label for _, label in job_names(jobs).values()] == [
+        "gamma-0.99_hidden_layers-64-64",
+        "gamma-0.9_policies-a-b",
+        ("gamma-0.9_terms--" + "x" * 80)[:80],
+    ]
 
 
 def _fail():
-    raise Failure("seed must be one of mine")
+    raise ValueError("seed must be one of mine")
 
 
 def _break():
     raise ZeroDivisionError("by zero")
 
 
-def test_a_job_that_fails_is_noted_and_raises_nothing(tmp_path, capsys):
-    jobs = {("a=1",): _fail, ("a=2",): _break, ("a=3",): lambda: tmp_path / "run"}
-    _sweep(tmp_path, list(jobs))
-    for job, function in jobs.items():
-        run_job(tmp_path, Path.cwd(), job, "", function)
-    notes = [note for _, note in read_jobs(tmp_path)]
-    assert [note.error for note in notes] == [
-        "seed must be one of mine",
-        "ZeroDivisionError: by zero",
-        None,
-    ]
-    assert notes[2].folder == "run"
-    assert "Traceback" in capsys.readouterr().err
+def _stop():
+    raise KeyboardInterrupt(signal.SIGTERM)
 
 
-def test_an_interrupted_job_ends_the_sweep_only_in_its_own_process(tmp_path, monkeypatch):
-    def interrupted():
-        raise Interrupted(tmp_path / "run", signal.SIGTERM)
+@pytest.mark.parametrize(
+    ("job", "error"),
+    [
+        (_fail, "seed must be one of mine"),
+        (_break, "ZeroDivisionError: by zero"),
+        (_stop, "interrupted"),
+        (dict, ""),
+    ],
+)
+def test_how_a_job_ended_is_noted_and_nothing_is_raised(tmp_path, job, error):
+    note = note_of(tmp_path, ("a=1",))
+    run_job(note, job, is_here=False)
+    assert note.read_text() == error
 
-    _sweep(tmp_path, [["a=1"]])
-    run_job(tmp_path, Path.cwd(), ("a=1",), "", interrupted)
-    assert read_jobs(tmp_path)[0][1].error == "interrupted"
-    monkeypatch.setenv("FLYRL_SWEEP_PROCESS", str(os.getpid()))
-    with pytest.raises(Interrupted):
-        run_job(tmp_path, Path.cwd(), ("a=1",), "", interrupted)
+
+def test_an_interrupted_job_ends_the_sweep_in_its_own_process(tmp_path):
+    with pytest.raises(SystemExit) as end:
+        run_job(tmp_path / "note", _stop, is_here=True)
+    assert end.value.code == 128 + signal.SIGTERM
 
 
 @pytest.mark.slow
@@ -131,46 +113,10 @@ def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_h
     assert read_run(run).state == "finished"
 
 
-@pytest.mark.parametrize(
-    ("record", "key"),
-    [
-        ([], "commands"),
-        ({"commands": 5, "jobs": [["a=1"]]}, "commands"),
-        ({"commands": []}, "jobs"),
-        ({"commands": [], "jobs": []}, "jobs"),
-        ({"commands": [], "jobs": "abc"}, "jobs"),
-        ({"commands": [], "jobs": [["a=1"], "b=2"]}, "jobs"),
-        ({"commands": [], "jobs": [["a=1", None]]}, "jobs"),
-    ],
-)
-def test_a_damaged_sweep_file_names_file_and_key(tmp_path, record, key):
-    (tmp_path / "sweep.json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=rf"sweep\.json: '{key}' must be a list"):
-        read_jobs(tmp_path)
-
-
-@pytest.mark.parametrize("note", ["{", "[]", '{"folder": 5, "error": null}'])
-def test_a_damaged_note_counts_as_none(tmp_path, note):
-    _sweep(tmp_path, [["a=1"]])
-    run_job(tmp_path, Path.cwd(), ("a=1",), "", lambda: tmp_path / "run")
-    (file,) = (tmp_path / "jobs").iterdir()
-    file.write_text(note)
-    assert read_jobs(tmp_path) == [(("a=1",), None)]
-
-
-def test_a_job_without_a_note_has_not_ended(tmp_path):
-    _sweep(tmp_path, [["a=1"]])
-    assert read_jobs(tmp_path) == [(("a=1",), None)]
-
-
 def test_a_note_that_cannot_be_written_raises_nothing(tmp_path, capsys):
-    _sweep(tmp_path, [["a=1"]])
     (tmp_path / "jobs").write_text("a file")
-    run_job(tmp_path, Path.cwd(), ("a=1",), "", lambda: tmp_path / "run")
-    assert capsys.readouterr().err.splitlines()[1:] == [
-        f"error: [Errno 17] File exists: '{tmp_path / 'jobs'}'"
-    ]
-    assert read_jobs(tmp_path) == [(("a=1",), None)]
+    run_job(tmp_path / "jobs" / "note", dict, is_here=True)
+    assert capsys.readouterr().err == f"error: [Errno 17] File exists: '{tmp_path / 'jobs'}'\n"
 
 
 @pytest.mark.parametrize(
@@ -178,13 +124,10 @@ def test_a_note_that_cannot_be_written_raises_nothing(tmp_path, capsys):
     [
         ("runs_folder=/proc/none", "[Errno 2] No such file or directory: '/proc/none'"),
         ("hydra.sweep.dir=file", "[Errno 17] File exists: 'file'"),
-        ("hydra.sweep.dir=broken", "broken is not the folder of a sweep: "),
     ],
 )
 def test_a_folder_that_cannot_be_used_is_an_error_in_one_line(tmp_path, train_here, where, error):
     (tmp_path / "file").write_text("")
-    (tmp_path / "broken").mkdir()
-    (tmp_path / "broken" / "sweep.json").write_text("{")
     result = train_here("-m", "seed=0,1", where)
     assert result.returncode == 2
     (line,) = result.stderr.splitlines()
@@ -197,16 +140,13 @@ def test_the_option_for_a_sweep_may_come_last(run_here):
     assert "failed: job 2 of 2: seed=-2: seed must be a whole number from 0 to" in result.stderr
 
 
-def test_a_comparison_that_cannot_be_written_is_an_error_in_one_line(tmp_path, monkeypatch, capsys):
-    def at_end(folder):
-        raise OSError(28, "No space left on device", str(folder / "comparison.csv"))
-
-    monkeypatch.setenv("FLYRL_SWEEP_PROCESS", "")
-    with pytest.raises(SystemExit) as end:
-        run_sweep(Sweep(tmp_path, True, (), False), ["train.py"], lambda: None, at_end)
-    assert end.value.code == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"error: [Errno 28] No space left on device: '{tmp_path / 'comparison.csv'}'"
+def test_a_comparison_that_cannot_be_written_is_an_error_in_one_line(tmp_path, run_here):
+    make_run(tmp_path / "here" / "run")
+    (tmp_path / "here" / "comparison.csv").mkdir()
+    result = run_here("train.py", "-m", "seed=-1,-2", "hydra.sweep.dir=here")
+    assert result.returncode == 2
+    assert "error: [Errno 21] Is a directory: " in result.stderr
+    assert "Traceback" not in result.stderr
 
 
 def _only_sweep(folder):
@@ -214,11 +154,14 @@ def _only_sweep(folder):
     return sweep
 
 
+def _compared(sweep, key):
+    with (sweep / "comparison.csv").open(newline="") as file:
+        return [(row.get(key), row["runs"]) for row in csv.DictReader(file)]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["-m", "launcher=submitit"])
-def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
-    asked = (how, "algo.gamma=2,0.9")
-    result = train_here(*asked) if how == "-m" else _train(tmp_path, *asked)
+def test_a_job_that_fails_in_another_process_takes_no_other_down(tmp_path):
+    result = _train(tmp_path, "launcher=submitit", "algo.gamma=2,0.9", "seed=0")
     assert result.returncode == 1, result.stderr
     message = "algo.gamma must be a finite number from 0 to 1, got 2.0\n"
     assert f"failed: job 1 of 2: algo.gamma=2: {message}" in result.stderr
@@ -230,26 +173,7 @@ def test_one_failing_job_takes_no_other_down(tmp_path, train_here, how):
     command = (run / "command.txt").read_text()
     assert "algo.gamma=0.9" in command
     assert "launcher" not in command
-    with (sweep / "comparison.csv").open(newline="") as file:
-        assert [(row["algo.gamma"], row["runs"]) for row in csv.DictReader(file)] == [
-            ("0.9", "1"),
-            ("2", "0"),
-        ]
-
-
-@pytest.mark.slow
-def test_a_sweep_grows_in_its_folder_and_leaves_what_is_finished(tmp_path, train_here):
-    assert train_here("-m", "seed=0", "hydra.sweep.dir=here").returncode == 0
-    before = {path.name for path in (tmp_path / "here").glob("*_target_*")}
-    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here")
-    assert result.returncode == 0, result.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["here"]
-    after = {path.name for path in (tmp_path / "here").glob("*_target_*")}
-    assert len(before) == 1
-    assert before < after
-    assert {name.rsplit("_", 1)[1] for name in after} == {"0", "1"}
-    assert len(after) == 2
-    assert len(json.loads((tmp_path / "here" / "sweep.json").read_text())["commands"]) == 2
+    assert _compared(sweep, "runs") == [("1", "1")]
 
 
 @pytest.mark.slow
@@ -278,53 +202,53 @@ def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, how, number):
 
 
 @pytest.mark.slow
-def test_a_sweep_started_again_goes_on_with_what_was_interrupted(tmp_path, train_here):
+def test_a_sweep_started_again_leaves_resumes_and_starts(tmp_path, train_here):
+    """Of three runs the first is finished, the second interrupted, the third asked for later."""
     sweep = tmp_path / "here"
-    asked = ("-m", "seed=0,1", "hydra.sweep.dir=here", "training.total_timesteps=512")
+    asked = ("-m", "hydra.sweep.dir=here", "training.total_timesteps=512")
 
     def interrupt():
         deadline = time.monotonic() + 60
         while time.monotonic() < deadline:
-            if any(file.stat().st_size for file in sweep.glob("*/progress.csv")):
+            if sum(file.stat().st_size > 0 for file in sweep.glob("*/progress.csv")) == 2:
                 os.kill(os.getpid(), signal.SIGTERM)
                 return
             time.sleep(0.002)
 
     thread = threading.Thread(target=interrupt)
     thread.start()
-    result = train_here(*asked)
+    result = train_here(*asked, "seed=0,1")
     thread.join()
     assert result.returncode == 128 + signal.SIGTERM
+    assert "failed: job 2 of 2: seed=1: interrupted" in result.stderr
     assert "the same command with hydra.sweep.dir=here" in result.stderr
-    notes = [note for _, note in read_jobs(sweep)]
-    assert notes[0].error == "interrupted"
-    assert notes[1] is None
-    (first,) = sweep.glob("*_target_*")
-    assert 0 < read_run(first).decisions < 512
-    result = train_here(*asked)
+    first, second = sorted(sweep.glob("*_target_*"), key=lambda run: run.name[-1])
+    assert [read_run(run).state for run in (first, second)] == ["finished", "interrupted"]
+    assert 0 < read_run(second).decisions < 512
+    result = train_here(*asked, "seed=0,1,2")
     assert result.returncode == 0, result.stderr
-    assert sorted(path.name[-2:] for path in sweep.glob("*_target_*")) == ["_0", "_1"]
-    assert {read_run(path).decisions for path in sweep.glob("*_target_*")} == {512}
-    assert len((first / "command.txt").read_text().splitlines()) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["here"]
+    runs = sorted(sweep.glob("*_target_*"), key=lambda run: run.name[-1])
+    assert runs[:2] == [first, second]
+    assert [read_run(run).decisions for run in runs] == [512] * 3
+    commands = [len((run / "command.txt").read_text().splitlines()) for run in runs]
+    assert commands == [1, 2, 1]
 
 
 @pytest.mark.slow
-def test_terms_of_your_own_can_be_swept(tmp_path, train_here):
+def test_terms_of_your_own_can_be_swept_and_a_job_that_fails_takes_none_down(tmp_path, train_here):
     (tmp_path / "swept_terms.py").write_text(
         "from flyrl.tasks import RewardTerm\n"
         "BONUS = RewardTerm('bonus', 1.0, lambda state: state.fly.position_w[:, 2], 'mm')\n"
     )
-    result = train_here("-m", "task.terms=[],[swept_terms:BONUS]")
-    assert result.returncode == 0, result.stderr
-    sweep = _only_sweep(tmp_path)
-    terms = [read_run(path).setting("task.terms") for path in sorted(sweep.glob("*_target_*"))]
-    assert terms == [[], ["swept_terms:BONUS"]]
-    assert "job 2 of 2: task.terms=[swept_terms:BONUS]\n" in result.stderr
-    with (sweep / "comparison.csv").open(newline="") as file:
-        assert [(row["task.terms"], row["runs"]) for row in csv.DictReader(file)] == [
-            ("[]", "1"),
-            ("[swept_terms:BONUS]", "1"),
-        ]
+    result = train_here("-m", "task.terms=[no_terms:X],[swept_terms:BONUS],[]")
+    assert result.returncode == 1, result.stderr
+    assert "failed: job 1 of 3: task.terms=[no_terms:X]: task.terms[0] is" in result.stderr
+    assert "job 2 of 3: task.terms=[swept_terms:BONUS]\n" in result.stderr
+    assert {*_compared(_only_sweep(tmp_path), "task.terms")} == {
+        ("[]", "1"),
+        ("['swept_terms:BONUS']", "1"),
+    }
 
 
 def _worker_at_work(driver, sweep):

@@ -4,18 +4,12 @@ import subprocess
 import sys
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from flyrl.cli.entry import Start
-from flyrl.cli.train import _earlier, _with_way_on
-from flyrl.envs.core import EnvConfig
 from flyrl.policies import load_policy
-from flyrl.training.config import TrainingConfig
-from flyrl.training.run_folder import RunFolder
-from flyrl.training.runs import held, read_run, training_returns
+from flyrl.training.runs import read_run, training_returns
 from tests.tiny import TINY_ARGUMENTS
 
 ROOT = Path(__file__).parents[2]
@@ -120,29 +114,3 @@ def test_a_folder_that_cannot_be_written_to_is_an_error_in_one_line(tmp_path, ru
     result = run_here("train.py", *TINY_ARGUMENTS)
     assert result.returncode == 2
     assert result.stderr == "error: [Errno 17] File exists: 'runs'\n"
-
-
-def test_an_error_of_the_system_says_how_to_go_on_once_there_is_a_checkpoint(tmp_path):
-    config = TrainingConfig(env=EnvConfig())
-    run = RunFolder.create(config, tmp_path)
-    full = OSError(28, "No space left on device")
-    assert _with_way_on(full, config, tmp_path) is full
-    run.checkpoint(64).write_text("")
-    told = f"{full}; once {run.path} can be written to, go on with: resume={run.path}"
-    assert str(_with_way_on(full, config, tmp_path)) == told
-    assert str(_with_way_on(full, config, run.path)) == told
-
-
-def test_a_sweep_knows_a_run_again_that_another_launcher_began(tmp_path):
-    config = TrainingConfig(env=EnvConfig())
-    here = replace(config.training, num_threads=1, progress_bar=False)
-    run = RunFolder.create(replace(config, training=here), tmp_path)
-    start = Start((), ("seed=0",), tmp_path)
-    assert _earlier(config, start) is None  # nothing to go on from
-    run.checkpoint(64).write_text("")
-    assert _earlier(config, start).path == run.path
-    assert _earlier(replace(config, seed=1), start) is None
-    asked = replace(start, overrides=("training.num_threads=0",))
-    assert _earlier(config, asked) is None
-    with held(run.path), pytest.raises(ValueError, match="another process trains in"):
-        _earlier(config, start)

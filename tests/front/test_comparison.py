@@ -1,35 +1,30 @@
 import csv
-import json
-from pathlib import Path
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import pytest
 import yaml
 
 from flyrl.cli.main import main
-from flyrl.cli.sweep import run_job
-from flyrl.cli.sweeps import compare_sweep
+from flyrl.envs.core import EnvConfig
 from flyrl.front.comparison import (
-    group_jobs,
+    earlier_run,
     group_runs,
     label,
     ranked,
     table,
     telling_keys,
 )
-from flyrl.training.runs import read_run
+from flyrl.training.config import TrainingConfig
+from flyrl.training.run_folder import RunFolder
+from flyrl.training.runs import held, read_run
 from tests.training.folders import make_run
 
 
-def _sweep(folder, jobs):
-    (folder / "sweep.json").write_text(json.dumps({"commands": [], "jobs": jobs}))
-
-
-def _jobs(tmp_path, algo, successes):
+def _seeds(tmp_path, successes):
     for seed, success in enumerate(successes):
         rows = [(100, 1.0, 5.0), (200, success, 2.0)]
-        folder = make_run(tmp_path / f"{algo}{seed}", seed=seed, evaluations=rows)
-        yield {"seed": str(seed), "algo": algo}, read_run(folder)
+        yield read_run(make_run(tmp_path / str(seed), seed=seed, evaluations=rows))
 
 
 def _run(folder, settings=None, **arguments):
@@ -65,7 +60,7 @@ def _texts(folder):
 
 
 def test_five_seeds_have_an_interval(tmp_path):
-    (row,) = table(group_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8, 0.9]))))
+    (row,) = table(group_runs(_seeds(tmp_path, [0.5, 0.6, 0.7, 0.8, 0.9])))
     assert (row["jobs"], row["runs"]) == (5, 5)
     assert row["final_success_mean"] == pytest.approx(0.7)
     # t(0.975, 4) = 2.776; standard error = sqrt(0.025 / 5)
@@ -75,33 +70,14 @@ def test_five_seeds_have_an_interval(tmp_path):
 
 
 def test_four_seeds_have_none(tmp_path):
-    (row,) = table(group_jobs(list(_jobs(tmp_path, "ppo", [0.5, 0.6, 0.7, 0.8]))))
+    (row,) = table(group_runs(_seeds(tmp_path, [0.5, 0.6, 0.7, 0.8])))
     assert row["final_success_mean"] == pytest.approx(0.65)
     assert row["final_success_low"] is None
 
 
-def test_a_row_per_swept_setting_over_finished_runs_only(tmp_path):
-    jobs = [*_jobs(tmp_path, "ppo", [0.5, 0.75]), *_jobs(tmp_path, "sac", [0.25])]
-    unfinished = make_run(tmp_path / "x", interrupted_by="SIGTERM")
-    jobs += [({"seed": "1", "algo": "sac"}, read_run(unfinished))]
-    jobs += [({"seed": "2", "algo": "sac"}, None)]
-    rows = table(group_jobs(jobs))
-    assert [(row["algo"], row["jobs"], row["runs"]) for row in rows] == [
-        ("ppo", 2, 2),
-        ("sac", 3, 1),
-    ]
-    assert [row["final_success_mean"] for row in rows] == [0.625, 0.25]
-
-
-def test_a_run_that_two_jobs_share_counts_once(tmp_path):
-    jobs = list(_jobs(tmp_path, "ppo", [0.5]))
-    assert len(group_jobs(jobs * 2)[0].runs) == 1
-
-
 def test_a_sweep_is_printed_written_and_drawn(tmp_path, capsys):
-    _sweep(tmp_path, [["seed=0", "algo=ppo"], ["seed=0", "algo=sac"]])
-    folder = make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.25)])
-    run_job(tmp_path, Path.cwd(), ("seed=0", "algo=ppo"), "", lambda: folder)
+    make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.25)])
+    make_run(tmp_path / "b", algo="sac", interrupted_by="SIGTERM")
     assert main(["sweep", str(tmp_path)]) == 0
     first, second = _rows(tmp_path)
     assert (first["algo"], first["final_success_mean"], first["best_return_mean"]) == (
@@ -116,20 +92,12 @@ def test_a_sweep_is_printed_written_and_drawn(tmp_path, capsys):
     assert (tmp_path / "learning_curves.png").is_file()
 
 
-def test_a_sweep_without_a_finished_run_has_one_row_and_no_figure(tmp_path, capsys):
-    _sweep(tmp_path, [["seed=0"], ["seed=1"]])
-    compare_sweep(tmp_path)
-    assert "0 of 2" in capsys.readouterr().out
-    assert {path.name for path in tmp_path.iterdir()} == {"sweep.json", "comparison.csv"}
-
-
-def test_a_sweep_can_be_written_elsewhere(tmp_path):
-    sweep = tmp_path / "sweep"
-    sweep.mkdir()
-    _sweep(sweep, [["seed=0"]])
-    assert main(["sweep", str(sweep), "--output", str(tmp_path / "a" / "b")]) == 0
-    assert _rows(tmp_path / "a" / "b")[0]["runs"] == "0"
-    assert [path.name for path in sweep.iterdir()] == ["sweep.json"]
+def test_a_sweep_without_a_finished_run_can_be_written_elsewhere_without_a_figure(tmp_path):
+    make_run(tmp_path / "sweep" / "a", interrupted_by="SIGTERM")
+    assert main(["sweep", str(tmp_path / "sweep"), "--output", str(tmp_path / "a" / "b")]) == 0
+    assert [path.name for path in (tmp_path / "sweep").iterdir()] == ["a"]
+    assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["comparison.csv"]
+    assert [row["runs"] for row in _rows(tmp_path / "a" / "b")] == ["0"]
 
 
 def test_sweeps_and_single_runs_are_compared_as_one_sweep(tmp_path):
@@ -286,7 +254,7 @@ def test_settings_of_runs_are_no_formulas_in_a_spreadsheet(tmp_path):
         (["a", "a"], "error: several folders need --output, the folder to write to\n"),
         (["a", "b", "--output", "out"], "error: there is no run in b\n"),
         (["a", "none", "--output", "out"], "error: there is no run in none\n"),
-        (["a"], "error: a is not the folder of a sweep: "),
+        (["b"], "error: there is no run in b\n"),
     ],
 )
 def test_wrong_command_lines(tmp_path, monkeypatch, capsys, arguments, message):
@@ -296,3 +264,16 @@ def test_wrong_command_lines(tmp_path, monkeypatch, capsys, arguments, message):
     assert main(["sweep", *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_sweep_knows_a_run_again_that_another_launcher_began(tmp_path):
+    config = TrainingConfig(env=EnvConfig())
+    here = replace(config.training, num_threads=1, progress_bar=False)
+    run = RunFolder.create(replace(config, training=here), tmp_path)
+    assert earlier_run(config, tmp_path) is None  # nothing to resume from
+    run.checkpoint(64).write_text("")
+    assert earlier_run(config, tmp_path, ["seed"]).path == run.path
+    assert earlier_run(replace(config, seed=1), tmp_path) is None
+    assert earlier_run(config, tmp_path, ["training.num_threads"]) is None
+    with held(run.path), pytest.raises(ValueError, match="another process trains in"):
+        earlier_run(config, tmp_path)

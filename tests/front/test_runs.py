@@ -14,11 +14,12 @@ from safetensors.numpy import load_file
 import flyrl
 from flyrl.cli.config import training_config
 from flyrl.cli.groups import composed
-from flyrl.front.runs import TrainingInterrupted
+from flyrl.front.runs import TrainingInterrupted, learn
 from flyrl.resources import configs_folder
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import config_from_keywords, training_record
+from flyrl.training.run_folder import RunFolder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
 
@@ -155,3 +156,25 @@ def test_an_interrupted_run_is_resumed_to_the_same_bits(tmp_path):
     ours, theirs = (load_file(each.folder / "last.safetensors") for each in (resumed, whole))
     for name, values in theirs.items():
         np.testing.assert_array_equal(ours[name], values)
+
+
+def test_an_error_of_the_system_says_how_to_resume_once_there_is_a_checkpoint(
+    tmp_path, monkeypatch
+):
+    """A full disk, which nothing here can fill."""
+    config = config_from_keywords(SHORT_TARGET, physics="fast", num_envs=4)
+    full = OSError(28, "No space left on device")
+
+    def fail(*_, **__):
+        raise full
+
+    monkeypatch.setattr("flyrl.front.runs.start", fail)
+    run = RunFolder.create(config, tmp_path)
+    with pytest.raises(OSError, match="No space") as caught:
+        learn(config, tmp_path)
+    assert caught.value is full
+    run.checkpoint(64).write_text("")
+    told = f"{full}; once {run.path} can be written to, resume with: resume={run.path}"
+    with pytest.raises(OSError, match="No space") as caught:
+        learn(config, tmp_path)
+    assert str(caught.value) == told

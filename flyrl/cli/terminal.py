@@ -1,26 +1,27 @@
-"""Errors of the user's: the one place where an exception becomes a message and an exit status."""
+"""The terminal: what is typed there, tables, and errors as messages and exit statuses."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from flyrl.text import printable
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 LEFT_OUT: Final = 1
 """Exit status: done, but something was left out, failed or differs: the command says what."""
 
 UNUSABLE: Final = 2
 """Exit status: the command line, or a file that it names, cannot be used."""
-
-INTERRUPTED: Final = 128 + signal.SIGINT
-"""Exit status after Ctrl-C, as shells have it."""
 
 PIPE_CLOSED: Final = 128 + 13  # SIGPIPE, which Windows has not
 """Exit status where the reader of the output wants no more of it, as `head`."""
@@ -61,7 +62,8 @@ def reported() -> Iterator[None]:
     Failure
         After such an error, with status 2.
     Ended
-        After Ctrl-C, or if whoever reads the output wants no more of it.
+        After Ctrl-C, or a signal that raised KeyboardInterrupt with its number; or if whoever
+        reads the output wants no more of it.
     """
     with _open_streams(), _plain_warnings():
         try:
@@ -74,9 +76,9 @@ def reported() -> Iterator[None]:
         except BrokenPipeError:
             _drop_output()
             raise Ended(PIPE_CLOSED) from None
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
             print("interrupted", file=sys.stderr)
-            raise Ended(INTERRUPTED) from None
+            raise Ended(128 + (stop.args[0] if stop.args else signal.SIGINT)) from None
         except Exception as error:
             if os.environ.get("HYDRA_FULL_ERROR") or not _is_users(error):
                 raise
@@ -132,3 +134,62 @@ def _drop_output() -> None:
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, sys.stdout.fileno())
             os.close(nowhere)
+
+
+class Subparsers(Protocol):
+    """What `ArgumentParser.add_subparsers` returns."""
+
+    def add_parser(self, name: str, **settings: Any) -> argparse.ArgumentParser:
+        """Parser of a new subcommand."""
+        ...
+
+
+def program() -> tuple[str, ...]:
+    """Interpreter and program, without arguments."""
+    script = Path(sys.argv[0])
+    if script.name == "__main__.py":  # as python -m: the file by itself would not find its package
+        return (sys.executable, "-m", script.parent.name)
+    return (sys.executable, sys.argv[0])
+
+
+def path_argument(text: str) -> Path:
+    """Path on a command line; an empty one, as of an unset variable, is no path."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the path is empty")
+    return Path(text)
+
+
+NOTHING: Final = "-"
+_PIPE_WIDTH: Final = 1000
+"""Characters of a line that goes into a file or a pipe, where nothing needs folding."""
+
+Row = Mapping[str, Any]
+
+
+def print_table(columns: Sequence[str], rows: Sequence[Row]) -> None:
+    """Print rows under the heads of their columns; numbers to the right, nothing as a dash."""
+    from rich import box  # noqa: PLC0415
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for column in columns:
+        is_number = all(isinstance(row.get(column), int | float | None) for row in rows)
+        table.add_column(_text(column), justify="right" if is_number else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(_text(row.get(column)) for column in columns))
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _PIPE_WIDTH
+    console.print(table)
+
+
+def _text(value: Any) -> Text:
+    """A cell; what a stranger's file holds cannot move the cursor or colour the terminal."""
+    from rich.text import Text  # noqa: PLC0415
+
+    if value is None:
+        return Text(NOTHING)
+    if isinstance(value, float):
+        return Text(f"{value:.4g}")
+    return Text(printable(str(value)))

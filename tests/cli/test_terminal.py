@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from flyrl.cli.errors import Ended, Failure, reported
+from flyrl.cli.terminal import Ended, Failure, reported
 
 ROOT = Path(__file__).parents[2]
 
