@@ -50,12 +50,13 @@ def training_config(config: Mapping[str, Any]) -> TrainingConfig:
     ValueError
         A key or value that is not allowed.
     """
+    logger = _logger_config(config) if "logger" in config else None
     return TrainingConfig(
         env=env_config(config),
-        algo=algorithm_config(config),
         training=from_keys("training", present_names(group(config, "training")), ScheduleConfig),
         seed=whole_number("seed", config.get("seed", 0), 0, LARGEST_SEED),
-        logger=_logger_config(config) if "logger" in config else None,
+        logger=logger,
+        algo=algorithm_config(config),
     )
 
 

@@ -16,15 +16,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, cast
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 
 from flyrl.cli.arguments import Sweep, check_arguments, own_overrides, with_own_things
-from flyrl.cli.groups import HYDRA_VERSION, plain_values
+from flyrl.cli.groups import HYDRA_VERSION
 from flyrl.cli.terminal import Failure, program, reported
 from flyrl.files import new_folder, usable_folder, write_text
 from flyrl.resources import configs_folder
@@ -96,13 +96,17 @@ def run_command(
         here, process = Path.cwd(), os.getpid()
         full_errors = os.environ.get(_FULL_ERRORS)
 
+        def run_with(config: DictConfig, start: Start) -> Path:
+            values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+            return run(cast(dict[str, Any], values), start)
+
         def job(config: DictConfig) -> None:
             settings = HydraConfig.get()
             overrides = own_overrides(settings.overrides.task)
             with _variable(_FULL_ERRORS, full_errors):
                 if settings.mode is not RunMode.MULTIRUN:
                     with reported():
-                        run(plain_values(config), Start((*command, *arguments), overrides))
+                        run_with(config, Start((*command, *arguments), overrides))
                     return
                 title, label = names.get(overrides, ("", ""))
                 folder = Path(settings.sweep.dir)
@@ -111,7 +115,7 @@ def run_command(
                     print(title, file=sys.stderr)
                     run_job(
                         note_of(folder, overrides),
-                        lambda: run(plain_values(config), start),
+                        lambda: run_with(config, start),
                         is_here=os.getpid() == process,
                     )
 

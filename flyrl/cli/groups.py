@@ -142,15 +142,11 @@ def _tuned(*, _root_: DictConfig) -> str:
 OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
 
 
-def plain_values(config: DictConfig) -> dict[str, Any]:
-    """Composed config as plain, resolved values."""
-    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-    return cast(dict[str, Any], values)
-
-
 def composed(config_name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Settings that a command line with these overrides stands for, as plain values."""
     register()
     folder = str(configs_folder().resolve())
     with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
-        return plain_values(compose(config_name, list(overrides)))
+        config = compose(config_name, list(overrides))
+    values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+    return cast(dict[str, Any], values)

@@ -59,10 +59,10 @@ def run(record: dict[str, Any], start: Start) -> Path:
     resumed = None if record["resume"] is None else file_path("resume", record["resume"])
     if resumed:
         record = {**record, **_settings_of_run(resumed, start.overrides, record["trust"])}
+    settings = evaluation_settings(group(record, "evaluation"))
     config = training_config(record)
     if config.logger is not None:
         config.logger.check_installed()
-    settings = evaluation_settings(group(record, "evaluation"))
     # a mistake in it shows before the training, not after
     compared = comparison(record, settings, start.command) if record["evaluate_after"] else None
     # a wrong value has been reported by now, without torch
@@ -75,11 +75,12 @@ def run(record: dict[str, Any], start: Start) -> Path:
     shares: dict[str, float] = {}
     if compared and config.training.progress_bar:
         shares = simulated_shares(config, compared, videos=settings.videos)
-    asked = tuple(by_key(start.overrides))
-    if start.sweep and not resumed and (earlier := earlier_run(config, start.sweep, asked)):
-        if earlier.state == "finished":
-            print(f"run: {earlier.path}", flush=True)
-            return earlier.path
+    is_new = start.sweep and not resumed
+    earlier = earlier_run(config, runs, [*by_key(start.overrides)]) if is_new else None
+    if earlier and earlier.state == "finished":
+        print(f"run: {earlier.path}", flush=True)
+        return earlier.path
+    if earlier:
         resumed, config = earlier.path, training_config({**record, **earlier.settings})
     report, is_complete = None, True
     with whole_job(shares):
