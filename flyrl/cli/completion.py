@@ -1,4 +1,4 @@
-"""flyrl completion: the shell completes commands, options, names and folders.
+"""flyrl completion: the shell completes commands, options, names, folders and files.
 
 Hydra itself completes the settings of `train.py` and `evaluate.py`.
 """
@@ -6,10 +6,8 @@ Hydra itself completes the settings of `train.py` and `evaluate.py`.
 from __future__ import annotations
 
 import argparse
-import functools
 import importlib
-from collections.abc import Callable, Iterable
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any, Final, cast
 
 from flyrl.cli.terminal import Subparsers
@@ -23,9 +21,7 @@ _TABLES: Final = {
     "task": "flyrl.tasks:TASKS",
     "terrain": "flyrl.terrains:TERRAINS",
 }
-
-Offer = dict[str, str]
-"""What can stand there, and a word about each."""
+"""Option -> the table of its values, imported when it is asked for."""
 
 
 def add_to(subparsers: Subparsers) -> None:
@@ -33,8 +29,7 @@ def add_to(subparsers: Subparsers) -> None:
     parser = subparsers.add_parser(
         "completion",
         help="print what makes a shell complete flyrl's command lines",
-        description="Print code that makes the shell complete commands, options, names "
-        "and run folders.",
+        description="Print code that makes the shell complete commands, options, names and files.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="once for every new shell:\n"
         """  bash: echo 'eval "$(flyrl completion bash)"' >> ~/.bashrc\n"""
@@ -66,82 +61,21 @@ def offered(
     """Values of an argument without choices of its own, or else files, as argcomplete asks."""
     from argcomplete.completers import FilesCompleter  # noqa: PLC0415
 
-    offer = _offer(parser.prog.rpartition(" ")[2], action.dest)
-    if offer is not None:
-        return offer(prefix=prefix)
-    files: Iterable[str] = FilesCompleter()(prefix)
-    return files
-
-
-def _offer(command: str, argument: str) -> Callable[..., Offer] | None:
-    """What offers the values of an argument of a subcommand, if anything does."""
     from flyrl.cli.figures import FIGURES  # noqa: PLC0415
     from flyrl.cli.play import NAMES  # noqa: PLC0415
+    from flyrl.resources import assets_folder, configs_folder  # noqa: PLC0415
 
-    by_both: dict[tuple[str, str], Callable[..., Offer]] = {
-        ("figures", "names"): lambda **_: dict(FIGURES),
-        ("play", "name"): lambda **_: dict.fromkeys(NAMES, ""),
-        ("runs", "paths"): folders,
-        ("sweep", "folders"): functools.partial(folders, below="sweeps"),
-        ("reproduce", "original"): folders,
-        ("reproduce", "repeat"): folders,
-    }
-    by_argument: dict[str, Callable[..., Offer]] = {
-        "policy": policies,
-        "presets": functools.partial(choices, "physics"),
-        "terrains": functools.partial(choices, "terrain"),
-        **{
-            group: functools.partial(choices, group)
-            for group in ("body", "controller", "physics", "search", "task", "terrain")
-        },
-    }
-    return by_both.get((command, argument)) or by_argument.get(argument)
-
-
-def choices(group: str, prefix: str = "", **_: Any) -> Offer:
-    """Names of a group: those of a table of flyrl's, or of the files in `configs/`."""
-    from flyrl.resources import configs_folder  # noqa: PLC0415
-
-    if group not in _TABLES:
-        return {file.stem: "" for file in sorted((configs_folder() / group).glob("*.yaml"))}
-    module, table = _TABLES[group].split(":")
-    return {str(each): "" for each in getattr(importlib.import_module(module), table)}
-
-
-def policies(prefix: str, **_: Any) -> Offer:
-    """Policies that come with flyrl, by name, and run folders."""
-    from flyrl.resources import assets_folder  # noqa: PLC0415
-
-    files = sorted((assets_folder() / "policies").glob("*.safetensors"))
-    return {**{file.stem: "comes with flyrl" for file in files}, **folders(prefix)}
-
-
-def folders(prefix: str, below: str = "", **_: Any) -> Offer:
-    """Run folders, and the folders on the way to others.
-
-    Parameters
-    ----------
-    prefix
-        What is typed already.
-    below
-        A folder in `runs/` of which all folders are offered too.
-    """
-    from flyrl.training.runs import find_runs  # noqa: PLC0415
-
-    near = Path(prefix.rpartition("/")[0] or ("/" if prefix.startswith("/") else "."))
-    offer = {}
-    if prefix and near.is_dir():
-        offer = {
-            f"{prefix.rpartition('/')[0]}/{entry.name}/" if "/" in prefix else f"{entry.name}/": ""
-            for entry in near.iterdir()
-            if entry.is_dir() and not entry.name.startswith(".")
-        }
-    looked_in = [Path("runs"), *([near] if near != Path() else [])]
-    for folder in looked_in:
-        if folder.is_dir():
-            offer |= {str(run): "a run" for run in find_runs(folder) if f"{run}/" != prefix}
-    if below and (Path("runs") / below).is_dir():
-        offer |= {str(each): "" for each in (Path("runs") / below).iterdir() if each.is_dir()}
-    for run in [each for each in offer if f"{each}/" in offer]:
-        del offer[f"{run}/"]  # whole as it is: no slash to wait behind
-    return offer
+    command = parser.prog.rpartition(" ")[2]
+    if action.dest in _TABLES:
+        module, table = _TABLES[action.dest].split(":")
+        return [*map(str, getattr(importlib.import_module(module), table))]
+    if action.dest == "search":
+        return [file.stem for file in (configs_folder() / "search").glob("*.yaml")]
+    if (command, action.dest) == ("figures", "names"):
+        return FIGURES
+    if (command, action.dest) == ("play", "name"):
+        return NAMES
+    files = [*FilesCompleter()(prefix)]
+    if action.dest == "policy":
+        files += [file.stem for file in (assets_folder() / "policies").glob("*.safetensors")]
+    return files

@@ -7,8 +7,9 @@ import json
 import os
 import sys
 import webbrowser
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -130,31 +131,25 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
 
     Raises
     ------
+    ValueError
+        MuJoCo's web viewer is not installed.
     OSError
-        The port is in use, or the log cannot be written.
+        It does not start, the port is in use, or the log cannot be written.
     """
-    try:
-        return _serve(make, options)
-    except KeyboardInterrupt:
-        print()
-        return 0
-
-
-def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
     try:
         from flyrl.play import page as pages  # noqa: PLC0415
         from flyrl.play.loopback import listen, url  # noqa: PLC0415
     except ImportError as error:
-        return _fail(
+        raise ValueError(
             f"mujoco.studio, which shows the page, cannot be used ({error}); "
             "install mujoco in the version that flyrl asks for: "
             "pip install -e . in flyrl's checkout"
-        )
+        ) from error
 
     try:
         with (
             listen(options.port) as listening,
-            _log(options.log) as log,
+            (options.log or Path(os.devnull)).open("w", encoding="utf-8") as log,
             pages.serve(listening) as page,
         ):
             address = url(listening)
@@ -163,12 +158,13 @@ def _serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
             from flyrl.play.session import Session  # noqa: PLC0415
 
             with closing(VideoRecorder(options.record_folder, options.name)) as recorder:
-                session = Session(make(), recorder, log)
+                note = partial(print, file=log, flush=True)
+                session = Session(make(), recorder, lambda entry: note(json.dumps(entry)))
                 if not options.no_browser:
                     _open_browser(address)
                 page.play(session)
-    except pages.PageUnavailableError as error:
-        return _fail(str(error))
+    except KeyboardInterrupt:
+        print()
     return 0
 
 
@@ -187,18 +183,3 @@ def _open_browser(address: str) -> None:
     has_screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if (sys.platform == "linux" and not has_screen) or not webbrowser.open(address, new=2):
         print(f"no browser can be opened here; open {address} in one", flush=True)
-
-
-def _fail(reason: str) -> int:
-    print(f"error: {reason}", file=sys.stderr)
-    return 2
-
-
-@contextmanager
-def _log(path: Path | None) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """Give a function that writes an entry to a file, at once; or nowhere, without a path."""
-    if path is None:
-        yield lambda entry: None
-        return
-    with path.open("w", encoding="utf-8") as file:
-        yield lambda entry: print(json.dumps(entry), file=file, flush=True)

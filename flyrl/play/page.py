@@ -58,7 +58,7 @@ _CLICK: Final = "click"
 """Among the keys: what a click on the ground does."""
 
 
-class PageUnavailableError(RuntimeError):
+class PageUnavailableError(OSError):
     """MuJoCo's web viewer does not start here."""
 
 

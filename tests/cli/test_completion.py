@@ -46,11 +46,6 @@ def offered(monkeypatch):
     return offered
 
 
-def _make_run(folder):
-    folder.mkdir(parents=True)
-    (folder / "config.yaml").touch()
-
-
 def test_commands(offered):
     assert offered("flyrl re") == ["reproduce"]
 
@@ -69,13 +64,11 @@ def test_choices_of_a_group(offered):
     assert offered("flyrl tune --search p") == ["ppo"]
 
 
-def test_run_folders(offered, tmp_path, monkeypatch):
+def test_policies_and_files(offered, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    _make_run(tmp_path / "runs" / "one")
-    _make_run(tmp_path / "runs" / "sweeps" / "all" / "two")
-    assert offered("flyrl reproduce runs/o") == ["runs/one"]
-    assert offered("flyrl runs runs/sw") == ["runs/sweeps/", "runs/sweeps/all/two"]
-    assert {*offered("flyrl sweep runs/sweeps/a")} == {"runs/sweeps/all", "runs/sweeps/all/two"}
+    (tmp_path / "runs" / "one").mkdir(parents=True)
+    assert offered("flyrl reproduce runs/o") == ["runs/one/"]
+    assert offered("flyrl play --policy target-f") == ["target-flat"]
 
 
 @pytest.mark.parametrize("shell", SHELLS)

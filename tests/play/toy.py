@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from flyrl.cli.play import add_to, serve
+from flyrl.cli.terminal import reported
 from flyrl.play.session import Playable
 
 _SHAPES = {
@@ -134,4 +135,5 @@ if __name__ == "__main__":
             time.sleep(0.02)
         return Toy()
 
-    sys.exit(serve(make, options))
+    with reported():
+        sys.exit(serve(make, options))
