@@ -140,10 +140,11 @@ def command_parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.Argum
 
 def _compile(options: argparse.Namespace) -> int:
     """Print the time that it took, and the folders."""
-    from flyrl.simulation.callback import cache_folders, install  # noqa: PLC0415
+    from flyrl.simulation.callback import cache_folders  # noqa: PLC0415
+    from flyrl.simulation.fly_scene import compile_controllers  # noqa: PLC0415
 
     start = time.perf_counter()
-    install()
+    compile_controllers()
     print(f"controllers ready after {time.perf_counter() - start:.1f} s")
     print(*(f"cache: {folder}" for folder in cache_folders()), sep="\n")
     return 0

@@ -38,7 +38,7 @@ def _c_functions() -> dict[str, Any]:
     """Compile our callbacks, by place; that MuJoCo writes no log file is settled here too."""
     _keep_out_of_the_users_folder()
     found = layout()
-    with one_process_at_a_time(), announced():
+    with compiling():
         control, sensor = control_callback(found), sensor_callback(found)
     return {
         "mjcb_control": _CONTROL_TYPE(control.address),
@@ -47,19 +47,16 @@ def _c_functions() -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def one_process_at_a_time() -> Iterator[None]:
-    """Let other processes wait, which then find in the cache what this one has compiled."""
+def compiling() -> Iterator[None]:
+    """Let other processes wait, which then find in the cache what this one compiles meanwhile.
+
+    If Numba compiles anything instead of reading its cache, stderr says so, once per process.
+    """
     with Path(__file__).open() as file:
         with contextlib.suppress(OSError):  # a file system without locks
             lock_descriptor(file.fileno())
-        yield
-
-
-@contextlib.contextmanager
-def announced() -> Iterator[None]:
-    """Say so on stderr, once, if Numba compiles anything meanwhile instead of reading its cache."""
-    with install_listener("numba:run_pass", _Announcement()):
-        yield
+        with install_listener("numba:run_pass", _ANNOUNCEMENT):
+            yield
 
 
 class _Announcement(Listener):
@@ -76,6 +73,9 @@ class _Announcement(Listener):
 
     def on_end(self, event: Event) -> None:
         pass
+
+
+_ANNOUNCEMENT: Final = _Announcement()
 
 
 def cache_folders() -> list[Path]:

@@ -1,5 +1,6 @@
 """The scene of flies: the body on its ground, with what the control callback needs, compiled."""
 
+import itertools
 from dataclasses import replace
 from typing import Final
 
@@ -8,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import CONTACT_SEGMENTS, END_EFFECTORS, JOINTS, LEGS, SENSED_SEGMENTS
-from flyrl.bodies.fly import FlyConfig, add_trunk, build_fly, servo_stiffness
+from flyrl.bodies.fly import FLIES, FlyConfig, add_trunk, build_fly, servo_stiffness
 from flyrl.bodies.table import BodyName
-from flyrl.controllers import Controller, Hybrid
+from flyrl.controllers import CONTROLLERS, Controller, Hybrid
 from flyrl.controllers.controller import compiled_step
+from flyrl.controllers.gait_log import grounded_legs_of
 from flyrl.controllers.steps import StepsName
-from flyrl.muscles import MotorPool
-from flyrl.simulation.callback import announced, one_process_at_a_time
+from flyrl.muscles import MotorPool, Muscle
+from flyrl.simulation.callback import compiling, install
 from flyrl.simulation.engine import (
     ENGINE,
     MAGIC,
@@ -24,7 +26,7 @@ from flyrl.simulation.engine import (
     place_fields,
     userdata_dtype,
 )
-from flyrl.simulation.physics import apply_physics
+from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.scene import Scene, SceneConfig, drop_idle_shapes, pair_with_planes
 from flyrl.terrains import add_prop, add_terrain
 
@@ -65,6 +67,19 @@ def leg_controller(config: SceneConfig) -> Controller:
     return controller
 
 
+def compile_controllers() -> None:
+    """Compile what a first environment needs, unless that is done.
+
+    The callbacks, all built-in controllers for every fly, and what tasks call at a reset.
+    """
+    install()
+    with compiling():
+        grounded_legs_of(np.zeros((1, len(CONTACT_SEGMENTS), 3)), np.empty((1, len(LEGS))))
+        Muscle(MotorPool(np.ones(1))).tension(0)
+        for kind, body in itertools.product(CONTROLLERS.values(), FLIES.values()):
+            compiled_step(fit_controller(kind(), body), PHYSICS_PRESETS["balanced"].timestep)
+
+
 def build_fly_scene(config: SceneConfig, visual: bool) -> Scene:
     """Compile a scene; see `build_scene`."""
     spec = build_fly(config.body, contact=config.physics.contact, visual=visual)
@@ -97,7 +112,7 @@ def build_fly_scene(config: SceneConfig, visual: bool) -> Scene:
     )
     # compiled twice: the controller's record needs the body ids that only a model has
     engine = _engine_record(spec.compile())
-    with one_process_at_a_time(), announced():
+    with compiling():
         engine["kernel"] = compiled_step(controller, timestep)
     place_fields(engine, userdata)
     engine["timestep"] = timestep

@@ -6,7 +6,6 @@ import sys
 import threading
 
 import mujoco
-import numba
 import numpy as np
 import pytest
 
@@ -237,28 +236,14 @@ def test_a_callback_is_compiled_once_and_then_read_from_the_disk(compiled) -> No
     assert compiled(layout()).cache_hits == 1
 
 
-def test_that_something_is_compiled_is_said_once(capsys) -> None:
-    with callback.announced():
-        numba.njit(lambda x: x + 1)(1)
-        numba.njit(lambda x: x + 2)(1)
-    assert capsys.readouterr().err.count("flyrl: compiling the controllers once") == 1
-
-
-def test_nothing_is_said_of_what_is_cached(capsys) -> None:
-    native.control_callback(layout())
-    with callback.announced():
-        native.control_callback(layout())
-    assert capsys.readouterr().err == ""
-
-
 def test_one_process_compiles_while_the_others_wait() -> None:
     entered = threading.Event()
 
     def other() -> None:
-        with callback.one_process_at_a_time():
+        with callback.compiling():
             entered.set()
 
-    with callback.one_process_at_a_time():
+    with callback.compiling():
         thread = threading.Thread(target=other)
         thread.start()
         assert not entered.wait(0.2)
