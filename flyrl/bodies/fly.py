@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
 from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY, ContactConfig, SurfaceContact
 from flyrl.bodies.look import COLOURS, VISUAL_GROUP, add_cameras, add_light, set_look
-from flyrl.bodies.symmetry import REFLECTION, symmetric_table
 from flyrl.bodies.table import (
+    REFLECTION,
     BodyName,
     BodyRow,
     BodyTable,
@@ -27,13 +27,13 @@ from flyrl.bodies.table import (
     body_table,
     leg_collision,
     pose_degrees,
+    symmetric_table,
 )
 from flyrl.resources import assets_folder, muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields, distinct, one_of, within
 
 ROOT_BODY: Final = "Thorax"
 ROOT_JOINT: Final = "root"
-
 
 SERVO_ARMATURE: Final = 2e-8
 """Inertia of a servo about its joint, g mm²: a thousandth of a leg's about its coxa.
@@ -70,7 +70,6 @@ TRUNK: Final = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
 
 TETHER: Final = 1e3
 """g (and g·mm²): inertia that holds the thorax, a million times the fly's; it has no weight."""
-
 
 _LEG_BODIES: Final = tuple(f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS)
 """How the names of the bodies of legs begin; the classic coxa is three bodies."""
@@ -116,7 +115,7 @@ class FlyConfig:
     adhesion_gain : force of a fully gripping leg tip, µN.
     rigid_head : weld the head to the thorax, and the antennae to the head, which saves 21 joints
         that have no part in walking. The published models let them swing.
-    symmetric : make left and right exact mirror images (see `symmetry.symmetric_table`). The
+    symmetric : make left and right exact mirror images (see `table.symmetric_table`). The
         published models are slightly lopsided; take False to have them as they are.
     missing_legs : legs that are cut off. They keep their joints, so that every array has its usual
         shape, but weigh next to nothing, touch nothing and are not seen.

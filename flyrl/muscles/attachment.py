@@ -30,8 +30,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flyrl.muscles.kernels import activate
-from flyrl.muscles.muscle import MotorPool, Muscle, pack_muscles, whole_numbers
+from flyrl.muscles.muscle import MotorPool, Muscle, activate, pack_muscles, whole_numbers
 from flyrl.muscles.placement import Measured, Place, measuring_model, nearest_body, place_on
 from flyrl.resources import assets_folder
 from flyrl.validation import FloatArray, at_least, not_negative, one_of, positive

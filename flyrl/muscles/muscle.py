@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from flyrl.muscles.kernels import IntArray, fill_recruited, fill_tensions
+from flyrl.controllers.compilation import kernel
 from flyrl.validation import FloatArray, not_negative
+
+IntArray = NDArray[np.int64]
 
 _MODES_BEYOND_8_BITS = ("I", "F")
 """How the names of Pillow's modes begin whose values do not fit into 8 bits."""
@@ -162,9 +164,7 @@ class Muscle:
         ValueError
             If `n` holds anything but whole numbers.
         """
-        index = whole_numbers("n", n)
-        tension = np.empty(index.shape)
-        fill_tensions(self.pool.recruitment, index.ravel(), tension.ravel())
+        tension = self.pool.recruitment[np.clip(whole_numbers("n", n), 0, len(self.pool) - 1)]
         return tension if tension.ndim else float(tension)
 
     @overload
@@ -202,13 +202,12 @@ class Muscle:
             raise ValueError(f"tension must be numbers, got {tension!r}") from None
         if np.isnan(wanted).any():
             raise ValueError(f"tension must be numbers, got {wanted.tolist()}")
-        n = np.empty(wanted.shape, np.int64)
-        fill_recruited(self.pool.recruitment, wanted.ravel(), n.ravel())
+        n = np.asarray(np.searchsorted(self.pool.recruitment, np.minimum(wanted, 1.0)))
         return n if n.ndim else int(n)
 
 
 class PackedMuscles(NamedTuple):
-    """Several muscles in three arrays, as `kernels.activate` takes them.
+    """Several muscles in three arrays, as `activate` takes them.
 
     Attributes
     ----------
@@ -247,3 +246,123 @@ def whole_numbers(name: str, value: ArrayLike) -> IntArray:
     if array.dtype == np.uint64:
         array = np.minimum(array, np.uint64(np.iinfo(np.int64).max))
     return np.array(array, dtype=np.int64, order="C")
+
+
+# ------------------------------------------------------------------ kernels
+# A motor pool stands here as its recruitment table, see `MotorPool`.
+
+
+@kernel
+def tension_of(recruitment: FloatArray, n: int) -> float:
+    """Tension at which a pool recruits every neuron up to index `n`, which is clamped to it."""
+    tension: float = recruitment[min(max(n, 0), len(recruitment) - 1)]
+    return tension
+
+
+@kernel
+def recruited(recruitment: FloatArray, tension: float) -> int:
+    """Smallest index whose tension is at least the given one; beyond 1, as for 1.
+
+    What is not a number recruits no more than the first neuron.
+    """
+    wanted = min(tension, 1.0)
+    low, high = 0, len(recruitment) - 1
+    while low < high:
+        middle = (low + high) // 2
+        if recruitment[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def activate(
+    recruitment: FloatArray,
+    starts: IntArray | FloatArray,
+    strengths: FloatArray,
+    n: IntArray | FloatArray,
+    tension: FloatArray,
+    force: FloatArray,
+) -> None:
+    """Activate M muscles: write their tensions and forces (M,).
+
+    Parameters
+    ----------
+    recruitment, starts, strengths
+        The muscles, see `PackedMuscles`.
+    n
+        Whole numbers, (M,): recruit every neuron up to this index. They and `starts` may be of
+        float64, which is all that a model of MuJoCo carries.
+    """
+    for i in range(len(strengths)):
+        tension[i] = tension_of(recruitment[int(starts[i]) : int(starts[i + 1])], int(n[i]))
+        force[i] = strengths[i] * tension[i]
+
+
+@kernel
+def pull(
+    recruitment: FloatArray, strengths: FloatArray, torque: float, tension: FloatArray
+) -> float:
+    """Torque of an antagonist pair that is asked for some: as near to it as neurons come.
+
+    One muscle turns the joint to positive angles, the other back. The one that is asked for
+    recruits against the other, which rests: there, as always, the first neuron is active.
+
+    Parameters
+    ----------
+    recruitment
+        Table of the pool that both have.
+    strengths
+        Torques with all neurons active, (2,).
+    torque
+        What is asked for.
+    tension
+        Of both muscles, written, (2,).
+    """
+    agonist = 0 if torque >= 0.0 else 1
+    antagonist = 1 - agonist
+    resting = recruitment[0]
+    wanted = (abs(torque) + strengths[antagonist] * resting) / strengths[agonist]
+    n = recruited(recruitment, wanted)
+    if n > 0 and wanted - recruitment[n - 1] < recruitment[n] - wanted:
+        n -= 1
+    tension[agonist] = recruitment[n]
+    tension[antagonist] = resting
+    pulled: float = strengths[0] * tension[0] - strengths[1] * tension[1]
+    return pulled
+
+
+@kernel
+def move_by_muscles(
+    stiffness: FloatArray,
+    strengths: FloatArray,
+    recruitment: FloatArray,
+    angles: FloatArray,
+    targets: FloatArray,
+    tension: FloatArray,
+    torque: FloatArray,
+) -> None:
+    """Let antagonist pairs do what J servos would: the inverse map from torque to recruitment.
+
+    A servo would exert the torque stiffness * (target - angle). Its pair comes as near to that as
+    it can, see `pull`.
+
+    Parameters
+    ----------
+    stiffness
+        Of the servos, µN mm / rad, (J,).
+    strengths
+        Of each joint's two muscles, µN mm, (J, 2).
+    recruitment
+        Table of the pool that all muscles have, (N,).
+    angles, targets
+        Where the joints are and where the servos would lead them, rad, (J,) each.
+    tension
+        Written, (J, 2).
+    torque
+        On the joints, µN mm, written, (J or more,).
+    """
+    for i in range(len(stiffness)):
+        wanted = stiffness[i] * (targets[i] - angles[i])
+        torque[i] = pull(recruitment, strengths[i], wanted, tension[i])

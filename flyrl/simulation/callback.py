@@ -14,7 +14,7 @@ from filelock import lock_descriptor
 from numba.core.event import Event, Listener, install_listener
 
 from flyrl.controllers.controller import advance_command
-from flyrl.muscles.kernels import activate
+from flyrl.muscles.muscle import activate
 from flyrl.simulation.engine import layout
 from flyrl.simulation.native import control_callback, segment_of, sensor_callback
 

@@ -15,7 +15,7 @@ from flyrl.controllers import CONTROLLERS, Controller, Hybrid
 from flyrl.controllers.controller import compiled_step
 from flyrl.controllers.gait_log import grounded_legs_of
 from flyrl.controllers.steps import StepsName
-from flyrl.muscles import MotorPool, Muscle
+from flyrl.muscles import MotorPool
 from flyrl.simulation.callback import compiling, install
 from flyrl.simulation.engine import (
     ENGINE,
@@ -75,7 +75,6 @@ def compile_controllers() -> None:
     install()
     with compiling():
         grounded_legs_of(np.zeros((1, len(CONTACT_SEGMENTS), 3)), np.empty((1, len(LEGS))))
-        Muscle(MotorPool(np.ones(1))).tension(0)
         for kind, body in itertools.product(CONTROLLERS.values(), FLIES.values()):
             compiled_step(fit_controller(kind(), body), PHYSICS_PRESETS["balanced"].timestep)
 

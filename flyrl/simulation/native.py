@@ -38,7 +38,7 @@ from flyrl.controllers.controller import (
     advance_command,
 )
 from flyrl.controllers.gait_log import GAIT_LOG, log_gait
-from flyrl.muscles.kernels import activate, move_by_muscles
+from flyrl.muscles.muscle import activate, move_by_muscles
 from flyrl.simulation.engine import (
     CREATURE_HEAD,
     CREATURE_MAGIC,

@@ -2,8 +2,16 @@
 
 from typing import Final
 
-from flyrl.terrains.geoms import FLAT_GROUND, HEIGHT_FIELD, add_terrain, box_colours
-from flyrl.terrains.props import NOWHERE, TARGET_MARKER, Prop, add_prop
+from flyrl.terrains.geoms import (
+    FLAT_GROUND,
+    HEIGHT_FIELD,
+    NOWHERE,
+    TARGET_MARKER,
+    Prop,
+    add_prop,
+    add_terrain,
+    box_colours,
+)
 from flyrl.terrains.rough import Blocks, Gapped, Mixed
 from flyrl.terrains.smooth import BALL, Air, Ball, Flat, Hills, Slope
 from flyrl.terrains.terrain import (
@@ -40,14 +48,7 @@ LITERATURE: Final = ("flat", "gapped", "blocks", "mixed")
 """Terrains that flies of the literature walked on."""
 
 TERRAINS.update(
-    flat=Flat(),
-    gapped=Gapped(),
-    blocks=Blocks(),
-    mixed=Mixed(),
-    hills=Hills(),
-    slope=Slope(),
-    air=Air(),
-    ball=Ball(),
+    {name: kind() for name, kind in KINDS.items()},
     random_gapped=Gapped(gap_range=_GAPS, random=True),
     random_blocks=Blocks(height_range=_HEIGHTS, random=True),
     random_mixed=Mixed(height_range=_HEIGHTS, gap_range=_GAPS, random=True),

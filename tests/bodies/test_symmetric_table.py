@@ -6,8 +6,7 @@ import pytest
 
 from flyrl.anatomy import JOINTS, RIGHT_LEG_MIRROR
 from flyrl.bodies.fly import FlyConfig, build_fly, spawn_offset, stretch_pose
-from flyrl.bodies.symmetry import symmetric_table
-from flyrl.bodies.table import BODY_NAMES, body_table
+from flyrl.bodies.table import BODY_NAMES, body_table, symmetric_table
 
 REFLECTION = np.diag([1.0, -1.0, 1.0])
 

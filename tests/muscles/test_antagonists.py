@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyrl.muscles.kernels import move_by_muscles, pull
+from flyrl.muscles.muscle import move_by_muscles, pull
 
 RECRUITMENT = np.array([0.1, 0.3, 0.6, 1.0])
 STRENGTHS = np.array([10.0, 20.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.muscles import MotorPool, Muscle, pack_muscles
-from flyrl.muscles.kernels import activate, recruited, tension_of
+from flyrl.muscles.muscle import activate, recruited, tension_of
 
 POOL = MotorPool([1.0, 2.0, 3.0, 4.0])
 """Of sum 10."""
