@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import LEGS, TRIPODS
-from flyrl.rollouts.records import BoolArray, FloatArray
+from flyrl.rollouts import BoolArray
+from flyrl.validation import FloatArray
 
 BLIP_S: Final = 0.01
 """Stance and swing phases shorter than half of this are filtered out, s."""

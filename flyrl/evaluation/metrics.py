@@ -26,9 +26,9 @@ from flyrl.evaluation.gait import (
     stride_frequency_hz,
     tripod_coordination,
 )
-from flyrl.rollouts.records import BoolArray, EpisodeRecord, FloatArray
+from flyrl.rollouts import BoolArray, EpisodeRecord
 from flyrl.tasks import ERRORS, TASKS, Task
-from flyrl.validation import one_of
+from flyrl.validation import FloatArray, one_of
 
 PATH_SAMPLING_S: Final = 0.1
 """A path is measured from point to point at least this far apart, s.

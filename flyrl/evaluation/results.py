@@ -35,7 +35,7 @@ from flyrl.evaluation.rows import (
 )
 from flyrl.evaluation.tables import differences_table, summary_table
 from flyrl.files import OutputFolder, load_arrays
-from flyrl.rollouts.records import EpisodeRecord
+from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import OUTCOMES
 
 SCHEMA: Final = "flyrl.results/3"

@@ -13,7 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flyrl.evaluation.metrics import METRICS, episode_metrics
-from flyrl.rollouts.records import EpisodeRecord
+from flyrl.rollouts import EpisodeRecord
 from flyrl.text import csv_table
 
 Json = dict[str, Any]

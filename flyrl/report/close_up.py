@@ -17,8 +17,7 @@ from flyrl.anatomy import LEGS
 from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.metrics import counted_stance
 from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, colours, marker, svg_text
-from flyrl.rollouts import EpisodeRecord
-from flyrl.rollouts.records import BoolArray
+from flyrl.rollouts import BoolArray, EpisodeRecord
 
 SHOWN_S: Final = 1.0
 """How much of an episode a gait diagram shows, s: twelve strides."""

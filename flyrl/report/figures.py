@@ -29,8 +29,8 @@ from flyrl.report.style import (
     outcome_dot,
     svg_text,
 )
-from flyrl.rollouts import SUCCESS
-from flyrl.rollouts.records import BoolArray
+from flyrl.rollouts import BoolArray
+from flyrl.tasks import SUCCESS
 
 FloatArray = NDArray[np.float64]
 

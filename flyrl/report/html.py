@@ -65,8 +65,8 @@ from flyrl.report.wording import (
     title,
     training_note,
 )
-from flyrl.rollouts import SUCCESS, EpisodeRecord
-from flyrl.tasks import TIMEOUT
+from flyrl.rollouts import EpisodeRecord
+from flyrl.tasks import SUCCESS, TIMEOUT
 from flyrl.text import plain_name, printable
 
 REPORT_FILE: Final = "report.html"

@@ -26,8 +26,7 @@ from flyrl.report.style import (
     svg_text,
 )
 from flyrl.report.wording import outcome_name
-from flyrl.rollouts import SUCCESS
-from flyrl.tasks import Episode
+from flyrl.tasks import SUCCESS, Episode
 from flyrl.terrains import NOWHERE, Bounds, Ground, Terrain, terrain_on_record
 
 FloatArray = NDArray[np.float64]

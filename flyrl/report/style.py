@@ -12,8 +12,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from flyrl.report.wording import outcome_name
-from flyrl.rollouts import SUCCESS
-from flyrl.tasks import TIMEOUT
+from flyrl.tasks import SUCCESS, TIMEOUT
 from flyrl.text import plain_name
 
 THEME: Final[dict[str, tuple[str, str]]] = {

@@ -12,7 +12,7 @@ from flyrl.evaluation.metrics import (
     episode_metrics,
 )
 from flyrl.report.figures import METRIC_LABELS
-from flyrl.rollouts.records import Gait
+from flyrl.rollouts import Gait
 from flyrl.tasks import TASK_NAMES, TASKS
 from tests.synthetic import make_record
 

@@ -6,7 +6,7 @@ import pytest
 
 from flyrl.evaluation.drive_map import DriveMap
 from flyrl.report.close_up import drive_map_figure, gait_figure, spans
-from flyrl.rollouts.records import Gait
+from flyrl.rollouts import Gait
 from tests.synthetic import make_record
 
 

@@ -6,9 +6,10 @@ import pytest
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import ConstantDrive, LearnedPolicy, PolicyBundle, observation_layout
 from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer
-from flyrl.rollouts import num_decisions, run_episodes
-from flyrl.tasks import TASKS, ErrorTerm, Termination
+from flyrl.rollouts import FAILURES, num_decisions, run_episodes
+from flyrl.tasks import OUTCOMES, TASKS, ErrorTerm, Termination
 from flyrl.terrains import Flat
+from tests.synthetic import make_record
 
 # Ends after 0.02, 0.04 … s, as the seed says, or after 0.1 s.
 INTERVAL_S, LIMIT_S = 0.02, 0.1
@@ -69,23 +70,18 @@ def records(env):
     return run_episodes(env, WALK, [countdown(n) for n in (3, 99, 1, 2, 99)], controller="walk")
 
 
-def test_a_partial_last_batch_is_walked(records):
+def test_records_come_in_the_order_of_the_episodes_with_those_of_a_partial_batch(records):
     assert [record.index for record in records] == [0, 1, 2, 3, 4]
-
-
-def test_records_come_in_the_order_of_the_episodes(records):
     assert [record.seed for record in records] == [3, 99, 1, 2, 99]
 
 
-def test_outcomes_and_durations(records):
+def test_outcomes_durations_and_samples(records):
     assert [record.outcome for record in records] == [
         "success", "timeout", "success", "success", "timeout",
     ]  # fmt: skip
     durations = [record.duration_s for record in records]
     assert durations == pytest.approx([0.06, 0.1, 0.02, 0.04, 0.1])
-
-
-def test_a_sample_at_the_start_and_after_every_decision(records):
+    # a sample at the start and one after every decision
     assert [len(record.time_s) for record in records] == [4, 6, 2, 3, 6]
     np.testing.assert_allclose(records[0].time_s, [0, 0.02, 0.04, 0.06])
 
@@ -94,6 +90,7 @@ def test_names_and_horizon(records):
     record = records[0]
     assert (record.controller, record.task, record.terrain) == ("walk", "countdown", "flat")
     assert record.horizon_s == pytest.approx(LIMIT_S)
+    assert record.gait is None  # the environment logs none
 
 
 def test_a_record_starts_where_its_episode_spawns(records):
@@ -160,10 +157,6 @@ def test_fine_decisions_are_sampled_at_the_floor_and_at_the_end():
     np.testing.assert_allclose(record.time_s, [0, 0.02, 0.04, 0.048])
 
 
-def test_no_episodes_no_records(env):
-    assert run_episodes(env, WALK, []) == []
-
-
 def test_a_simulation_that_diverges_is_recorded_where_it_was_last_sound(env):
     # Oscillators this strong command angles that no physics can follow.
     broken = countdown(99)
@@ -218,6 +211,30 @@ def test_gait_is_the_same_in_any_batch():
         assert alone.gait.work_nj == other.gait.work_nj
 
 
-def test_without_a_log_no_gait_is_recorded():
-    (record,) = run_episodes(make_env(1), WALK, [countdown(1)])
-    assert record.gait is None
+@pytest.mark.parametrize("outcome", [*OUTCOMES[1:], "slipped"])  # the last one is a user's own
+def test_success_and_failure_follow_the_outcome(outcome):
+    record = make_record([(0, 0), (1, 0)], outcome=outcome)
+    assert record.success == (outcome == "success")
+    assert record.failed == (outcome in (*FAILURES, "slipped"))
+
+
+@pytest.mark.parametrize(
+    ("creature", "wrong", "message"),
+    [
+        ("fly", {"outcome": "running"}, r"outcome.*'running'"),
+        ("fly", {"yaw": np.zeros(3)}, r"yaw must have shape \(2,\)"),
+        ("fly", {"position_w": np.full((2, 3), np.nan)}, "position_w must be finite"),
+        ("fly", {"drive": np.zeros((2, 8))}, r"drive must have shape \(2, 2\) .*, got \(2, 8\)"),
+        ("worm", {"drive": np.zeros((1, 8))}, "drive must have shape"),
+        ("worm", {"drive": np.zeros(2)}, "drive must have shape"),
+        ("worm", {"drive": np.zeros((2, 4, 2))}, "drive must have shape"),
+        ("worm", dict.fromkeys(("time_s", "yaw"), np.zeros(0)), "a sample"),
+    ],
+)
+def test_what_is_no_episode_is_refused(creature, wrong, message):
+    fly = make_record([(0, 0), (1, 1)])
+    # a tension per muscle
+    drive = {"worm": np.zeros((2, 8)), "fly": fly.drive}[creature]
+    record = dataclasses.replace(fly, creature=creature, drive=drive)
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(record, **wrong)
