@@ -66,9 +66,6 @@ _GOALS: Final = 20_261_123
 _OSCILLATORS: Final = ("phases", "magnitudes", "freqs", "amps", "scratch")
 """State that a controller with oscillators takes over from another, to go on in its stride."""
 
-_AZIMUTH_DEG, _ELEVATION_DEG, _DISTANCE_MM = 25.0, -28.0, 9.0
-"""From behind a fly that walks along +x, from its right and from above."""
-
 
 class PlayedFly(Playable):
     """A fly that walks as it is driven: by two sliders and the arrow keys, or by a policy.
@@ -124,8 +121,6 @@ class PlayedFly(Playable):
         self._memory: Any = None
         if self.config.policy is not None:
             self._steer(pilot_name(self.config.policy))
-        self._stands: deque[NDArray[np.bool_]] = deque(maxlen=GAIT_PLACES)
-        self._trail: deque[NDArray[np.float64]] = deque(maxlen=1 + _SPEED_DECISIONS)
         self.env = BatchedEnv(self.config.env(), num_envs=1, num_threads=1)
         self._build_scenery()
         self.reset(self.config.seed)
@@ -216,8 +211,7 @@ class PlayedFly(Playable):
         """Draw how it fares, steering, legs, scene, reward, and muscles if it has any."""
         if panel.section("Fly"):
             if self.outcome != RUNNING:
-                end = _ENDS.get(self.outcome, self.outcome)
-                panel.text(f"{end} ({self.outcome}). Reset to go on.")
+                panel.text(f"{_ENDS[self.outcome]} ({self.outcome}). Reset to go on.")
             ways = np.linalg.norm(np.diff(self._trail, axis=0), axis=-1)
             speed = float(ways.sum()) / (max(len(ways), 1) * INTERVAL_S)
             panel.values({"speed, mm/s": speed, "to the target, mm": self._distance_mm})
@@ -230,37 +224,35 @@ class PlayedFly(Playable):
             if self.config.controller == "rule_based":
                 panel.text("The rule-based controller ignores the drive: it walks straight on.")
         if panel.section("Legs"):
-            self._draw_legs(panel)
+            stands = np.array(self._stands, dtype=bool)
+            _draw_legs(panel, self._state, self.config.controller, stands)
         if panel.section("Scene"):
-            self._draw_scene(panel)
+            _draw_scene(panel, self.config)
         if panel.section("Reward"):
-            returns = self.env.task_state().totals
-            weights = {term.name: term.weight for term in self.env.task.reward}
-            panel.text("of the last decision")
-            panel.values(_summed(self._rewards))
-            panel.text("since the start")
-            panel.values(
-                _summed({name: w * float(returns[name][0]) for name, w in weights.items()})
-            )
-        self._draw_muscles(panel)
+            sums = self.env.task_state().totals
+            terms = self.env.task.reward
+            totals = {term.name: term.weight * float(sums[term.name][0]) for term in terms}
+            titles = ("of the last decision", "since the start")
+            for title, rewards in zip(titles, (self._rewards, totals), strict=True):
+                panel.text(title)
+                panel.values({**rewards, "sum": sum(rewards.values())})
+        if (tensions := self._state.muscle_tensions[0]).size:
+            _draw_muscles(panel, tensions)
 
     def figures(self) -> dict[str, float | str | bool]:
         """Place to 0.1 mm, heading in deg to the left of +x, drives, target, and all settings."""
-        state, config = self._state, self.config
+        position_w, heading = self._state.position_w[0], self._state.yaw[0]
         # -0.0 becomes 0.0
-        x, y, target_x, target_y = np.round((*state.position_w[0, :2], *self._goal), 1) + 0.0
-        left, right = self._drive.round(2) + 0.0
+        places = np.round((*position_w[:2], *self._goal), 1) + 0.0
+        names = ("x_mm", "y_mm", "target_x_mm", "target_y_mm")
+        drives = self._drive.round(2) + 0.0
         return {
-            "x_mm": float(x),
-            "y_mm": float(y),
-            "heading_deg": round(float(np.degrees(state.yaw[0]))),
-            "drive_left": float(left),
-            "drive_right": float(right),
+            **dict(zip(names, places.tolist(), strict=True)),
+            "heading_deg": round(float(np.degrees(heading))),
+            **dict(zip(("drive_left", "drive_right"), drives.tolist(), strict=True)),
             "steering": self.steering,
             "outcome": self.outcome,
-            "target_x_mm": float(target_x),
-            "target_y_mm": float(target_y),
-            **{key: getattr(config, key) for key in (*CHOICES, *SWITCHES)},
+            **{key: getattr(self.config, key) for key in (*CHOICES, *SWITCHES)},
             "seed": self.seed,
         }
 
@@ -291,9 +283,8 @@ class PlayedFly(Playable):
         self.outcome, self._memory = RUNNING, None
         self._goals = np.random.default_rng([_GOALS, self.seed])
         self._rewards = {term.name: 0.0 for term in self.env.task.reward}
-        self._stands.clear()
-        self._trail.clear()
-        self._trail.append(self._state.position_w[0, :2])
+        self._stands: deque[NDArray[np.bool_]] = deque(maxlen=GAIT_PLACES)
+        self._trail = deque([self._state.position_w[0, :2]], 1 + _SPEED_DECISIONS)
         self._pose()
 
     def _decide(self) -> None:
@@ -329,17 +320,14 @@ class PlayedFly(Playable):
             return
         env = BatchedEnv(config.env(), num_envs=1, num_threads=1)
         env.reset(seeds=[self.seed])
-        looks = (config.body, config.terrain)
-        is_same_place = looks == (self.config.body, self.config.terrain)
-        before, self.config = self.env, config
-        if is_same_place and self.outcome == RUNNING:
-            self.env = env
-            self._go_on_from(before)
-            return
-        self.env = env
+        is_same_place = (config.body, config.terrain) == (self.config.body, self.config.terrain)
+        before, self.env, self.config = self.env, env, config
         if not is_same_place:
             self._build_scenery()
-        self._start()
+        if is_same_place and self.outcome == RUNNING:
+            self._go_on_from(before)
+        else:
+            self._start()
 
     def _go_on_from(self, before: BatchedEnv) -> None:
         """Take over everything from an environment of the same body on the same ground."""
@@ -367,8 +355,8 @@ class PlayedFly(Playable):
         self.camera = mujoco.MjvCamera()
         self.camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
         self.camera.trackbodyid = self.model.body("Thorax").id
-        self.camera.azimuth, self.camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
-        self.camera.distance = _DISTANCE_MM
+        # from behind a fly that walks along +x, from its right and from above; degrees and mm
+        self.camera.azimuth, self.camera.elevation, self.camera.distance = 25.0, -28.0, 9.0
 
     def _pose(self) -> None:
         """Pose the scenery; a fly that blew up is seen as it was before."""
@@ -376,45 +364,37 @@ class PlayedFly(Playable):
             self.env.flies.copy_into(0, self.model, self.data)
             self.camera.lookat[:] = self.data.qpos[:3]
 
-    def _draw_legs(self, panel: "Panel") -> None:
-        state = self._state
-        is_ruled = self.config.controller == "rule_based"
-        panel.text("phases of the steps" if is_ruled else f"oscillators, up to {DRIVE_HIGH:g}")
-        panel.dials(LEGS, state.phases[0], state.magnitudes[0] / (1.0 if is_ruled else DRIVE_HIGH))
-        panel.text("legs that stand")
-        rows = np.array(self._stands, dtype=bool).reshape(-1, len(LEGS)).T
-        panel.raster(LEGS, rows, GAIT_PLACES, 1.0)
-        if self.config.controller == "hybrid":
-            for name, amounts in (
-                ("retraction", state.retraction[0]),
-                ("stumbling", state.stumbling[0]),
-            ):
-                panel.text(f"{name}, up to {CORRECTION_CAP:g}")
-                panel.bars(dict(zip(LEGS, (amounts / CORRECTION_CAP).tolist(), strict=True)))
 
-    def _draw_scene(self, panel: "Panel") -> None:
-        config = self.config
-        for key, options in CHOICES.items():
-            label = "leg controller" if key == "controller" else key
-            panel.choice(key, label, options, getattr(config, key))
-        of_hybrid = "" if config.controller == "hybrid" else " (hybrid alone)"
-        panel.switch("retraction", f"retraction reflex{of_hybrid}", config.retraction)
-        panel.switch("stumbling", f"stumbling reflex{of_hybrid}", config.stumbling)
-        panel.switch("adhesion", "adhesion", config.adhesion)
-
-    def _draw_muscles(self, panel: "Panel") -> None:
-        """Draw the mean tension of each leg, and a section per leg with all its muscles."""
-        tensions = self._state.muscle_tensions[0]
-        if not tensions.size:
-            return
-        legs = tensions.reshape(len(LEGS), 2 * len(LEG_DOFS))
-        if panel.section("Muscles"):
-            panel.bars(dict(zip(LEGS, legs.mean(axis=1).tolist(), strict=True)))
-        labels = [f"{dof} {way}" for dof in LEG_DOFS for way in "+-"]
-        for leg, row in zip(LEGS, legs.tolist(), strict=True):
-            if panel.section(f"Muscles of {leg}", is_open=False):
-                panel.bars(dict(zip(labels, row, strict=True)))
+def _draw_legs(panel: "Panel", state: FlyState, controller: str, stands: NDArray[np.bool_]) -> None:
+    """Draw phases, which legs stood in the latest parts (n, 6) of the gait, and reflexes."""
+    is_ruled = controller == "rule_based"
+    panel.text("phases of the steps" if is_ruled else f"oscillators, up to {DRIVE_HIGH:g}")
+    panel.dials(LEGS, state.phases[0], state.magnitudes[0] / (1.0 if is_ruled else DRIVE_HIGH))
+    panel.text("legs that stand")
+    panel.raster(LEGS, stands.reshape(-1, len(LEGS)).T, GAIT_PLACES, 1.0)
+    if controller == "hybrid":
+        for name in ("retraction", "stumbling"):
+            panel.text(f"{name}, up to {CORRECTION_CAP:g}")
+            shares = getattr(state, name)[0] / CORRECTION_CAP
+            panel.bars(dict(zip(LEGS, shares.tolist(), strict=True)))
 
 
-def _summed(terms: Mapping[str, float]) -> dict[str, float]:
-    return {**terms, "sum": sum(terms.values())}
+def _draw_scene(panel: "Panel", config: PlayedFlyConfig) -> None:
+    for key, options in CHOICES.items():
+        label = "leg controller" if key == "controller" else key
+        panel.choice(key, label, options, getattr(config, key))
+    of_hybrid = "" if config.controller == "hybrid" else " (hybrid alone)"
+    for key in SWITCHES:
+        label = key if key == "adhesion" else f"{key} reflex{of_hybrid}"
+        panel.switch(key, label, getattr(config, key))
+
+
+def _draw_muscles(panel: "Panel", tensions: FloatArray) -> None:
+    """Draw the mean tension (84,) of each leg, and a section per leg with all its muscles."""
+    legs = tensions.reshape(len(LEGS), 2 * len(LEG_DOFS))
+    if panel.section("Muscles"):
+        panel.bars(dict(zip(LEGS, legs.mean(axis=1).tolist(), strict=True)))
+    labels = [f"{dof} {way}" for dof in LEG_DOFS for way in "+-"]
+    for leg, row in zip(LEGS, legs.tolist(), strict=True):
+        if panel.section(f"Muscles of {leg}", is_open=False):
+            panel.bars(dict(zip(labels, row, strict=True)))
