@@ -10,9 +10,8 @@ from flyrl.controllers.controller import controller_named
 from flyrl.controllers.cpg_controller import Gait, OscillatorController
 from flyrl.envs.config import EnvConfig
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle, named_policies
-from flyrl.policies.bundle import policy_file
+from flyrl.policies.bundle import policy_file, policy_name
 from flyrl.policies.laws import FIXED
-from flyrl.policies.library import policy_name
 from flyrl.rollouts import Policy
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms

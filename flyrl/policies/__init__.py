@@ -12,12 +12,12 @@ from flyrl.policies.bundle import (
     PolicyFileError,
     TermLayout,
     load_bundle,
+    named_policies,
     observation_layout,
     save_bundle,
 )
 from flyrl.policies.laws import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
 from flyrl.policies.learned import LearnedPolicy, load_policy
-from flyrl.policies.library import named_policies
 from flyrl.policies.worm import Relaxed, WormCPG, WormReflex
 
 if TYPE_CHECKING:

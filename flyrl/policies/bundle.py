@@ -11,35 +11,27 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping, Sized
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from flyrl.files import write_bytes
-from flyrl.policies.library import named_policies
-from flyrl.policies.networks import (
-    ACTIVATIONS,
-    LSTM,
-    MLP,
-    Layer,
-    LSTMLayer,
-    Normaliser,
-)
+from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser, Weights
+from flyrl.resources import assets_folder
 from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion, preset_version
 from flyrl.tasks import Neurons, Task
 from flyrl.text import printable
-from flyrl.validation import did_you_mean, plain_record
+from flyrl.validation import Within, check_fields, did_you_mean, one_of, plain_record
 
 SCHEMA: Final = "flyrl.policy/1"
+SUFFIX: Final = ".safetensors"
 
 Squashing = Literal["clip", "tanh", "argmax"]
-SQUASHINGS: Final[tuple[Squashing, ...]] = get_args(Squashing)
 """How outputs become an action.
 
 One output per component is clipped to the bounds ("clip"), or its tanh is stretched over them
@@ -48,15 +40,15 @@ upper bound, component after component: the number with the largest output is ta
 equals ("argmax").
 """
 
-_LSTM_PARTS: Final = tuple(field.name for field in fields(LSTMLayer))
 _METADATA_KEY: Final = "flyrl"
 _NO_DIGEST: Final = "0" * 64
 _HEADER_LENGTH_BYTES: Final = 8  # safetensors: little-endian length of the JSON header
-_LARGEST_FILE_BYTES: Final = (
-    256 * 2**20
-)  # a policy here has some 10 kB; refuse to read a disk image
+# a policy here has some 10 kB; refuse to read a disk image
+_LARGEST_FILE_BYTES: Final = 256 * 2**20
 _LARGEST_HEADER_BYTES: Final = 2**18  # some 20 kB
 _LARGEST_WHOLE: Final = 2**31 - 1  # more than any output stands for
+
+_Layer = TypeVar("_Layer", Layer, LSTMLayer)
 
 
 class PolicyFileError(ValueError):
@@ -76,13 +68,10 @@ class TermLayout:
     """
 
     name: str
-    size: int
+    size: Annotated[int, Within(1, math.inf)]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise ValueError(f"name of an observation term: {self.name!r}; allowed: a text")
-        if type(self.size) is not int or self.size < 1:
-            raise ValueError(f"size of {self.name!r}: {self.size!r}; allowed: 1, 2, 3, …")
+        check_fields(self, "observation term")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +83,7 @@ class PolicyBundle:
     network
         Observation, or what `lstm` makes of it, to output.
     squashing
-        Output to action; see `SQUASHINGS`.
+        Output to action; see `Squashing`.
     observation
         Layout of the flat observation, in order; see `observation_layout`.
     action_low, action_high
@@ -120,65 +109,49 @@ class PolicyBundle:
     lstm: LSTM | None = None
 
     def __post_init__(self) -> None:
-        _check_choice("activation", self.network.activation, ACTIVATIONS)
-        _check_choice("squashing", self.squashing, SQUASHINGS)
-        sizes = self.network.sizes
-        if self.lstm is not None and self.lstm.sizes[-1] != sizes[0]:
-            raise ValueError(
-                f"the LSTM gives {self.lstm.sizes[-1]} values, the network takes {sizes[0]}"
-            )
-        if (given := sum(term.size for term in self.observation)) != self.num_inputs:
-            raise ValueError(
-                f"the observation terms have {given} values, the network takes {self.num_inputs}"
-            )
-        if self.normaliser is not None and len(self.normaliser.mean) != given:
-            raise ValueError(
-                f"normaliser.mean has {len(self.normaliser.mean)} values, the observation {given}"
-            )
+        check_fields(self)
+        shown = sum(term.size for term in self.observation)
+        given = {
+            "the observation terms": (shown, self.num_inputs),
+            "the LSTM": (self.lstm.sizes[-1] if self.lstm else None, self.network.sizes[0]),
+            "normaliser.mean": (len(self.normaliser.mean) if self.normaliser else None, shown),
+        }
+        for what, (size, wanted) in given.items():
+            if size not in (None, wanted):
+                raise ValueError(f"{what}: {size} values, but {wanted} are taken")
         self._check_bounds()
 
     def _check_bounds(self) -> None:
         """Raise ValueError unless the bounds are such, and as many as the network's outputs."""
-        num_outputs = self.network.sizes[-1]
-        if len(self.action_low) != len(self.action_high) or (
-            self.squashing != "argmax" and len(self.action_low) != num_outputs
-        ):
+        sizes = len(self.action_low), len(self.action_high)
+        for low, high in zip(self.action_low, self.action_high, strict=False):
+            if not low <= high:
+                raise ValueError(f"action bounds: {low} and {high}; allowed: low <= high")
+        needed = sizes[0]
+        if self.squashing == "argmax":
+            for bound in self.action_low + self.action_high:
+                if bound != round(bound) or abs(bound) > _LARGEST_WHOLE:
+                    raise ValueError(
+                        f"action bounds: {bound}; allowed with squashing 'argmax': whole numbers, "
+                        f"at most {_LARGEST_WHOLE} from 0"
+                    )
+            needed = sum(self.action_counts)
+        if sizes[0] != sizes[1] or needed != self.network.sizes[-1]:
             raise ValueError(
-                f"action bounds of {len(self.action_low)} and {len(self.action_high)} values, "
-                f"the network gives {num_outputs}"
-            )
-        for low, high in zip(self.action_low, self.action_high, strict=True):
-            if not -math.inf < low <= high < math.inf:
-                raise ValueError(f"action bounds: {low} and {high}; allowed: finite, low <= high")
-        if self.squashing != "argmax":
-            return
-        for bound in self.action_low + self.action_high:
-            if bound != round(bound) or abs(bound) > _LARGEST_WHOLE:
-                raise ValueError(
-                    f"action bounds: {bound}; allowed with squashing 'argmax': whole numbers, "
-                    f"at most {_LARGEST_WHOLE} from 0"
-                )
-        if sum(self.action_counts) != num_outputs:
-            raise ValueError(
-                f"action bounds that {sum(self.action_counts)} whole numbers lie within, "
-                f"the network gives {num_outputs}"
+                f"action bounds of {sizes[0]} and {sizes[1]} values take {needed} outputs, the "
+                f"network gives {self.network.sizes[-1]}"
             )
 
     @property
     def action_counts(self) -> tuple[int, ...]:
         """How many whole numbers each component chooses from; only with "argmax"."""
-        bounds = zip(self.action_low, self.action_high, strict=True)
+        bounds = zip(self.action_low, self.action_high, strict=False)
         return tuple(int(high) - int(low) + 1 for low, high in bounds)
 
     @property
     def num_inputs(self) -> int:
         """Values of an observation."""
         return (self.network if self.lstm is None else self.lstm).sizes[0]
-
-
-def _check_choice(key: str, value: object, allowed: Sequence[str]) -> None:
-    if value not in allowed:
-        raise ValueError(f"{key}: {value!r}; allowed: {', '.join(allowed)}")
 
 
 def observation_layout(task: Task) -> tuple[TermLayout, ...]:
@@ -205,8 +178,14 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
     path
         File to write; an existing one is replaced.
     """
+    tensors = {
+        f"{prefix}{i}.{part}": np.ascontiguousarray(values, np.float32)
+        for prefix, network in (("", bundle.network), ("lstm.", bundle.lstm))
+        for i, layer in enumerate(network.layers if network else ())
+        for part, values in vars(layer).items()
+    }
     record = {"sha256": _NO_DIGEST, **bundle_record(bundle)}
-    data = save(_tensors(bundle), {_METADATA_KEY: json.dumps(record, allow_nan=False)})
+    data = save(tensors, {_METADATA_KEY: json.dumps(record, allow_nan=False)})
     digest = hashlib.sha256(data).hexdigest()
     # The digest is the first value of the header, so the first match is the field itself.
     data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
@@ -215,48 +194,44 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
 
 def bundle_record(bundle: PolicyBundle) -> dict[str, Any]:
     """All but the weights, as plain JSON values."""
-    return {
-        "schema": SCHEMA,
-        "architecture": _architecture(bundle),
-        "observation": [dataclasses.asdict(term) for term in bundle.observation],
-        "action": {"low": bundle.action_low, "high": bundle.action_high},
-        "normaliser": None if bundle.normaliser is None else _normaliser_record(bundle.normaliser),
-        "env": bundle.env,
-        "training": bundle.training,
-    }
-
-
-def _architecture(bundle: PolicyBundle) -> dict[str, Any]:
-    network: dict[str, Any] = {
+    architecture: dict[str, Any] = {
         "sizes": bundle.network.sizes,
         "activation": bundle.network.activation,
         "squashing": bundle.squashing,
     }
     if bundle.lstm is None:
-        return {"kind": "mlp", **network}
-    return {"kind": "lstm", "lstm_sizes": bundle.lstm.sizes, **network}
-
-
-def _tensors(bundle: PolicyBundle) -> dict[str, NDArray[np.float32]]:
-    tensors = {}
-    for i, layer in enumerate(bundle.network.layers):
-        tensors[f"{i}.weight"] = layer.weight
-        tensors[f"{i}.bias"] = layer.bias
-    if bundle.lstm is not None:
-        for i, lstm_layer in enumerate(bundle.lstm.layers):
-            tensors |= {f"lstm.{i}.{part}": getattr(lstm_layer, part) for part in _LSTM_PARTS}
+        architecture = {"kind": "mlp", **architecture}
+    else:
+        architecture = {"kind": "lstm", "lstm_sizes": bundle.lstm.sizes, **architecture}
+    normaliser = bundle.normaliser and {
+        **vars(bundle.normaliser),
+        "mean": bundle.normaliser.mean.tolist(),
+        "variance": bundle.normaliser.variance.tolist(),
+    }
     return {
-        name: np.ascontiguousarray(tensor, dtype=np.float32) for name, tensor in tensors.items()
+        "schema": SCHEMA,
+        "architecture": architecture,
+        "observation": [dataclasses.asdict(term) for term in bundle.observation],
+        "action": {"low": bundle.action_low, "high": bundle.action_high},
+        "normaliser": normaliser,
+        "env": bundle.env,
+        "training": bundle.training,
     }
 
 
-def _normaliser_record(normaliser: Normaliser) -> dict[str, Any]:
-    return {
-        "mean": normaliser.mean.tolist(),
-        "variance": normaliser.variance.tolist(),
-        "epsilon": normaliser.epsilon,
-        "clip": normaliser.clip,
-    }
+def policies_folder() -> Path:
+    """Folder of the policies that come with flyrl, each beside its model card (<name>.md)."""
+    return assets_folder() / "policies"
+
+
+def named_policies() -> dict[str, Path]:
+    """Files of the policies that come with flyrl, by name, in alphabetical order."""
+    return {path.stem: path for path in sorted(policies_folder().glob(f"*{SUFFIX}"))}
+
+
+def policy_name(file: Path) -> str | None:
+    """Name of a policy file that comes with flyrl; None for any other file."""
+    return file.stem if file in named_policies().values() else None
 
 
 def policy_file(path: str | os.PathLike[str], others: Iterable[str] = ()) -> Path:
@@ -311,14 +286,31 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
         It is missing, truncated, changed, no bundle, or of a schema that is not read here.
     """
     file = policy_file(path)
+    record, tensors = _read(file)
+    try:
+        plain_record("the record", record)
+        bundle = _bundle(record, tensors)
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
+    preset = trained_with_preset(bundle)
+    if preset is not None and preset.version != (now := PRESET_VERSIONS[preset.name]):
+        warnings.warn(
+            f"{printable(str(file))} was trained with version {preset.version} of the physics "
+            f"preset {preset.name!r}, which is now at version {now}: flies walk "
+            "differently in it, so earlier figures do not compare",
+            stacklevel=2,
+        )
+    return bundle
+
+
+def _read(file: Path) -> tuple[dict[str, Any], dict[str, Weights]]:
+    """Record and tensors of a file that is whole, and of the schema; neither is checked."""
     try:
         if (size := file.stat().st_size) > _LARGEST_FILE_BYTES:
             raise PolicyFileError(f"{file} is no policy: {size} bytes are too many for one")
         data = file.read_bytes()
     except OSError as error:
         raise PolicyFileError(f"cannot read the policy {file}: {error.strerror}") from error
-    if not data:
-        raise PolicyFileError(f"{file} is empty")
     length = int.from_bytes(data[:_HEADER_LENGTH_BYTES], "little")
     if _LARGEST_HEADER_BYTES < length <= len(data):
         raise PolicyFileError(
@@ -342,20 +334,45 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
     blank = data.replace(digest.encode(), _NO_DIGEST.encode(), 1)
     if hashlib.sha256(blank).hexdigest() != digest:
         raise PolicyFileError(f"{file} was changed after it was written: its sha256 does not match")
-    try:
-        plain_record("the record", record)
-        bundle = _bundle(record, tensors)
-    except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
-    preset = trained_with_preset(bundle)
-    if preset is not None and preset.version != (now := PRESET_VERSIONS[preset.name]):
-        warnings.warn(
-            f"{printable(str(file))} was trained with version {preset.version} of the physics "
-            f"preset {preset.name!r}, which is now at version {now}: flies walk "
-            "differently in it, so earlier figures do not compare",
-            stacklevel=2,
-        )
-    return bundle
+    return record, tensors
+
+
+def _bundle(record: Mapping[str, Any], tensors: dict[str, Weights]) -> PolicyBundle:
+    for name, tensor in tensors.items():
+        if tensor.dtype != np.float32 or not np.isfinite(tensor).all():
+            raise ValueError(f"tensor {name:.60} is not of finite float32 values")
+    architecture = record["architecture"]
+    kind = one_of("architecture", architecture["kind"], ("mlp", "lstm"))
+    network = MLP(_layers(Layer, "", architecture["sizes"], tensors), architecture["activation"])
+    lstm = None
+    if kind == "lstm":
+        lstm = LSTM(_layers(LSTMLayer, "lstm.", architecture["lstm_sizes"], tensors))
+    if tensors:
+        raise ValueError(f"{len(tensors)} tensors of no layer; look at {min(tensors)!r:.60}")
+    for key, part in (("sizes", network), ("lstm_sizes", lstm)):
+        if part is not None and list(part.sizes) != architecture[key]:
+            raise ValueError(f"{key} {architecture[key]}, but the tensors have {part.sizes}")
+    return PolicyBundle(
+        network=network,
+        squashing=architecture["squashing"],
+        observation=record["observation"],
+        action_low=record["action"]["low"],
+        action_high=record["action"]["high"],
+        env=record["env"],
+        training=record["training"],
+        normaliser=record["normaliser"],
+        lstm=lstm,
+    )
+
+
+def _layers(
+    kind: type[_Layer], prefix: str, sizes: Sized, tensors: dict[str, Weights]
+) -> tuple[_Layer, ...]:
+    """Layers of a network of these sizes, whose tensors are taken out of `tensors`."""
+    parts = [field.name for field in dataclasses.fields(kind)]
+    return tuple(
+        kind(*(tensors.pop(f"{prefix}{i}.{part}") for part in parts)) for i in range(len(sizes) - 1)
+    )
 
 
 def trained_with_preset(bundle: PolicyBundle) -> PresetVersion | None:
@@ -367,51 +384,3 @@ def trained_with_preset(bundle: PolicyBundle) -> PresetVersion | None:
             return PresetVersion(name, version)
     settings = bundle.env.get("physics")
     return preset_version(settings) if isinstance(settings, dict) else None
-
-
-def _bundle(record: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> PolicyBundle:
-    architecture = record["architecture"]
-    _check_choice("architecture", architecture["kind"], ("mlp", "lstm"))
-    num_layers = len(architecture["sizes"]) - 1
-    num_lstm_layers = len(architecture["lstm_sizes"]) - 1 if architecture["kind"] == "lstm" else 0
-    names = {f"{i}.{part}" for i in range(num_layers) for part in ("weight", "bias")}
-    names |= {f"lstm.{i}.{part}" for i in range(num_lstm_layers) for part in _LSTM_PARTS}
-    if names != set(tensors):
-        first = min(names.symmetric_difference(tensors))
-        raise ValueError(f"{len(tensors)} tensors; allowed: {len(names)}; look at {first!r:.60}")
-    for name, tensor in tensors.items():
-        if tensor.dtype != np.float32 or not np.isfinite(tensor).all():
-            raise ValueError(f"tensor {name} is not of finite float32 values")
-    network = MLP(
-        tuple(Layer(tensors[f"{i}.weight"], tensors[f"{i}.bias"]) for i in range(num_layers)),
-        architecture["activation"],
-    )
-    if list(network.sizes) != architecture["sizes"]:
-        raise ValueError(f"sizes {architecture['sizes']}, but the tensors have {network.sizes}")
-    normaliser = record["normaliser"]
-    for key in ("env", "training"):
-        if not isinstance(record[key], dict):
-            raise ValueError(f"{key} must be an object, got {record[key]!r:.60}")
-    return PolicyBundle(
-        network=network,
-        squashing=architecture["squashing"],
-        observation=tuple(TermLayout(term["name"], term["size"]) for term in record["observation"]),
-        action_low=tuple(map(float, record["action"]["low"])),
-        action_high=tuple(map(float, record["action"]["high"])),
-        env=record["env"],
-        training=record["training"],
-        normaliser=None if normaliser is None else Normaliser(**normaliser),
-        lstm=_lstm(architecture, tensors) if architecture["kind"] == "lstm" else None,
-    )
-
-
-def _lstm(architecture: Mapping[str, Any], tensors: Mapping[str, NDArray[Any]]) -> LSTM:
-    sizes = architecture["lstm_sizes"]
-    layers = (
-        LSTMLayer(**{part: tensors[f"lstm.{i}.{part}"] for part in _LSTM_PARTS})
-        for i in range(len(sizes) - 1)
-    )
-    lstm = LSTM(tuple(layers))
-    if list(lstm.sizes) != sizes:
-        raise ValueError(f"lstm_sizes {sizes}, but the tensors have {lstm.sizes}")
-    return lstm

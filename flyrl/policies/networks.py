@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from flyrl.validation import FloatArray, float_array, positive
+from flyrl.validation import FloatArray, check_fields, float_array, positive
 
 Weights = NDArray[np.float32]
 
@@ -66,6 +66,7 @@ class MLP:
     activation: Activation
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not self.layers:
             raise ValueError("a network has at least one layer, got none")
         outputs = None

@@ -50,8 +50,7 @@ def same_weights(one: PolicyBundle, other: PolicyBundle) -> bool:
     return weights(one) == weights(other)
 
 
-@pytest.fixture
-def bundle() -> PolicyBundle:
+def small_bundle() -> PolicyBundle:
     """Three inputs, two hidden units, two outputs, with weights that are easy to follow by hand."""
     layers = (
         Layer(np.array([[1, 0, 0], [0, 2, 0]], np.float32), np.array([0, 1], np.float32)),
@@ -66,6 +65,12 @@ def bundle() -> PolicyBundle:
         env={"task": "target"},
         training={"decisions": 7},
     )
+
+
+@pytest.fixture
+def bundle() -> PolicyBundle:
+    """The same, in a test of its own."""
+    return small_bundle()
 
 
 @pytest.fixture

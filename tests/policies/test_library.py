@@ -3,8 +3,8 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.policies import PolicyFileError, load_policy, named_policies, save_bundle
+from flyrl.policies.bundle import policies_folder, policy_name
 from flyrl.policies.laws import FIXED
-from flyrl.policies.library import policies_folder, policy_name
 from flyrl.resources import assets_folder
 from flyrl.tasks import TASK_NAMES, TASKS, task_named
 
