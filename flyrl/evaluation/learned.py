@@ -90,7 +90,7 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
                 f"{path}: of a zip file, say which algorithm made it, e.g. ppo:{path}"
             )
         return file, LearnedPolicy(load_bundle(file))
-    from flyrl.policies.sb3_zip import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
+    from flyrl.policies.sb3 import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
 
     made_by = ALGORITHMS[one_of(f"policies: algorithm of {path!r}", algorithm, ALGORITHMS)]
     if not config.trust_pickles:

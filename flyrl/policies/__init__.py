@@ -22,13 +22,13 @@ from flyrl.policies.worm import Relaxed, WormCPG, WormReflex
 
 if TYPE_CHECKING:
     from flyrl.policies.onnx import export_onnx
-    from flyrl.policies.sb3_zip import export_sb3, import_sb3
+    from flyrl.policies.sb3 import export_sb3, import_sb3
 
 # what needs torch or onnx is imported when it is first asked for
 _ON_DEMAND: Final = {
     "export_onnx": "flyrl.policies.onnx",
-    "export_sb3": "flyrl.policies.sb3_zip",
-    "import_sb3": "flyrl.policies.sb3_zip",
+    "export_sb3": "flyrl.policies.sb3",
+    "import_sb3": "flyrl.policies.sb3",
 }
 
 __all__ = [

@@ -156,7 +156,7 @@ _SET_BY_FLYRL: Final = (
 
 def further_settings(name: str) -> set[str]:
     """Arguments of Stable-Baselines3's class that have no default here, but can be given."""
-    from flyrl.policies.sb3_zip import ALGORITHMS as CLASSES  # noqa: PLC0415 - takes torch
+    from flyrl.policies.sb3 import ALGORITHMS as CLASSES  # noqa: PLC0415 - takes torch
 
     arguments = inspect.signature(CLASSES[name]).parameters.keys() - {*_SET_BY_FLYRL}
     # of the algorithms with an entropy weight that is learned, ent_coef says only how it starts

@@ -19,7 +19,7 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.files import replacing
 from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
-from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record

@@ -13,8 +13,7 @@ from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from stable_baselines3.her import HerReplayBuffer
 
-from flyrl.policies.export import ACTIVATION_MODULES
-from flyrl.policies.sb3_zip import ALGORITHMS
+from flyrl.policies.sb3 import ACTIVATION_MODULES, ALGORITHMS
 from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
 from flyrl.training.algorithms import AlgorithmConfig
 

@@ -12,7 +12,7 @@ from flyrl.cli.tune import compose_training
 from flyrl.envs.record import env_record
 from flyrl.policies import load_bundle, load_policy, save_bundle
 from flyrl.policies.bundle import PolicyFileError
-from flyrl.policies.sb3_zip import export_sb3
+from flyrl.policies.sb3 import export_sb3
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
 from tests.training.folders import make_run

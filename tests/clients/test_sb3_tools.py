@@ -12,7 +12,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, observation_layout
-from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS
 
 SETTINGS = {"decision_interval": 0.1, "physics": "fast"}

@@ -9,7 +9,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
 from flyrl.policies import LearnedPolicy, TermLayout
-from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.sb3 import bundle_from_sb3
 from tests.policies.conftest import Bandit, ChoiceBandit, DictBandit, perturbed
 
 LAYOUT = (TermLayout("all", 40),)

@@ -8,8 +8,8 @@ import pytest
 from stable_baselines3.common.vec_env import DummyVecEnv
 
 from flyrl.policies import LearnedPolicy, TermLayout, export_onnx
-from flyrl.policies.export import bundle_from_sb3
 from flyrl.policies.networks import Normaliser
+from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, perturbed, random_network

@@ -16,7 +16,7 @@ from stable_baselines3.her import GoalSelectionStrategy
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, TermLayout
-from flyrl.policies.export import bundle_from_sb3
+from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS, ON_POLICY, AlgorithmConfig
 from flyrl.training.checkpoint import (

@@ -23,8 +23,8 @@ from flyrl.policies import (
     import_sb3,
     observation_layout,
 )
-from flyrl.policies.export import bundle_from_sb3
 from flyrl.policies.networks import Normaliser
+from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS, Neurons
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.models import build_model

@@ -1,0 +1,400 @@
+"""Policies from and to Stable-Baselines3's own models and zip files."""
+
+import dataclasses
+import os
+import pickle
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import gymnasium
+import numpy as np
+import torch
+from gymnasium.spaces import Box, MultiDiscrete
+from sb3_contrib import TQC, TRPO, CrossQ, RecurrentPPO
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from sb3_contrib.common.torch_layers import BatchRenorm
+from sb3_contrib.crossq.policies import CrossQPolicy
+from sb3_contrib.tqc.policies import TQCPolicy
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.torch_layers import CombinedExtractor, FlattenExtractor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
+from torch import Tensor, nn
+
+from flyrl.entry_points import is_entry_point
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.options import action_space, observation_space
+from flyrl.envs.record import env_record
+from flyrl.policies.bundle import (
+    PolicyBundle,
+    PolicyFileError,
+    Squashing,
+    TermLayout,
+    observation_layout,
+)
+from flyrl.policies.learned import LearnedPolicy
+from flyrl.policies.networks import LSTM, MLP, Activation, Layer, LSTMLayer, Normaliser, Weights
+from flyrl.tasks import Task, task_from
+from flyrl.validation import FloatArray
+
+ALGORITHMS: Final[Mapping[str, type[BaseAlgorithm]]] = {
+    "ppo": PPO,
+    "a2c": A2C,
+    "sac": SAC,
+    "td3": TD3,
+    "ddpg": DDPG,
+    "tqc": TQC,
+    "trpo": TRPO,
+    "crossq": CrossQ,
+    "recurrent_ppo": RecurrentPPO,
+}
+"""Algorithms whose models a bundle can hold, by the names that flyrl has for them."""
+
+ACTIVATION_MODULES: Final[dict[Activation, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
+_LSTM_PARAMETERS: Final = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
+"""Of torch, in the order of `LSTMLayer`."""
+
+# a policy needs no memory of what it learned from, and hindsight's cannot be made without its env
+_WITHOUT_BUFFER: Final[dict[str, Any]] = {
+    "buffer_size": 1,
+    "replay_buffer_class": None,
+    "replay_buffer_kwargs": {},
+}
+_COUNT_UNKNOWN: Final = 100_000
+"""Observations that statistics stand for where nothing is recorded, about a short training's."""
+
+
+def bundle_from_sb3(
+    model: BaseAlgorithm,
+    observation: Sequence[TermLayout],
+    env: Mapping[str, Any],
+    training: Mapping[str, Any],
+) -> PolicyBundle:
+    """Bundle of the deterministic policy of a model with an MLP, or with an LSTM before it.
+
+    The models are those of `ALGORITHMS`, their actions a Box, or a MultiDiscrete from 0. If the
+    environment is wrapped in a VecNormalize, its statistics of the observations come along.
+
+    Parameters
+    ----------
+    model
+        Trained on flat observations, or dicts of them.
+    observation, env, training
+        As in `PolicyBundle`.
+
+    Raises
+    ------
+    ValueError
+        A policy that a bundle cannot hold.
+    """
+    policy, space, bounds = model.policy, model.action_space, None
+    extractor, modules, squashing = _actor(policy)
+    if isinstance(space, Box):
+        bounds = space.low, space.high
+    elif isinstance(space, MultiDiscrete) and not space.start.any():
+        bounds = np.zeros(len(space.nvec)), space.nvec - 1
+    if not _is_flattening(extractor) or bounds is None:
+        raise ValueError(
+            "a bundle holds policies from flat observations, or dicts of them, to a Box of actions "
+            f"or a MultiDiscrete from 0; got {space}"
+        )
+    return PolicyBundle(
+        network=_network(modules),
+        squashing=squashing,
+        observation=tuple(observation),
+        action_low=bounds[0].tolist(),
+        action_high=bounds[1].tolist(),
+        env=env,
+        training=training,
+        normaliser=_normaliser(model.get_vec_normalize_env()),
+        lstm=_lstm(policy.lstm_actor) if isinstance(policy, RecurrentActorCriticPolicy) else None,
+    )
+
+
+def _actor(policy: BasePolicy) -> tuple[nn.Module, list[nn.Module], Squashing]:
+    """Feature extractor, modules from there (or from the LSTM) to the output, and what follows."""
+    if isinstance(policy, ActorCriticPolicy) and not policy.squash_output:
+        modules = [*policy.mlp_extractor.policy_net.modules(), *policy.action_net.modules()]
+        is_integer = isinstance(policy.action_space, MultiDiscrete)
+        return policy.pi_features_extractor, modules, "argmax" if is_integer else "clip"
+    if isinstance(policy, SACPolicy | TQCPolicy | CrossQPolicy):
+        actor = policy.actor
+        modules = [*actor.latent_pi.modules(), *actor.mu.modules()]
+        return actor.features_extractor, modules, "tanh"
+    if isinstance(policy, TD3Policy):
+        *modules, _ = policy.actor.mu.modules()  # the last is the tanh
+        return policy.actor.features_extractor, modules, "tanh"
+    raise ValueError(
+        f"policy: {type(policy).__name__}; allowed: the MlpPolicy of PPO, A2C, TRPO, SAC, TQC, "
+        "CrossQ, TD3 and DDPG, the MlpLstmPolicy of RecurrentPPO, and their MultiInput… for dicts"
+    )
+
+
+def _is_flattening(extractor: nn.Module) -> bool:
+    """Whether the features are the observation's values, in the order of the bundle."""
+    if isinstance(extractor, CombinedExtractor):
+        parts = dict(extractor.extractors.items())
+        return list(parts) == sorted(parts) and all(
+            isinstance(part, nn.Flatten) for part in parts.values()
+        )
+    return isinstance(extractor, FlattenExtractor)
+
+
+def _network(modules: Iterable[nn.Module]) -> MLP:
+    names = {module: name for name, module in ACTIVATION_MODULES.items()}
+    layers: list[Layer] = []
+    activations: set[Activation] = set()
+    norm: BatchRenorm | None = None
+    for module in modules:
+        if isinstance(module, nn.Linear):
+            layers.append(_layer(module, norm))
+            norm = None
+        elif isinstance(module, BatchRenorm):
+            norm = module
+        elif type(module) in names:
+            activations.add(names[type(module)])
+        elif not isinstance(module, nn.Sequential):
+            raise ValueError(f"layer: {type(module).__name__}; allowed: Linear, Tanh, ReLU")
+    if len(activations) > 1:
+        raise ValueError(f"activations: {sorted(activations)}; allowed: one kind")
+    return MLP(tuple(layers), activations.pop() if activations else "tanh")
+
+
+def _layer(linear: nn.Linear, norm: BatchRenorm | None) -> Layer:
+    """A linear layer and, folded into it, what normalises its inputs: x -> scale x + shift."""
+    weight, bias = _float64(linear.weight), _float64(linear.bias)
+    if norm is not None:
+        scale = _float64(norm.scale) / np.sqrt(_float64(norm.get_buffer("ra_var")) + norm.eps)
+        shift = _float64(norm.bias) - scale * _float64(norm.get_buffer("ra_mean"))
+        weight, bias = weight * scale, bias + weight @ shift
+    return Layer(weight.astype(np.float32), bias.astype(np.float32))
+
+
+def _lstm(module: nn.LSTM) -> LSTM:
+    if module.bidirectional or module.proj_size or not module.bias:
+        raise ValueError("a bundle holds LSTMs with biases, in one direction, without projections")
+    values = {key: _float64(value).astype(np.float32) for key, value in module.named_parameters()}
+    layers = [
+        LSTMLayer(*(values[f"{part}_l{i}"] for part in _LSTM_PARAMETERS))
+        for i in range(module.num_layers)
+    ]
+    return LSTM(tuple(layers))
+
+
+def _float64(parameter: Tensor) -> FloatArray:
+    return parameter.detach().cpu().numpy().astype(np.float64)
+
+
+def _normaliser(env: VecNormalize | None) -> Normaliser | None:
+    """What a VecNormalize does to the observations, if it does anything to them."""
+    if env is None or not env.norm_obs:
+        return None
+    parts = _moments(env)
+    mean, variance = (np.concatenate([getattr(m, key) for m in parts]) for key in ("mean", "var"))
+    return Normaliser(mean, variance, env.epsilon, env.clip_obs)
+
+
+def _moments(env: VecNormalize) -> list[RunningMeanStd]:
+    """Statistics of the observation, or of the parts of a dict, in the order of the bundle."""
+    moments = env.obs_rms
+    return [moments[name] for name in sorted(moments)] if isinstance(moments, dict) else [moments]
+
+
+def import_sb3(
+    path: str | os.PathLike[str],
+    algorithm: type[BaseAlgorithm],
+    env: EnvConfig,
+    *,
+    vec_normalize: str | os.PathLike[str] | None = None,
+    trust: bool = False,
+) -> PolicyBundle:
+    """Bundle of the deterministic policy in a zip file that Stable-Baselines3 saved.
+
+    Such a file holds pickles, and unpickling runs whatever code its author put there.
+
+    Parameters
+    ----------
+    path
+        What `model.save` wrote.
+    algorithm
+        Class of the model, such as `stable_baselines3.PPO`.
+    env
+        What it was trained in.
+    vec_normalize
+        What `VecNormalize.save` wrote, if the model was trained under one: the statistics are not
+        in the model's file. This is a pickle as well.
+    trust
+        Whether you know where the file comes from. Without, it is not even opened.
+
+    Raises
+    ------
+    PolicyFileError
+        `trust` is not True, the file is no model of the algorithm, or the model was trained on
+        other observations or actions than the task's. A ValueError.
+    ValueError
+        A policy that a bundle cannot hold.
+    """
+    if trust is not True:
+        raise PolicyFileError(
+            f"{os.fspath(path)} was not opened: a zip file of Stable-Baselines3 holds pickles, "
+            "which can run any code when they are read. Say trust=True if you know who made it"
+        )
+    model = _unpickled(
+        path,
+        f"a model of {algorithm.__name__}",
+        lambda file: algorithm.load(file, device="cpu", custom_objects=_WITHOUT_BUFFER),
+    )
+    task = env.resolved_task
+    for what, given, wanted in (
+        ("observations", model.observation_space, observation_space(task)),
+        ("actions", model.action_space, action_space(task)),
+    ):
+        if given != wanted:
+            raise PolicyFileError(
+                f"the model was trained on other {what} than those of {task.name}: {given}; "
+                f"the task has {wanted}"
+            )
+    names = {known: name for name, known in ALGORITHMS.items()}
+    algo = names.get(algorithm, algorithm.__name__.lower())
+    training = {"algo": algo, "decisions": int(model.num_timesteps)}
+    bundle = bundle_from_sb3(model, observation_layout(task), env_record(env), training)
+    if vec_normalize is None:
+        return bundle
+    wrapper = _unpickled(
+        vec_normalize, "statistics of VecNormalize", lambda file: pickle.loads(file.read_bytes())
+    )
+    return dataclasses.replace(bundle, normaliser=_normaliser(wrapper))
+
+
+def _unpickled(path: str | os.PathLike[str], what: str, read: Callable[[Path], Any]) -> Any:
+    """What `read` makes of a file; PolicyFileError whatever its pickles raise."""
+    try:
+        return read(Path(path))
+    except Exception as error:
+        raise PolicyFileError(
+            f"{os.fspath(path)} cannot be read as {what}: {type(error).__name__}: {error}"
+        ) from error
+
+
+def export_sb3(
+    bundle: PolicyBundle, task: str | Task | None = None, *, seed: int = 0
+) -> BaseAlgorithm:
+    """Stable-Baselines3 model that acts as the bundle.
+
+    It is a PPO, a SAC if the output is squashed, or a RecurrentPPO if the policy has a memory.
+    `model.save` writes its zip file, from which `load` with an environment lets it learn on. The
+    value function, the exploration noise and the optimiser are new: a bundle holds the
+    deterministic policy alone.
+
+    A model of Stable-Baselines3 takes observations that are normalised already. If the bundle
+    normalises them, `model.get_vec_normalize_env()` is the VecNormalize that does the same: its
+    `normalize_obs` makes the model's observations, its `save` writes what `VecNormalize.load`
+    wraps an environment with. Else it is None.
+
+    Parameters
+    ----------
+    bundle
+        The policy.
+    task
+        Whose observations it takes; None means the task and the body that the bundle names.
+    seed
+        Of what is new in the model.
+
+    Returns
+    -------
+    Model on the CPU; its environment has spaces and nothing behind them. Its deterministic actions
+    differ from the bundle's by no more than rounding to float32 does; of whole numbers, that is
+    where two are nearly as good.
+
+    Raises
+    ------
+    PolicyFileError
+        The task has other observations or actions than the bundle. A ValueError.
+    ValueError
+        The task is not known by name, or the bundle has a memory and a squashed output.
+    """
+    if bundle.lstm is not None and bundle.squashing == "tanh":
+        raise ValueError(
+            f"squashing: {bundle.squashing!r}; allowed with a memory: 'clip', 'argmax' "
+            "(as of RecurrentPPO)"
+        )
+    if task is None:
+        record = bundle.env.get("task")
+        name = str(record.get("name") if isinstance(record, Mapping) else record)
+        if is_entry_point(name):
+            raise PolicyFileError(
+                f"the policy was trained in {name}, which is code that would be run; if you know "
+                f"who made it, say task={name!r}"
+            )
+        task = EnvConfig(name, body=bundle.env.get("body"), as_vectors=True).resolved_task
+    elif isinstance(task, str):
+        task = task_from(task)
+    task = task.flattened()
+    LearnedPolicy(bundle).check_task(task)
+    kind = "Mlp" if task.is_flat else "MultiInput"
+    algorithm: type[PPO | SAC | RecurrentPPO] = SAC if bundle.squashing == "tanh" else PPO
+    policy_kwargs: dict[str, Any] = {
+        "net_arch": list(bundle.network.sizes[1:-1]),
+        "activation_fn": ACTIVATION_MODULES[bundle.network.activation],
+    }
+    if bundle.lstm is not None:
+        kind, algorithm = f"{kind}Lstm", RecurrentPPO
+        policy_kwargs["lstm_hidden_size"] = bundle.lstm.sizes[-1]
+        policy_kwargs["n_lstm_layers"] = len(bundle.lstm.layers)
+    env = _environment(task, bundle)
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = algorithm(f"{kind}Policy", env, device="cpu", policy_kwargs=policy_kwargs)
+    _, modules, _ = _actor(model.policy)
+    linears = [module for module in modules if isinstance(module, nn.Linear)]
+    for linear, layer in zip(linears, bundle.network.layers, strict=True):
+        _fill(linear, vars(layer))
+    if bundle.lstm is not None:
+        values = {
+            f"{part}_l{i}": value
+            for i, layer in enumerate(bundle.lstm.layers)
+            for part, value in zip(_LSTM_PARAMETERS, vars(layer).values(), strict=True)
+        }
+        _fill(model.policy.get_submodule("lstm_actor"), values)
+    return model
+
+
+def _fill(module: nn.Module, values: Mapping[str, Weights]) -> None:
+    module.load_state_dict({name: torch.from_numpy(value) for name, value in values.items()})
+
+
+class _SpacesOnly(gymnasium.Env[Any, Any]):
+    """What a model and a VecNormalize need to be made: spaces, and nothing behind them."""
+
+    def __init__(self, task: Task) -> None:
+        self.observation_space, self.action_space = observation_space(task), action_space(task)
+
+
+def _environment(task: Task, bundle: PolicyBundle) -> VecEnv:
+    """What the model is made for: spaces, under the statistics of the bundle if it has some."""
+    spaces = DummyVecEnv([lambda: _SpacesOnly(task)])
+    if bundle.normaliser is None:
+        return spaces
+    # statistics of the rewards are not in a bundle
+    env = VecNormalize(
+        spaces,
+        norm_reward=False,
+        clip_obs=bundle.normaliser.clip,
+        epsilon=bundle.normaliser.epsilon,
+    )
+    parts, decisions = _moments(env), bundle.training.get("decisions")
+    ends = np.cumsum([len(part.mean) for part in parts])[:-1]
+    means, variances = (
+        np.split(v, ends) for v in (bundle.normaliser.mean, bundle.normaliser.variance)
+    )
+    # else what is learned on first would outweigh them
+    count = decisions if isinstance(decisions, int) and decisions > 0 else _COUNT_UNKNOWN
+    for part, mean, variance in zip(parts, means, variances, strict=True):
+        part.mean, part.var = mean.copy(), variance.copy()
+        part.count = float(count)
+    return env
