@@ -11,13 +11,6 @@ import numpy as np
 import pandas as pd
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.logger import (
-    CSVOutputFormat,
-    KVWriter,
-    Logger,
-    TensorBoardOutputFormat,
-)
-from torch.utils.tensorboard import SummaryWriter
 
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, load_bundle
@@ -25,8 +18,8 @@ from flyrl.training.algorithms import ON_POLICY
 from flyrl.training.callback import GoesOn, RunCallback, fly_env, interruption
 from flyrl.training.checkpoint import restore_learner
 from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
-from flyrl.training.loggers.base import DECISIONS_LOGGED, Outcome
-from flyrl.training.loggers.remote import RemoteLog
+from flyrl.training.loggers import Outcome
+from flyrl.training.metrics import RemoteLog, metrics_logger
 from flyrl.training.models import build_model
 from flyrl.training.run_folder import RunFolder
 from flyrl.training.runs import (
@@ -35,7 +28,6 @@ from flyrl.training.runs import (
     flat,
     held,
     read_record,
-    read_rows,
     read_run,
 )
 from flyrl.validation import one_of
@@ -222,24 +214,20 @@ def _learn(
     at_end: Callable[[Run], None],
 ) -> Run:
     """Learn until the end or an interruption, with a logger if there is one."""
-    if config.logger is None:
-        run = _update(config, model, folder, state, goes_on)
-        at_end(run)
-        return run
-    remote = RemoteLog(config.logger, folder, training_record(config))
-    if state is None:
-        remote.connect()
+    remote = None
+    if config.logger is not None:
+        remote = RemoteLog(config.logger, folder, training_record(config))
+        if state is None:
+            remote.connect()
     outcome: Outcome = "failed"
-    files: list[Path] = []
     try:
         run = _update(config, model, folder, state, goes_on, remote)
         at_end(run)
-        outcome = "interrupted"
-        if run.interrupted_by is None and not run.is_pruned:
-            outcome = "finished"
-            files = [folder.best, folder.path / "learning_curve.png", folder.path / "best.mp4"]
+        is_early = run.is_pruned or run.interrupted_by is not None
+        outcome = "interrupted" if is_early else "finished"
     finally:
-        remote.finish(outcome, files)
+        if remote is not None:
+            remote.finish(outcome)
     return run
 
 
@@ -249,12 +237,12 @@ def _update(
     folder: RunFolder,
     state: dict[str, Any] | None,
     goes_on: GoesOn | None,
-    *more: KVWriter,
+    remote: RemoteLog | None,
 ) -> Run:
     """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
     total = config.training.total_timesteps
     decisions = None if state is None else state["run"]["decisions"]
-    model.set_logger(_logger(folder, decisions, *more))
+    model.set_logger(metrics_logger(folder, decisions, *filter(None, [remote])))
     env = fly_env(model)
     with interruption() as interrupted:
         callback = RunCallback(config, folder, interrupted, goes_on)
@@ -303,35 +291,6 @@ def _restore(
             f"the latest checkpoint in {folder.path} does not fit the run: "
             f"{type(error).__name__}: {error!s:.200}"
         ) from error
-
-
-def _logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:
-    """Metrics as CSV, for TensorBoard and for `more`.
-
-    In the first two, those logged after `decisions` are dropped.
-    """
-    tensorboard = TensorBoardOutputFormat(str(folder.path / "tensorboard"))
-    table = folder.path / "progress.csv"
-    rows: list[dict[str, str]] = []
-    if decisions is not None:
-        tensorboard.writer.close()
-        tensorboard.writer = SummaryWriter(folder.path / "tensorboard", purge_step=decisions + 1)
-        # the header is torn if a kill came while the table got a new column: no row is safe then
-        rows = [row for row in read_rows(table) if DECISIONS_LOGGED in row]
-        rows = [row for row in rows if row[DECISIONS_LOGGED].isdigit()]
-        rows = [row for row in rows if int(row[DECISIONS_LOGGED]) <= decisions]
-    csv_format = CSVOutputFormat(str(table))
-    try:
-        values = [{key: _number(text) for key, text in row.items() if text} for row in rows]
-    except (TypeError, ValueError) as error:
-        raise ResumeError(f"{table} does not hold numbers alone: {error!s:.200}") from error
-    for row in values:
-        csv_format.write(row, {})
-    return Logger(str(folder.path), [csv_format, tensorboard, *more])
-
-
-def _number(text: str) -> float:
-    return int(text) if text.isdigit() else float(text)
 
 
 def _episode_seed(seed: int) -> int:

@@ -1,0 +1,296 @@
+"""Real services: MLflow with a store in files, Weights & Biases offline."""
+
+import json
+import math
+import struct
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+
+from flyrl.training.callback import RunCallback
+from flyrl.training.config import training_record
+from flyrl.training.learn import resume, train
+from flyrl.training.loggers import (
+    LOGGERS,
+    LoggerConfig,
+    LoggerError,
+    MlflowConfig,
+    WandbConfig,
+)
+from flyrl.training.metrics import RemoteLog
+from flyrl.training.run_folder import RunFolder
+from flyrl.training.runs import flat, read_rows
+from tests import tiny
+
+DECISIONS = "time/total_timesteps"
+UPDATES = [32, 64, 96, 128]
+TINY = replace(
+    tiny.TINY,
+    training=replace(
+        tiny.TINY.training,
+        total_timesteps=128,
+        evaluation_interval=64,
+        evaluation_episodes=1,
+        checkpoint_interval=64,
+    ),
+)
+
+
+def _logged(folder):
+    """What progress.csv holds: (step, key, value), in order of step and key.
+
+    The last row has the step of the one before; some keys are in both.
+    """
+    points, step = [], 0
+    for row in read_rows(folder / "progress.csv"):
+        step = int(row[DECISIONS] or step)
+        points += [(step, key, float(text)) for key, text in row.items() if text]
+    return sorted(points, key=lambda point: point[:2])
+
+
+def _crash_and_resume(logger, runs, monkeypatch):
+    """Train with a crash after 120 decisions, logged up to 96, then from the checkpoint at 64."""
+    config = replace(TINY, logger=logger)
+    report = RunCallback._on_step
+
+    def on_step(callback):
+        if callback.num_timesteps == 120:
+            raise RuntimeError("the crash")
+        return report(callback)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunCallback, "_on_step", on_step)
+        with pytest.raises(RuntimeError, match="the crash"):
+            train(config, runs)
+    (folder,) = runs.iterdir()
+    yield folder
+    yield resume(config, folder).folder
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """What the run comes to without a logger, by name of the file."""
+    folder = train(TINY, tmp_path_factory.mktemp("alone")).folder
+    return {name: (folder / name).read_bytes() for name in ("last.safetensors", "evaluations.csv")}
+
+
+class _Nowhere(LoggerConfig):
+    name = "no_such_service"
+
+    def open(self, folder, settings, run_id):
+        raise NotImplementedError
+
+
+def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
+    (tmp_path / "no_such_service").mkdir()  # which is no package
+    monkeypatch.syspath_prepend(tmp_path)
+    message = (
+        "logger=no_such_service needs the package no_such_service: "
+        r"pip install -e '\.\[no_such_service\]'"
+    )
+    with pytest.raises(ValueError, match=message):
+        _Nowhere().check_installed()
+
+
+def test_no_service_is_imported_before_one_is_asked_for():
+    code = f"import sys, flyrl.training.learn; print({set(LOGGERS)!r} & set(sys.modules))"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout == "set()\n"
+
+
+# --- MLflow
+
+
+@pytest.fixture
+def mlflow(tmp_path, monkeypatch):
+    """A store in files, which needs neither a server nor a database."""
+    monkeypatch.setenv("MLFLOW_ALLOW_FILE_STORE", "true")
+    monkeypatch.setenv("MLFLOW_DISABLE_TELEMETRY", "true")
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "0")
+    return MlflowConfig(tracking_uri=(tmp_path / "store").as_uri())
+
+
+def _client(logger):
+    import mlflow
+
+    return mlflow.MlflowClient(tracking_uri=logger.tracking_uri)
+
+
+def _remote(logger):
+    """The only run of the store."""
+    client = _client(logger)
+    (run,) = client.search_runs([client.get_experiment_by_name("flyrl").experiment_id])
+    return run
+
+
+def _sent(logger):
+    """What the store has, as `_logged`."""
+    run = _remote(logger)
+    points = [
+        (metric.step, key, metric.value)
+        for key in run.data.metrics
+        for metric in _client(logger).get_metric_history(run.info.run_id, key)
+    ]
+    return sorted(points, key=lambda point: point[:2])
+
+
+def test_mlflow_gets_the_run_which_stays_the_same(mlflow, tmp_path, results):
+    def at_end(run):
+        (run.folder / "learning_curve.png").write_bytes(b"a curve")
+
+    run = train(replace(TINY, logger=mlflow), tmp_path / "runs", at_end=at_end)
+    remote = _remote(mlflow)
+    sent, expected = _sent(mlflow), _logged(run.folder)
+    assert [point[:2] for point in sent] == [point[:2] for point in expected]
+    # the table has the digits of 32 bits
+    assert [point[2] for point in sent] == pytest.approx([point[2] for point in expected], 1e-6)
+    assert {step for step, _, _ in sent} == set(UPDATES)
+    assert remote.info.run_name == run.folder.name
+    assert remote.info.status == "FINISHED"
+    settings = flat(training_record(replace(TINY, logger=mlflow)))
+    assert remote.data.params == {key: str(value) for key, value in settings.items()}
+    artifacts = {file.path for file in _client(mlflow).list_artifacts(remote.info.run_id)}
+    assert artifacts == {"best.safetensors", "learning_curve.png"}
+    assert {name: (run.folder / name).read_bytes() for name in results} == results
+
+
+def test_a_resumed_run_goes_on_in_mlflow_and_no_update_is_sent_twice(mlflow, tmp_path, monkeypatch):
+    run = _crash_and_resume(mlflow, tmp_path / "runs", monkeypatch)
+    folder = next(run)
+    crashed = _remote(mlflow)
+    assert crashed.info.status == "FAILED"
+    assert json.loads((folder / "logger.json").read_text())["run_id"] == crashed.info.run_id
+    assert [step for step, key, _ in _sent(mlflow) if key == DECISIONS] == UPDATES[:3]
+    next(run)
+    assert _remote(mlflow).info.status == "FINISHED"
+    points = [point[:2] for point in _sent(mlflow)]
+    assert points == [point[:2] for point in _logged(folder)]
+
+
+def test_an_outage_is_a_warning_and_what_is_lost_is_counted_at_the_end(mlflow, tmp_path, capsys):
+    remote = RemoteLog(mlflow, RunFolder.create(TINY, tmp_path / "runs"), {})
+    remote.connect()
+    remote.write({"a": 1.0}, {"a": ()}, step=1)
+    (tmp_path / "store").rename(tmp_path / "away")
+    remote.write({"a": 2.0}, {"a": ()}, step=2)
+    (tmp_path / "away").rename(tmp_path / "store")
+    remote.write({"a": 3.0}, {"a": ()}, step=3)  # not tried: less than a minute has passed
+    remote._paused_until_s = 1.0
+    remote.write({"a": 4.0, "b": math.nan, "text": "a"}, dict.fromkeys(["a", "b", "text"], ()), 4)
+    remote.finish("finished")
+    *sent, (step, key, value) = _sent(mlflow)
+    assert sent == [(1, "a", 1.0), (4, "a", 4.0)]
+    assert (step, key, math.isnan(value)) == (4, "b", True)
+    assert _remote(mlflow).info.status == "FINISHED"
+    first, last = capsys.readouterr().err.splitlines()
+    assert first.startswith("warning: mlflow is out of reach, training goes on: ")
+    assert last.startswith("warning: mlflow lacks 2 rows of metrics, which are in ")
+
+
+def test_a_service_out_of_reach_at_the_start_is_an_error(mlflow, tmp_path):
+    # nothing listens at port 9 (discard)
+    config = replace(TINY, logger=MlflowConfig(tracking_uri="http://127.0.0.1:9"))
+    with pytest.raises(LoggerError, match=r"logger=mlflow: .*127\.0\.0\.1"):
+        train(config, tmp_path / "runs")
+
+
+# --- Weights & Biases
+
+WANDB = WandbConfig(project="flies", group="tiny")
+_HEADER, _BLOCK = 7, 2**15
+
+
+@pytest.fixture
+def _offline(monkeypatch):
+    monkeypatch.setenv("WANDB_MODE", "offline")
+    monkeypatch.setenv("WANDB_ERROR_REPORTING", "false")
+    monkeypatch.setenv("WANDB_SILENT", "true")
+
+
+def _records(path):
+    """Records of an offline run, whose file is a log in the format of LevelDB's."""
+    from wandb.proto.wandb_internal_pb2 import Record
+
+    data, position, parts = path.read_bytes(), _HEADER, b""
+    while position + _HEADER <= len(data):
+        if _BLOCK - position % _BLOCK < _HEADER:  # the rest of a block is too short for a record
+            position += _BLOCK - position % _BLOCK
+            continue
+        _, size, kind = struct.unpack_from("<IHB", data, position)
+        position += _HEADER
+        if position + size > len(data):  # W&B's own process is still writing it
+            return
+        parts += data[position : position + size]
+        position += size
+        if kind in (1, 4):  # whole, or the last part
+            record = Record()
+            record.ParseFromString(parts)
+            parts = b""
+            yield record
+
+
+def _records_to_the_end(path):
+    """The records, once W&B's own process has written the last one."""
+    deadline = time.monotonic() + 30
+    while True:
+        records = list(_records(path))
+        if any(record.HasField("exit") for record in records):
+            return records
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def _key(item):
+    return item.key or "/".join(item.nested_key)
+
+
+def _offline_runs(folder):
+    """Of every time that the run was opened: its description, and (step, key) -> value."""
+    runs = []
+    for path in sorted(folder.glob("wandb/offline-run-*/*.wandb")):
+        description, values = None, {}
+        for record in _records_to_the_end(path):
+            if record.HasField("run"):
+                description = record.run
+            if record.HasField("history"):
+                row = {_key(item): json.loads(item.value_json) for item in record.history.item}
+                step = row["_step"]
+                values |= {(step, key): value for key, value in row.items() if key[0] != "_"}
+        runs.append((description, values))
+    return runs
+
+
+@pytest.mark.usefixtures("_offline")
+def test_wandb_gets_the_run_which_stays_the_same(tmp_path, results):
+    config = replace(TINY, logger=WANDB)
+    run = train(config, tmp_path / "runs")
+    ((description, values),) = _offline_runs(run.folder)
+    # of the two rows at the last step, W&B makes one
+    expected = {(step, key): value for step, key, value in _logged(run.folder)}
+    assert values == pytest.approx(expected, 1e-6)
+    assert {step for step, _ in values} == set(UPDATES)
+    assert (description.project, description.run_group) == ("flies", "tiny")
+    assert description.display_name == run.folder.name
+    settings = {item.key: json.loads(item.value_json) for item in description.config.update}
+    expected = json.loads(json.dumps(training_record(config)))
+    assert {key: settings[key] for key in expected} == expected
+    assert {name: (run.folder / name).read_bytes() for name in results} == results
+
+
+@pytest.mark.usefixtures("_offline")
+def test_a_resumed_run_goes_on_in_wandb_and_no_update_is_sent_twice(tmp_path, monkeypatch):
+    run = _crash_and_resume(WANDB, tmp_path / "runs", monkeypatch)
+    folder = next(run)
+    assert sorted({step for step, _ in _offline_runs(folder)[0][1]}) == UPDATES[:3]
+    next(run)
+    (first, before), (second, after) = _offline_runs(folder)
+    record = json.loads((folder / "logger.json").read_text())
+    assert record == {"logger": "wandb", "run_id": first.run_id, "url": None}
+    assert first.run_id == second.run_id
+    assert not before.keys() & after.keys()
+    assert before.keys() | after.keys() == {point[:2] for point in _logged(folder)}
