@@ -24,13 +24,14 @@ from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, code_digests, code_of
-from flyrl.training.checkpoint import learner_state, save_checkpoint
+from flyrl.training.checkpoint import save_checkpoint
 from flyrl.training.config import (
     CurriculumConfig,
     TrainingConfig,
     lasting_settings,
     training_record,
 )
+from flyrl.training.models import learner_state
 from flyrl.training.run_folder import RunFolder
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)

@@ -1,13 +1,23 @@
-"""Stable-Baselines3's model from the settings of an algorithm; hindsight replay."""
+"""Stable-Baselines3's models: built from settings, written down and restored to the bit.
 
+Also hindsight replay. Private names of Stable-Baselines3 are used in this module alone.
+"""
+
+import random
+from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+import torch
 from gymnasium import spaces
 from numpy.typing import NDArray
+from sb3_contrib import RecurrentPPO
+from sb3_contrib.common.recurrent.type_aliases import RNNStates
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -16,6 +26,24 @@ from stable_baselines3.her import HerReplayBuffer
 from flyrl.policies.sb3 import ACTIVATION_MODULES, ALGORITHMS
 from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
 from flyrl.training.algorithms import AlgorithmConfig
+from flyrl.training.runs import flat
+
+PRIVATE: Final[Mapping[type, tuple[str, ...]]] = {
+    # not among what `model.save` keeps, but needed to end with the same bits: counters (some
+    # algorithms update the policy at every n-th update only, some log at every n-th episode), and
+    # what the next decision is made on
+    BaseAlgorithm: (
+        "_n_updates",
+        "_episode_num",
+        "_last_obs",
+        "_last_original_obs",
+        "_last_episode_starts",
+    ),
+    RecurrentPPO: ("_last_lstm_states",),
+    # where the episodes in a replay buffer start that are not at their end
+    HerReplayBuffer: ("_current_ep_start", "_sample_goals", "_get_virtual_samples"),
+}
+"""Private names of Stable-Baselines3 that have no public counterpart."""
 
 
 class HindsightBuffer(HerReplayBuffer):
@@ -162,3 +190,141 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         )
     except (AssertionError, TypeError, ValueError) as error:  # of settings without a range here
         raise ValueError(f"algo={algo.name}: Stable-Baselines3 refuses: {error}") from error
+
+
+_COUNTERS: Final = ("num_timesteps", *PRIVATE[BaseAlgorithm])
+_BUFFER_ARRAYS: Final = (
+    "observations",
+    "next_observations",
+    "actions",
+    "rewards",
+    "dones",
+    "timeouts",
+)
+_HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length", "failures")
+
+
+def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
+    """Copy everything in a model that its learning depends on, except its environment.
+
+    Call it between an update and the next decisions.
+
+    Returns
+    -------
+    Parameters and optimisers, the weight of the entropy, counters, last observations, statistics of
+    the latest episodes, what waits to be logged, the state of every generator that
+    Stable-Baselines3 draws from; and, where there are such, the replay buffer, the statistics that
+    observations and rewards are normalised with, and the memory of a recurrent policy.
+    """
+    infos, successes = model.ep_info_buffer, model.ep_success_buffer
+    assert infos is not None  # made before the first decision
+    assert successes is not None
+    normaliser, buffer = model.get_vec_normalize_env(), getattr(model, "replay_buffer", None)
+    return {
+        "parameters": model.get_parameters(),
+        "entropy_weight": _entropy_weight(model),
+        "counters": {name: getattr(model, name) for name in _COUNTERS},
+        "episodes": {
+            "window": infos.maxlen,
+            "infos": list(infos),
+            "successes": list(successes),
+        },
+        "log": {
+            "values": dict(model.logger.name_to_value),
+            "counts": dict(model.logger.name_to_count),
+            "excluded": dict(model.logger.name_to_excluded),
+        },
+        "replay_buffer": None if buffer is None else _buffer_state(buffer),
+        "normaliser": None if normaliser is None else _normaliser_state(normaliser),
+        "memory": _memory(model),
+        "generators": {
+            "python": random.getstate(),
+            "numpy": np.random.get_state(legacy=False),
+            "torch": torch.get_rng_state(),
+            "action_space": model.action_space.np_random.bit_generator.state,
+        },
+    }
+
+
+def restore_learner(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
+    """Put back what `learner_state` returned; the model has the same settings and a logger."""
+    model.set_parameters(state["parameters"], exact_match=True)
+    if (weight := _entropy_weight(model)) is not None:
+        weight.copy_(torch.as_tensor(state["entropy_weight"]))
+    for name in _COUNTERS:
+        setattr(model, name, state["counters"][name])
+    episodes = state["episodes"]
+    model.ep_info_buffer = deque(episodes["infos"], maxlen=episodes["window"])
+    model.ep_success_buffer = deque(episodes["successes"], maxlen=episodes["window"])
+    model.logger.name_to_value.update(state["log"]["values"])
+    model.logger.name_to_count.update(state["log"]["counts"])
+    model.logger.name_to_excluded.update(state["log"]["excluded"])
+    if (buffer := getattr(model, "replay_buffer", None)) is not None:
+        _restore_buffer(buffer, state["replay_buffer"])
+    if (normaliser := model.get_vec_normalize_env()) is not None:
+        normaliser.returns = state["normaliser"]["returns"]
+        for name, moments in _moments(normaliser).items():
+            values = state["normaliser"]["statistics"][name]
+            moments.mean, moments.var = values["mean"], values["var"]
+            moments.count = values["count"]
+    if isinstance(model, RecurrentPPO):
+        pi, vf = (tuple(map(torch.as_tensor, state["memory"][part])) for part in ("pi", "vf"))
+        model._last_lstm_states = RNNStates(pi, vf)  # type: ignore[assignment] # declared as None
+    generators = state["generators"]
+    random.setstate(generators["python"])
+    np.random.set_state(generators["numpy"])
+    torch.set_rng_state(torch.as_tensor(generators["torch"]))
+    model.action_space.np_random.bit_generator.state = generators["action_space"]
+
+
+def _entropy_weight(model: BaseAlgorithm) -> torch.Tensor | None:
+    """The learned weight's logarithm, without its gradient; its optimiser is a parameter."""
+    weight = getattr(model, "log_ent_coef", None)
+    return None if weight is None else weight.detach()
+
+
+def _arrays(buffer: ReplayBuffer) -> dict[str, NDArray[Any]]:
+    """Arrays of a replay buffer by name, a row per decision of all environments."""
+    is_hindsight = isinstance(buffer, HindsightBuffer)
+    names = _BUFFER_ARRAYS + (_HINDSIGHT_ARRAYS if is_hindsight else ())
+    return flat({name: getattr(buffer, name) for name in names})
+
+
+def _buffer_state(buffer: ReplayBuffer) -> dict[str, Any]:
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    return {
+        "pos": buffer.pos,
+        "full": buffer.full,
+        "episode_starts": getattr(buffer, "_current_ep_start", None),
+        "arrays": {name: values[:filled] for name, values in _arrays(buffer).items()},
+    }
+
+
+def _restore_buffer(buffer: ReplayBuffer, state: Mapping[str, Any]) -> None:
+    buffer.pos, buffer.full = state["pos"], state["full"]
+    if isinstance(buffer, HindsightBuffer):
+        buffer._current_ep_start = state["episode_starts"]
+    for name, values in _arrays(buffer).items():
+        kept = state["arrays"][name]
+        values[: len(kept)] = kept
+
+
+def _normaliser_state(normaliser: VecNormalize) -> dict[str, Any]:
+    moments = {
+        name: {"mean": each.mean, "var": each.var, "count": each.count}
+        for name, each in _moments(normaliser).items()
+    }
+    return {"returns": normaliser.returns.copy(), "statistics": moments}
+
+
+def _moments(normaliser: VecNormalize) -> dict[str, RunningMeanStd]:
+    observation = normaliser.obs_rms if normaliser.norm_obs else {}
+    return flat({"return": normaliser.ret_rms, "observation": observation})
+
+
+def _memory(model: BaseAlgorithm) -> dict[str, list[torch.Tensor]] | None:
+    """State of a recurrent policy's LSTMs: the actor's and the critic's, hidden and cell each."""
+    if not isinstance(model, RecurrentPPO):
+        return None
+    states: RNNStates = model._last_lstm_states  # type: ignore[assignment] # declared as None
+    return {"pi": list(states.pi), "vf": list(states.vf)}

@@ -19,13 +19,14 @@ from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS, ON_POLICY, AlgorithmConfig
-from flyrl.training.checkpoint import (
+from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
+from flyrl.training.models import (
+    PRIVATE,
+    HindsightBuffer,
+    build_model,
     learner_state,
-    load_checkpoint,
     restore_learner,
-    save_checkpoint,
 )
-from flyrl.training.models import HindsightBuffer, build_model
 
 # none of them a default, here or in Stable-Baselines3
 OF_POLICY = {
@@ -174,6 +175,16 @@ def test_normalisation(observation, reward, env):
         assert normaliser.gamma == 0.9
 
 
+def test_private_names_that_are_used_exist(env, goal_envs):
+    buffer = build_model(AlgorithmConfig("sac", her=True), goal_envs[0], 0).replay_buffer
+    things = [buffer, *(build_model(AlgorithmConfig(name), env, 0) for name in ALGORITHMS)]
+    for kind, names in PRIVATE.items():
+        found = [thing for thing in things if isinstance(thing, kind)]
+        assert found
+        missing = [name for thing in found for name in names if not hasattr(thing, name)]
+        assert missing == []
+
+
 class _SaveAt(BaseCallback):
     """Saves a checkpoint between two updates, once so many decisions are made."""
 
@@ -251,7 +262,7 @@ def test_going_on_with_goals_gives_the_same_bits(name, changes, goal_envs, tmp_p
     algo = AlgorithmConfig(name, **_known(name, TINY) | changes)
     end = _check_resuming(algo, *goal_envs, tmp_path)
     if algo.name != "ppo":
-        is_failure = end["replay_buffer"]["arrays"]["failures"]["is_failure"]
+        is_failure = end["replay_buffer"]["arrays"]["failures.is_failure"]
         assert 0 < is_failure.sum() < is_failure.size
 
 
@@ -311,7 +322,7 @@ def _check_resuming(algo, env, other_env, tmp_path):
     again = learner_state(resumed)
     # those hold wall-clock times
     for state in (end, again):
-        del state["log"], state["episode_infos"]
+        del state["log"], state["episodes"]["infos"]
     assert [key for key in end if not _same(end[key], again[key])] == []
     return end
 
