@@ -79,9 +79,9 @@ def progress(state: TaskState) -> Array:
     return terms.progress(replace(state, goal=_next(state)))
 
 
-def found(state: TaskState, reach: float) -> Array:
-    """1 where the source that is due is reached, (n,)."""
-    return terms.reached(replace(state, goal=_next(state)), reach)
+def found(state: TaskState, reach: float) -> NDArray[np.bool_]:
+    """Whether the source that is due is reached, (n,)."""
+    return terms.is_at_target(replace(state, goal=_next(state)), reach)
 
 
 def has_all(state: TaskState, sources: int) -> NDArray[np.bool_]:

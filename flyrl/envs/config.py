@@ -1,8 +1,7 @@
 """What an environment is made of, and what a decision in it leads to."""
 
-import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, TypeVar, cast
 
@@ -22,10 +21,9 @@ from flyrl.tasks import (
     JointTargets,
     Task,
     TaskSettings,
-    named_function,
     task_from,
 )
-from flyrl.tasks.function import ALWAYS
+from flyrl.tasks.function import ALWAYS, named_function
 from flyrl.terrains import Terrain, terrain_from, terrain_named
 from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
 
@@ -40,12 +38,6 @@ Fields = Mapping[str, Any]
 
 LONGEST_DECISION_S: Final = 10.0
 """The engine cannot be interrupted within a decision."""
-
-_CONFIGS: Final[Mapping[str, tuple[type[Any], ...]]] = {
-    "body": (FlyConfig, WormConfig),
-    "physics": (PhysicsConfig,),
-    "randomisation": (RandomisationConfig,),
-}
 
 Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
@@ -97,10 +89,6 @@ class EnvConfig:
     steps_per_decision: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name, kinds in _CONFIGS.items():
-            given = getattr(self, name)
-            if given and isinstance(given, Mapping):  # as JSON gives them
-                object.__setattr__(self, name, _from_fields(name, given, kinds))
         for name in ("log_gait", "as_vectors"):
             one_of(name, getattr(self, name), (False, True))
         task, interval = self.task, self.decision_interval
@@ -120,11 +108,12 @@ class EnvConfig:
         controller = None
         if kind.has_legs:
             usual = "joints" if isinstance(task.actions, JointTargets) else "hybrid"
-            controller = _controller(usual if self.controller is None else self.controller)
+            given = usual if self.controller is None else self.controller
+            controller = _found("controller", given, Controller, controller_named, controller_from)
             task = _fit_task(task, controller)
         else:
             self._check_legless(kind.creature, drawn_from)
-        terrain = _terrain(self.terrain)
+        terrain = _found("terrain", self.terrain, Terrain, terrain_named, terrain_from)
         presets = {name: PHYSICS_PRESETS[name] for name in kind.presets}
         physics = kind.usual_physics if self.physics is None else self.physics
         physics = _named("physics", physics, presets)
@@ -207,11 +196,18 @@ class UnexpectedArgumentError(TypeError, ValueError):
 
 
 def config_for(
-    adapter: type, given: Mapping[str, Any], config: EnvConfig | None = None
+    given: Mapping[str, Any], config: EnvConfig | None = None, others: Iterable[str] = ()
 ) -> EnvConfig:
-    """Change the settings, by default the usual ones, as keywords of an environment's class say.
+    """Change the settings, by default the usual ones, as keywords of an environment say.
 
-    Parameters and other settings of the task are keywords, too.
+    Parameters
+    ----------
+    given
+        Fields of `EnvConfig`, parameters and other settings of the task.
+    config
+        What to change.
+    others
+        Keywords that the environment takes besides, for messages.
 
     Raises
     ------
@@ -220,9 +216,7 @@ def config_for(
     ValueError
         A value that is not allowed.
     """
-    parameters = inspect.signature(adapter).parameters.values()
-    own = [each.name for each in parameters if each.kind != each.VAR_KEYWORD]
-    known = [*_settings(EnvConfig), *own]
+    known = [*_settings(EnvConfig), *others]
     config = config or EnvConfig()
     task = given.get("task", config.task)
     if not isinstance(task, Task):  # whose settings are keywords, too
@@ -247,20 +241,18 @@ def _settings(config: type[EnvConfig] | EnvConfig) -> list[str]:
     return [item.name for item in fields(config) if item.init]
 
 
-def _from_fields(key: str, given: Fields, kinds: Iterable[type[Any]]) -> Any:
-    """Config of the kind that most of the given fields are of."""
-    kind = max(kinds, key=lambda each: len(given.keys() & {item.name for item in fields(each)}))
-    return from_keys(key, given, kind)
-
-
 def _named(key: str, given: Any, table: Mapping[str, Config]) -> Config:
-    """Settings as they are given, or those that a name picks."""
+    """Settings as they are given, those of a mapping, or those that a name picks."""
     if isinstance(given, str):
         return table[one_of(key, given, table)]
-    kinds = {type(config) for config in table.values()}
+    kinds: dict[type[Any], None] = {type(config): None for config in table.values()}
+    if given and isinstance(given, Mapping):  # as JSON gives them
+        known = {kind: given.keys() & {item.name for item in fields(kind)} for kind in kinds}
+        return cast(Config, from_keys(key, given, max(kinds, key=lambda kind: len(known[kind]))))
     if type(given) not in kinds and not (key == "body" and hasattr(given, "simulated_by")):
         names = " or ".join(sorted(kind.__name__ for kind in kinds))
-        raise ValueError(f"{key} must be a {names} or one of {_list(table)}, got {given!r}")
+        allowed = ", ".join(map(repr, table))
+        raise ValueError(f"{key} must be a {names} or one of {allowed}, got {given!r}")
     return cast(Config, given)
 
 
@@ -289,23 +281,20 @@ def _fit_task(task: Task, controller: Controller) -> Task:
     return replace(task, actions=actions.of_command(command), observation=shown)
 
 
-def _controller(given: str | Controller | Fields) -> Controller:
+def _found(
+    key: str,
+    given: Any,
+    kind: type[Config],
+    by_name: Callable[[str], Config],
+    from_fields: Callable[[Fields], Config],
+) -> Config:
+    """Settings as they are given, those of a mapping, or those that a name finds."""
     if isinstance(given, str):
-        return controller_named(given)
+        return by_name(given)
     if isinstance(given, Mapping):
-        return controller_from(given)
-    if not isinstance(given, Controller):
-        raise ValueError(f"controller must be a Controller or the name of one, got {given!r}")
-    return given
-
-
-def _terrain(given: str | Terrain | Fields) -> Terrain:
-    if isinstance(given, str):
-        return terrain_named(given)
-    if isinstance(given, Mapping):
-        return terrain_from(given)
-    if not isinstance(given, Terrain):
-        raise ValueError(f"terrain must be a Terrain or the name of one, got {given!r}")
+        return from_fields(given)
+    if not isinstance(given, kind):
+        raise ValueError(f"{key} must be a {kind.__name__} or the name of one, got {given!r}")
     return given
 
 
@@ -329,10 +318,6 @@ def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:
             f"got {task.time_limit_s}"
         )
     return steps
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(map(repr, names))
 
 
 def usual_body(task: TaskSettings | Task) -> BodyConfig:

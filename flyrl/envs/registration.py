@@ -1,6 +1,5 @@
 """Gymnasium ids."""
 
-from dataclasses import replace
 from typing import Any, Final
 
 import gymnasium
@@ -51,14 +50,3 @@ def own_spec(task: Any, has_goals: bool) -> EnvSpec:
         vector_entry_point="flyrl.envs.vector:FlyrlVectorEnv",
         kwargs={"task": task},
     )
-
-
-def limited_spec(spec: EnvSpec | None, max_decisions: int | None) -> EnvSpec | None:
-    """Spec whose `max_episode_steps` is the limit of an environment's task, unless it is less.
-
-    The limit is that of each environment, not of its id, since it depends on the settings.
-    """
-    if spec is None or max_decisions is None:
-        return spec
-    given = spec.max_episode_steps
-    return replace(spec, max_episode_steps=min(given or max_decisions, max_decisions))

@@ -83,10 +83,3 @@ def make_renderer(config: EnvConfig, view: View) -> BodyRenderer:
     drawn_by: type[BodyRenderer] = config.scene.batch_class.renderer
     camera = view.camera if view.camera in drawn_by.cameras else drawn_by.cameras[0]
     return drawn_by(config.scene, view.width, view.height, camera, view.drawn)
-
-
-def check_render_mode(render_mode: str | None) -> str | None:
-    """Return `render_mode` if pictures can be had that way, else raise ValueError."""
-    if render_mode not in (None, *RENDERING["render_modes"]):
-        raise ValueError(f"render_mode is {render_mode!r}; it must be None or 'rgb_array'")
-    return render_mode

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from flyrl.envs.config import config_for
-from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.options import action_space, episode_with_options, observation_space
-from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
-from flyrl.simulation.marks import PLAIN
-from flyrl.simulation.rendering import Camera
+from flyrl.envs.adapter import Adapter, episode_with_options, row_of
+from flyrl.envs.core import EnvConfig
+from flyrl.envs.rendering import RENDERING
+from flyrl.tasks.target import compute_reward, compute_terminated
 from flyrl.validation import random_seed
 
+_OF_GOALS: Final = {"compute_reward": compute_reward, "compute_terminated": compute_terminated}
 
-class FlyrlVecEnv(VecEnv):
+
+class FlyrlVecEnv(Adapter, VecEnv):
     """`num_envs` flies or worms on native threads, with SB3's conventions.
 
     An episode that ends is reset at once; `infos` then carries "terminal_observation",
@@ -40,10 +40,9 @@ class FlyrlVecEnv(VecEnv):
         Fly i starts with the seed `seed + i`; None draws from the operating system.
     render_mode
         None or "rgb_array".
-    camera, overlay, width, height
-        How pictures look: see `flyrl.envs.rendering.View`.
     **settings
-        Arguments of `EnvConfig`, in place of those of `config`.
+        Fields of `EnvConfig`, in place of those of `config`, and of `flyrl.envs.rendering.View`,
+        and settings of the task.
 
     Raises
     ------
@@ -58,39 +57,22 @@ class FlyrlVecEnv(VecEnv):
         num_threads: int = 0,
         seed: int | None = None,
         render_mode: str | None = None,
-        camera: Camera = "follow",
-        overlay: Drawn = PLAIN,
-        width: int = 640,
-        height: int = 480,
         **settings: Any,
     ) -> None:
-        config = self.config = config_for(type(self), settings, config)
-        view = View(camera, overlay, width, height)
-        self.core = BatchedEnv(config, num_envs, num_threads, view)
-        self.render_mode = check_render_mode(render_mode)
-        super().__init__(num_envs, observation_space(self.core.task), action_space(self.core.task))
+        own = {"config": config, "num_envs": num_envs, "num_threads": num_threads, "seed": seed}
+        self._make_core({**own, "render_mode": render_mode}, settings)
+        task = self.core.task
+        super().__init__(num_envs, task.observation_space, task.actions.space)
         self.metadata = RENDERING
-        self._arguments = (
-            *(config, num_envs, num_threads, seed, render_mode),
-            *(camera, overlay, width, height),
-        )
         self._actions: NDArray[Any] = np.zeros((num_envs, self.core.task.actions.size))
         self._returns = np.zeros(num_envs)
         self._lengths = np.zeros(num_envs, dtype=np.int64)
         self._start = time.time()
         self.seed(seed)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), self._arguments
-
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Seed the next reset: environment i with `seed + i`."""
         return super().seed(seed if seed is None else random_seed(seed))
-
-    @property
-    def outcomes(self) -> tuple[str, ...]:
-        """Names of the outcomes by code, as in `info["outcome"]`."""
-        return self.core.task.outcomes
 
     def reset(self) -> VecEnvObs:
         """Start an episode in every environment."""
@@ -127,13 +109,8 @@ class FlyrlVecEnv(VecEnv):
                 info[key] = value
         ended = np.flatnonzero(transition.done)
         for i in ended:
-            terminal = (
-                {name: values[i] for name, values in observation.items()}
-                if isinstance(observation, dict)
-                else observation[i]
-            )
             episode = self.core.episodes[i]
-            infos[i]["terminal_observation"] = terminal
+            infos[i]["terminal_observation"] = row_of(observation, i)
             infos[i]["difficulty"] = episode and episode.difficulty
             infos[i]["TimeLimit.truncated"] = bool(transition.truncated[i])
             infos[i]["episode"] = {
@@ -189,20 +166,12 @@ class FlyrlVecEnv(VecEnv):
 
         Any other method raises: the flies are rows of a batch, not environment objects.
         """
-        if method_name not in ("compute_reward", "compute_terminated"):
+        if method_name not in _OF_GOALS:
             raise NotImplementedError(
                 f"a fly of the batch has no method {method_name!r} of its own"
             )
-        result = getattr(self, method_name)(*method_args, **method_kwargs)
+        result = _OF_GOALS[method_name](self.core.task, *method_args, **method_kwargs)
         return [result for _ in self._get_indices(indices)]
-
-    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Reward for goals (n, k) as observed and their `info`s, as in Gymnasium's GoalEnv."""
-        return self.core.task.compute_reward(achieved_goal, desired_goal, info)
-
-    def compute_terminated(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
-        """Whether an episode ends with goals (n, k) as observed and their `info`s."""
-        return self.core.task.compute_terminated(achieved_goal, desired_goal, info)
 
     def env_is_wrapped(
         self,

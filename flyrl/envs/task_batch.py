@@ -233,9 +233,9 @@ class TaskBatch:
             mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
         reward = np.zeros(len(self._decisions))
         for term, total in zip(self._task.reward, self._totals, strict=True):
-            values = term.compute(state)
-            reward += term.weight * values
-            total[moved] += values[moved]
+            points = term.compute(state)
+            reward += term.weight * points
+            total[moved] += points[moved]
         terminated = body.is_unstable.copy()
         outcome = np.where(terminated, self._code[UNSTABLE], self._code[RUNNING])
         is_success = np.zeros(len(reward), dtype=bool)

@@ -1,31 +1,24 @@
 """Many flies or worms as one Gymnasium vector environment, over the native batch."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from functools import partial
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flyrl.envs.config import Observation, config_for
-from flyrl.envs.core import BatchedEnv
-from flyrl.envs.options import action_space, action_vectors, episode_with_options, observation_space
-from flyrl.envs.registration import limited_spec
-from flyrl.envs.rendering import RENDERING, Drawn, View, check_render_mode
-from flyrl.envs.task_batch import Transition
-from flyrl.simulation.marks import PLAIN
+from flyrl.envs.adapter import Adapter, action_vectors, episode_with_options, row_of
+from flyrl.envs.config import Observation
+from flyrl.envs.rendering import RENDERING
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
-from flyrl.simulation.rendering import Camera
 from flyrl.tasks import RUNNING, Episode
 from flyrl.validation import random_seed, whole_number
 
 
-class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
-    """`num_envs` flies or worms on native threads; the other arguments are those of `EnvConfig`.
+class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
+    """`num_envs` flies or worms on native threads, as a Gymnasium vector environment.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
     with its seed. A copy, deep or by pickle, is made anew from the settings, and must be reset.
@@ -43,8 +36,8 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         wrapper TimeLimit does to a single environment. The outcome of such an end stays "running".
     render_mode
         None or "rgb_array".
-    camera, overlay, width, height
-        How pictures look: see `flyrl.envs.rendering.View`.
+    **settings
+        Fields of `EnvConfig` and of `flyrl.envs.rendering.View`, and settings of the task.
 
     Raises
     ------
@@ -59,23 +52,18 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
-        camera: Camera = "follow",
-        overlay: Drawn = PLAIN,
-        width: int = 640,
-        height: int = 480,
-        **config: Any,
+        **settings: Any,
     ) -> None:
         if max_episode_steps is not None:
             whole_number("max_episode_steps", max_episode_steps, 1, 2**31)
-        self.render_mode = check_render_mode(render_mode)
-        self.config = config_for(type(self), config)
-        view = View(camera, overlay, width, height)
-        self.core = BatchedEnv(self.config, num_envs, num_threads, view)
+        own: dict[str, Any] = {"num_envs": num_envs, "num_threads": num_threads}
+        own |= {"autoreset_mode": autoreset_mode, "max_episode_steps": max_episode_steps}
+        self._make_core({**own, "render_mode": render_mode}, settings)
         num_envs = self.num_envs = self.core.num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**RENDERING, "autoreset_mode": self.autoreset_mode}
-        self.single_action_space = action_space(self.core.task)
-        self.single_observation_space = observation_space(self.core.task)
+        self.single_action_space = self.core.task.actions.space
+        self.single_observation_space = self.core.task.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._done = np.zeros(num_envs, dtype=bool)
@@ -83,35 +71,7 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         self._elapsed_steps = np.zeros(num_envs, dtype=np.int64)
         self._is_varied = np.zeros(num_envs, dtype=bool)
         self._drawn = {item.name: np.zeros(num_envs) for item in fields(Randomisation)}
-        self._running = np.full(num_envs, self.outcomes.index(RUNNING))
-        self._settings = {
-            "num_envs": num_envs,
-            "num_threads": num_threads,
-            "autoreset_mode": autoreset_mode,
-            "max_episode_steps": max_episode_steps,
-            "render_mode": render_mode,
-            **vars(view),
-            **config,
-        }
-        self._spec: EnvSpec | None = None
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return partial(type(self), **self._settings), (), {"_spec": self._spec}
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """What Gymnasium made it from; `max_episode_steps` is the limit, in decisions."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        limits = (self.core.max_decisions, self._max_episode_steps)
-        self._spec = limited_spec(spec, min((each for each in limits if each), default=None))
-
-    @property
-    def outcomes(self) -> tuple[str, ...]:
-        """Names of the outcomes by code, as in `info["outcome"]`."""
-        return self.core.task.outcomes
+        self._running = self.outcomes.index(RUNNING)
 
     def reset(
         self,
@@ -146,25 +106,41 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         ]
         observation = self._start(ids, episodes)
         self._done[ids] = False
-        return observation, self._info(self._running, np.zeros(self.num_envs, dtype=bool))
+        running = np.full(self.num_envs, self._running)
+        return observation, self._info(running, np.zeros(self.num_envs, dtype=bool))
 
     def step(
         self, actions: Any
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Hold one action per body for a decision interval."""
-        actions = action_vectors(self.core.task, actions)
-        if self.autoreset_mode == AutoresetMode.NEXT_STEP:
-            return self._step_next(actions)
-        if self.autoreset_mode == AutoresetMode.DISABLED and self._done.any():
-            raise RuntimeError(
-                f"environments {np.flatnonzero(self._done).tolist()} are done; reset them with "
-                "the option 'reset_mask' before the next step"
-            )
-        transition = self._limited(self.core.step(actions))
-        done, observation = transition.done, transition.observation
-        final: dict[str, Any] = {}
-        outcome_code, is_success = transition.outcome_code, transition.is_success
-        if self.autoreset_mode == AutoresetMode.DISABLED:
+        """Hold one action per body for a decision interval.
+
+        With NEXT_STEP, bodies that were done are reset instead, with a reward of 0.
+        """
+        starting, moving = self._done, None
+        if starting.any():
+            if self.autoreset_mode == AutoresetMode.DISABLED:
+                raise RuntimeError(
+                    f"environments {np.flatnonzero(starting).tolist()} are done; reset them with "
+                    "the option 'reset_mask' before the next step"
+                )
+            self._start(np.flatnonzero(starting))
+            moving = np.flatnonzero(~starting)
+        result = self.core.step(action_vectors(actions), moving)
+        observation, reward, terminated = result.observation, result.reward, result.terminated
+        truncated, outcome_code, is_success = (
+            result.truncated,
+            result.outcome_code,
+            result.is_success,
+        )
+        if self._max_episode_steps is not None:
+            self._elapsed_steps[~starting] += 1
+            truncated |= self._elapsed_steps >= self._max_episode_steps
+        if moving is not None:
+            outcome_code[starting] = self._running
+            for values in (reward, terminated, truncated, is_success):
+                values[starting] = 0
+        done, final = result.done, {}
+        if self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._done = done
         elif done.any():
             final = {
@@ -174,36 +150,10 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
                 "_final_info": done.copy(),
             }
             observation = self._start(np.flatnonzero(done))
-            outcome_code = np.where(done, self._running, outcome_code)
-            is_success = is_success & ~done
-        return (
-            observation,
-            transition.reward,
-            transition.terminated,
-            transition.truncated,
-            self._info(outcome_code, is_success) | final,
-        )
-
-    def _step_next(
-        self, actions: NDArray[Any]
-    ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Reset the flies that were done, with a reward of 0, and step the others."""
-        starting = self._done
-        if not starting.any():
-            transition = self._limited(self.core.step(actions))
-        else:
-            moving = np.flatnonzero(~starting)
-            self._start(np.flatnonzero(starting))
-            transition = self._limited(self.core.step(actions, ids=moving), moving)
-            transition = _mask(transition, starting)
-        self._done = transition.done
-        return (
-            transition.observation,
-            transition.reward,
-            transition.terminated,
-            transition.truncated,
-            self._info(transition.outcome_code, transition.is_success),
-        )
+            outcome_code[done] = self._running
+            is_success[done] = False
+        info = self._info(outcome_code, is_success) | final
+        return observation, reward, terminated, truncated, info
 
     def _start(
         self, ids: NDArray[np.intp], episodes: Sequence[Episode] | None = None
@@ -225,29 +175,11 @@ class FlyrlVectorEnv(VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         mask: NDArray[np.bool_] | bool = True,
     ) -> dict[str, Any]:
         """What single environments have in `info`, with masks as SyncVectorEnv makes them."""
-        facts: dict[str, Any] = {
-            "outcome": outcome_code,
-            "is_success": is_success,
-            "time_s": self.core.state.time,
-            **self.core.failure_info(),
-        }
-        if self.config.scene.terrain.random:
-            facts["ground"] = self.core.grounds()
-        info = _only(facts, np.full(self.num_envs, mask))
+        info = _only(self._facts(outcome_code, is_success), np.full(self.num_envs, mask))
         is_varied = self._is_varied & mask
         if is_varied.any():
             info |= _only({"randomisation": self._drawn}, is_varied)
         return info
-
-    def _limited(
-        self, transition: Transition, moved: NDArray[np.intp] | slice = slice(None)
-    ) -> Transition:
-        """Count a decision, and truncate what has had its `max_episode_steps`."""
-        if self._max_episode_steps is None:
-            return transition
-        self._elapsed_steps[moved] += 1
-        is_over = self._elapsed_steps >= self._max_episode_steps
-        return replace(transition, truncated=transition.truncated | is_over)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Pictures of the bodies, (height, width, 3) each, or None without a render mode."""
@@ -264,10 +196,7 @@ def _rows(observation: Observation, mask: NDArray[np.bool_]) -> NDArray[np.objec
     """Observations of the masked environments as an object array, as Gymnasium's own envs do."""
     rows = np.full(len(mask), None, dtype=object)
     for i in np.flatnonzero(mask):
-        if isinstance(observation, dict):
-            rows[i] = {name: values[i] for name, values in observation.items()}
-        else:
-            rows[i] = observation[i]
+        rows[i] = row_of(observation, i)
     return rows
 
 
@@ -281,16 +210,3 @@ def _only(info: Mapping[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
             only[key] = np.where(mask, values, np.zeros((), values.dtype))
         only[f"_{key}"] = mask.copy()
     return only
-
-
-def _mask(transition: Transition, starting: NDArray[np.bool_]) -> Transition:
-    """Make a transition of the environments that only started their episode a neutral one."""
-    running = transition.outcomes.index(RUNNING)
-    return replace(
-        transition,
-        reward=np.where(starting, 0.0, transition.reward),
-        terminated=transition.terminated & ~starting,
-        truncated=transition.truncated & ~starting,
-        outcome_code=np.where(starting, running, transition.outcome_code),
-        is_success=transition.is_success & ~starting,
-    )

@@ -15,8 +15,9 @@ from flyrl.policies.laws import FIXED
 from flyrl.rollouts import Policy
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
+from flyrl.tasks.task import Mask
 from flyrl.terrains import KINDS, Bounds
-from flyrl.validation import FloatArray, one_of, random_seed
+from flyrl.validation import one_of, random_seed
 
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "controller": ("cpg", "hybrid", "rule_based"),
@@ -101,10 +102,10 @@ DISTANCE: Final[tuple[float, float]] = _TARGET.parameters["distance"]
 """mm; least and greatest distance of a target when it is drawn."""
 
 
-def _arrived(state: TaskState) -> FloatArray:
-    """1 where the target was not reached before the decision and is now, (n,)."""
+def _arrived(state: TaskState) -> Mask:
+    """Whether the target was not reached before the decision and is now, (n,)."""
     before = terms.goal_distance(state.previous.position_w, state.goal)
-    return terms.reached(state, REACH) * (before >= REACH)
+    return terms.is_at_target(state, REACH) & (before >= REACH)
 
 
 def _play_task(task: Task) -> Task:

@@ -28,7 +28,6 @@ from torch import Tensor, nn
 
 from flyrl.entry_points import is_entry_point
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.options import action_space, observation_space
 from flyrl.envs.record import env_record
 from flyrl.policies.bundle import (
     PolicyBundle,
@@ -251,8 +250,8 @@ def import_sb3(
     )
     task = env.resolved_task
     for what, given, wanted in (
-        ("observations", model.observation_space, observation_space(task)),
-        ("actions", model.action_space, action_space(task)),
+        ("observations", model.observation_space, task.observation_space),
+        ("actions", model.action_space, task.actions.space),
     ):
         if given != wanted:
             raise PolicyFileError(
@@ -372,7 +371,7 @@ class _SpacesOnly(gymnasium.Env[Any, Any]):
     """What a model and a VecNormalize need to be made: spaces, and nothing behind them."""
 
     def __init__(self, task: Task) -> None:
-        self.observation_space, self.action_space = observation_space(task), action_space(task)
+        self.observation_space, self.action_space = task.observation_space, task.actions.space
 
 
 def _environment(task: Task, bundle: PolicyBundle) -> VecEnv:

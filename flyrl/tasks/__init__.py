@@ -1,9 +1,10 @@
 """Decision problems: observation, reward, termination and reset of each task, as tables."""
 
-from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Actions, Drives, JointTargets, Neurons
-from flyrl.tasks.built_in import TASK_NAMES
+from typing import Final
+
+from flyrl.tasks import heading, hybrid_turning, path, target, traverse, velocity, worm
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets, Neurons
 from flyrl.tasks.episode import Episode
-from flyrl.tasks.errors import ERRORS
 from flyrl.tasks.extension import (
     code_digests,
     code_of,
@@ -16,7 +17,6 @@ from flyrl.tasks.function import (
     TASKS,
     TaskFunction,
     TaskSettings,
-    named_function,
     task_from,
     task_named,
 )
@@ -37,10 +37,28 @@ from flyrl.tasks.task import (
     RewardTerm,
     Task,
     TaskState,
-    Term,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, lost_time
+from flyrl.tasks.terms import ERRORS, FAILURES
+
+TASKS.update(
+    target=target.target,
+    target_goal=target.target_goal,
+    velocity=velocity.velocity,
+    path=path.path,
+    traverse=traverse.traverse,
+    heading=heading.heading,
+    hybrid_turning=hybrid_turning.hybrid_turning,
+    joints=hybrid_turning.joints,
+    joints_box=hybrid_turning.joints_box,
+    worm_hang=worm.worm_hang,
+    worm_hang_box=worm.worm_hang_box,
+    worm_crawl=worm.worm_crawl,
+    worm_crawl_box=worm.worm_crawl_box,
+)
+
+TASK_NAMES: Final = tuple(TASKS)
+"""Of the built-in tasks."""
 
 __all__ = [
     "ACHIEVED_GOAL",
@@ -58,7 +76,6 @@ __all__ = [
     "TASK_NAMES",
     "TIMEOUT",
     "UNSTABLE",
-    "Actions",
     "Drives",
     "Episode",
     "EpisodeSampler",
@@ -72,14 +89,11 @@ __all__ = [
     "TaskFunction",
     "TaskSettings",
     "TaskState",
-    "Term",
     "Termination",
     "code_digests",
     "code_of",
     "extended",
     "load_terms",
-    "lost_time",
-    "named_function",
     "task_from",
     "task_named",
     "task_record",

@@ -1,11 +1,21 @@
 """What an action of a task is, and what it commands the body to do."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from flyrl.controllers.controller import DRIVE, DRIVE_HIGH, DRIVE_LOW, JOINTS_COMMAND, Command
+from flyrl.controllers.controller import (
+    DRIVE,
+    DRIVE_HIGH,
+    DRIVE_LOW,
+    JOINTS_COMMAND,
+    NUM_JOINTS,
+    NUM_LEGS,
+    Command,
+)
 
 __all__ = ["DRIVE_HIGH", "DRIVE_LOW", "Actions", "Drives", "JointTargets", "Neurons"]
 
@@ -47,6 +57,11 @@ class Drives:
         ]
         low, high = np.array(given).T
         return low, high
+
+    @property
+    def space(self) -> spaces.Space[Any]:
+        """Gymnasium's space of an action."""
+        return _box(*self.bounds)
 
     def commands(self, actions: ArrayLike) -> Array:
         """Map actions (..., k), clipped to their range, to commands (..., k)."""
@@ -93,6 +108,15 @@ class JointTargets(Drives):
     command: Command = JOINTS_COMMAND
     is_dict: bool = True
 
+    @property
+    def space(self) -> spaces.Space[Any]:
+        """Gymnasium's space of an action."""
+        low, high = self.bounds
+        if not self.is_dict:
+            return _box(low, high)
+        joints = _box(low[:NUM_JOINTS], high[:NUM_JOINTS])
+        return spaces.Dict({"joints": joints, "adhesion": spaces.MultiBinary(NUM_LEGS)})
+
     def commands(self, actions: ArrayLike) -> Array:
         """Take actions (..., 48) as they are: no joint has a limit, and reflexes go beyond π."""
         return np.asarray(actions, dtype=np.float64)
@@ -123,6 +147,11 @@ class Neurons:
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest value of an action's components, (M,) each."""
         return np.full(self.size, self.low), np.full(self.size, self.high)
+
+    @property
+    def space(self) -> spaces.Space[Any]:
+        """Gymnasium's space of an action."""
+        return spaces.MultiDiscrete(list(self.pools)) if self.is_integer else _box(*self.bounds)
 
     def __post_init__(self) -> None:
         if not self.pools or min(self.pools) < 1:
@@ -163,6 +192,10 @@ class Neurons:
             return given
         last = np.maximum(np.array(self.pools) - 1.0, 1.0)
         return self.low + given / last * (self.high - self.low)
+
+
+def _box(low: Array, high: Array) -> spaces.Box:
+    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
 Actions = Drives | Neurons

@@ -21,7 +21,7 @@ ALWAYS: Final = ("name", "decision_interval", "time_limit", "terms", "without", 
 """Settings that every task has."""
 
 TASKS: Final[dict[str, TaskFunction]] = {}
-"""Functions of the built-in tasks by name; `flyrl.tasks.built_in` fills it."""
+"""Functions of the built-in tasks by name; `flyrl.tasks` fills it."""
 
 
 class TaskFunction:

@@ -11,12 +11,11 @@ import numpy as np
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
-from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import Mask, ObservationTerm, RewardTerm, Task, TaskState
-from flyrl.tasks.terms import FAILURES, lost_time
+from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
+from flyrl.tasks.terms import FAILURES, error, lost_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 
@@ -46,12 +45,6 @@ def sample_episode(
         pushes += [float(rng.uniform(start, end)), float(difficulty * side * rng.uniform(*push))]
     episode = bare_episode(terrain, seed, difficulty)
     return replace(episode, command=(float(heading),), pushes=tuple(pushes))
-
-
-def was_kept(state: TaskState, seconds: float) -> Mask:
-    """Whether the fly was on the heading for so many s, (n,)."""
-    # but for rounding: the total is a sum of decisions
-    return state.totals["on_heading"] >= seconds - 1e-6
 
 
 @TaskFunction
@@ -110,7 +103,7 @@ def heading(
         sample_episode=partial(sample_episode, turn=turn, push=push, push_times=push_times),
         difficulty=f"turn, from 0 to ±{turn:g}°, and pushes, from none to "
         f"{weakest:g}-{strongest:g} µN",
-        succeeds_in_time=partial(was_kept, seconds=kept),
+        succeeds_in_time=partial(terms.lasted, reward="on_heading", seconds=kept),
         success=f"within {tolerance:g} degrees of the heading for {kept:g} s",
         errors=(error("heading_error_deg", 180.0, terms.turn_to_heading),),
         decisive=("success", "heading_error_deg"),

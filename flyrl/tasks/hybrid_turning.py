@@ -5,6 +5,7 @@ environment (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
 """
 
 from dataclasses import replace
+from operator import attrgetter
 from typing import Annotated
 
 import numpy as np
@@ -53,21 +54,6 @@ def thorax(state: TaskState) -> Array:
     return table
 
 
-def contact_forces(state: TaskState) -> Array:
-    """Ground's force on each sensed segment, µN, world frame, (n, 36, 3)."""
-    return state.fly.contact_forces_w
-
-
-def end_effectors(state: TaskState) -> Array:
-    """Tarsus5 of each leg, mm, world frame, (n, 6, 3)."""
-    return state.fly.end_effectors_w
-
-
-def heading(state: TaskState) -> Array:
-    """Unit vector along the thorax, world frame, (n, 3)."""
-    return state.fly.heading_w
-
-
 def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:
     """Draw a spawn and the CPG's start."""
     spawn = draw_spawn(terrain, np.random.default_rng(seed))
@@ -92,16 +78,17 @@ def hybrid_turning(time_limit: Annotated[float | None, TIME] = None) -> Task:
                 spread=(0.0, 10.0, 0.05, 6.0),
             ),
             ObservationTerm(
-                "contact_forces", (36, 3), -1e6, 1e6, contact_forces,
+                "contact_forces", (36, 3), -1e6, 1e6, attrgetter("fly.contact_forces_w"),
                 "ground's force on each sensed leg segment (µN, world frame)",
                 spread=8.0,
             ),
             ObservationTerm(
-                "end_effectors", (6, 3), -1000.0, 1000.0, end_effectors,
+                "end_effectors", (6, 3), -1000.0, 1000.0, attrgetter("fly.end_effectors_w"),
                 "position of each leg's Tarsus5 (mm, world frame)",
             ),
             ObservationTerm(
-                "fly_orientation", (3,), -1.0, 1.0, heading, "unit heading (world frame)",
+                "fly_orientation", (3,), -1.0, 1.0, attrgetter("fly.heading_w"),
+                "unit heading (world frame)",
                 spread=0.05,
             ),
         ),

@@ -2,16 +2,16 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Final
+from typing import Annotated
 
 import numpy as np
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
-from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.target import is_inside
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -22,12 +22,9 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, lost_time
-from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
+from flyrl.tasks.terms import FAILURES, error, lost_time
+from flyrl.terrains import TARGET_MARKER, Terrain
 from flyrl.validation import Within
-
-BOUNDS_MARGIN: Final = 1.5
-"""mm; no path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
 
 
 def draw_path(
@@ -77,7 +74,7 @@ def sample_episode(
     x, y, _ = episode.spawn_position_w
     for _ in range(MOST_DRAWS):
         path = draw_path((x, y), rng, difficulty, length, radius, smoothness)
-        if _is_inside(path, terrain.bounds):
+        if is_inside(path[:, 0], path[:, 1], terrain.bounds).all():
             break
     else:
         raise ValueError(
@@ -88,21 +85,10 @@ def sample_episode(
     return replace(episode, goal=(end_x, end_y), command=command)
 
 
-def _is_inside(path: Array, bounds: Bounds) -> bool:
-    low = np.array([bounds.x_min, bounds.y_min]) + BOUNDS_MARGIN
-    high = np.array([bounds.x_max, bounds.y_max]) - BOUNDS_MARGIN
-    return bool(((path >= low) & (path <= high)).all())
-
-
 def was_followed(state: TaskState, reach: float, tolerance: float) -> Mask:
     """Whether the path's end is reached, and the fly kept to the path on the way, (n,)."""
     mean_deviation = state.totals["deviation"] / np.maximum(state.fly.time, 1e-9)
     return terms.is_at_target(state, reach) & (mean_deviation <= tolerance)
-
-
-def followed(state: TaskState, reach: float, tolerance: float) -> Array:
-    """1 where the path was followed to its end, (n,)."""
-    return was_followed(state, reach, tolerance).astype(np.float64)
 
 
 @TaskFunction
@@ -135,7 +121,7 @@ def path(
     time_limit
         s until the episode is cut off.
     """
-    judged: dict[str, Any] = {"reach": reach, "tolerance": tolerance}
+    followed = partial(was_followed, reach=reach, tolerance=tolerance)
     return Task(
         observation=(
             ObservationTerm(
@@ -159,13 +145,13 @@ def path(
             RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
             RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
             RewardTerm(
-                "success", 2.0, partial(followed, **judged), "the path was followed to its end"
+                "success", 2.0, followed, "the path was followed to its end"
             ),
             RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
             # no failure may save the time that it cuts off
             lost_time(-0.5),
         ),
-        terminations=(Termination(SUCCESS, partial(was_followed, **judged)), *FAILURES),
+        terminations=(Termination(SUCCESS, followed), *FAILURES),
         time_limit_s=time_limit,
         props=(TARGET_MARKER,),
         sample_episode=partial(

@@ -1,20 +1,22 @@
 """Target: steer to a point some mm away, in any direction, in time."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, draw_oscillators, draw_spawn
-from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
+    DECISIONS_LOST,
     DESIRED_GOAL,
+    IS_FAILURE,
     SUCCESS,
     Array,
     Mask,
@@ -24,20 +26,22 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, decisions_lost, lost_time
+from flyrl.tasks.terms import FAILURES, decisions_lost, error, lost_time
 from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
 from flyrl.validation import Within, ordered
 
 BOUNDS_MARGIN: Final = 1.5
-"""mm; no target lies closer to the terrain's edge."""
+"""mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
 
 
-def is_inside(x: float, y: float, bounds: Bounds) -> bool:
-    """Whether a target may lie there: on the terrain, and not too close to its edge."""
+def is_inside(x: Any, y: Any, bounds: Bounds) -> Any:
+    """Whether places (...) lie on the terrain, and not too close to its edge."""
     margin = BOUNDS_MARGIN
     return (
-        bounds.x_min + margin <= x <= bounds.x_max - margin
-        and bounds.y_min + margin <= y <= bounds.y_max - margin
+        (bounds.x_min + margin <= x)
+        & (x <= bounds.x_max - margin)
+        & (bounds.y_min + margin <= y)
+        & (y <= bounds.y_max - margin)
     )
 
 
@@ -146,9 +150,7 @@ def target(
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
-            RewardTerm(
-                "success", 2.0, partial(terms.reached, reach=reach), "the target is reached"
-            ),
+            RewardTerm("success", 2.0, at_target, "the target is reached"),
             RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
             # no failure may save the time that it cuts off
             lost_time(-0.5),
@@ -233,6 +235,71 @@ def away(state: TaskState, reach: float) -> Array:
 def goal_distances(state: TaskState) -> Array:
     """Distance to the goal as observed, mm, for this decision and each that is lost, (n,)."""
     return distances(*_goals(state), decisions_lost(state))
+
+
+def compute_reward(
+    task: Task, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any
+) -> Array:
+    """Reward of having achieved a goal when another was desired, in a task with goals.
+
+    Parameters
+    ----------
+    achieved_goal, desired_goal
+        As they are observed, (..., size of a goal).
+    info
+        Of the same decisions; `DECISIONS_LOST` counts. One dict, of numbers or of arrays (...),
+        or dicts (...).
+
+    Returns
+    -------
+    What the environment gives for the same goals, to the bit, (...).
+
+    Raises
+    ------
+    ValueError
+        A reward term that does not follow from the goals, or an `info` without the key.
+    """
+    lost = _of_info(info, DECISIONS_LOST)
+    reward = np.zeros(np.shape(achieved_goal)[:-1])
+    for term in task.reward:
+        if term.of_goals is None:
+            raise ValueError(
+                f"the reward term {term.name!r} of {task.name} does not follow from the goals"
+            )
+        reward = reward + term.weight * term.of_goals(achieved_goal, desired_goal, lost)
+    return reward
+
+
+def compute_terminated(
+    task: Task, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any
+) -> Mask:
+    """Whether it ends an episode to have achieved a goal when another was desired, (...).
+
+    The parameters are those of `compute_reward`; of `info`, `IS_FAILURE` counts.
+
+    Raises
+    ------
+    ValueError
+        A task without goals, or an `info` without the key.
+    """
+    if task.is_reached is None:
+        raise ValueError(f"task {task.name!r} has no goals")
+    is_failure = _of_info(info, IS_FAILURE).astype(bool)
+    return np.asarray(task.is_reached(achieved_goal, desired_goal) | is_failure)
+
+
+def _of_info(info: Any, key: str) -> NDArray[Any]:
+    """Values of a key: of one dict, or of each of several."""
+    try:
+        if isinstance(info, Mapping):
+            return np.asarray(info[key])
+        infos = np.asarray(info, dtype=object)
+        return np.array([each[key] for each in infos.flat]).reshape(infos.shape)
+    except (KeyError, TypeError):
+        raise ValueError(
+            f"info must be what step() gave for these decisions, with the key {key!r} "
+            f"(of Stable-Baselines3's HerReplayBuffer: copy_info_dict=True), got {info!r:.80}"
+        ) from None
 
 
 @variant_of(target)

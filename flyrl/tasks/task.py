@@ -1,10 +1,11 @@
 """A task is a table: what is observed, what is rewarded, what ends an episode."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Protocol, cast
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.bodies.worm import WormConfig
@@ -156,14 +157,14 @@ class ObservationTerm:
 class RewardTerm:
     """A named part of the reward; it counts `weight` times, once per decision.
 
-    `compute` gives (n,). In a task with goals, `of_goals` gives the same, to the bit, from the
-    goals achieved and desired as they are observed, (..., size of a goal) each, and from the
-    decisions that a failure cut off, (...), for any goals.
+    `compute` gives (n,); True counts as 1. In a task with goals, `of_goals` gives the same, to the
+    bit, from the goals achieved and desired as they are observed, (..., size of a goal) each, and
+    from the decisions that a failure cut off, (...), for any goals.
     """
 
     name: str
     weight: float
-    compute: Compute
+    compute: Callable[[Any], Array | Mask]
     description: str
     of_goals: Callable[[ArrayLike, ArrayLike, ArrayLike], Array] | None = None
 
@@ -362,54 +363,18 @@ class Task:
         """Outcomes by code: `OUTCOMES`, then those of terminations added to the task, in order."""
         return tuple(dict.fromkeys((*OUTCOMES, *(end.outcome for end in self.terminations))))
 
-    def compute_reward(self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any) -> Array:
-        """Reward of having achieved a goal when another was desired, in a task with goals.
-
-        Parameters
-        ----------
-        achieved_goal, desired_goal
-            As they are observed, (..., size of a goal).
-        info
-            Of the same decisions; `DECISIONS_LOST` counts. One dict, of numbers or of arrays (...),
-            or dicts (...).
-
-        Returns
-        -------
-        What the environment gives for the same goals, to the bit, (...).
-
-        Raises
-        ------
-        ValueError
-            A reward term that does not follow from the goals, or an `info` without the key.
-        """
-        decisions_lost = _of_info(info, DECISIONS_LOST)
-        reward = np.zeros(np.shape(achieved_goal)[:-1])
-        for term in self.reward:
-            if term.of_goals is None:
-                raise ValueError(
-                    f"the reward term {term.name!r} of {self.name} does not follow from the goals"
-                )
-            reward = reward + term.weight * term.of_goals(
-                achieved_goal, desired_goal, decisions_lost
-            )
-        return reward
-
-    def compute_terminated(
-        self, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any
-    ) -> Mask:
-        """Whether it ends an episode to have achieved a goal when another was desired, (...).
-
-        The parameters are those of `compute_reward`; of `info`, `IS_FAILURE` counts.
-
-        Raises
-        ------
-        ValueError
-            A task without goals, or an `info` without the key.
-        """
-        if self.is_reached is None:
-            raise ValueError(f"task {self.name!r} has no goals")
-        is_failure = _of_info(info, IS_FAILURE).astype(bool)
-        return np.asarray(self.is_reached(achieved_goal, desired_goal) | is_failure)
+    @property
+    def observation_space(self) -> spaces.Space[Any]:
+        """Gymnasium's space of an observation; finite bounds, to which terms are clipped."""
+        if self.is_flat:
+            return _vector(self.observation)
+        named = self.observation[:2] if self.has_goals else self.observation
+        boxes: dict[str, spaces.Space[Any]] = {
+            term.name: spaces.Box(term.low, term.high, term.shape, np.float32) for term in named
+        }
+        if self.has_goals:
+            boxes["observation"] = _vector(self.observation[2:])
+        return spaces.Dict(boxes)
 
     def slices(self) -> dict[str, slice]:
         """Where each observation term lies in a flat observation; see `flattened`."""
@@ -421,15 +386,7 @@ class Task:
         }
 
 
-def _of_info(info: Any, key: str) -> NDArray[Any]:
-    """Values of a key: of one dict, or of each of several."""
-    try:
-        if isinstance(info, Mapping):
-            return np.asarray(info[key])
-        infos = np.asarray(info, dtype=object)
-        return np.array([each[key] for each in infos.flat]).reshape(infos.shape)
-    except (KeyError, TypeError):
-        raise ValueError(
-            f"info must be what step() gave for these decisions, with the key {key!r} "
-            f"(of Stable-Baselines3's HerReplayBuffer: copy_info_dict=True), got {info!r:.80}"
-        ) from None
+def _vector(terms: Sequence[ObservationTerm]) -> spaces.Box:
+    low = np.concatenate([np.full(term.size, term.low, np.float32) for term in terms])
+    high = np.concatenate([np.full(term.size, term.high, np.float32) for term in terms])
+    return spaces.Box(low, high, dtype=np.float32)

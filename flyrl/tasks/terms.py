@@ -16,6 +16,8 @@ from flyrl.tasks.task import (
     IS_FAILURE,
     LEFT_ARENA,
     Array,
+    Compute,
+    ErrorTerm,
     Mask,
     RewardTerm,
     TaskState,
@@ -149,7 +151,7 @@ def path_direction_b(state: TaskState, look_ahead: float) -> Array:
 
 def path_distance(state: TaskState) -> Array:
     """Distance to the path in units of 5 mm, (n, 1)."""
-    return path_position(state, state.fly.position_w)[0][:, None] / 5.0
+    return off_path(state)[:, None] / 5.0
 
 
 def commanded_velocity(state: TaskState, command_s: float) -> Array:
@@ -188,19 +190,9 @@ def tilt_b(state: TaskState) -> Array:
     return state.fly.up_b[:, :2]
 
 
-def drive(state: TaskState) -> Array:
-    """Current drive (left, right), (n, 2)."""
-    return state.fly.command
-
-
 def phase_vectors(state: TaskState) -> Array:
     """Cosines, then sines, of the six legs' phases, (n, 12)."""
     return np.concatenate([np.cos(state.fly.phases), np.sin(state.fly.phases)], axis=1)
-
-
-def magnitudes(state: TaskState) -> Array:
-    """Magnitudes of the six oscillators, (n, 6)."""
-    return state.fly.magnitudes
 
 
 def leg_contacts(state: TaskState) -> Array:
@@ -215,12 +207,25 @@ def reflexes(state: TaskState) -> Array:
     return np.concatenate([state.fly.retraction, state.fly.stumbling], axis=1) / CORRECTION_CAP
 
 
-def muscle_tensions(state: TaskState) -> Array:
-    """Tension of the legs' muscles, 0 to 1, (n, 84)."""
-    return state.fly.muscle_tensions
-
-
 # --- errors --------------------------------------------------------------------------------
+
+ERRORS: Final[dict[str, tuple[str, float]]] = {
+    "heading_error_deg": ("angle between heading and where it should point, deg", 4.0),
+    "path_error_mm": ("distance to the path, mm", 0.25),
+    "speed_error_mm_s": ("difference from the commanded forward speed, mm/s", 0.5),
+    "yaw_rate_error_deg_s": ("difference from the commanded yaw rate, deg/s", 15.0),
+    "bend_error_deg": ("difference from the commanded bend of a worm, deg", 1.5),
+    "recruited_share": ("share of a worm's motor neurons that are recruited", 0.05),
+}
+"""Description and smallest effect of interest by name.
+
+The effects are about a quarter of what the tasks tolerate in a success, of a share 0.05.
+"""
+
+
+def error(name: str, worst: float, compute: Compute) -> ErrorTerm:
+    """Error term of a name in `ERRORS`."""
+    return ErrorTerm(name, worst, compute, *ERRORS[name])
 
 
 def turn_to_target(state: TaskState) -> Array:
@@ -280,11 +285,6 @@ def elapsed(state: TaskState) -> Array:
     return state.fly.time - state.previous.time
 
 
-def reached(state: TaskState, reach: float) -> Array:
-    """1 where the target is reached, (n,)."""
-    return is_at_target(state, reach).astype(np.float64)
-
-
 def time_along_heading(state: TaskState) -> Array:
     """Time since the last decision, times the cosine of the heading's error, s, (n,)."""
     return elapsed(state) * np.cos(heading_error(state))
@@ -319,12 +319,7 @@ def path_progress(state: TaskState) -> Array:
 
 def path_deviation(state: TaskState) -> Array:
     """Distance to the path, times the time since the last decision, mm s, (n,)."""
-    return path_position(state, state.fly.position_w)[0] * elapsed(state)
-
-
-def crossed(state: TaskState, finish_line: float) -> Array:
-    """1 where the finish line is crossed, (n,)."""
-    return has_crossed(state, finish_line).astype(np.float64)
+    return off_path(state) * elapsed(state)
 
 
 # --- terminations --------------------------------------------------------------------------
@@ -338,6 +333,12 @@ def is_at_target(state: TaskState, reach: float) -> Mask:
 def has_crossed(state: TaskState, finish_line: float) -> Mask:
     """Whether the thorax is beyond an x, mm, (n,)."""
     return np.asarray(state.fly.position_w[:, 0] > finish_line)
+
+
+def lasted(state: TaskState, reward: str, seconds: float) -> Mask:
+    """Whether a reward of s has added up to so many in this episode, (n,)."""
+    # but for rounding: the total is a sum of decisions
+    return state.totals[reward] >= seconds - 1e-6
 
 
 def has_fallen(state: TaskState) -> Mask:

@@ -5,12 +5,11 @@ from typing import Annotated
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
-from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
-from flyrl.tasks.terms import FAILURES, lost_time
+from flyrl.tasks.terms import FAILURES, error, lost_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within
 
@@ -47,6 +46,7 @@ def traverse(
     time_limit
         s until the episode is cut off.
     """
+    crossed = partial(terms.has_crossed, finish_line=finish_line)
     return Task(
         observation=(
             ObservationTerm(
@@ -64,17 +64,13 @@ def traverse(
         reward=(
             RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
             RewardTerm(
-                "success", 2.0, partial(terms.crossed, finish_line=finish_line),
-                "the ground is crossed",
+                "success", 2.0, crossed, "the ground is crossed"
             ),
             RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
             # no failure may save the time that it cuts off
             lost_time(-0.5),
         ),
-        terminations=(
-            Termination(SUCCESS, partial(terms.has_crossed, finish_line=finish_line)),
-            *FAILURES,
-        ),
+        terminations=(Termination(SUCCESS, crossed), *FAILURES),
         time_limit_s=time_limit,
         sample_episode=partial(sample_episode, finish_line=finish_line),
         success=f"thorax beyond x = {finish_line:g} mm",

@@ -14,12 +14,11 @@ import numpy as np
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
-from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import Mask, MeanTerm, ObservationTerm, RewardTerm, Task, TaskState
-from flyrl.tasks.terms import FAILURES
+from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task
+from flyrl.tasks.terms import FAILURES, error
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 
@@ -46,12 +45,6 @@ def sample_episode(
     drawn = rng.uniform(low, high, size=(commands, 2))
     command = tuple(float(value) for value in drawn.ravel())
     return replace(bare_episode(terrain, seed, difficulty), command=command)
-
-
-def was_on_command(state: TaskState, seconds: float) -> Mask:
-    """Whether the fly was on command for so many s, (n,)."""
-    # but for rounding: the total is a sum of decisions
-    return state.totals["on_command"] >= seconds - 1e-6
 
 
 @TaskFunction
@@ -125,7 +118,7 @@ def velocity(
         ),
         difficulty=f"range of the commands, from {(slowest + fastest) / 2:g} mm/s to "
         f"{slowest:g}-{fastest:g}, and from {middle:g} to {turn} rad/s",
-        succeeds_in_time=partial(was_on_command, seconds=on_command),
+        succeeds_in_time=partial(terms.lasted, reward="on_command", seconds=on_command),
         means=(
             MeanTerm(
                 "velocity", 2, terms.STRIDE_S, terms.velocity_over_decision,

@@ -14,32 +14,20 @@ import numpy as np
 
 from flyrl.bodies.worm import CRAWLER, HANGER, WormConfig
 from flyrl.muscles import MotorPool
-from flyrl.simulation.randomisation import UNVARIED
 from flyrl.tasks.actions import Neurons
 from flyrl.tasks.episode import TIME, Episode
-from flyrl.tasks.errors import error
 from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.task import Array, Mask, ObservationTerm, RewardTerm, Task, TaskState
-from flyrl.tasks.terms import compass, forward_progress, velocity_b
+from flyrl.tasks.terms import compass, error, forward_progress, velocity_b
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, one_of
 
 _ANGLE = Within(0, 3)
 
 
-def joint_angles(state: TaskState) -> Array:
-    """Angles of the joints, rad, (n, J)."""
-    return state.worm.joint_angles
-
-
 def joint_velocities(state: TaskState) -> Array:
     """Velocities of the joints, 5 rad/s, (n, J)."""
     return state.worm.joint_velocities / 5.0
-
-
-def tensions(state: TaskState) -> Array:
-    """Tensions of the muscles, 0 to 1, (n, M)."""
-    return state.worm.tensions
 
 
 def has_crawled(state: TaskState, way: float) -> Mask:
@@ -67,11 +55,6 @@ def has_bent(state: TaskState, tolerance: float) -> Mask:
     return np.asarray(absolute_bend_error(state) < tolerance)
 
 
-def bent(state: TaskState, tolerance: float) -> Array:
-    """1 where the worm is bent as commanded, else 0, (n,)."""
-    return has_bent(state, tolerance).astype(np.float64)
-
-
 def recruited_share(state: TaskState, pools: tuple[int, ...]) -> Array:
     """Share of a worm's motor neurons that are recruited, 0 to 1, (n,).
 
@@ -97,7 +80,7 @@ def _senses(worm: WormConfig) -> tuple[ObservationTerm, ...]:
     joints = worm.joints
     return (
         ObservationTerm(
-            "joint_angles", (joints,), -2.0, 2.0, joint_angles,
+            "joint_angles", (joints,), -2.0, 2.0, attrgetter("worm.joint_angles"),
             "of the joints from head to tail, in rad", spread=0.3,
         ),
         ObservationTerm(
@@ -105,55 +88,32 @@ def _senses(worm: WormConfig) -> tuple[ObservationTerm, ...]:
             "of the joints, in 5 rad/s", spread=0.4,
         ),
         ObservationTerm(
-            "tensions", (2 * joints,), 0.0, 1.0, tensions,
+            "tensions", (2 * joints,), 0.0, 1.0, attrgetter("worm.tensions"),
             "share of its strength that each muscle exerts", spread=0.3,
         ),
     )  # fmt: skip
 
 
-def _start(worm: WormConfig, rng: np.random.Generator, angle: float) -> tuple[float, ...]:
-    return tuple(map(float, rng.uniform(-angle, angle, size=worm.joints)))
-
-
-def _crawling_episode(
+def sample_episode(
     terrain: Terrain,
     seed: int,
     difficulty: float = 1.0,
     *,
-    worm: WormConfig,
+    joints: int,
     start_angle: float,
+    bend: float | None = None,
 ) -> Episode:
+    """Draw the bend that is asked for or, without one, the heading; then the joints' angles."""
     rng = np.random.default_rng(seed)
-    yaw = float(rng.uniform(-start_angle, start_angle))
+    widest = start_angle if bend is None else bend
+    drawn = float(rng.uniform(-widest, widest))
     return Episode(
         seed=seed,
         spawn_position_w=(0.0, 0.0, 0.0),
-        spawn_yaw=yaw,
+        spawn_yaw=drawn if bend is None else 0.0,
         goal=(),
-        joint_angles=_start(worm, rng, start_angle),
-        randomisation=UNVARIED,
-        difficulty=difficulty,
-    )
-
-
-def _hanging_episode(
-    terrain: Terrain,
-    seed: int,
-    difficulty: float = 1.0,
-    *,
-    worm: WormConfig,
-    bend: float,
-    start_angle: float,
-) -> Episode:
-    rng = np.random.default_rng(seed)
-    return Episode(
-        seed=seed,
-        spawn_position_w=(0.0, 0.0, 0.0),
-        spawn_yaw=0.0,
-        goal=(),
-        command=(float(rng.uniform(-bend, bend)),),
-        joint_angles=_start(worm, rng, start_angle),
-        randomisation=UNVARIED,
+        command=() if bend is None else (drawn,),
+        joint_angles=tuple(rng.uniform(-start_angle, start_angle, size=joints).tolist()),
         difficulty=difficulty,
     )
 
@@ -205,7 +165,9 @@ def worm_crawl(
         time_limit_s=time_limit,
         decision_interval_s=0.05,
         actions=actions,
-        sample_episode=partial(_crawling_episode, worm=worm, start_angle=start_angle),
+        sample_episode=partial(
+            sample_episode, joints=worm.joints, start_angle=start_angle
+        ),
         succeeds_in_time=partial(has_crawled, way=way),
         success=f"{way:g} mm along +x, {as_long} the worm's length",
         errors=(error("recruited_share", 1.0, recruited),),
@@ -250,6 +212,7 @@ def worm_hang(
     """
     actions = _muscles(worm)
     recruited = partial(recruited_share, pools=actions.pools)
+    bent = partial(has_bent, tolerance=tolerance)
     return Task(
         observation=(
             ObservationTerm(
@@ -265,8 +228,7 @@ def worm_hang(
         reward=(
             RewardTerm("error", -1.0, absolute_bend_error, "rad off what is asked for"),
             RewardTerm(
-                "bent", 0.5, partial(bent, tolerance=tolerance),
-                "1 while the worm is bent as commanded",
+                "bent", 0.5, bent, "1 while the worm is bent as commanded"
             ),
             RewardTerm("recruitment", -0.2, recruited, "share of all neurons that are recruited"),
         ),
@@ -275,9 +237,9 @@ def worm_hang(
         decision_interval_s=0.05,
         actions=actions,
         sample_episode=partial(
-            _hanging_episode, worm=worm, bend=bend, start_angle=start_angle
+            sample_episode, joints=worm.joints, start_angle=start_angle, bend=bend
         ),
-        succeeds_in_time=partial(has_bent, tolerance=tolerance),
+        succeeds_in_time=bent,
         success=f"within {tolerance:g} rad of the bend at the end",
         errors=(
             error("bend_error_deg", 180.0, bend_error_deg),

@@ -243,7 +243,7 @@ def config_from_keywords(
     of_schedule = {item.name for item in dataclasses.fields(ScheduleConfig)}
     of_env = {name: settings[name] for name in settings.keys() - of_algo - of_schedule}
     try:
-        env = config_for(EnvConfig, {"task": task, **of_env})
+        env = config_for({"task": task, **of_env})
     except UnexpectedArgumentError as error:
         known = {item.name for item in dataclasses.fields(EnvConfig) if item.init}
         known = {*known, *ALGORITHMS[algo], *of_schedule} - {"task", "log_gait"}

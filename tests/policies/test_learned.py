@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from gymnasium.spaces import MultiDiscrete
 
-from flyrl.envs.options import action_space
 from flyrl.policies import LearnedPolicy, PolicyFileError
 from flyrl.policies.bundle import action_bounds
 from flyrl.policies.networks import Normaliser
@@ -167,7 +166,7 @@ def test_other_actions_are_refused(kind, actions, message, request):
 def test_bounds_are_those_of_the_gymnasium_space(actions, low, high):
     task = _task(("bearing", 2))
     assert action_bounds(replace(task, actions=actions)) == (low, high)
-    space = action_space(replace(task, actions=actions))
+    space = actions.space
     if isinstance(space, MultiDiscrete):
         assert (tuple(space.start), tuple(space.nvec - 1)) == (low, high)
     else:

@@ -13,7 +13,6 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from flyrl.bodies.worm import CRAWLER
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.options import observation_space
 from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import (
@@ -209,7 +208,7 @@ def test_out_and_in_again_with_goals(bundle, squashing, algorithm, tmp_path):
     model = export_sb3(bundle)
     seen = {
         name: np.random.default_rng(1).normal(size=(50, *space.shape)).astype(np.float32)
-        for name, space in observation_space(env.resolved_task).items()
+        for name, space in env.resolved_task.observation_space.items()
     }
     expected, _ = LearnedPolicy(bundle).predict(seen)
     actions, _ = model.predict(seen, deterministic=True)

@@ -45,6 +45,7 @@ def test_numbers_that_are_not_whole_are_refused(wrong: float) -> None:
 def test_continuous_actions_go_to_the_nearest_neuron() -> None:
     # of 16: 7.5 (n + 1), so 0.2 gives the neuron 9; of 5: 2 (n + 1), so 0.2 gives 2.4
     neurons = Neurons(POOLS, is_integer=False)
+    np.testing.assert_array_equal(neurons.of([[0, 0, 0], [15, 4, 0]]), [[-1, -1, -1], [1, 1, -1]])
     np.testing.assert_array_equal(neurons.commands([0.2, 0.2, 0.2]), [9, 2, 0])
     np.testing.assert_array_equal(neurons.commands([-1, 1, 1]), [0, 4, 0])
     np.testing.assert_array_equal(neurons.commands([7, -7, -7]), [15, 0, 0])
@@ -57,11 +58,6 @@ def test_every_neuron_has_an_action_that_commands_it(is_integer: bool) -> None:
     np.testing.assert_array_equal(neurons.commands(neurons.of(every)), every)
     # to the bit also after rounding to what a policy gives
     np.testing.assert_array_equal(neurons.commands(neurons.of(every).astype(np.float32)), every)
-
-
-def test_the_actions_of_the_ends_of_a_pool_are_their_bounds() -> None:
-    neurons = Neurons(POOLS, is_integer=False)
-    np.testing.assert_array_equal(neurons.of([[0, 0, 0], [15, 4, 0]]), [[-1, -1, -1], [1, 1, -1]])
 
 
 @pytest.mark.parametrize("pools", [(), (3, 0)])

@@ -71,6 +71,7 @@ def test_the_record_of_a_task_gives_it_back(name):
     usual = TASKS[name]()
     task = TASKS[name](time_limit=7)
     assert task.time_limit_s == 7.0
+    assert pickle.loads(pickle.dumps(TASKS[name])) is TASKS[name]
     for each in (usual, task):
         assert task_from(task_record(each)) == each
 
@@ -82,14 +83,6 @@ def test_a_variant_has_the_parameters_of_its_base():
     assert goal.is_reached([[0.0, 0.0]], [[0.051, 0.0]]).tolist() == [False]
 
 
-def test_a_plain_function_is_a_task():
-    task = task_from(plain)
-    assert task.name == f"{__name__}:plain"
-    assert task_from({"name": plain, "height": 2}).success == "2 ('a',)"
-    with pytest.raises(ValueError, match=r"task\.height must be .* from 0 to 5, got 6"):
-        task_from({"name": plain, "height": 6})
-
-
 @pytest.mark.usefixtures("my_lab")
 def test_a_function_of_ones_own_is_found_by_its_name():
     task = task_from({"name": "my_lab:plain", "height": 3, "names": ["b", ["c"]]})
@@ -97,6 +90,9 @@ def test_a_function_of_ones_own_is_found_by_its_name():
     record = task_record(task)
     assert record["names"] == ["b", ["c"]]
     assert task_from(record) == task
+    assert task_from(plain).name == f"{__name__}:plain"
+    with pytest.raises(ValueError, match=r"task\.height must be .* from 0 to 5, got 6"):
+        task_from({"name": plain, "height": 6})
 
 
 @pytest.mark.usefixtures("my_lab")
@@ -146,15 +142,6 @@ def test_a_time_limit_needs_no_parameter():
     assert task_from({"name": bare, "time_limit": None}).time_limit_s == 3.0
     with pytest.raises(ValueError, match=r"task\.time_limit must be a finite number above 0"):
         task_from({"name": bare, "time_limit": -1})
-
-
-def test_a_time_limit_may_be_longer_than_the_usual_one():
-    assert task_from({"name": "target", "time_limit": 30}).time_limit_s == 30.0
-
-
-@pytest.mark.parametrize("name", ["target", "worm_hang"])
-def test_a_task_function_can_be_pickled(name):
-    assert pickle.loads(pickle.dumps(TASKS[name])) is TASKS[name]
 
 
 def test_an_argument_that_cannot_be_hashed_is_one_all_the_same():

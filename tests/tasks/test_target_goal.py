@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flyrl.tasks import TASKS, RewardTerm, extended
-from flyrl.tasks.target import is_reached
+from flyrl.tasks.target import compute_reward, compute_terminated, is_reached
 from flyrl.tasks.terms import failure_info
 from tests.tasks.test_terms import fly_state, task_state, turned
 
@@ -29,15 +29,15 @@ def test_a_goal_is_reached_within_1_mm() -> None:
 
 
 def test_the_reward_of_goals_is_weighed_as_the_tables() -> None:
-    assert TARGET_GOAL.compute_reward(ACHIEVED, DESIRED, NO_FAILURE).tolist() == [-1, 0, -1]
-    rewards = DENSE.compute_reward(ACHIEVED, DESIRED, NO_FAILURE)
+    assert compute_reward(TARGET_GOAL, ACHIEVED, DESIRED, NO_FAILURE).tolist() == [-1, 0, -1]
+    rewards = compute_reward(DENSE, ACHIEVED, DESIRED, NO_FAILURE)
     np.testing.assert_allclose(rewards, [-3.5, -0.09, -3.11])
 
 
 def test_a_failure_is_charged_for_the_decisions_lost_whatever_the_goal() -> None:
-    rewards = TARGET_GOAL.compute_reward(ACHIEVED, DESIRED, FAILURES_OF_TWO)
+    rewards = compute_reward(TARGET_GOAL, ACHIEVED, DESIRED, FAILURES_OF_TWO)
     assert rewards.tolist() == [-1 - 10, -20, -1]
-    rewards = DENSE.compute_reward(ACHIEVED, DESIRED, FAILURES_OF_TWO)
+    rewards = compute_reward(DENSE, ACHIEVED, DESIRED, FAILURES_OF_TWO)
     np.testing.assert_allclose(rewards, [-3 - 11 * 0.5 - 10, -21 * 0.09 - 20, -3.11])
 
 
@@ -51,33 +51,33 @@ def test_a_failure_costs_what_waiting_in_its_place_would() -> None:
 
 
 def test_reaching_a_goal_is_an_end_and_so_is_a_failure() -> None:
-    ends = TARGET_GOAL.compute_terminated(ACHIEVED, DESIRED, NO_FAILURE)
+    ends = compute_terminated(TARGET_GOAL, ACHIEVED, DESIRED, NO_FAILURE)
     assert ends.tolist() == [False, True, False]
     # a failure in the last decision before the time limit costs no more, and ends all the same
     late = {"is_failure": [True, False, True], "decisions_lost": np.zeros(3)}
-    assert TARGET_GOAL.compute_terminated(ACHIEVED, DESIRED, late).tolist() == [True, True, True]
+    assert compute_terminated(TARGET_GOAL, ACHIEVED, DESIRED, late).tolist() == [True, True, True]
 
 
 def test_infos_are_one_dict_or_many() -> None:
-    expected = DENSE.compute_reward(ACHIEVED, DESIRED, FAILURES_OF_TWO)
+    expected = compute_reward(DENSE, ACHIEVED, DESIRED, FAILURES_OF_TWO)
     columns = {key: [info[key] for info in FAILURES_OF_TWO] for key in NO_FAILURE}
     for infos in (columns, np.array(FAILURES_OF_TWO)):
-        assert DENSE.compute_reward(ACHIEVED, DESIRED, infos).tolist() == expected.tolist()
+        assert compute_reward(DENSE, ACHIEVED, DESIRED, infos).tolist() == expected.tolist()
     for i, info in enumerate(FAILURES_OF_TWO):
-        assert DENSE.compute_reward(ACHIEVED[i], DESIRED[i], info) == expected[i]
-        ends = DENSE.compute_terminated(ACHIEVED[i], DESIRED[i], info)
+        assert compute_reward(DENSE, ACHIEVED[i], DESIRED[i], info) == expected[i]
+        ends = compute_terminated(DENSE, ACHIEVED[i], DESIRED[i], info)
         assert ends == (i < 2)
     grid = np.array([FAILURES_OF_TWO, FAILURES_OF_TWO])
-    rewards = DENSE.compute_reward([ACHIEVED, ACHIEVED], [DESIRED, DESIRED], grid)
+    rewards = compute_reward(DENSE, [ACHIEVED, ACHIEVED], [DESIRED, DESIRED], grid)
     assert rewards.tolist() == [expected.tolist()] * 2
 
 
 @pytest.mark.parametrize("info", [None, {}, [{}, {}, {}], {"outcome": "fall"}])
 def test_infos_that_do_not_tell_of_failures_are_refused(info) -> None:
     with pytest.raises(ValueError, match=r"info must .* 'decisions_lost' .*copy_info_dict=True"):
-        TARGET_GOAL.compute_reward(ACHIEVED, DESIRED, info)
+        compute_reward(TARGET_GOAL, ACHIEVED, DESIRED, info)
     with pytest.raises(ValueError, match=r"info must .* 'is_failure'"):
-        TARGET_GOAL.compute_terminated(ACHIEVED, DESIRED, info)
+        compute_terminated(TARGET_GOAL, ACHIEVED, DESIRED, info)
 
 
 def test_goals_are_places_in_units_of_10_mm() -> None:
@@ -104,7 +104,7 @@ def test_a_reward_that_does_not_follow_from_goals_is_refused_by_name() -> None:
     speed = RewardTerm("speed", 1.0, lambda state: state.fly.velocity_w[:, 0], "mm/s")
     task = extended(TARGET_GOAL, {"mine:SPEED": speed}, {})
     with pytest.raises(ValueError, match="'speed' of target_goal does not follow from the goals"):
-        task.compute_reward(ACHIEVED, DESIRED, NO_FAILURE)
+        compute_reward(task, ACHIEVED, DESIRED, NO_FAILURE)
 
 
 def test_goals_must_come_first() -> None:

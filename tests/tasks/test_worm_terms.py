@@ -5,10 +5,9 @@ import dataclasses
 import numpy as np
 
 from flyrl.simulation.worms import WormState
-from flyrl.tasks import TaskState
 from flyrl.tasks import worm as terms
-from flyrl.tasks.terms import compass, forward_progress, velocity_b
-from flyrl.terrains import Bounds
+from flyrl.tasks.terms import compass, velocity_b
+from tests.tasks.test_terms import task_state
 
 
 def worm_state(n: int = 1, joints: int = 2, **changes: object) -> WormState:
@@ -28,26 +27,6 @@ def worm_state(n: int = 1, joints: int = 2, **changes: object) -> WormState:
     )
 
 
-def task_state(
-    worm: WormState,
-    previous: WormState | None = None,
-    command: object = ((),),
-    **totals: object,
-) -> TaskState:
-    return TaskState(
-        body=worm,
-        previous=previous or worm,
-        props=np.zeros((len(worm.time), 0, 3)),
-        goal=np.zeros((len(worm.time), 0)),
-        command=np.asarray(command, dtype=float),
-        totals={name: np.asarray(values, dtype=float) for name, values in totals.items()},
-        means={},
-        decisions_left=np.full(len(worm.time), 100.0),
-        decision_interval_s=0.05,
-        bounds=Bounds(-10.0, 25.0, -20.0, 20.0),
-    )
-
-
 def test_the_heading_is_a_cosine_and_a_sine() -> None:
     state = task_state(worm_state(2, yaw=[np.pi / 6, -np.pi / 2]))
     np.testing.assert_allclose(compass(state), [[np.sqrt(0.75), 0.5], [0.0, -1.0]], atol=1e-12)
@@ -60,22 +39,6 @@ def test_the_velocity_is_seen_along_the_heading() -> None:
     np.testing.assert_allclose(
         velocity_b(state), [[0.0, -0.5], [0.5, 0.0], [0.2, -0.3]], atol=1e-12
     )
-
-
-def test_progress_is_the_way_along_x_since_the_last_decision() -> None:
-    before, now = ([[1.0, 2.0, 3.0]], [[0.6, 9.0, 9.0]])
-    state = task_state(worm_state(position_w=now), worm_state(position_w=before))
-    np.testing.assert_allclose(forward_progress(state), [-0.4])
-
-
-def test_what_the_worm_feels_is_shown_in_its_units() -> None:
-    worm = worm_state(
-        joint_angles=[[0.3, -0.2]], joint_velocities=[[5.0, -2.5]], tensions=[[0, 0.5, 1, 0.1]]
-    )
-    state = task_state(worm)
-    np.testing.assert_allclose(terms.joint_angles(state), [[0.3, -0.2]])
-    np.testing.assert_allclose(terms.joint_velocities(state), [[1.0, -0.5]])
-    np.testing.assert_allclose(terms.tensions(state), [[0, 0.5, 1, 0.1]])
 
 
 def test_the_bend_error_is_the_sum_of_the_angles_less_the_command() -> None:
@@ -107,3 +70,8 @@ def test_the_recruited_share_does_not_count_the_first_neurons() -> None:
 def test_of_pools_with_one_neuron_each_no_share_is_recruited() -> None:
     share = terms.recruited_share(task_state(worm_state(2)), pools=(1, 1, 1, 1))
     assert share.tolist() == [0.0, 0.0]
+
+
+def test_a_joint_of_5_rad_per_s_is_shown_as_1() -> None:
+    state = task_state(worm_state(joint_velocities=[[5.0, -2.5]]))
+    np.testing.assert_allclose(terms.joint_velocities(state), [[1.0, -0.5]])
