@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.anatomy import LEG_DOFS, LEGS
 from flyrl.controllers.compilation import kernel
 from flyrl.resources import assets_folder
-from flyrl.validation import FloatArray, one_of, positive
+from flyrl.validation import FloatArray, float_array, one_of, positive
 
 StepsName = Literal["tethered", "untethered"]
 
@@ -266,8 +266,8 @@ class PreprogrammedSteps:
             If the leg is unknown, or the phases and magnitudes are not finite or do not match.
         """
         index = self._leg_index(leg)
-        phases = _finite_vector("phase", phase)
-        magnitudes = _finite_vector("magnitude", magnitude)
+        phases = _vector("phase", phase)
+        magnitudes = _vector("magnitude", magnitude)
         try:
             shape = np.broadcast_shapes(phases.shape, magnitudes.shape)
         except ValueError:
@@ -307,7 +307,7 @@ class PreprogrammedSteps:
             If the leg is unknown or a phase is not finite.
         """
         index = self._leg_index(leg)
-        phases = _finite_vector("phase", phase)
+        phases = _vector("phase", phase)
         start, end = self.swing_starts[index], self.swing_ends[index]
         if phases.ndim == 0:
             return bool(adhesion_on(float(phases), start, end))
@@ -318,15 +318,10 @@ class PreprogrammedSteps:
         return self.legs.index(leg)
 
 
-def _finite_vector(name: str, value: ArrayLike) -> FloatArray:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers, got {value!r}") from None
+def _vector(name: str, value: ArrayLike) -> FloatArray:
+    array = float_array(name, value, np.shape(value))
     if array.ndim > 1:
         raise ValueError(f"{name} must be a number or have shape (n,), got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite, got {array.tolist()}")
     return array
 
 

@@ -261,7 +261,7 @@ class FlyBatch(Batch):
 
     def state(self) -> FlyState:
         """Copy what the simulations look like now."""
-        scene, legs = self.scene, self._legs
+        scene = self.scene
         rotation_w = self._xmat[:, self.thorax_body].reshape(-1, 3, 3).copy()
         return FlyState(
             time=self._time.copy(),
@@ -275,10 +275,7 @@ class FlyBatch(Batch):
             contact_forces_w=self.senses["contact_forces_w"].copy(),
             end_effectors_w=self._xpos[:, self.end_effector_bodies],
             command=self.userdata["command"].copy(),
-            phases=legs["phases"].copy(),
-            magnitudes=legs["magnitudes"].copy(),
-            retraction=legs["retraction"].copy(),
-            stumbling=legs["stumbling"].copy(),
+            **{name: values.copy() for name, values in self._legs.items()},
             adhesion=self.output["adhesion"].copy(),
             muscle_tensions=self._tensions.copy(),
             fictive_velocity_b=self._fictive_velocity(rotation_w),

@@ -55,6 +55,8 @@ class BodyRenderer:
     overlay
         What is drawn beside the body. Scale bar and clock are not: they are not of the scene, see
         `report.captions`.
+    distance
+        Of the camera from what it looks at, mm; None takes the camera's usual one.
 
     Attributes
     ----------
@@ -80,7 +82,9 @@ class BodyRenderer:
         height: int = 480,
         camera: Camera = "follow",
         overlay: Overlay = PLAIN,
+        distance: float | None = None,
     ) -> None:
+        self._config = config
         self._view = one_of("camera", camera, self.cameras)
         self._overlay = overlay
         self._model = build_scene(config, visual=True).model
@@ -94,6 +98,9 @@ class BodyRenderer:
         self._camera = mujoco.MjvCamera()
         self._offscreen = Offscreen(self._model, width, height)
         self.pixels_per_mm = 0.0
+        self._set_up()
+        if distance is not None:
+            self._camera.distance = distance
 
     def render(self, batch: Any, sim: int = 0, goal: tuple[float, ...] = ()) -> Picture:
         """Draw simulation `sim`, (height, width, 3); the camera "goal" looks at x, y, mm."""
@@ -112,9 +119,16 @@ class BodyRenderer:
         """Free the GL context."""
         self._offscreen.close()
 
+    def _set_up(self) -> None:
+        """Make ready what is special to the body, and aim the camera."""
+
     def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
         """Point the camera at the body that is posed now; return where it is, mm, (3,)."""
         raise NotImplementedError
+
+    def _point(self, aim: tuple[float, float, float]) -> None:
+        """Set azimuth and elevation, degrees, and distance, mm, of the camera."""
+        self._camera.azimuth, self._camera.elevation, self._camera.distance = aim
 
     def _marks(self, batch: Any, sim: int) -> list[Mark]:
         """What is drawn into the scene."""
@@ -126,28 +140,17 @@ class FlyRenderer(BodyRenderer):
 
     The camera "follow" looks from ahead and above, "top" straight down, "goal" from the start
     towards the goal, with both the fly and a goal that is not far in the picture. Parameters and
-    errors are those of `BodyRenderer`, and `distance` of the camera from the thorax, mm; None takes
-    the camera's usual one.
+    errors are those of `BodyRenderer`.
     """
 
     cameras = get_args(Camera)
 
-    def __init__(
-        self,
-        config: SceneConfig,
-        width: int = 640,
-        height: int = 480,
-        camera: Camera = "follow",
-        overlay: Overlay = PLAIN,
-        distance: float | None = None,
-    ) -> None:
-        super().__init__(config, width, height, camera, overlay)
-        self._leg_colours = LegColours(self._model) if overlay.leg_colours else None
-        self._terrain = config.terrain
+    def _set_up(self) -> None:
+        self._leg_colours = LegColours(self._model) if self._overlay.leg_colours else None
+        self._terrain = self._config.terrain
         self._traces: dict[int, Trace] = {}
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
-        self._camera.azimuth, self._camera.elevation, usual = _CAMERAS[camera]
-        self._camera.distance = usual if distance is None else distance
+        self._point(_CAMERAS[self._view])
         self._aim: tuple[tuple[float, ...], NDArray[np.float64], float] | None = None
 
     def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
@@ -329,26 +332,17 @@ class WormRenderer(BodyRenderer):
 
     cameras = ("follow", "top")
 
-    def __init__(
-        self,
-        config: SceneConfig,
-        width: int = 640,
-        height: int = 480,
-        camera: Camera = "follow",
-        overlay: Overlay = PLAIN,
-    ) -> None:
-        super().__init__(config, width, height, camera, overlay)
+    def _set_up(self) -> None:
         self._model.mat("ground_grid").texrepeat = (1 / _SQUARE, 1 / _SQUARE)
-        body = config.body
+        body = self._config.body
         self._segments = [self._model.geom(f"Segment{i + 1}").id for i in range(body.segments)]
         length = body.segments * body.segment_length
         self._crawls = body.mount == "crawling"
-        azimuth, elevation, lengths = (_CRAWLING if self._crawls else _HANGING)[camera]
-        self._camera.azimuth, self._camera.elevation = azimuth, elevation
-        self._camera.distance = lengths * length
+        azimuth, elevation, lengths = (_CRAWLING if self._crawls else _HANGING)[self._view]
+        self._point((azimuth, elevation, lengths * length))
         angle = np.radians(azimuth)
         right, near = (np.sin(angle), -np.cos(angle)), (-np.cos(angle), -np.sin(angle))
-        aside = _ASIDE * length if camera == "follow" and self._crawls else 0.0
+        aside = _ASIDE * length if self._view == "follow" and self._crawls else 0.0
         self._aim = aside * np.array([right[0] + near[0], right[1] + near[1], 0.0])
 
     def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
