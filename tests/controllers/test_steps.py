@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from flyrl import PreprogrammedSteps
-from flyrl.anatomy import LEG_DOFS, LEGS
+from flyrl.anatomy import LEGS
 from flyrl.resources import assets_folder
 
 TWO_PI = 2 * np.pi
@@ -22,12 +22,6 @@ def test_duration(name, duration):
     assert PreprogrammedSteps(name).duration == pytest.approx(duration, rel=1e-12)
 
 
-def test_orders():
-    steps = PreprogrammedSteps("tethered")
-    assert steps.legs == list(LEGS)
-    assert steps.dofs_per_leg == list(LEG_DOFS)
-
-
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("leg", LEGS)
 def test_angles_are_those_of_a_periodic_spline(name, leg):
@@ -36,15 +30,6 @@ def test_angles_are_those_of_a_periodic_spline(name, leg):
     phases = np.random.default_rng(0).uniform(-20, 200, 500)
     actual = PreprogrammedSteps(name).get_joint_angles(leg, phases)
     np.testing.assert_allclose(actual, spline(phases % TWO_PI), rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_full_magnitude_replays_the_recording(name):
-    angles = recorded_angles(name)
-    steps = PreprogrammedSteps(name)
-    phases = np.linspace(0, TWO_PI, angles.shape[2])
-    for i, leg in enumerate(LEGS):
-        np.testing.assert_allclose(steps.get_joint_angles(leg, phases), angles[i], atol=1e-12)
 
 
 @pytest.mark.parametrize(("name", "neutral_phase"), [("tethered", 0.0), ("untethered", np.pi)])
@@ -73,10 +58,7 @@ def test_default_pose_is_leg_major():
     ("phase", "magnitude", "shape"),
     [
         (1.0, 1.0, (7,)),
-        (1, 1, (7,)),
-        (np.float64(1), np.array(1.0), (7,)),
         (np.zeros(4), 1.0, (7, 4)),
-        (np.zeros(4), np.ones(4), (7, 4)),
         (0.0, np.ones(4), (7, 4)),
         ([0.0], 1.0, (7, 1)),
         (np.zeros(0), 1.0, (7, 0)),
@@ -123,11 +105,6 @@ def test_adhesion_is_off_in_swing_only(name, leg, turns):
     np.testing.assert_array_equal(adhesion, [True, False, False, True, True])
 
 
-def test_adhesion_of_a_number_is_a_bool():
-    assert PreprogrammedSteps("untethered").get_adhesion_onoff("LF", 1.0) is False
-    assert PreprogrammedSteps("untethered").get_adhesion_onoff("LF", 3) is True
-
-
 def test_legs_grip_at_phase_zero():
     assert PreprogrammedSteps("untethered").get_adhesion_onoff("LF", 0.0) is True
 
@@ -148,45 +125,28 @@ def test_the_recording_cannot_be_changed():
         steps.swing_period["LF"] = np.zeros(2)
 
 
-def test_changing_results_changes_no_recording():
-    steps = PreprogrammedSteps("untethered")
-    before = steps.get_joint_angles("LF", 1.0).copy()
-    steps.get_joint_angles("LF", 1.0)[:] = 0
-    steps.default_pose[:] = 0
-    np.testing.assert_array_equal(steps.get_joint_angles("LF", 1.0), before)
-    assert steps.default_pose.all()
+STEPS = PreprogrammedSteps("tethered")
 
 
-def test_unknown_recording_is_rejected():
-    with pytest.raises(ValueError, match="steps must be one of 'tethered', 'untethered', got 'x'"):
-        PreprogrammedSteps("x")
-
-
-def test_duration_must_be_positive():
-    with pytest.raises(ValueError, match="duration must be a finite number above 0, got -1"):
-        PreprogrammedSteps("tethered", -1)
-
-
-@pytest.mark.parametrize("method", ["get_joint_angles", "get_adhesion_onoff"])
 @pytest.mark.parametrize(
-    ("leg", "phase", "message"),
+    ("call", "message"),
     [
-        ("LX", 0.0, "leg must be one of 'LF', .* got 'LX'"),
-        (0, 0.0, "leg must be one of 'LF', .* got 0"),
+        (lambda: PreprogrammedSteps("x"), "steps must be one of 'tethered', 'untethered', got 'x'"),
+        (lambda: PreprogrammedSteps("tethered", -1), "duration must be .* above 0, got -1"),
+        (lambda: STEPS.get_joint_angles("LX", 0.0), "leg must be one of 'LF', .* got 'LX'"),
+        (lambda: STEPS.get_adhesion_onoff(0, 0.0), "leg must be one of 'LF', .* got 0"),
         (
-            "LF",
-            np.zeros((2, 2)),
-            r"phase must be a number or have shape \(n,\), got shape \(2, 2\)",
+            lambda: STEPS.get_joint_angles("LF", np.zeros((2, 2))),
+            r"shape \(n,\), got shape \(2, 2\)",
         ),
-        ("LF", np.nan, "phase must be finite"),
-        ("LF", "early", "phase must be numbers"),
+        (lambda: STEPS.get_adhesion_onoff("LF", np.nan), "phase must be finite"),
+        (lambda: STEPS.get_joint_angles("LF", "early"), "phase must be numbers"),
+        (
+            lambda: STEPS.get_joint_angles("LF", np.zeros(3), np.ones(2)),
+            r"must match in length, got shapes \(3,\) and \(2,\)",
+        ),
     ],
 )
-def test_methods_reject(method, leg, phase, message):
+def test_what_is_not_allowed_is_refused(call, message):
     with pytest.raises(ValueError, match=message):
-        getattr(PreprogrammedSteps("tethered"), method)(leg, phase)
-
-
-def test_phases_and_magnitudes_must_match():
-    with pytest.raises(ValueError, match=r"must match in length, got shapes \(3,\) and \(2,\)"):
-        PreprogrammedSteps("tethered").get_joint_angles("LF", np.zeros(3), np.ones(2))
+        call()
