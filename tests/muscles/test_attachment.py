@@ -130,6 +130,7 @@ def test_a_muscle_with_an_anchor_turns_the_joint_and_not_the_creature(profiles):
     movement(creature)([1])
     mujoco.mj_forward(creature.model, creature.data)
     np.testing.assert_allclose(creature.data.qfrc_actuator, [0, 0, 0, 0, 0, 0, 5], atol=1e-12)
+    assert (creature.model.ntext, creature.model.nsite) == (0, 2)
     # and without one, the whole creature
     spec = anchored("low")
     spec.delete(spec.text("M2/anchor"))
@@ -139,24 +140,6 @@ def test_a_muscle_with_an_anchor_turns_the_joint_and_not_the_creature(profiles):
     np.testing.assert_allclose(creature.data.qfrc_actuator, [0, 0, 0, 0, 0, 5, 5], atol=1e-12)
 
 
-def test_nothing_is_left_of_what_a_model_says_about_anchors(profiles):
-    model = load_creature(anchored("low"), profiles).model
-    assert (model.ntext, model.nsite) == (0, 2)
-
-
-@pytest.mark.parametrize(
-    ("anchor", "message"),
-    [
-        ("lwo", "M2/anchor must be one of .* did you mean 'low'"),
-        ("muscles", "M2/anchor must be one of"),
-        ("arm", "acts on body 'arm', its anchor: take another"),
-    ],
-)
-def test_an_anchor_is_another_body(anchor, message, profiles):
-    with pytest.raises(ValueError, match=f"muscle 'M2'.*{message}"):
-        attach_muscles(anchored(anchor), profiles)
-
-
 # ------------------------------------------------------------------ what is wrong with a model
 
 
@@ -164,57 +147,53 @@ def one_muscle(profile="steep.png", more=""):
     return specification('<site name="M"/>', f'<text name="M/profile" data="{profile}"/>{more}')
 
 
-def test_a_model_without_muscles(profiles):
-    for spec in (build_fly(visual=False), mujoco.MjSpec()):
-        with pytest.raises(ValueError, match="this model has no such body"):
-            attach_muscles(spec, profiles)
-    nested = specification("", "", '<body name="a"> <geom size="1"/> </body>')
-    nested.delete(nested.body("muscles"))
-    nested.body("a").add_body(name="muscles").add_site(name="M")
-    with pytest.raises(ValueError, match="a child of the world"):
-        attach_muscles(nested, profiles)
-    with pytest.raises(ValueError, match="a site per muscle, it has none"):
-        attach_muscles(specification(""), profiles)
+def nested():
+    """A body "muscles" that is no child of the world."""
+    spec = specification("", "", '<body name="a"> <geom size="1"/> </body>')
+    spec.delete(spec.body("muscles"))
+    spec.body("a").add_body(name="muscles").add_site(name="M")
+    return spec
+
+
+def endless():
+    spec = one_muscle()
+    spec.add_numeric(name="M/strength", data=[np.inf], size=1)
+    return spec
+
+
+def strong(data):
+    return one_muscle(more=f'<numeric name="M/strength" {data}/>')
 
 
 @pytest.mark.parametrize(
-    ("content", "what"),
+    ("spec", "message"),
     [
-        ("<body/>", "bodies"),
-        ('<geom size="1"/>', "geoms"),
-        ("<joint/><inertial mass='1' pos='0 0 0' diaginertia='1 1 1'/>", "joints"),
-        ("<camera/>", "cameras"),
-        ("<light/>", "lights"),
+        (lambda: build_fly(visual=False), "this model has no such body"),
+        (nested, "a child of the world"),
+        (lambda: specification(""), "a site per muscle, it has none"),
+        (lambda: specification(SITES + '<geom size="1"/>'), "nothing but sites, it has geoms"),
+        (lambda: specification(SITES + "<light/>"), "nothing but sites, it has lights"),
+        (
+            lambda: specification('<site name="M1"/><site/>'),
+            "needs a name; site 1 of 'muscles' has none",
+        ),
+        (
+            lambda: specification(rest='<actuator> <motor name="M1" joint="elbow"/> </actuator>'),
+            "muscle 'M1': an actuator has that name already",
+        ),
+        (lambda: specification('<site name="M"/>', ""), "'M' has no profile: .*'M/profile'"),
+        (lambda: strong('data="-2"'), "'M': M/strength must be a finite .* at least 0, got -2.0"),
+        (lambda: strong('data="1 2"'), r"M/strength must be one number, got \[1.0, 2.0\]"),
+        (lambda: strong('size="3" data="1"'), "M/strength must be one number"),
+        (endless, "M/strength must be a finite number of at least 0"),
+        (lambda: anchored("lwo"), "'M2': M2/anchor must be one of .* did you mean 'low'"),
+        (lambda: anchored("muscles"), "M2/anchor must be one of"),
+        (lambda: anchored("arm"), "'M2' acts on body 'arm', its anchor: take another"),
     ],
 )
-def test_the_muscles_body_holds_nothing_but_sites(content, what, profiles):
-    with pytest.raises(ValueError, match=f"nothing but sites, it has {what}"):
-        attach_muscles(specification(SITES + content), profiles)
-
-
-def test_a_muscle_without_name(profiles):
-    with pytest.raises(ValueError, match="needs a name; site 1 of 'muscles' has none"):
-        attach_muscles(specification('<site name="M1"/><site/>'), profiles)
-
-
-def test_two_muscles_of_the_same_name(profiles, tmp_path):
-    with pytest.raises(ValueError, match="repeated name 'M1'"):
-        specification('<site name="M1"/><site name="M1"/>')
-    xml = specification().to_xml().replace("M2", "M1")
-    (tmp_path / "creature.xml").write_text(xml)
-    with pytest.raises(ValueError, match="repeated name 'M1"):
-        load_creature(tmp_path / "creature.xml", profiles)
-
-
-def test_an_actuator_of_the_muscles_name(profiles):
-    rest = '<actuator> <motor name="M1" joint="elbow"/> </actuator>'
-    with pytest.raises(ValueError, match="muscle 'M1': an actuator has that name already"):
-        attach_muscles(specification(rest=rest), profiles)
-
-
-def test_a_muscle_without_profile(profiles):
-    with pytest.raises(ValueError, match=r"muscle 'M' has no profile: .*'M/profile'"):
-        attach_muscles(specification('<site name="M"/>', ""), profiles)
+def test_what_is_wrong_with_a_model_is_said(spec, message, profiles):
+    with pytest.raises(ValueError, match=message):
+        attach_muscles(spec(), profiles)
 
 
 def test_a_profile_that_is_missing_or_useless(profiles):
@@ -244,34 +223,9 @@ def test_profiles_may_lie_in_folders_below(profiles):
     assert len(attached.muscle.pool) == 2
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        ('data="-2"', "finite number of at least 0, got -2.0"),
-        ('data="1 2"', r"one number, got \[1.0, 2.0\]"),
-        ('size="3" data="1"', "one number"),
-    ],
-)
-def test_a_bad_strength(data, message, profiles):
-    with pytest.raises(ValueError, match=f"muscle 'M': M/strength must be .*{message}"):
-        attach_muscles(one_muscle(more=f'<numeric name="M/strength" {data}/>'), profiles)
-
-
-def test_a_strength_that_is_not_finite(profiles):
-    spec = one_muscle()
-    spec.add_numeric(name="M/strength", data=[np.inf], size=1)
-    with pytest.raises(ValueError, match="M/strength must be a finite number of at least 0"):
-        attach_muscles(spec, profiles)
-
-
 def test_after_an_error_the_specification_is_as_it_was(profiles):
     spec = specification(custom=CUSTOM + '<numeric name="M1/strength" data="-1"/>')
     with pytest.raises(ValueError, match="M1/strength"):
         attach_muscles(spec, profiles)
     spec.numeric("M1/strength").data = [3.0]
     assert [attached.name for attached in attach_muscles(spec, profiles)] == ["M1", "M2"]
-
-
-def test_profiles_are_looked_for_in_the_assets():
-    creature = load_creature(one_muscle("linear.png"))
-    assert creature.muscles[0].muscle.force(0) == 0

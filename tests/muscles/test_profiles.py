@@ -18,14 +18,6 @@ def test_the_assets_are_what_the_script_draws(capsys):
     assert not capsys.readouterr().out
 
 
-def test_drawing_again_gives_the_same_bytes(tmp_path):
-    for name in ("a", "b"):
-        assert main(["--folder", str(tmp_path / name)]) == 0
-    for path in FOLDER.iterdir():
-        drawn = (tmp_path / "a" / path.name).read_bytes()
-        assert drawn == (tmp_path / "b" / path.name).read_bytes()
-
-
 def test_the_check_finds_changed_missing_and_foreign_images(tmp_path, capsys):
     folder = shutil.copytree(FOLDER, tmp_path / "muscles")
     with Image.open(folder / "late.png") as image:

@@ -99,16 +99,3 @@ def test_a_reflex_at_half_its_strength_grows_half_as_quickly():
     whole, half = (each.parameters(1e-4) for each in (Hybrid(), Hybrid(retraction=0.5)))
     np.testing.assert_array_equal(half["retraction_rates"], whole["retraction_rates"] * (0.5, 1))
     np.testing.assert_array_equal(half["stumbling_rates"], whole["stumbling_rates"])
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"missing_legs": ("LQ",)}, r"missing_legs\[0\] must be one of"),
-        ({"fixed_joints": (("joint_LQTibia", 0.0),)}, "fixed_joints must be one of"),
-        ({"fixed_joints": ((TIBIA, 9.0),)}, "angle of joint_RMTibia"),
-    ],
-)
-def test_a_lesion_that_there_cannot_be(settings, message):
-    with pytest.raises(ValueError, match=message):
-        FlyConfig(**settings)

@@ -12,10 +12,8 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.terrains import (
     KINDS,
     TERRAINS,
-    Blocks,
     Bounds,
     Boxes,
-    Flat,
     Gapped,
     Terrain,
     terrain_from,
@@ -43,10 +41,6 @@ class Steps(Terrain):
 def test_the_ground_at_a_place_is_the_top_of_its_box(x, top):
     found = Steps().top_at(Steps().draw(0), x, 0.3)
     assert found == (None if top is None else pytest.approx(top))
-
-
-def test_a_plane_is_ground_everywhere():
-    assert Flat().top_at(Flat().draw(0), 5.0, -7.0) == 0.0
 
 
 def test_labels_are_the_names():
@@ -166,8 +160,3 @@ def test_a_hull_at_the_origin_is_compiled_beside_it():
 def test_what_is_no_terrain_is_refused(my_ground):
     with pytest.raises(ValueError, match="my_ground:np must be a Terrain, got a module"):
         terrain_named("my_ground:np")
-
-
-def test_equal_terrains_share_a_compiled_scene():
-    assert hash(Blocks()) == hash(Blocks(seed=0))
-    assert Blocks() != Blocks(seed=1)
