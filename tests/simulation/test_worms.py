@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.bodies.worm import CRAWLER, HANGER, WORMS, WormConfig
+from flyrl.bodies.worm import CRAWLER, HANGER, WormConfig
 from flyrl.controllers import Hybrid
 from flyrl.simulation.batch import NativeBatch
 from flyrl.simulation.scene import SceneConfig, build_scene
@@ -266,7 +266,3 @@ def test_resets_that_cannot_be(scene, position, yaw, joints, message):
     with pytest.raises(ValueError, match=message):
         batch.reset(np.array([0]), [position], np.ravel(yaw), np.full((1, joints), 0.1))
     np.testing.assert_array_equal(batch.integration_state(), before)
-
-
-def test_worms_go_by_the_names_that_bodies_have():
-    assert WORMS == {"worm_crawler": CRAWLER, "worm_hanger": HANGER}
