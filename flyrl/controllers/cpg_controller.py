@@ -82,15 +82,7 @@ def cpg_controller_step(
         parameters.timestep,
         state.scratch,
     )
-    take_steps(
-        parameters.coefficients,
-        parameters.neutral,
-        parameters.swing_start,
-        parameters.grip_start,
-        state.phases,
-        state.magnitudes,
-        output,
-    )
+    take_steps(parameters, state, output)
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,12 @@ from flyrl.anatomy import (
 )
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS, SENSES, Step
-from flyrl.controllers.cpg import TWO_PI, cpg_step, modulate
+from flyrl.controllers.cpg import TWO_PI
 from flyrl.controllers.cpg_controller import (
     OSCILLATOR_PARAMETERS,
     OSCILLATOR_STATE,
     OscillatorController,
+    cpg_controller_step,
 )
 from flyrl.controllers.reflexes import (
     REFLEX_PARAMETERS,
@@ -30,7 +31,7 @@ from flyrl.controllers.reflexes import (
     net_correction,
     reflex_step,
 )
-from flyrl.controllers.steps import pack_step, step_fields, take_steps
+from flyrl.controllers.steps import pack_step, step_fields
 from flyrl.validation import FloatArray, Within, float_array
 
 _NUM_DOFS: Final = len(LEG_DOFS)
@@ -54,28 +55,7 @@ STATE: Final = np.dtype(
 def hybrid_step(parameters: Any, state: Any, senses: Any, command: Any, output: Any) -> None:
     """Advance the reflexes and the CPG; let every leg follow both."""
     reflex_step(parameters, state, senses)
-    # as in `cpg_controller`: a kernel of both would take two types of records, of which Numba warns
-    modulate(command, parameters.frequency, parameters.amplitude, state.freqs, state.amps)
-    cpg_step(
-        state.phases,
-        state.magnitudes,
-        state.freqs,
-        state.amps,
-        parameters.coupling_weights,
-        parameters.phase_biases,
-        parameters.convergence_coefs,
-        parameters.timestep,
-        state.scratch,
-    )
-    take_steps(
-        parameters.coefficients,
-        parameters.neutral,
-        parameters.swing_start,
-        parameters.grip_start,
-        state.phases,
-        state.magnitudes,
-        output,
-    )
+    cpg_controller_step(parameters, state, senses, command, output)
     for leg in range(NUM_LEGS):
         correction = net_correction(
             state.retraction[leg],
@@ -159,7 +139,8 @@ class Hybrid(OscillatorController):
         own = {name: getattr(self, name) for name in published}
         reflexes = published | {name: value for name, value in own.items() if value is not None}
         steps = self.load_steps()
-        fields = [*OSCILLATOR_PARAMETERS, *step_fields(steps), *REFLEX_PARAMETERS]
+        # in this order: a record that began as the CPG's does would count as one to Numba
+        fields = [*REFLEX_PARAMETERS, *OSCILLATOR_PARAMETERS, *step_fields(steps)]
         record: np.void = np.zeros(1, dtype=fields)[0]
         self.pack_oscillators(record, timestep)
         pack_step(record, steps, reflexes["swing_extension"])

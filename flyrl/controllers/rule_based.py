@@ -225,15 +225,7 @@ def advance_rules(parameters: Any, state: Any) -> None:
 def rule_based_step(parameters: Any, state: Any, senses: Any, command: Any, output: Any) -> None:
     """Advance the coordination and the legs that step; the command has no say."""
     advance_rules(parameters, state)
-    take_steps(
-        parameters.coefficients,
-        parameters.neutral,
-        parameters.swing_start,
-        parameters.grip_start,
-        state.phases,
-        state.magnitudes,
-        output,
-    )
+    take_steps(parameters, state, output)
 
 
 def _pack_rules(

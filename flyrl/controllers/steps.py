@@ -6,7 +6,6 @@ and "untethered" (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final, Literal
 
@@ -106,32 +105,24 @@ def pack_step(record: np.void, steps: "PreprogrammedSteps", swing_extension: flo
 
 
 @kernel
-def take_steps(
-    coefficients: FloatArray,
-    neutral: FloatArray,
-    swing_start: FloatArray,
-    grip_start: FloatArray,
-    phases: FloatArray,
-    magnitudes: FloatArray,
-    output: Any,
-) -> None:
+def take_steps(parameters: Any, state: Any, output: Any) -> None:
     """Write every leg's joint angles and grip at its phase and magnitude.
 
     Parameters
     ----------
-    coefficients, neutral, swing_start, grip_start
-        The recorded step, see `step_fields`.
-    phases, magnitudes
-        rad, any number, and 1; shape (6,).
+    parameters
+        Record with the fields of `step_fields`.
+    state
+        Record with "phases", rad, any number, and "magnitudes", 1; shape (6,).
     output
         Record of type `controller.OUTPUT`, written.
     """
-    num_dofs = neutral.shape[1]
-    for leg in range(phases.size):
-        theta = phases[leg] % TWO_PI
+    neutral, num_dofs = parameters.neutral, parameters.neutral.shape[1]
+    for leg in range(len(neutral)):
+        theta = state.phases[leg] % TWO_PI
         angles = output.angles[leg * num_dofs : (leg + 1) * num_dofs]
-        step_angles(coefficients, neutral, leg, theta, magnitudes[leg], angles)
-        grips = adhesion_on(theta, swing_start[leg], grip_start[leg])
+        step_angles(parameters.coefficients, neutral, leg, theta, state.magnitudes[leg], angles)
+        grips = adhesion_on(theta, parameters.swing_start[leg], parameters.grip_start[leg])
         output.adhesion[leg] = 1.0 if grips else 0.0
 
 
@@ -148,19 +139,9 @@ def _many_step_angles(
         step_angles(coefficients, neutral, leg, phases[i], magnitudes[i], angles[i])
 
 
-@dataclass(frozen=True)
-class _Recording:
-    """One recording, read once per process and shared; see `PreprogrammedSteps`."""
-
-    duration: float
-    coefficients: FloatArray
-    neutral_angles: FloatArray
-    swing_starts: FloatArray
-    swing_ends: FloatArray
-
-
 @functools.cache
-def _load_recording(steps: StepsName) -> _Recording:
+def _recording(steps: StepsName) -> tuple[float, tuple[FloatArray, ...]]:
+    """Duration, and what the attributes of `PreprogrammedSteps` hold, read once per process."""
     # Imported here because SciPy takes longer to import than all of flyrl.
     from scipy.interpolate import CubicSpline  # noqa: PLC0415
 
@@ -170,14 +151,14 @@ def _load_recording(steps: StepsName) -> _Recording:
         spline = CubicSpline(
             np.linspace(0.0, TWO_PI, angles.shape[2]), angles, axis=2, bc_type="periodic"
         )
-        return _Recording(
-            duration=duration,
+        arrays = (
             # SciPy: (power, interval, leg, dof); kernels: the four numbers of one curve together.
-            coefficients=_read_only(np.ascontiguousarray(spline.c.transpose(2, 1, 3, 0))),
-            neutral_angles=_read_only(np.ascontiguousarray(spline(file["neutral_phase"].item()))),
-            swing_starts=_read_only(file["swing_start_s"] / duration * TWO_PI),
-            swing_ends=_read_only(file["stance_start_s"] / duration * TWO_PI),
+            np.ascontiguousarray(spline.c.transpose(2, 1, 3, 0)),
+            np.ascontiguousarray(spline(file["neutral_phase"].item())),
+            file["swing_start_s"] / duration * TWO_PI,
+            file["stance_start_s"] / duration * TWO_PI,
         )
+        return duration, tuple(map(_read_only, arrays))
 
 
 class PreprogrammedSteps:
@@ -217,15 +198,12 @@ class PreprogrammedSteps:
 
     def __init__(self, steps: StepsName = "untethered", duration: float | None = None) -> None:
         one_of("steps", steps, STEPS)
-        recording = _load_recording(steps)
+        recorded, arrays = _recording(steps)
         self.name = steps
         self.legs: list[str] = list(LEGS)
         self.dofs_per_leg: list[str] = list(LEG_DOFS)
-        self.duration = recording.duration if duration is None else positive("duration", duration)
-        self.coefficients = recording.coefficients
-        self.neutral_angles = recording.neutral_angles
-        self.swing_starts = recording.swing_starts
-        self.swing_ends = recording.swing_ends
+        self.duration = recorded if duration is None else positive("duration", duration)
+        self.coefficients, self.neutral_angles, self.swing_starts, self.swing_ends = arrays
         self.swing_period: Mapping[str, FloatArray] = MappingProxyType(
             {
                 leg: _read_only(np.array([self.swing_starts[i], self.swing_ends[i]]))
