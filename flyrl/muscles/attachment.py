@@ -113,17 +113,13 @@ def attach_muscles(spec: mujoco.MjSpec, profiles: Path | None = None) -> list[At
         actuator.set_to_motor()
         actuator.ctrllimited = actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
         if anchor is not None:
-            _add_site(bodies[anchor.body], _anchor(name), anchor, site)
-            actuator.refsite = _anchor(name)
+            _add_site(bodies[anchor.body], _custom("anchor", name), anchor, site)
+            actuator.refsite = _custom("anchor", name)
         attached.append(AttachedMuscle(name, muscle, bodies[place.body].name))
     spec.delete(spec.body(MUSCLES_BODY))
     for name in (attachment.name for attachment in attached):
-        custom = (
-            spec.text(_profile(name)),
-            spec.numeric(_strength(name)),
-            spec.text(_anchor(name)),
-        )
-        for data in custom:
+        texts = spec.text(_custom("profile", name)), spec.text(_custom("anchor", name))
+        for data in (*texts, spec.numeric(_custom("strength", name))):
             if data is not None:
                 spec.delete(data)
     return attached
@@ -168,17 +164,9 @@ def _add_site(body: mujoco.MjsBody, name: str, place: Place, like: mujoco.MjsSit
 # --------------------------------------------------------------------------- what the model says
 
 
-def _profile(muscle: str) -> str:
-    return f"{muscle}/profile"
-
-
-def _strength(muscle: str) -> str:
-    return f"{muscle}/strength"
-
-
-def _anchor(muscle: str) -> str:
-    """Name of the text that names a muscle's anchor, and of its site there."""
-    return f"{muscle}/anchor"
+def _custom(what: str, muscle: str) -> str:
+    """Name of the custom data that says what a muscle's profile, strength or anchor is."""
+    return f"{muscle}/{what}"
 
 
 def _muscle_sites(spec: mujoco.MjSpec) -> list[mujoco.MjsSite]:
@@ -204,10 +192,11 @@ def _muscle_sites(spec: mujoco.MjSpec) -> list[mujoco.MjsSite]:
 
 
 def _read_muscle(spec: mujoco.MjSpec, name: str, folder: Path) -> Muscle:
-    text, numeric = spec.text(_profile(name)), spec.numeric(_strength(name))
+    text, numeric = spec.text(_custom("profile", name)), spec.numeric(_custom("strength", name))
     if text is None:
         raise ValueError(
-            f"muscle {name!r} has no profile: a custom text {_profile(name)!r} must name its image"
+            f"muscle {name!r} has no profile: a custom text {_custom('profile', name)!r} must name "
+            "its image"
         )
     file = str(text.data)
     # resolved, so that links lead nowhere else either
@@ -226,17 +215,17 @@ def _one_number(name: str, numeric: mujoco.MjsNumeric) -> float:
     data = np.array(numeric.data, dtype=np.float64)
     if numeric.size != 1 or data.size > 1:
         raise ValueError(
-            f"muscle {name!r}: {_strength(name)} must be one number, got {data.tolist()}"
+            f"muscle {name!r}: {_custom('strength', name)} must be one number, got {data.tolist()}"
         )
-    return not_negative(f"muscle {name!r}: {_strength(name)}", float(data[0]))
+    return not_negative(f"muscle {name!r}: {_custom('strength', name)}", float(data[0]))
 
 
 def _read_anchor(spec: mujoco.MjSpec, name: str) -> str | None:
-    text = spec.text(_anchor(name))
+    text = spec.text(_custom("anchor", name))
     if text is None:
         return None
     bodies = [body.name for body in spec.bodies if body.name not in ("", MUSCLES_BODY)]
-    return one_of(f"muscle {name!r}: {_anchor(name)}", str(text.data), bodies)
+    return one_of(f"muscle {name!r}: {_custom('anchor', name)}", str(text.data), bodies)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.rendering import WormRenderer
 from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
 from flyrl.terrains import add_terrain
-from flyrl.validation import one_of
+from flyrl.validation import float_array, one_of
 
 BAR_WIDTH: Final = 300
 BAR_HEIGHT: Final = 20
@@ -240,9 +240,9 @@ class WormBatch(Batch):
         if len(ids) == 0:
             return
         scene, k = self.scene, len(ids)
-        places = _of_shape("positions_w", positions_w, (k, 2))
-        headings = _of_shape("yaws", yaws, (k,))
-        angles = _of_shape("joint_angles", joint_angles, (k, len(scene.joint_qpos)))
+        places = float_array("positions_w", positions_w, (k, 2))
+        headings = float_array("yaws", yaws, (k,))
+        angles = float_array("joint_angles", joint_angles, (k, len(scene.joint_qpos)))
         for name, given in (("spawn_position", places), ("spawn_yaw", headings)):
             if not self._crawls and given.any():
                 raise ValueError(f"{name} of a hanging worm must be 0, got {given[given != 0][0]}")
@@ -327,10 +327,3 @@ class WormBatch(Batch):
         y = self._middles[:, first, 1] - self._middles[:, last, 1]
         yaw: Array = np.arctan2(y, x)
         return yaw
-
-
-def _of_shape(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = np.asarray(value, dtype=np.float64)
-    if array.shape != shape:
-        raise ValueError(f"{name} must have shape {shape}, got shape {array.shape}")
-    return array
