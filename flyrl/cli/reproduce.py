@@ -111,7 +111,8 @@ def run(options: argparse.Namespace) -> int:
     if options.original.suffix in REPORTS:
         return reproduce_report(options.original, is_trusted=options.trust, output=options.output)
     from flyrl.cli.config import training_config  # noqa: PLC0415
-    from flyrl.training.reproduce import check_repeatable, compare, repeat_run  # noqa: PLC0415
+    from flyrl.training.learn import repeat_run  # noqa: PLC0415
+    from flyrl.training.provenance import check_repeatable, compare  # noqa: PLC0415
     from flyrl.training.runs import read_run  # noqa: PLC0415
 
     original = read_run(options.original)

@@ -87,60 +87,31 @@ ALGORITHMS: Final[Mapping[str, Mapping[str, Any]]] = {
 ON_POLICY: Final = ("ppo", "a2c", "trpo", "recurrent_ppo")
 """Those that learn from what the present policy just did; the others keep it in a buffer."""
 
-_Share = Annotated[float, Within(0, 1)]
-_PositiveShare = Annotated[float, Within(1e-12, 1)]
-_Positive = Annotated[float, Within(1e-12, 1e6)]
-_NotNegative = Annotated[float, Within(0, 1e6)]
-_Repeats = Annotated[int, Within(1, 10**4)]
-_Delay = Annotated[int, Within(1, 10**6)]
-_Samples = Annotated[int, Within(2, _MOST_SAMPLES)]
-_Duration = Annotated[int, Within(0, 10**12)]
-
-_ALLOWED: Final[Mapping[str, Any]] = {
-    "hidden_layers": Annotated[tuple[int, ...], Within(1, 4096)],
-    "activation": Activation,
-    "learning_rate": _Positive,
-    "learning_rate_decay": bool,
-    "gamma": _Share,
-    "normalize_observation": bool,
-    "normalize_reward": bool,
-    "n_steps": _Delay,
-    "gae_lambda": _Share,
-    "log_std_init": Annotated[float, Within(-10, 2)],
-    "batch_size": _Samples,
-    "n_epochs": _Repeats,
-    "clip_range": _Positive,
-    "ent_coef": _NotNegative,
-    "vf_coef": _NotNegative,
-    "max_grad_norm": _NotNegative,
-    "use_rms_prop": bool,
-    "normalize_advantage": bool,
-    "target_kl": _Positive,
-    "n_critic_updates": _Repeats,
-    "cg_max_steps": _Repeats,
-    "cg_damping": _NotNegative,
-    "line_search_max_iter": _Repeats,
-    "line_search_shrinking_factor": _PositiveShare,
-    "lstm_hidden_size": Annotated[int, Within(1, 4096)],
-    "n_lstm_layers": Annotated[int, Within(1, _MOST_LAYERS)],
-    "enable_critic_lstm": bool,
-    "buffer_size": _Samples,
-    "learning_starts": _Duration,
-    "gradient_steps": _Delay,
-    "her": bool,
-    "n_sampled_goal": Annotated[int, Within(1, 1000)],
-    "goal_selection_strategy": Literal["future", "final", "episode"],
-    "initial_ent_coef": _Positive,
-    "tau": _PositiveShare,
-    "n_critics": Annotated[int, Within(1, 100)],
-    "n_quantiles": _Repeats,
-    "top_quantiles_to_drop_per_net": _Duration,
-    "policy_delay": _Delay,
-    "renorm_warmup_steps": _Duration,
-    "action_noise_std": _NotNegative,
-    "target_policy_noise": _Positive,
-    "target_noise_clip": _NotNegative,
-}
+_RANGES: Final[tuple[tuple[Any, str], ...]] = (
+    (bool, "learning_rate_decay normalize_observation normalize_reward normalize_advantage"),
+    (bool, "enable_critic_lstm her use_rms_prop"),
+    (Activation, "activation"),
+    (Literal["future", "final", "episode"], "goal_selection_strategy"),
+    (Annotated[tuple[int, ...], Within(1, 4096)], "hidden_layers"),
+    (Annotated[int, Within(1, 4096)], "lstm_hidden_size"),
+    (Annotated[int, Within(1, _MOST_LAYERS)], "n_lstm_layers"),
+    (Annotated[int, Within(1, 100)], "n_critics"),
+    (Annotated[int, Within(1, 1000)], "n_sampled_goal"),
+    (Annotated[int, Within(1, 10**4)], "n_epochs n_critic_updates n_quantiles cg_max_steps"),
+    (Annotated[int, Within(1, 10**4)], "line_search_max_iter"),
+    (Annotated[int, Within(1, 10**6)], "n_steps gradient_steps policy_delay"),
+    (Annotated[int, Within(2, _MOST_SAMPLES)], "batch_size buffer_size"),
+    (Annotated[int, Within(0, 10**12)], "learning_starts renorm_warmup_steps"),
+    (Annotated[int, Within(0, 10**4)], "top_quantiles_to_drop_per_net"),
+    (Annotated[float, Within(0, 1)], "gamma gae_lambda"),
+    (Annotated[float, Within(1e-12, 1)], "tau line_search_shrinking_factor"),
+    (Annotated[float, Within(1e-12, 1e6)], "learning_rate clip_range target_kl"),
+    (Annotated[float, Within(1e-12, 1e6)], "initial_ent_coef target_policy_noise"),
+    (Annotated[float, Within(0, 1e6)], "ent_coef vf_coef max_grad_norm cg_damping"),
+    (Annotated[float, Within(0, 1e6)], "action_noise_std target_noise_clip"),
+    (Annotated[float, Within(-10, 2)], "log_std_init"),
+)
+_ALLOWED: Final = {name: allowed for allowed, names in _RANGES for name in names.split()}
 """Type and range of every setting."""
 
 _SET_BY_FLYRL: Final = (

@@ -185,6 +185,38 @@ def resume(
         return _learn(config, model, run_folder, state, goes_on, at_end)
 
 
+def repeat_run(
+    config: TrainingConfig, runs: Path, repeat: Path | None, command: Sequence[str] = ()
+) -> Run:
+    """Train anew in `runs`, or finish a repeat that was made before.
+
+    Parameters
+    ----------
+    config
+        Settings of the original; without its logger, to which a repeat says nothing.
+    runs
+        Folder in which the run folder is made.
+    repeat
+        Run folder of an earlier repeat; if it was interrupted, it is resumed.
+    command
+        The command that asked for it, for the record.
+
+    Raises
+    ------
+    ValueError
+        `repeat` is a run of other settings, or cannot be resumed.
+    """
+    if repeat is None:
+        return train(config, runs, command)
+    earlier = read_run(repeat)
+    settings = {key: value for key, value in earlier.settings.items() if key != "logger"}
+    if settings != training_record(config):
+        raise ValueError(f"{repeat} is no repeat: it has other settings")
+    if earlier.state == "finished":
+        return Run(repeat, None)
+    return resume(config, repeat, command)
+
+
 def _check_settings(config: TrainingConfig, before: Mapping[str, Any], folder: Path) -> None:
     """Raise ResumeError if a setting that has an effect is not that of the checkpoint."""
     then, now = flat(before), flat(training_record(config))

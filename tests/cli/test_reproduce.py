@@ -9,7 +9,7 @@ from flyrl.policies.bundle import PolicyBundle, PolicyFileError, TermLayout
 from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
-from flyrl.training.reproduce import compare, difference
+from flyrl.training.provenance import compare, difference
 from flyrl.training.runs import read_run
 from tests.tiny import TINY
 from tests.training.folders import COMMIT, make_run
@@ -91,9 +91,9 @@ def test_a_normaliser_with_other_statistics_is_told():
     [
         ({"squashing": "tanh"}, "squashing clip, in the repeat tanh"),
         ({"network": MLP(_bundle().network.layers, "relu")}, "activation tanh, in the repeat relu"),
-        ({"normaliser": None}, r"epsilon and clip \(1e-08, 10.0\), in the repeat None"),
+        ({"normaliser": None}, r"normaliser \(1e-08, 10.0\), in the repeat None"),
         ({"normaliser": replace(NORMALISER, clip=5.0)}, r"\(1e-08, 10.0\), in the repeat"),
-        ({"action_high": (1.0, 2.0)}, "action bounds"),
+        ({"action_high": (1.0, 2.0)}, r"action\.high"),
         ({"observation": (TermLayout("b", 2),)}, "observation"),
         (
             {
@@ -101,7 +101,7 @@ def test_a_normaliser_with_other_statistics_is_told():
                 "observation": (TermLayout("a", 3),),
                 "normaliser": Normaliser(np.zeros(3), np.ones(3), 1e-8, 10.0),
             },
-            r"LSTM \(2, 3\), in the repeat None",
+            r"kind lstm, in the repeat mlp",
         ),
     ],
 )
