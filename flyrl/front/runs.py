@@ -16,7 +16,6 @@ from flyrl.training.learn import Run
 from flyrl.training.learn import resume as resume_run
 from flyrl.training.learn import train as start
 from flyrl.training.loggers import LoggerConfig
-from flyrl.training.run_folder import RunFolder
 from flyrl.training.runs import find_runs, read_run, training_returns
 
 
@@ -172,7 +171,7 @@ def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> No
     """Draw the learning curve into the run folder; at the end, film the best policy too."""
     folder = finished.folder
     write_learning_curve(folder, read_run(folder).evaluations, training_returns(folder))
-    best = RunFolder(folder).best
+    best = folder / "best.safetensors"
     if with_video and finished.interrupted_by is None and best.exists():
         scene = config.env.scene
         episodes = EvaluationConfig(

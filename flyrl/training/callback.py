@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
@@ -16,7 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from flyrl.envs.core import BatchedEnv
 from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyrlVecEnv
-from flyrl.files import replacing
+from flyrl.files import replacing, write_text
 from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.bundle import PolicyBundle, save_bundle
 from flyrl.policies.sb3 import bundle_from_sb3
@@ -24,7 +25,8 @@ from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, code_digests, code_of
-from flyrl.training.checkpoint import save_checkpoint
+from flyrl.text import csv_text
+from flyrl.training.checkpoint import checkpoint_file, save_checkpoint
 from flyrl.training.config import (
     CurriculumConfig,
     TrainingConfig,
@@ -32,7 +34,8 @@ from flyrl.training.config import (
     training_record,
 )
 from flyrl.training.models import learner_state
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import write_json
+from flyrl.training.runs import STATUS_FILE, checkpoint_files
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -176,7 +179,7 @@ class RunCallback(BaseCallback):
     def __init__(
         self,
         config: TrainingConfig,
-        folder: RunFolder,
+        folder: Path,
         interrupted: Interruption,
         goes_on: GoesOn | None = None,
     ) -> None:
@@ -281,8 +284,8 @@ class RunCallback(BaseCallback):
         else:
             self._evaluate()
             self.logger.dump(self.num_timesteps)
-        self._folder.write_json(
-            "status.json",
+        write_json(
+            self._folder / STATUS_FILE,
             {
                 "decisions": self.num_timesteps,
                 "wall_time_s": round(time.monotonic() - self._start, 3),
@@ -306,8 +309,9 @@ class RunCallback(BaseCallback):
                 "wall_time_s": time.monotonic() - self._start,
             },
         }
-        save_checkpoint(self._folder.checkpoint(self.num_timesteps), state)
-        self._folder.drop_checkpoints(keep=schedule.checkpoints_kept)
+        save_checkpoint(checkpoint_file(self._folder, self.num_timesteps), state)
+        for path in checkpoint_files(self._folder)[: -schedule.checkpoints_kept]:
+            path.unlink()
 
     def _bundle(self, evaluation: dict[str, float] | None = None) -> PolicyBundle:
         return bundle_from_sb3(
@@ -326,12 +330,12 @@ class RunCallback(BaseCallback):
         )
 
     def _save(self, bundle: PolicyBundle) -> None:
-        save_bundle(bundle, self._folder.last)
-        with replacing(self._folder.model) as partial:
+        save_bundle(bundle, self._folder / "last.safetensors")
+        with replacing(self._folder / "model.zip") as partial:
             self.model.save(partial)
         normaliser = self.model.get_vec_normalize_env()
         if normaliser is not None:
-            with replacing(self._folder.normaliser) as partial:
+            with replacing(self._folder / "vecnormalize.pkl") as partial:
                 normaliser.save(str(partial))
 
     def _evaluate(self) -> bool:
@@ -349,7 +353,8 @@ class RunCallback(BaseCallback):
             "mean_duration_s": float(np.mean([record.duration_s for record in records])),
         }
         self._evaluations.append({**evaluation, **_unweighted(records)})
-        self._folder.write_rows("evaluations.csv", self._evaluations)
+        rows = csv_text(list(self._evaluations[0]), self._evaluations)
+        write_text(self._folder / "evaluations.csv", rows)
         for key in ("success_rate", "mean_return", "mean_duration_s"):
             self.logger.record(f"evaluation/{key}", evaluation[key])
         bundle = self._bundle(evaluation)
@@ -357,6 +362,6 @@ class RunCallback(BaseCallback):
         score = (evaluation["success_rate"], evaluation["mean_return"])
         if score > self._best:
             self._best = score
-            save_bundle(bundle, self._folder.best)
+            save_bundle(bundle, self._folder / "best.safetensors")
         self._show()
         return self._goes_on is None or self._goes_on(self._evaluations)

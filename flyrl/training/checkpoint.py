@@ -5,6 +5,7 @@ file is PyTorch's, read with `weights_only=True`: tensors, numbers, text, lists 
 """
 
 import io
+import sys
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import torch
 
 from flyrl.files import write_bytes
-from flyrl.training.runs import ResumeError
+from flyrl.training.runs import CHECKPOINT_SUFFIX, ResumeError, checkpoint_files
 
 _FORMAT: Final = 10
 
@@ -74,6 +75,45 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     restored: dict[str, Any] = _map(state, _to_array)
     restored["learner"]["parameters"] = parameters
     return restored
+
+
+def checkpoint_file(folder: Path, decisions: int) -> Path:
+    """Path of the checkpoint after so many decisions of the run in a folder."""
+    checkpoints = folder / "checkpoints"
+    checkpoints.mkdir(exist_ok=True)
+    return checkpoints / f"{decisions:012}{CHECKPOINT_SUFFIX}"
+
+
+def load_latest_checkpoint(folder: Path) -> dict[str, Any]:
+    """Read the latest checkpoint of a run that can be read; those after it are renamed.
+
+    Each that is renamed is a warning on stderr.
+
+    Raises
+    ------
+    ResumeError
+        There is none; of several damaged ones, the latest is named.
+    """
+    checkpoints = checkpoint_files(folder)[::-1]
+    if not checkpoints:
+        raise ResumeError(f"there is no checkpoint in {folder / 'checkpoints'}")
+    errors: list[ResumeError] = []
+    for path in checkpoints:
+        try:
+            state = load_checkpoint(path)
+        except ResumeError as error:
+            errors.append(error)
+            continue
+        # out of the way: as the latest, they would be kept instead of the new ones
+        for damaged in checkpoints[: len(errors)]:
+            aside = damaged.rename(damaged.with_suffix(".damaged"))
+            print(
+                f"warning: {damaged} cannot be read: it is now {aside.name}, and the run goes "
+                f"on from {path.name}",
+                file=sys.stderr,
+            )
+        return state
+    raise errors[0]
 
 
 def _map(tree: Any, convert: Any) -> Any:

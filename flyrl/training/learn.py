@@ -16,16 +16,18 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, load_bundle
 from flyrl.training.algorithms import ON_POLICY
 from flyrl.training.callback import GoesOn, RunCallback, fly_env, interruption
+from flyrl.training.checkpoint import load_latest_checkpoint
 from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
 from flyrl.training.loggers import Outcome
 from flyrl.training.metrics import RemoteLog, metrics_logger
 from flyrl.training.models import build_model, restore_learner
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import create_folder, note_resumption
 from flyrl.training.runs import (
     CONFIG_FILE,
     ResumeError,
     flat,
     held,
+    is_finished,
     read_record,
     read_run,
 )
@@ -63,7 +65,7 @@ class Run:
             The file cannot be read; of an interrupted run, there may be no best one yet.
         """
         one_of("which", which, ("best", "last"))
-        return LearnedPolicy(load_bundle(getattr(RunFolder(self.folder), which)))
+        return LearnedPolicy(load_bundle(self.folder / f"{which}.safetensors"))
 
     @property
     def learning_curve(self) -> pd.DataFrame:
@@ -133,9 +135,9 @@ def train(
     if config.logger is not None:
         config.logger.check_installed()
     model = _prepare(config)
-    run_folder = RunFolder.create(config, Path(runs), command, label)
-    with held(run_folder.path):
-        return _learn(config, model, run_folder, None, goes_on, at_end)
+    folder = create_folder(config, Path(runs), command, label)
+    with held(folder):
+        return _learn(config, model, folder, None, goes_on, at_end)
 
 
 def resume(
@@ -175,14 +177,17 @@ def resume(
     if config.logger is not None:
         config.logger.check_installed()
     folder = Path(folder)
-    read_record(folder)  # before a lock is left where there is no run
+    # before a lock is left where there is no run
+    if read_record(folder) != training_record(config):
+        raise ResumeError(f"{folder} is a run with other settings: see its {CONFIG_FILE}")
     with held(folder):
-        run_folder = RunFolder.open(config, folder)
-        state = run_folder.load_latest_checkpoint()
+        if is_finished(folder):
+            raise ResumeError(f"cannot resume {folder}: the run has already finished")
+        state = load_latest_checkpoint(folder)
         _check_settings(config, state["settings"], folder)
         model = _prepare(config)
-        run_folder.go_on(config, command)
-        return _learn(config, model, run_folder, state, goes_on, at_end)
+        note_resumption(config, folder, command)
+        return _learn(config, model, folder, state, goes_on, at_end)
 
 
 def repeat_run(
@@ -239,7 +244,7 @@ def _prepare(config: TrainingConfig) -> BaseAlgorithm:
 def _learn(
     config: TrainingConfig,
     model: BaseAlgorithm,
-    folder: RunFolder,
+    folder: Path,
     state: dict[str, Any] | None,
     goes_on: GoesOn | None,
     at_end: Callable[[Run], None],
@@ -265,7 +270,7 @@ def _learn(
 def _update(
     config: TrainingConfig,
     model: BaseAlgorithm,
-    folder: RunFolder,
+    folder: Path,
     state: dict[str, Any] | None,
     goes_on: GoesOn | None,
     remote: RemoteLog | None,
@@ -292,7 +297,7 @@ def _update(
             if _is_sane(model):
                 raise
             raise ValueError(
-                f"the training in {folder.path} diverged after {model.num_timesteps} decisions: "
+                f"the training in {folder} diverged after {model.num_timesteps} decisions: "
                 f"weights of the network lie beyond {_LARGEST_WEIGHT:g}; lower algo.learning_rate, "
                 "or the weights of the rewards"
             ) from error
@@ -300,7 +305,7 @@ def _update(
             callback.close()
             model.logger.close()
             env.close()
-    return Run(folder.path, callback.interrupted_by, callback.is_pruned, interrupted.signal)
+    return Run(folder, callback.interrupted_by, callback.is_pruned, interrupted.signal)
 
 
 def _is_sane(model: BaseAlgorithm) -> bool:
@@ -309,7 +314,7 @@ def _is_sane(model: BaseAlgorithm) -> bool:
 
 
 def _restore(
-    model: BaseAlgorithm, callback: RunCallback, state: Mapping[str, Any], folder: RunFolder
+    model: BaseAlgorithm, callback: RunCallback, state: Mapping[str, Any], folder: Path
 ) -> None:
     """Put a checkpoint back; ResumeError if it is not of such a run."""
     try:
@@ -319,7 +324,7 @@ def _restore(
     except (AttributeError, IndexError, KeyError, RuntimeError, TypeError, ValueError) as error:
         # whoever wrote the file may have put anything in it
         raise ResumeError(
-            f"the latest checkpoint in {folder.path} does not fit the run: "
+            f"the latest checkpoint in {folder} does not fit the run: "
             f"{type(error).__name__}: {error!s:.200}"
         ) from error
 

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from numbers import Real
+from pathlib import Path
 from typing import Any, Final
 
 from stable_baselines3.common.logger import (
@@ -18,7 +19,7 @@ from torch.utils.tensorboard import SummaryWriter
 from tqdm import tqdm
 
 from flyrl.training.loggers import LoggerConfig, LoggerError, Outcome, RemoteRun
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import write_json
 from flyrl.training.runs import ResumeError, read_rows
 
 _DECISIONS: Final = "time/total_timesteps"
@@ -31,7 +32,7 @@ _SHARE_OF_TIME: Final = 0.1
 """Of the training's, at most, that goes into waiting for a service out of reach."""
 
 
-def metrics_logger(folder: RunFolder, decisions: int | None, *more: KVWriter) -> Logger:
+def metrics_logger(folder: Path, decisions: int | None, *more: KVWriter) -> Logger:
     """Logger of the metrics to `progress.csv`, for TensorBoard and to `more`.
 
     Parameters
@@ -49,12 +50,12 @@ def metrics_logger(folder: RunFolder, decisions: int | None, *more: KVWriter) ->
     ResumeError
         The table cannot be read.
     """
-    tensorboard = TensorBoardOutputFormat(str(folder.path / "tensorboard"))
-    table = folder.path / "progress.csv"
+    tensorboard = TensorBoardOutputFormat(str(folder / "tensorboard"))
+    table = folder / "progress.csv"
     rows: list[dict[str, str]] = []
     if decisions is not None:
         tensorboard.writer.close()
-        tensorboard.writer = SummaryWriter(folder.path / "tensorboard", purge_step=decisions + 1)
+        tensorboard.writer = SummaryWriter(folder / "tensorboard", purge_step=decisions + 1)
         # the header is torn if a kill came while the table got a new column: no row is safe then
         rows = [row for row in read_rows(table) if 0 <= _decisions(row) <= decisions]
     csv_format = CSVOutputFormat(str(table))
@@ -64,7 +65,7 @@ def metrics_logger(folder: RunFolder, decisions: int | None, *more: KVWriter) ->
         raise ResumeError(f"{table} does not hold numbers alone: {error!s:.200}") from error
     for row in values:
         csv_format.write(row, {})
-    return Logger(str(folder.path), [csv_format, tensorboard, *more])
+    return Logger(str(folder), [csv_format, tensorboard, *more])
 
 
 def _decisions(row: Mapping[str, str]) -> int:
@@ -93,11 +94,9 @@ class RemoteLog(KVWriter):
         As `config.training_record` gives them.
     """
 
-    def __init__(
-        self, config: LoggerConfig, folder: RunFolder, settings: Mapping[str, Any]
-    ) -> None:
+    def __init__(self, config: LoggerConfig, folder: Path, settings: Mapping[str, Any]) -> None:
         self._config, self._folder, self._settings = config, folder, settings
-        rows = read_rows(folder.path / "progress.csv")
+        rows = read_rows(folder / "progress.csv")
         self._last_step = max(map(_decisions, rows), default=-1)
         self._run: RemoteRun | None = None
         self._missed = 0
@@ -141,23 +140,23 @@ class RemoteLog(KVWriter):
         if self._missed:
             _warn(
                 f"{self._config.name} lacks {self._missed} rows of metrics, which are in "
-                f"{self._folder.path / 'progress.csv'}"
+                f"{self._folder / 'progress.csv'}"
             )
         if self._run is not None:
             names = _SENT_AT_END if outcome == "finished" else ()
-            paths = [self._folder.path / name for name in names]
+            paths = [self._folder / name for name in names]
             files = [path for path in paths if path.exists()]
             run = self._run
             self._done(lambda: run.finish(outcome, files))
 
     def _open(self) -> RemoteRun:
         if self._run is None:
-            path = self._folder.path / _RECORD
+            path = self._folder / _RECORD
             record = json.loads(path.read_text()) if path.exists() else {}
             run_id = record.get("run_id")
-            self._run = self._config.open(self._folder.path, self._settings, run_id)
+            self._run = self._config.open(self._folder, self._settings, run_id)
             record = {"logger": self._config.name, "run_id": self._run.run_id}
-            self._folder.write_json(_RECORD, {**record, "url": self._run.url})
+            write_json(path, {**record, "url": self._run.url})
         return self._run
 
     def _done(self, task: Callable[[], None]) -> bool:

@@ -15,7 +15,7 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.envs.record import env_record
 from flyrl.tasks import TASKS, load_terms
 from flyrl.training.config import training_record
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import create_folder, note_resumption
 from flyrl.training.runs import read_record
 from tests.tasks.test_terms import fly_state, task_state
 from tests.tiny import TINY_ARGUMENTS
@@ -72,18 +72,18 @@ def test_the_record_of_a_run_gives_its_task_back(tmp_path):
     config = training_config(groups(terms=ADDED, weights=WEIGHTS))
     assert env_record(config.env)["task"]["terms"] == ADDED
     assert env_record(config.env)["task"]["weights"]["progress"] == 0.1
-    folder = RunFolder.create(config, tmp_path / "runs")
-    again = training_config(read_record(folder.path))
+    folder = create_folder(config, tmp_path / "runs")
+    again = training_config(read_record(folder))
     assert training_record(again) == training_record(config)
     assert again.env.resolved_task == config.env.resolved_task
 
 
 def test_a_run_that_goes_on_with_other_terms_says_so(my_terms, tmp_path, capsys):
     config = training_config(groups(terms=ADDED))
-    folder = RunFolder.create(config, tmp_path / "runs")
+    folder = create_folder(config, tmp_path / "runs")
     with (my_terms / "my_terms.py").open("a") as code:
         code.write("# as before, but for this\n")
-    folder.go_on(config)
+    note_resumption(config, folder)
     assert "\n  terms.my_terms: " in capsys.readouterr().err
 
 

@@ -15,8 +15,9 @@ from flyrl.front.comparison import (
     table,
     telling_keys,
 )
+from flyrl.training.checkpoint import checkpoint_file
 from flyrl.training.config import TrainingConfig
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import create_folder
 from flyrl.training.runs import held, read_run
 from tests.training.folders import make_run
 
@@ -269,11 +270,11 @@ def test_wrong_command_lines(tmp_path, monkeypatch, capsys, arguments, message):
 def test_a_sweep_knows_a_run_again_that_another_launcher_began(tmp_path):
     config = TrainingConfig(env=EnvConfig())
     here = replace(config.training, num_threads=1, progress_bar=False)
-    run = RunFolder.create(replace(config, training=here), tmp_path)
+    run = create_folder(replace(config, training=here), tmp_path)
     assert earlier_run(config, tmp_path) is None  # nothing to resume from
-    run.checkpoint(64).write_text("")
-    assert earlier_run(config, tmp_path, ["seed"]).path == run.path
+    checkpoint_file(run, 64).write_text("")
+    assert earlier_run(config, tmp_path, ["seed"]).path == run
     assert earlier_run(replace(config, seed=1), tmp_path) is None
     assert earlier_run(config, tmp_path, ["training.num_threads"]) is None
-    with held(run.path), pytest.raises(ValueError, match="another process trains in"):
+    with held(run), pytest.raises(ValueError, match="another process trains in"):
         earlier_run(config, tmp_path)

@@ -18,8 +18,9 @@ from flyrl.front.runs import TrainingInterrupted, learn
 from flyrl.resources import configs_folder
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS
+from flyrl.training.checkpoint import checkpoint_file
 from flyrl.training.config import config_from_keywords, training_record
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
 
@@ -169,12 +170,12 @@ def test_an_error_of_the_system_says_how_to_resume_once_there_is_a_checkpoint(
         raise full
 
     monkeypatch.setattr("flyrl.front.runs.start", fail)
-    run = RunFolder.create(config, tmp_path)
+    run = create_folder(config, tmp_path)
     with pytest.raises(OSError, match="No space") as caught:
         learn(config, tmp_path)
     assert caught.value is full
-    run.checkpoint(64).write_text("")
-    told = f"{full}; once {run.path} can be written to, resume with: resume={run.path}"
+    checkpoint_file(run, 64).write_text("")
+    told = f"{full}; once {run} can be written to, resume with: resume={run}"
     with pytest.raises(OSError, match="No space") as caught:
         learn(config, tmp_path)
     assert str(caught.value) == told

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 import torch
 
-from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
-from flyrl.training.runs import ResumeError
+from flyrl.training.checkpoint import (
+    checkpoint_file,
+    load_checkpoint,
+    load_latest_checkpoint,
+    save_checkpoint,
+)
+from flyrl.training.runs import ResumeError, checkpoint_files
 
 STATE = {
     "learner": {"parameters": {"policy": {"weight": torch.ones(2, 3)}}, "attributes": {"n": 3}},
@@ -105,3 +110,17 @@ def test_without_space_the_last_checkpoint_stays(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert path.read_bytes() == good
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_of_damaged_checkpoints_the_one_before_takes_the_place(tmp_path, capsys):
+    paths = [checkpoint_file(tmp_path, decisions) for decisions in (1, 2, 3)]
+    for i, path in enumerate(paths):
+        save_checkpoint(path, {**STATE, "run": {"decisions": i}})
+    for path in paths[1:]:
+        path.write_bytes(path.read_bytes()[:-100])
+    assert load_latest_checkpoint(tmp_path)["run"]["decisions"] == 0
+    assert f"{paths[2]} cannot be read" in capsys.readouterr().err
+    assert checkpoint_files(tmp_path) == paths[:1]
+    paths[0].write_bytes(b"")
+    with pytest.raises(ResumeError, match=r"0001\.pt is damaged"):
+        load_latest_checkpoint(tmp_path)

@@ -21,7 +21,7 @@ from flyrl.training.loggers import (
     WandbConfig,
 )
 from flyrl.training.metrics import RemoteLog
-from flyrl.training.run_folder import RunFolder
+from flyrl.training.run_folder import create_folder
 from flyrl.training.runs import flat, read_rows
 from tests import tiny
 
@@ -173,7 +173,7 @@ def test_a_resumed_run_goes_on_in_mlflow_and_no_update_is_sent_twice(mlflow, tmp
 
 
 def test_an_outage_is_a_warning_and_what_is_lost_is_counted_at_the_end(mlflow, tmp_path, capsys):
-    remote = RemoteLog(mlflow, RunFolder.create(TINY, tmp_path / "runs"), {})
+    remote = RemoteLog(mlflow, create_folder(TINY, tmp_path / "runs"), {})
     remote.connect()
     remote.write({"a": 1.0}, {"a": ()}, step=1)
     (tmp_path / "store").rename(tmp_path / "away")
