@@ -100,10 +100,13 @@ def fly_env(model: BaseAlgorithm) -> FlyrlVecEnv:
     return env
 
 
-def _unweighted(records: Sequence[EpisodeRecord]) -> dict[str, float]:
-    """Means over episodes that do not depend on the weights of the reward, by column."""
+def _means(records: Sequence[EpisodeRecord]) -> dict[str, float]:
+    """Means over episodes, by column of `evaluations.csv`."""
     columns = [
         {
+            "success_rate": record.success,
+            "mean_return": record.return_,
+            "mean_duration_s": record.duration_s,
             "advance_mm": record.position_w[-1, 0] - record.position_w[0, 0],
             **record.errors,
             **{f"unweighted_{name}": total for name, total in record.totals.items()},
@@ -346,20 +349,16 @@ class RunCallback(BaseCallback):
         Whether the run is to go on.
         """
         records = run_episodes(self._env, LearnedPolicy(self._bundle()), self._episodes)
-        evaluation = {
-            "decisions": self.num_timesteps,
-            "success_rate": float(np.mean([record.success for record in records])),
-            "mean_return": float(np.mean([record.return_ for record in records])),
-            "mean_duration_s": float(np.mean([record.duration_s for record in records])),
-        }
-        self._evaluations.append({**evaluation, **_unweighted(records)})
-        rows = csv_text(list(self._evaluations[0]), self._evaluations)
-        write_text(self._folder / "evaluations.csv", rows)
-        for key in ("success_rate", "mean_return", "mean_duration_s"):
-            self.logger.record(f"evaluation/{key}", evaluation[key])
-        bundle = self._bundle(evaluation)
+        row = {"decisions": self.num_timesteps, **_means(records)}
+        self._evaluations.append(row)
+        table = csv_text(list(self._evaluations[0]), self._evaluations)
+        write_text(self._folder / "evaluations.csv", table)
+        logged = {key: row[key] for key in ("success_rate", "mean_return", "mean_duration_s")}
+        for key, value in logged.items():
+            self.logger.record(f"evaluation/{key}", value)
+        bundle = self._bundle({"decisions": self.num_timesteps, **logged})
         self._save(bundle)
-        score = (evaluation["success_rate"], evaluation["mean_return"])
+        score = (row["success_rate"], row["mean_return"])
         if score > self._best:
             self._best = score
             save_bundle(bundle, self._folder / "best.safetensors")

@@ -90,10 +90,6 @@ _LARGEST_WEIGHT: Final = 1e5
 """Networks that learn something have weights of about 1."""
 
 
-def _nothing(run: Run) -> None:
-    """What is left to do with a run that nobody asked more of."""
-
-
 def train(
     config: TrainingConfig,
     runs: str | Path = "runs",
@@ -101,7 +97,7 @@ def train(
     label: str = "",
     *,
     goes_on: GoesOn | None = None,
-    at_end: Callable[[Run], None] = _nothing,
+    at_end: Callable[[Run], None] | None = None,
 ) -> Run:
     """Train a policy.
 
@@ -132,8 +128,6 @@ def train(
     LoggerError
         The logger cannot be used. Once training has begun, that is a warning.
     """
-    if config.logger is not None:
-        config.logger.check_installed()
     model = _prepare(config)
     folder = create_folder(config, Path(runs), command, label)
     with held(folder):
@@ -146,7 +140,7 @@ def resume(
     command: Sequence[str] = (),
     *,
     goes_on: GoesOn | None = None,
-    at_end: Callable[[Run], None] = _nothing,
+    at_end: Callable[[Run], None] | None = None,
 ) -> Run:
     """Go on with an interrupted run, from its latest checkpoint, to the end.
 
@@ -174,8 +168,6 @@ def resume(
         The folder cannot be written to, or another process trains in it; the latest checkpoint
         stays as it is.
     """
-    if config.logger is not None:
-        config.logger.check_installed()
     folder = Path(folder)
     # before a lock is left where there is no run
     if read_record(folder) != training_record(config):
@@ -234,10 +226,14 @@ def _check_settings(config: TrainingConfig, before: Mapping[str, Any], folder: P
 
 
 def _prepare(config: TrainingConfig) -> BaseAlgorithm:
+    """Untrained model in its environment; ValueError if something is missing for the run."""
+    if config.logger is not None:
+        config.logger.check_installed()
     torch.set_num_threads(config.training.torch_threads)
     env = FlyrlVecEnv(config.env, config.training.num_envs, config.training.num_threads)
     model = build_model(config.algo, env, config.seed)
-    env.seed(_episode_seed(config.seed))
+    # of fly 0; fly i has this plus i. Far apart for neighbouring seeds of runs
+    env.seed(int(np.random.default_rng(config.seed).integers(2**30)))
     return model
 
 
@@ -247,7 +243,7 @@ def _learn(
     folder: Path,
     state: dict[str, Any] | None,
     goes_on: GoesOn | None,
-    at_end: Callable[[Run], None],
+    at_end: Callable[[Run], None] | None,
 ) -> Run:
     """Learn until the end or an interruption, with a logger if there is one."""
     remote = None
@@ -258,7 +254,8 @@ def _learn(
     outcome: Outcome = "failed"
     try:
         run = _update(config, model, folder, state, goes_on, remote)
-        at_end(run)
+        if at_end is not None:
+            at_end(run)
         is_early = run.is_pruned or run.interrupted_by is not None
         outcome = "interrupted" if is_early else "finished"
     finally:
@@ -294,8 +291,9 @@ def _update(
                 reset_num_timesteps=state is None,
             )
         except (RuntimeError, ValueError) as error:  # as PyTorch raises at the next action
-            if _is_sane(model):
-                raise
+            weights = model.policy.parameters()
+            if all(bool((values.abs() <= _LARGEST_WEIGHT).all()) for values in weights):
+                raise  # no NaN among them, either
             raise ValueError(
                 f"the training in {folder} diverged after {model.num_timesteps} decisions: "
                 f"weights of the network lie beyond {_LARGEST_WEIGHT:g}; lower algo.learning_rate, "
@@ -306,11 +304,6 @@ def _update(
             model.logger.close()
             env.close()
     return Run(folder, callback.interrupted_by, callback.is_pruned, interrupted.signal)
-
-
-def _is_sane(model: BaseAlgorithm) -> bool:
-    weights = model.policy.parameters()
-    return all(bool((values.abs() <= _LARGEST_WEIGHT).all()) for values in weights)  # no NaN is
 
 
 def _restore(
@@ -327,8 +320,3 @@ def _restore(
             f"the latest checkpoint in {folder} does not fit the run: "
             f"{type(error).__name__}: {error!s:.200}"
         ) from error
-
-
-def _episode_seed(seed: int) -> int:
-    """Seed of fly 0; fly i has this plus i. Far apart for neighbouring seeds of runs."""
-    return int(np.random.default_rng(seed).integers(2**30))

@@ -34,12 +34,11 @@ State = Literal["finished", "interrupted", "running", "damaged"]
 T = TypeVar("T")
 
 
-_EARLIER_NAMES: Final = {"total_decisions": "total_timesteps"}
-"""Fields of `ScheduleConfig` that had other names, which are understood for a release."""
-
-
 def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Settings of a schedule by the names of its fields; an earlier name is warned of.
+    """Settings of a schedule by the names of its fields.
+
+    `total_timesteps` was called `total_decisions`, which is understood for a release, with a
+    warning.
 
     Parameters
     ----------
@@ -53,14 +52,13 @@ def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, An
     ValueError
         A setting is given by both of its names.
     """
-    found = dict(settings)
-    for earlier, present in _EARLIER_NAMES.items():
-        if f"{prefix}{earlier}" in found:
-            if f"{prefix}{present}" in found:
-                raise ValueError(f"{prefix}{earlier} is {prefix}{present}, and both are given")
-            print(f"warning: {prefix}{earlier} is called {prefix}{present}", file=sys.stderr)
-            found[f"{prefix}{present}"] = found.pop(f"{prefix}{earlier}")
-    return found
+    earlier, present = f"{prefix}total_decisions", f"{prefix}total_timesteps"
+    if earlier not in settings:
+        return dict(settings)
+    if present in settings:
+        raise ValueError(f"{earlier} is {present}, and both are given")
+    print(f"warning: {earlier} is called {present}", file=sys.stderr)
+    return {present if key == earlier else key: value for key, value in settings.items()}
 
 
 class ResumeError(ValueError):

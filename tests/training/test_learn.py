@@ -1,8 +1,5 @@
 import csv
-import os
 import pickle
-import signal
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -154,18 +151,6 @@ def test_no_run_learns_from_held_out_episodes():
 
 
 @pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
-def test_sigterm_saves_the_policy(config, tmp_path):
-    schedule = replace(SCHEDULE, total_timesteps=10**7, evaluation_interval=10**7)
-    timer = threading.Timer(3, os.kill, (os.getpid(), signal.SIGTERM))
-    timer.start()
-    finished = train(replace(config, training=schedule), tmp_path)
-    timer.join()
-    assert finished.interrupted_by == signal.SIGTERM
-    assert load_policy(finished.folder).bundle.training["decisions"] > 0
-    assert '"interrupted_by": "SIGTERM"' in (finished.folder / "status.json").read_text()
-
-
-@pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 def test_a_training_that_diverges_says_so(config, tmp_path):
     algo = config.algo.with_settings(learning_rate=1e6)
     with pytest.raises(ValueError, match=r"diverged after \d+ decisions: .*algo\.learning_rate"):
@@ -175,25 +160,22 @@ def test_a_training_that_diverges_says_so(config, tmp_path):
 SHORT_GOAL = replace(TASKS["target_goal"](), time_limit_s=0.2)
 
 
-@pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
-def test_a_run_that_is_told_not_to_go_on_ends_after_the_evaluation(config, tmp_path):
+def test_a_run_that_shall_not_go_on_ends_after_the_evaluation_and_can_be_resumed(run, tmp_path):
     seen = []
 
     def goes_on(evaluations):
         seen.append([row["decisions"] for row in evaluations])
         return len(evaluations) < 2
 
-    folder = train(config, tmp_path, goes_on=goes_on).folder
+    folder = train(PPO_CONFIG, tmp_path, goes_on=goes_on).folder
     pruned = read_run(folder)
     assert seen == [[32], [32, 64]]
     assert [row["decisions"] for row in pruned.evaluations] == [32, 64]
     assert pruned.state == "interrupted"
-    assert pruned.decisions < config.training.total_timesteps
-
-    resume(config, folder)
-    whole = read_run(train(config, tmp_path).folder)
-    assert read_run(folder).evaluations == whole.evaluations
-    assert np.array_equal(_actions(folder), _actions(whole.path))
+    assert pruned.decisions < PPO_CONFIG.training.total_timesteps
+    resume(PPO_CONFIG, folder)
+    assert read_run(folder).evaluations == read_run(run.folder).evaluations
+    assert np.array_equal(_actions(folder), _actions(run.folder))
 
 
 def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):

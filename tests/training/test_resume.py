@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from flyrl.envs.core import EnvConfig
+from flyrl.policies import load_policy
 from flyrl.tasks import task_named
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import RunCallback
@@ -95,20 +96,57 @@ def _results(run):
     return {name: (run.folder / name).read_bytes() for name in RESULTS}
 
 
-@pytest.mark.parametrize(
-    "config",
-    [PPO_CONFIG, SAC_CONFIG, RECURRENT_CONFIG, RANDOM_CONFIG, CURRICULUM_CONFIG, WORM_CONFIG],
+@pytest.fixture(
+    scope="module",
+    params=[
+        PPO_CONFIG,
+        SAC_CONFIG,
+        RECURRENT_CONFIG,
+        RANDOM_CONFIG,
+        CURRICULUM_CONFIG,
+        WORM_CONFIG,
+    ],
     ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies", "curriculum", "worm"],
 )
-def test_a_resumed_run_ends_with_the_same_bits(config, tmp_path, monkeypatch):
-    whole = train(config, tmp_path / "whole")
-    with monkeypatch.context() as patch:
+def runs(request, tmp_path_factory):
+    """A whole run, one of the same settings that was interrupted and resumed, and that before."""
+    config, folder = request.param, tmp_path_factory.mktemp("runs")
+    whole = train(config, folder / "whole")
+    with pytest.MonkeyPatch.context() as patch:
         InterruptedAt(patch, decision=43)
-        part = train(config, tmp_path / "part")
-    assert part.interrupted_by == signal.SIGTERM
+        part = train(config, folder / "part")
+    state = read_run(part.folder).state
+    policy = load_policy(part.folder / "last.safetensors")
+    with (part.folder / "progress.csv").open("a") as table:
+        table.write("12")  # as a kill may leave it
     resumed = resume(config, part.folder)
+    return whole, resumed, (part, state, policy)
+
+
+def test_an_interrupted_run_keeps_its_policy(runs):
+    part, state, policy = runs[2]
+    assert part.interrupted_by == signal.SIGTERM
+    assert state == "interrupted"
+    assert 43 * 4 <= policy.bundle.training["decisions"] <= 52 * 4
+
+
+def test_a_resumed_run_ends_with_the_same_bits(runs):
+    whole, resumed, (part, _, _) = runs
     assert resumed.folder == part.folder
     assert _results(resumed) == _results(whole)
+
+
+def test_a_resumed_run_logs_every_update_once(runs):
+    whole, resumed, _ = runs
+    assert _without_times(resumed.folder) == _without_times(whole.folder)
+
+
+def _without_times(folder):
+    times = {"time/fps", "time/time_elapsed", "time/iterations"}
+    return [
+        {key: value and float(value) for key, value in row.items() if key not in times}
+        for row in read_rows(folder / "progress.csv")
+    ]
 
 
 def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path, monkeypatch):
@@ -135,30 +173,6 @@ def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path, monkeypatch):
     run = train(config, tmp_path)
     assert read_run(run.folder).state == "finished"
     assert (run.interrupted_by, run.signal) == (None, signal.SIGTERM)
-
-
-@pytest.mark.parametrize(
-    "config",
-    [PPO_CONFIG, SAC_CONFIG, CURRICULUM_CONFIG],
-    ids=["ppo", "sac", "curriculum"],
-)
-def test_a_resumed_run_logs_every_update_once(config, tmp_path, monkeypatch):
-    with monkeypatch.context() as patch:
-        InterruptedAt(patch, decision=43)
-        part = train(config, tmp_path / "part")
-    with (part.folder / "progress.csv").open("a") as table:
-        table.write("12")  # as a kill may leave it
-    resume(config, part.folder)
-    whole = train(config, tmp_path / "whole")
-    assert _without_times(part.folder) == _without_times(whole.folder)
-
-
-def _without_times(folder):
-    times = {"time/fps", "time/time_elapsed", "time/iterations"}
-    return [
-        {key: value and float(value) for key, value in row.items() if key not in times}
-        for row in read_rows(folder / "progress.csv")
-    ]
 
 
 def _run(config, runs, folder):
@@ -202,19 +216,6 @@ def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
     assert _results(resumed) == _results(whole)
 
 
-def test_a_finished_run_is_not_resumed(tmp_path):
-    run = train(replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32)), tmp_path)
-    with pytest.raises(ResumeError, match="finished"):
-        resume(replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32)), run.folder)
-
-
-def test_other_settings_are_not_resumed(tmp_path, monkeypatch):
-    InterruptedAt(monkeypatch, decision=3)
-    run = train(PPO_CONFIG, tmp_path)
-    with pytest.raises(ResumeError, match="other settings"):
-        resume(replace(PPO_CONFIG, seed=1), run.folder)
-
-
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory):
     """Folder of a run that was interrupted at its third decision."""
@@ -253,6 +254,17 @@ def test_a_setting_without_effect_may_be_edited(folder):
     config = replace(PPO_CONFIG, training=replace(PPO_CONFIG.training, num_threads=2))
     (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config)))
     assert resume(config, folder).interrupted_by is None
+
+
+def test_other_settings_are_not_resumed(interrupted):
+    with pytest.raises(ResumeError, match="other settings"):
+        resume(replace(PPO_CONFIG, seed=1), interrupted)
+
+
+def test_a_finished_run_is_not_resumed(tmp_path):
+    folder = make_run(tmp_path / "run")
+    with pytest.raises(ResumeError, match="finished"):
+        resume(TrainingConfig(), folder)
 
 
 @pytest.mark.parametrize("text", ["", "a word", "- a", "task: 1", "a: &a [1]\nb: [*a]", "\x00"])
