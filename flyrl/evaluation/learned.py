@@ -16,7 +16,7 @@ from flyrl.evaluation.entrant import Entrant, free_name
 from flyrl.files import file_digest
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file, policy_name
-from flyrl.policies.function import FunctionPolicy, takes
+from flyrl.policies.fixed import FunctionPolicy, takes
 from flyrl.rollouts import Policy
 from flyrl.tasks import Task, code_digests, code_of, task_record
 from flyrl.terrains import terrain_label

@@ -16,9 +16,16 @@ from flyrl.policies.bundle import (
     observation_layout,
     save_bundle,
 )
-from flyrl.policies.laws import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
+from flyrl.policies.fixed import (
+    ConstantDrive,
+    OpenLoop,
+    Pursuit,
+    PursuitOfGoal,
+    Relaxed,
+    WormCPG,
+    WormReflex,
+)
 from flyrl.policies.learned import LearnedPolicy, load_policy
-from flyrl.policies.worm import Relaxed, WormCPG, WormReflex
 
 if TYPE_CHECKING:
     from flyrl.policies.onnx import export_onnx

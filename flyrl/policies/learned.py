@@ -17,7 +17,8 @@ from flyrl.policies.bundle import (
     observation_layout,
     policy_file,
 )
-from flyrl.policies.laws import FIXED, FixedPolicy, fixed_policy, is_law, law_named
+from flyrl.policies.fixed import FixedPolicy
+from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
 from flyrl.policies.networks import LSTM, vectors
 from flyrl.tasks import Task, task_from
 from flyrl.validation import file_path

@@ -1,7 +1,22 @@
+"""Policies that were not learned, against numbers worked out by hand."""
+
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flyrl.policies import ConstantDrive, OpenLoop, Pursuit, PursuitOfGoal
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.policies import (
+    ConstantDrive,
+    OpenLoop,
+    Pursuit,
+    PursuitOfGoal,
+    Relaxed,
+    WormCPG,
+    WormReflex,
+)
+from flyrl.policies.fixed import FunctionPolicy, takes
+from flyrl.tasks import TASKS, Neurons, task_named
 
 
 def _normalised(drive):
@@ -60,3 +75,234 @@ def test_open_loop_answers_speed_and_yaw_rate(speed, yaw_rate, drive):
     np.testing.assert_allclose(action, drive, atol=1e-6)
     batch, _ = policy.predict(np.array([[99.0, speed / 20, yaw_rate / 10]] * 3))
     np.testing.assert_array_equal(batch, [action] * 3)
+
+
+# ------------------------------------------------------------------ functions
+
+TARGET = TASKS["target"]()
+NUM_INPUTS = sum(term.size for term in TARGET.observation)
+
+
+def by_time(time_s, observation):
+    return time_s, 1.0
+
+
+def test_a_function_gets_the_time_since_each_episode_started():
+    policy = FunctionPolicy(by_time, TARGET)
+    observation = np.zeros((2, NUM_INPUTS))
+    _, state = policy.predict(observation, None, np.array([True, True]))
+    _, state = policy.predict(observation, state, np.array([False, False]))
+    actions, _ = policy.predict(observation, state, np.array([False, True]))
+    drives = TARGET.actions.commands(actions)
+    np.testing.assert_allclose(drives, [[0.04, 1.0], [0.0, 1.0]], atol=1e-6)
+
+
+def _shown(task, observation):
+    """What a function gets of an observation."""
+    given = []
+
+    def law(time_s, shown):
+        given.append(shown)
+        return 1.0, 1.0
+
+    FunctionPolicy(law, task).predict(observation)
+    return given[0]
+
+
+@pytest.mark.parametrize("name", ["target", "hybrid_turning"])
+def test_a_function_gets_the_observation_by_the_names_of_its_terms(name):
+    task = TASKS[name]()
+    values = np.arange(sum(term.size for term in task.observation))
+    shown = _shown(task, values)
+    assert [*shown] == [term.name for term in task.observation]
+    for term in task.observation:
+        place = task.slices()[term.name]
+        np.testing.assert_array_equal(shown[term.name], values[place].reshape(term.shape))
+
+
+def test_goals_are_observations_like_others():
+    task = TASKS["target_goal"]()
+    rest = sum(term.size for term in task.observation) - 4
+    goals = {"achieved_goal": np.zeros(2), "desired_goal": np.ones(2)}
+    shown = _shown(task, {**goals, "observation": np.full(rest, 7.0)})
+    np.testing.assert_array_equal(shown["achieved_goal"], [0, 0])
+    np.testing.assert_array_equal(shown["desired_goal"], [1, 1])
+
+
+def test_of_a_worm_a_function_returns_the_action():
+    task = task_named("worm_crawl_box")
+    size = task.actions.size
+    policy = FunctionPolicy(lambda time_s, seen: np.full(size, 0.5), task)
+    action, _ = policy.predict(np.zeros(sum(term.size for term in task.observation)))
+    np.testing.assert_array_equal(action, np.full(size, 0.5))
+
+
+def test_another_number_of_values_is_refused():
+    with pytest.raises(ValueError, match="must return 2 numbers"):
+        FunctionPolicy(lambda time_s, seen: 1.0, TARGET).predict(np.zeros(NUM_INPUTS))
+
+
+def test_functions_are_told_apart_by_their_arguments():
+    assert takes(by_time, 2)
+    assert not takes(by_time, 1)
+    assert takes(lambda task: 0, 1)
+    assert takes(lambda task, speed=1.0: 0, 1)
+    assert not takes(lambda time_s, seen, more: 0, 2)
+
+
+# ------------------------------------------------------------------ worms
+
+TEN = Neurons((16,) * 10)
+BLIND = np.zeros((1, 3))
+HALF = {"frequency_hz": 2.0, "waves": 0.4, "amplitude": 0.5}
+"""A wave that recruits whole pools, and holds them for no time."""
+
+
+def acted(policy, observations, starts=None):
+    """Actions (T, ...) on one observation after the other, and the last state."""
+    state, actions = None, []
+    for i, observation in enumerate(observations):
+        start = None if starts is None else starts[i]
+        action, state = policy.predict(observation, state, start)
+        actions.append(action)
+    return np.array(actions), state
+
+
+# ------------------------------------------------------------------ rest
+
+
+def test_a_relaxed_worm_recruits_no_neuron_but_the_first():
+    whole, _ = Relaxed(Neurons((16, 5))).predict(BLIND[0])
+    np.testing.assert_array_equal(whole, [0, 0])
+    assert whole.dtype == np.int64
+    box, state = Relaxed(Neurons((16, 5), is_integer=False)).predict(np.zeros((3, 7)), "kept")
+    np.testing.assert_array_equal(box, -np.ones((3, 2)))
+    assert box.dtype == np.float32
+    assert state == "kept"
+
+
+# ------------------------------------------------------------------ CPG
+
+
+def test_the_settled_cpg_by_hand():
+    """After 2.05 s at 2 Hz the first phase is at 36 deg, and each one is 0.4 / 5 turns behind.
+
+    A half of 1 + sin 36 deg = 1.588 is 11.9 of the 15 neurons beyond the first, and so on.
+    """
+    actions, (_, magnitudes) = acted(WormCPG(TEN, 0.05, **HALF), [BLIND] * 41)
+    np.testing.assert_allclose(magnitudes, 0.5)
+    first, second = actions[-1, 0].reshape(5, 2).T
+    assert first.tolist() == [12, 8, 5, 2, 0]
+    assert second.tolist() == [3, 7, 10, 13, 15]
+
+
+def test_a_cpg_starts_softly():
+    # after 50 steps of 1 ms at 20 / s the magnitude is 0.5 (1 - 0.98 ** 50) = 0.318
+    action, (_, magnitudes) = WormCPG(TEN, 0.05, **HALF).predict(BLIND)
+    np.testing.assert_allclose(magnitudes, 0.5 * (1 - 0.98**50))
+    assert action[0, :2].tolist() == [8, 2]
+
+
+@pytest.mark.parametrize("is_integer", [True, False])
+def test_antagonists_are_recruited_in_antiphase(is_integer):
+    """What one has more than a half of the pool, the other has less."""
+    neurons = Neurons((1001,) * 10, is_integer)
+    actions, _ = acted(WormCPG(neurons, 0.05, **HALF), [BLIND] * 60)
+    first, second = np.moveaxis(neurons.commands(actions)[40:].reshape(20, 5, 2), -1, 0)
+    assert np.abs(first + second - 1000).max() <= 1
+    assert first.min() < 20
+    assert first.max() > 980
+
+
+def test_the_wave_runs_from_head_to_tail():
+    """Each of the joints comes 0.4 / 5 of 0.5 s after the one before it, 8 of these decisions."""
+    policy = WormCPG(Neurons((100_001,) * 10), 0.005, **HALF)
+    actions, _ = acted(policy, [BLIND] * 500)
+    # a quarter of 0.5 s after its start the first muscle is recruited most
+    peaks = 1 + actions[400:, 0, ::2].argmax(axis=0)
+    assert peaks.tolist() == [25, 33, 41, 49, 57]
+
+
+def test_a_larger_amplitude_recruits_no_more_than_the_pool():
+    actions, _ = acted(WormCPG(TEN, 0.05, amplitude=2.0), [BLIND] * 30)
+    assert actions.min() == 0
+    assert actions.max() == 15
+
+
+def test_an_episode_starts_the_oscillators_of_its_own_row_alone():
+    policy = WormCPG(TEN, 0.05)
+    three = np.zeros((3, 4))
+    _, state = acted(policy, [three] * 7)
+    before = [part.copy() for part in state]
+    fresh, _ = policy.predict(three)
+    kept, _ = policy.predict(three, state)
+    mixed, _ = policy.predict(three, state, np.array([False, True, False]))
+    np.testing.assert_array_equal(mixed, [kept[0], fresh[1], kept[2]])
+    assert (kept[1] != fresh[1]).any()
+    np.testing.assert_array_equal(state, before)  # nor is it changed in place
+
+
+def test_rows_of_a_cpg_are_those_of_single_worms():
+    policy = WormCPG(TEN, 0.05)
+    starts = np.zeros((12, 3), dtype=bool)
+    starts[[4, 9], [0, 2]] = True
+    together, _ = acted(policy, [np.zeros((3, 4))] * 12, starts)
+    for row in range(3):
+        alone, _ = acted(policy, [np.zeros(4)] * 12, starts[:, row])
+        np.testing.assert_array_equal(together[:, row], alone)
+
+
+# ------------------------------------------------------------------ reflex
+
+
+def test_the_reflex_by_hand():
+    """With 0.05 s and 4 per rad and s, 1 rad too little adds a fifth of the pool of 15."""
+    policy = WormReflex(Neurons((16,) * 4), 0.05, slice(1, 2), gain=4.0)
+    errors = np.array([[9.0, error] for error in (-1.0, -1.0, 0.0, 1.0, 3.0, -50.0)])
+    actions, share = acted(policy, errors)
+    # shares 0.2, 0.4, 0.4, 0.2, -0.4 and at most 1, of both joints alike
+    first, second = [3, 6, 6, 3, 0, 15], [0, 0, 0, 0, 6, 0]
+    np.testing.assert_array_equal(actions, np.stack([first, second, first, second], axis=1))
+    assert share.tolist() == [1.0]
+
+
+def test_the_reflex_of_a_row_starts_with_its_own_episode():
+    policy = WormReflex(Neurons((16, 16)), 0.05, slice(0, 1), gain=4.0)
+    errors = np.full((3, 1), -1.0)
+    actions, _ = acted(policy, [errors] * 3, [[True] * 3, [False] * 3, [False, True, False]])
+    # 0.6 of 15 neurons, where it went on all the time
+    assert actions[-1, :, 0].tolist() == [9, 3, 9]
+
+
+def test_the_reflex_bends_a_worm_to_either_side_as_told():
+    env = BatchedEnv(EnvConfig("worm_hang"), 2)
+    policy = WormReflex(env.task.actions, 0.05, env.task.slices()["bend_error"])
+    drawn = env.config.sample_episode(0)
+    bends = [replace(drawn, joint_angles=(), command=(bend,)) for bend in (0.6, -0.6)]
+    observation, state = env.reset(episodes=bends), None
+    for _ in range(40):
+        action, state = policy.predict(observation, state)
+        transition = env.step(action)
+        observation = transition.observation
+    np.testing.assert_allclose(env.state.bend, [0.6, -0.6], atol=0.1)
+    assert transition.is_success.tolist() == [True, True]
+    # back and belly: the first of two antagonists, and the second
+    assert (env.state.neurons[0, ::2] > env.state.neurons[0, 1::2]).all()
+    assert (env.state.neurons[1, ::2] < env.state.neurons[1, 1::2]).all()
+
+
+def test_a_worm_crawls_with_the_cpg_and_not_relaxed():
+    env = BatchedEnv(EnvConfig("worm_crawl"), 2)
+    straight = replace(env.config.sample_episode(0), spawn_yaw=0.0, joint_angles=())
+    observation, state = env.reset(episodes=[straight] * 2), None
+    policies = WormCPG(env.task.actions, 0.05), Relaxed(env.task.actions)
+    for _ in range(40):
+        wave, state = policies[0].predict(observation, state)
+        rest, _ = policies[1].predict(observation)
+        observation = env.step(np.stack([wave[0], rest[1]])).observation
+    waving, resting = env.state.position_w[:, 0]
+    assert waving > 8.0
+    assert abs(resting) < 0.01
+    np.testing.assert_allclose(
+        env.task_state().totals["progress"], env.state.position_w[:, 0], atol=1e-9
+    )
