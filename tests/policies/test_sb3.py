@@ -1,15 +1,20 @@
+"""Policies from models of Stable-Baselines3 and back: the same actions; no code without trust."""
+
 import base64
 import json
+import re
 import zipfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cloudpickle
 import numpy as np
 import pytest
 import torch
-from sb3_contrib import RecurrentPPO
-from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.vec_env import VecNormalize
+from gymnasium.spaces import Discrete, MultiBinary, MultiDiscrete
+from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
+from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
+from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from torch import nn
 
 from flyrl.bodies.worm import CRAWLER
 from flyrl.envs.core import EnvConfig
@@ -17,17 +22,172 @@ from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import (
     LearnedPolicy,
+    PolicyBundle,
     PolicyFileError,
+    TermLayout,
     export_sb3,
     import_sb3,
     observation_layout,
 )
+from flyrl.policies.bundle import action_bounds
 from flyrl.policies.networks import Normaliser
-from flyrl.policies.sb3 import bundle_from_sb3
+from flyrl.policies.sb3 import ALGORITHMS, bundle_from_sb3
 from flyrl.tasks import TASKS, Neurons
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.models import build_model
-from tests.policies.conftest import Bandit, random_lstm, random_network, same_weights
+from tests.policies.conftest import (
+    Bandit,
+    ChoiceBandit,
+    DictBandit,
+    perturbed,
+    random_lstm,
+    random_network,
+    same_weights,
+)
+
+# ------------------------------------------------------------------ from models
+
+LAYOUT = (TermLayout("all", 40),)
+DICT_LAYOUT = (
+    TermLayout("achieved_goal", 2),
+    TermLayout("desired_goal", 2),
+    TermLayout("speed", 2),
+    TermLayout("other", 3),
+)
+
+
+def _model(algorithm, env, policy="MlpPolicy", **kwargs):
+    return perturbed(algorithm(policy, env, policy_kwargs=kwargs, device="cpu", seed=0))
+
+
+def _random(*shape):
+    return np.random.default_rng(0).normal(size=shape).astype(np.float32)
+
+
+def _parts(n):
+    sizes = {"observation": 5, "desired_goal": 2, "achieved_goal": 2}
+    return {name: _random(n + i, size)[i:] for i, (name, size) in enumerate(sizes.items())}
+
+
+@pytest.mark.parametrize(
+    ("activation", "low", "high"), [(nn.Tanh, -1.0, 1.0), (nn.ReLU, -0.5, 1.5)]
+)
+@pytest.mark.parametrize("algorithm", [PPO, A2C, TRPO, SAC, TQC, CrossQ, TD3, DDPG])
+def test_same_actions_as_sb3(algorithm, activation, low, high):
+    env = Bandit(low=low, high=high)
+    model = _model(algorithm, env, net_arch=[64, 64], activation_fn=activation)
+    policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
+    observations = _random(500, 40)
+    expected, _ = model.predict(observations, deterministic=True)
+    actions, _ = policy.predict(observations)
+    assert np.ptp(expected) > 1
+    # ours are computed in float64; torch rounds to float32 in every layer
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("algorithm", [PPO, A2C, TRPO])
+def test_same_whole_numbers_as_sb3(algorithm):
+    model = _model(algorithm, ChoiceBandit(), net_arch=[64, 64])
+    bundle = bundle_from_sb3(model, LAYOUT, {}, {})
+    assert (bundle.action_low, bundle.action_high) == ((0, 0), (15, 7))
+    observations = _random(500, 40)
+    expected, _ = model.predict(observations, deterministic=True)
+    actions, _ = LearnedPolicy(bundle).predict(observations)
+    assert [len(np.unique(column)) for column in expected.T] == [16, 8]
+    assert actions.dtype == expected.dtype
+    np.testing.assert_array_equal(actions, expected)
+
+
+@pytest.mark.parametrize(("env", "layers"), [(Bandit, 1), (Bandit, 2), (ChoiceBandit, 1)])
+def test_same_actions_and_memory_as_a_recurrent_model(env, layers):
+    sizes = {"net_arch": [16], "lstm_hidden_size": 24, "n_lstm_layers": layers}
+    model = _model(RecurrentPPO, env(), "MlpLstmPolicy", **sizes)
+    policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
+    rng = np.random.default_rng(1)
+    state = expected_state = None
+    for observations in 3 * _random(30, 5, 40):
+        starts = rng.random(5) < 0.2
+        expected, expected_state = model.predict(observations, expected_state, starts, True)
+        actions, state = policy.predict(observations, state, starts)
+        np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+        np.testing.assert_allclose(state, expected_state, rtol=0, atol=5e-6)
+    assert np.abs(state).max() > 0.5
+
+
+@pytest.mark.parametrize("algorithm", [PPO, A2C, TRPO, SAC, TQC, TD3, DDPG, RecurrentPPO])
+def test_same_actions_as_sb3_for_dicts(algorithm):
+    name = "MultiInputLstmPolicy" if algorithm is RecurrentPPO else "MultiInputPolicy"
+    model = _model(algorithm, DictBandit(), name, net_arch=[64, 64])
+    policy = LearnedPolicy(bundle_from_sb3(model, DICT_LAYOUT, {}, {}))
+    observations = _parts(300)
+    expected, _ = model.predict(observations, deterministic=True)
+    actions, _ = policy.predict(observations)
+    assert np.ptp(expected) > 0.1
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("bandit", "policy", "layout", "observations"),
+    [
+        (Bandit, "MlpPolicy", LAYOUT, _random(200, 40)),
+        (DictBandit, "MultiInputPolicy", DICT_LAYOUT, _parts(200)),
+    ],
+)
+def test_normaliser_comes_along(bandit, policy, layout, observations):
+    env = VecNormalize(DummyVecEnv([bandit]), clip_obs=1.5)
+    model, rng = _model(PPO, env, policy, net_arch=[16]), np.random.default_rng(2)
+    for moments in env.obs_rms.values() if bandit is DictBandit else [env.obs_rms]:
+        size = len(moments.mean)
+        moments.mean, moments.var = rng.normal(size=size), rng.uniform(0.1, 2, size=size)
+    expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
+    bundle = bundle_from_sb3(model, layout, {}, {})
+    actions, _ = LearnedPolicy(bundle).predict(observations)
+    assert (bundle.normaliser.epsilon, bundle.normaliser.clip) == (env.epsilon, 1.5)
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+
+
+def test_rewards_alone_need_no_normaliser():
+    env = VecNormalize(DummyVecEnv([Bandit]), norm_obs=False)
+    assert bundle_from_sb3(_model(PPO, env), LAYOUT, {}, {}).normaliser is None
+
+
+def test_later_training_does_not_change_the_bundle():
+    env = VecNormalize(DummyVecEnv([Bandit]))
+    model = PPO("MlpPolicy", env, device="cpu")
+    policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
+    before, _ = policy.predict(np.ones(40))
+    perturbed(model)
+    env.obs_rms.mean += 1
+    after, _ = LearnedPolicy(policy.bundle).predict(np.ones(40))
+    np.testing.assert_array_equal(before, after)
+
+
+@pytest.mark.parametrize(
+    "space", [Discrete(4), MultiBinary(4), MultiDiscrete([4, 2], start=np.array([0, 1]))]
+)
+def test_other_spaces_of_actions_are_refused(space):
+    env = Bandit()
+    env.action_space = space
+    message = f"to a Box of actions or a MultiDiscrete from 0; got {re.escape(str(space))}"
+    with pytest.raises(ValueError, match=message):
+        bundle_from_sb3(PPO("MlpPolicy", env, device="cpu"), LAYOUT, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "policy", "kwargs", "message"),
+    [
+        (ARS, "MlpPolicy", {}, "policy: ARSPolicy"),
+        (PPO, "MlpPolicy", {"activation_fn": nn.ELU}, "ELU; allowed: Linear, Tanh, ReLU"),
+        (RecurrentPPO, "MlpLstmPolicy", {"lstm_kwargs": {"bias": False}}, "LSTMs with biases"),
+    ],
+)
+def test_unknown_networks_are_refused(algorithm, policy, kwargs, message):
+    model = algorithm(policy, Bandit(), policy_kwargs=kwargs, device="cpu")
+    with pytest.raises(ValueError, match=message):
+        bundle_from_sb3(model, LAYOUT, {}, {})
+
+
+# ------------------------------------------------------------------ from files
 
 ENV = EnvConfig("target", terrain="gapped")
 SIZE = sum(term.size for term in observation_layout(TASKS["target"]()))
@@ -40,32 +200,13 @@ def fly_env():
     env.close()
 
 
-def _observations(n=200):
-    return np.random.default_rng(0).normal(size=(n, SIZE)).astype(np.float32)
-
-
-def _bundle(bundle, squashing="clip", activation="tanh", hidden=(16, 8)):
-    """A bundle for the task Target."""
-    return replace(
-        bundle,
-        network=random_network((SIZE, *hidden, 2), activation),
-        squashing=squashing,
-        observation=observation_layout(TASKS["target"]()),
-        env=env_record(ENV),
-    )
-
-
 @pytest.mark.parametrize("algorithm", [PPO, SAC])
 def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
-    model = algorithm("MlpPolicy", fly_env, device="cpu", seed=0)
-    generator = torch.Generator().manual_seed(0)
-    with torch.no_grad():
-        for parameter in model.policy.parameters():
-            parameter.add_(0.1 * torch.randn(parameter.shape, generator=generator))
+    model = _model(algorithm, fly_env)
     model.save(tmp_path / "model.zip")
     bundle = import_sb3(tmp_path / "model.zip", algorithm, ENV, trust=True)
-    expected, _ = model.predict(_observations(), deterministic=True)
-    actions, _ = LearnedPolicy(bundle).predict(_observations())
+    expected, _ = model.predict(_random(200, SIZE), deterministic=True)
+    actions, _ = LearnedPolicy(bundle).predict(_random(200, SIZE))
     assert np.ptp(expected) > 1
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
     assert bundle.env == env_record(ENV)
@@ -75,44 +216,13 @@ def test_imported_policy_acts_as_the_model(algorithm, fly_env, tmp_path):
 def test_a_model_with_hindsight_can_be_imported(tmp_path):
     config = EnvConfig("target_goal")
     env = FlyrlVecEnv(config, 2, num_threads=1, seed=0)
-    model = build_model(
-        AlgorithmConfig("sac", her=True, learning_starts=1000, hidden_layers=(8,)), env, seed=0
-    )
+    algo = AlgorithmConfig("sac", her=True, learning_starts=1000, hidden_layers=(8,))
+    model = build_model(algo, env, seed=0)
     model.save(tmp_path / "model.zip")
     bundle = import_sb3(tmp_path / "model.zip", SAC, config, trust=True)
     weights = model.actor.latent_pi[0].weight.detach().numpy()
     np.testing.assert_array_equal(bundle.network.layers[0].weight, weights)
     env.close()
-
-
-@pytest.fixture
-def normalised(fly_env, tmp_path):
-    """A model that was trained under VecNormalize, and the folder that it was saved in."""
-    env = VecNormalize(fly_env, clip_obs=2.0)
-    model = PPO("MlpPolicy", env, n_steps=8, batch_size=16, device="cpu", seed=0)
-    model.learn(16)
-    model.save(tmp_path / "model.zip")
-    env.save(tmp_path / "vecnormalize.pkl")
-    return model, tmp_path
-
-
-def test_imported_policy_normalises_as_the_model_did(normalised):
-    model, folder = normalised
-    statistics = folder / "vecnormalize.pkl"
-    bundle = import_sb3(folder / "model.zip", PPO, ENV, vec_normalize=statistics, trust=True)
-    observations = model.get_vec_normalize_env().normalize_obs(_observations())
-    expected, _ = model.predict(observations, deterministic=True)
-    actions, _ = LearnedPolicy(bundle).predict(_observations())
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
-
-
-def test_statistics_that_are_none_are_refused(normalised):
-    _, folder = normalised
-    (folder / "vecnormalize.pkl").write_bytes(b"statistics")
-    with pytest.raises(PolicyFileError, match=r"normalize\.pkl cannot be read as statistics"):
-        import_sb3(
-            folder / "model.zip", PPO, ENV, vec_normalize=folder / "vecnormalize.pkl", trust=True
-        )
 
 
 class _Trap:
@@ -136,15 +246,10 @@ def trap(tmp_path):
     return path
 
 
-def test_nothing_is_opened_without_trust(trap):
+@pytest.mark.parametrize("trust", [{}, {"trust": "no"}])
+def test_nothing_is_opened_without_trust(trap, trust):
     with pytest.raises(PolicyFileError, match=r"not opened.*pickles.*trust=True"):
-        import_sb3(trap, PPO, ENV)
-    assert not trap.with_name("sprung").exists()
-
-
-def test_a_word_is_no_trust(trap):
-    with pytest.raises(PolicyFileError, match="not opened"):
-        import_sb3(trap, PPO, ENV, trust="no")
+        import_sb3(trap, PPO, ENV, **trust)
     assert not trap.with_name("sprung").exists()
 
 
@@ -154,160 +259,151 @@ def test_the_trap_would_have_sprung(trap):
     assert trap.with_name("sprung").exists()
 
 
-def test_what_is_no_zip_is_refused(tmp_path):
-    (tmp_path / "model.zip").write_bytes(b"weights")
-    with pytest.raises(PolicyFileError, match=r"model\.zip cannot be read as a model of PPO"):
-        import_sb3(tmp_path / "model.zip", PPO, ENV, trust=True)
+def test_files_of_other_things_are_refused(fly_env, tmp_path):
+    model, other, broken = (tmp_path / name for name in ("model.zip", "other.zip", "broken"))
+    PPO("MlpPolicy", fly_env, device="cpu").save(model)
+    PPO("MlpPolicy", Bandit(SIZE), device="cpu").save(other)
+    broken.write_bytes(b"weights")
+    for path, algorithm, statistics, message in (
+        (broken, PPO, None, "broken cannot be read as a model of PPO"),
+        (model, SAC, None, "cannot be read as a model of SAC"),
+        (other, PPO, None, "other observations than those of target"),
+        (model, PPO, broken, "broken cannot be read as statistics"),
+    ):
+        with pytest.raises(PolicyFileError, match=message):
+            import_sb3(path, algorithm, ENV, vec_normalize=statistics, trust=True)
 
 
-def test_another_algorithm_is_refused(fly_env, tmp_path):
-    PPO("MlpPolicy", fly_env, device="cpu").save(tmp_path / "model.zip")
-    with pytest.raises(PolicyFileError, match="cannot be read as a model of SAC"):
-        import_sb3(tmp_path / "model.zip", SAC, ENV, trust=True)
+# ------------------------------------------------------------------ to models
+
+CHOICES = EnvConfig(
+    replace(TASKS["target"](), actions=Neurons((16, 8)), props=()), replace(CRAWLER, segments=2)
+)
 
 
-def test_other_observations_are_refused(tmp_path):
-    PPO("MlpPolicy", Bandit(SIZE), device="cpu").save(tmp_path / "model.zip")
-    with pytest.raises(PolicyFileError, match="other observations than those of target"):
-        import_sb3(tmp_path / "model.zip", PPO, ENV, trust=True)
+@dataclass
+class _Case:
+    """A bundle, and the algorithm and the environment of a model that acts as it."""
+
+    algorithm: type
+    env: EnvConfig
+    bundle: PolicyBundle
+
+    def export(self):
+        return export_sb3(self.bundle, self.env.resolved_task)
 
 
-@pytest.mark.parametrize("activation", ["tanh", "relu"])
-@pytest.mark.parametrize("squashing", ["clip", "tanh"])
-@pytest.mark.parametrize("hidden", [(16, 8), ()])
-def test_exported_model_acts_as_the_bundle(bundle, squashing, activation, hidden):
-    bundle = _bundle(bundle, squashing, activation, hidden)
-    expected, _ = LearnedPolicy(bundle).predict(_observations())
-    actions, _ = export_sb3(bundle).predict(_observations(), deterministic=True)
-    assert np.ptp(expected) > 1
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
-
-
-@pytest.mark.parametrize(("squashing", "algorithm"), [("clip", PPO), ("tanh", SAC)])
-def test_out_and_in_again_is_the_same_policy(bundle, squashing, algorithm, tmp_path):
-    bundle = _bundle(bundle, squashing)
-    export_sb3(bundle).save(tmp_path / "model.zip")
-    again = import_sb3(tmp_path / "model.zip", algorithm, ENV, trust=True)
-    assert same_weights(again, bundle)
-    for name in ("squashing", "observation", "action_low", "action_high", "env"):
-        assert getattr(again, name) == getattr(bundle, name)
-    assert again.network.activation == bundle.network.activation
-
-
-@pytest.mark.parametrize(("squashing", "algorithm"), [("clip", PPO), ("tanh", SAC)])
-def test_out_and_in_again_with_goals(bundle, squashing, algorithm, tmp_path):
-    env = EnvConfig("target_goal")
-    layout = observation_layout(env.resolved_task)
-    bundle = replace(
-        bundle,
-        network=random_network((sum(term.size for term in layout), 16, 2), "tanh"),
-        squashing=squashing,
+def _case(algorithm, env=ENV, hidden=(16, 8), activation="tanh", is_normalised=False):
+    """A bundle with random weights for a task."""
+    task, rng = env.resolved_task, np.random.default_rng(3)
+    layout, (low, high) = observation_layout(task), action_bounds(task)
+    size = sum(term.size for term in layout)
+    is_recurrent = algorithm is RecurrentPPO
+    outputs = sum(task.actions.pools) if env is CHOICES else 2
+    squashing = {PPO: "clip", RecurrentPPO: "clip", SAC: "tanh"}[algorithm]
+    bundle = PolicyBundle(
+        network=random_network((6 if is_recurrent else size, *hidden, outputs), activation),
+        squashing="argmax" if env is CHOICES else squashing,
         observation=layout,
+        action_low=low,
+        action_high=high,
         env=env_record(env),
+        training={"decisions": 900},
+        normaliser=Normaliser(rng.normal(size=size), rng.uniform(0.1, 4, size), 1e-6, 1.5)
+        if is_normalised
+        else None,
+        lstm=random_lstm((size, 6, 6)) if is_recurrent else None,
     )
-    model = export_sb3(bundle)
-    seen = {
-        name: np.random.default_rng(1).normal(size=(50, *space.shape)).astype(np.float32)
-        for name, space in env.resolved_task.observation_space.items()
-    }
-    expected, _ = LearnedPolicy(bundle).predict(seen)
-    actions, _ = model.predict(seen, deterministic=True)
-    assert np.ptp(expected) > 0.5
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+    return _Case(algorithm, env, bundle)
+
+
+GOAL = EnvConfig("target_goal")
+
+
+@pytest.fixture(
+    params=[
+        (PPO,),
+        (PPO, ENV, (16, 8), "relu"),
+        (SAC, ENV, ()),
+        (PPO, GOAL, (16,), "tanh", True),
+        (SAC, GOAL),
+        (RecurrentPPO, ENV, (16,), "tanh", True),
+        (PPO, CHOICES, (16,)),
+        (RecurrentPPO, CHOICES, (16,)),
+    ],
+    ids=lambda given: given[0].__name__,
+)
+def case(request):
+    return _case(*request.param)
+
+
+def test_exported_model_acts_as_the_bundle(case):
+    policy, model = LearnedPolicy(case.bundle), case.export()
+    assert type(model) is case.algorithm
+    statistics = model.get_vec_normalize_env()
+    rng, given = np.random.default_rng(4), []
+    state = own_state = None
+    for observations in _random(40, 5, sum(term.size for term in case.bundle.observation)):
+        starts = rng.random(5) < 0.2
+        expected, state = policy.predict(observations, state, starts)
+        seen = observations
+        if case.env is GOAL:
+            parts = np.split(observations, [2, 4], axis=1)
+            seen = dict(zip(("achieved_goal", "desired_goal", "observation"), parts, strict=True))
+        seen = statistics.normalize_obs(seen) if statistics else seen
+        actions, own_state = model.predict(seen, own_state, starts, deterministic=True)
+        np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
+        given.append(expected)
+    assert np.ptp(given) > 0.5
+    if case.bundle.lstm:
+        np.testing.assert_allclose(own_state, state, rtol=0, atol=5e-6)
+        assert np.abs(state).max() > 0.5
+
+
+def test_out_and_in_again_is_the_same_policy(case, tmp_path):
+    model, files = case.export(), {}
     model.save(tmp_path / "model.zip")
-    again = import_sb3(tmp_path / "model.zip", algorithm, env, trust=True)
-    assert same_weights(again, bundle)
+    if case.bundle.normaliser:
+        files["vec_normalize"] = tmp_path / "statistics.pkl"
+        model.get_vec_normalize_env().save(files["vec_normalize"])
+    again = import_sb3(tmp_path / "model.zip", case.algorithm, case.env, **files, trust=True)
+    assert same_weights(again, case.bundle)
+    for name in ("squashing", "observation", "action_low", "action_high", "env"):
+        assert getattr(again, name) == getattr(case.bundle, name)
+    assert again.network.activation == case.bundle.network.activation
+    for name, value in vars(case.bundle.normaliser).items() if files else ():
+        np.testing.assert_array_equal(getattr(again.normaliser, name), value)
+    assert ALGORITHMS[again.training["algo"]] is case.algorithm
 
 
 @pytest.mark.parametrize(
-    ("squashing", "algorithm", "settings"),
-    [("clip", PPO, {"n_steps": 4, "batch_size": 4}), ("tanh", SAC, {"learning_starts": 4})],
+    ("algorithm", "settings"),
+    [(PPO, {"n_steps": 4, "batch_size": 4}), (SAC, {"learning_starts": 4})],
 )
-def test_exported_model_learns_on(bundle, squashing, algorithm, settings, fly_env, tmp_path):
-    export_sb3(_bundle(bundle, squashing)).save(tmp_path / "model.zip")
+def test_exported_model_learns_on(algorithm, settings, fly_env, tmp_path):
+    _case(algorithm).export().save(tmp_path / "model.zip")
     model = algorithm.load(tmp_path / "model.zip", env=fly_env, device="cpu", **settings)
-    before = model.predict(_observations(), deterministic=True)[0]
+    before = model.predict(_random(200, SIZE), deterministic=True)[0]
     model.learn(16)
-    assert np.any(model.predict(_observations(), deterministic=True)[0] != before)
+    assert np.any(model.predict(_random(200, SIZE), deterministic=True)[0] != before)
 
 
-@pytest.fixture
-def remembering(bundle):
-    """A bundle for the task Target that normalises, and remembers in two layers."""
-    rng = np.random.default_rng(3)
-    return replace(
-        _bundle(bundle),
-        network=random_network((6, 16, 2), "tanh"),
-        lstm=random_lstm((SIZE, 6, 6)),
-        normaliser=Normaliser(rng.normal(size=SIZE), rng.uniform(0.1, 4, SIZE), 1e-6, 1.5),
-    )
-
-
-def test_exported_model_normalises_and_remembers_as_the_bundle(remembering):
-    policy, model = LearnedPolicy(remembering), export_sb3(remembering)
-    statistics = model.get_vec_normalize_env()
-    rng = np.random.default_rng(4)
-    state = own_state = None
-    for observations in np.split(_observations(), 40):
-        starts = rng.random(5) < 0.2
-        expected, state = policy.predict(observations, state, starts)
-        seen = statistics.normalize_obs(observations)
-        actions, own_state = model.predict(seen, own_state, starts, deterministic=True)
-        np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
-    np.testing.assert_allclose(own_state, state, rtol=0, atol=5e-6)
-    assert np.abs(state).max() > 0.5
-
-
-def test_memory_and_statistics_come_back_from_their_files(remembering, tmp_path):
-    model = export_sb3(remembering)
-    model.save(tmp_path / "model.zip")
-    model.get_vec_normalize_env().save(tmp_path / "statistics.pkl")
-    again = import_sb3(
-        tmp_path / "model.zip",
-        RecurrentPPO,
-        ENV,
-        vec_normalize=tmp_path / "statistics.pkl",
-        trust=True,
-    )
-    assert same_weights(again, remembering)
-    for name in ("mean", "variance", "epsilon", "clip"):
-        given = getattr(remembering.normaliser, name)
-        np.testing.assert_array_equal(getattr(again.normaliser, name), given)
-    assert again.training["algo"] == "recurrent_ppo"
-
-
-def test_statistics_of_dicts_come_back(bundle):
-    env = EnvConfig("target_goal")
-    layout = observation_layout(env.resolved_task)
-    size, rng = sum(term.size for term in layout), np.random.default_rng(5)
-    bundle = replace(
-        bundle,
-        network=random_network((size, 8, 2), "tanh"),
-        observation=layout,
-        env=env_record(env),
-        normaliser=Normaliser(rng.normal(size=size), rng.uniform(0.1, 4, size), 1e-8, 10.0),
-    )
-    again = bundle_from_sb3(export_sb3(bundle), layout, {}, {})
-    np.testing.assert_array_equal(again.normaliser.mean, bundle.normaliser.mean)
-    np.testing.assert_array_equal(again.normaliser.variance, bundle.normaliser.variance)
-
-
-def test_exported_memory_and_statistics_learn_on(remembering, fly_env, tmp_path):
-    model = export_sb3(replace(remembering, training={"decisions": 900}))
+def test_exported_memory_and_statistics_learn_on(fly_env, tmp_path):
+    model = _case(RecurrentPPO, is_normalised=True).export()
     model.save(tmp_path / "model.zip")
     model.get_vec_normalize_env().save(tmp_path / "statistics.pkl")
     env = VecNormalize.load(tmp_path / "statistics.pkl", fly_env)
     model = RecurrentPPO.load(tmp_path / "model.zip", env=env, n_steps=8, n_epochs=1)
-    before = model.predict(_observations(), deterministic=True)[0]
+    before = model.predict(_random(200, SIZE), deterministic=True)[0]
     model.learn(16)
-    assert np.any(model.predict(_observations(), deterministic=True)[0] != before)
+    assert np.any(model.predict(_random(200, SIZE), deterministic=True)[0] != before)
     # 2 observations from the reset and 16 from the steps, on top of what is recorded
     assert env.obs_rms.count == 900 + 2 + 16
 
 
-def test_same_seed_same_model(bundle):
+def test_same_seed_same_model():
     def parameters(seed):
-        policy = export_sb3(_bundle(bundle), seed=seed).policy
+        policy = export_sb3(_case(PPO).bundle, seed=seed).policy
         return np.concatenate([p.detach().numpy().ravel() for p in policy.parameters()])
 
     torch.manual_seed(5)
@@ -317,77 +413,28 @@ def test_same_seed_same_model(bundle):
     assert torch.equal(torch.get_rng_state(), state)
 
 
-def test_export_for_another_task_is_refused(bundle):
-    with pytest.raises(PolicyFileError, match="other observations than those of velocity"):
-        export_sb3(_bundle(bundle), "velocity")
-
-
-def test_export_with_other_action_bounds_is_refused(bundle):
-    narrow = replace(_bundle(bundle), action_high=(0.5, 0.5))
-    with pytest.raises(PolicyFileError, match=r"within \(-1\.0, -1\.0\) and \(0\.5, 0\.5\)"):
-        export_sb3(narrow)
-
-
-def test_export_of_a_memory_with_squashed_output_is_refused(recurrent):
-    with pytest.raises(
-        ValueError, match="squashing: 'tanh'; allowed with a memory: 'clip', 'argmax'"
+def test_exports_that_do_not_fit_are_refused():
+    fitting = _case(PPO).bundle
+    squashed_memory = replace(_case(RecurrentPPO).bundle, squashing="tanh")
+    for bundle, task, message in (
+        (fitting, "velocity", "other observations than those of velocity"),
+        (
+            replace(fitting, action_high=(0.5, 0.5)),
+            None,
+            r"within \(-1\.0, -1\.0\) and \(0\.5, 0\.5\)",
+        ),
+        (squashed_memory, None, "squashing: 'tanh'; allowed with a memory: 'clip', 'argmax'"),
+        (replace(fitting, env={"task": {"name": "fly"}}), None, "task must be one of .*'fly'"),
+        (replace(fitting, env={"task": {"name": "a:b"}}), None, "code that would be run"),
+        (_case(PPO, CHOICES).bundle, "target", "are whole numbers within .* of target numbers"),
     ):
-        export_sb3(replace(recurrent, squashing="tanh"))
+        with pytest.raises(ValueError, match=message):
+            export_sb3(bundle, task)
 
 
-def test_export_for_an_unknown_task_is_refused(bundle):
-    with pytest.raises(ValueError, match=r"task must be one of .*got 'fly'"):
-        export_sb3(replace(_bundle(bundle), env={"task": {"name": "fly"}}))
-
-
-CHOICES = replace(TASKS["target"](), actions=Neurons((16, 8)), props=())
-TWO_MUSCLES = replace(CRAWLER, segments=2)
-
-
-@pytest.fixture(params=[PPO, RecurrentPPO])
-def choosing_for_target(request, bundle, remembering):
-    """Algorithm, and a bundle of whole numbers for `CHOICES` that such a model acts as."""
-    is_recurrent = request.param is RecurrentPPO
-    given = remembering if is_recurrent else _bundle(bundle)
-    return request.param, replace(
-        given,
-        network=random_network((6 if is_recurrent else SIZE, 16, 24), "tanh"),
-        squashing="argmax",
-        action_low=(0.0, 0.0),
-        action_high=(15.0, 7.0),
-    )
-
-
-def test_exported_model_chooses_as_the_bundle(choosing_for_target):
-    algorithm, bundle = choosing_for_target
-    bundle = replace(bundle, normaliser=None)
-    model = export_sb3(bundle, CHOICES)
-    expected, _ = LearnedPolicy(bundle).predict(_observations())
-    actions, _ = model.predict(_observations(), deterministic=True)
-    assert type(model) is algorithm
-    assert np.ptp(expected, axis=0).all()
-    np.testing.assert_array_equal(actions, expected)
-
-
-def test_whole_numbers_out_and_in_again(choosing_for_target, tmp_path):
-    algorithm, bundle = choosing_for_target
-    export_sb3(bundle, CHOICES).save(tmp_path / "model.zip")
-    again = import_sb3(
-        tmp_path / "model.zip", algorithm, EnvConfig(CHOICES, TWO_MUSCLES), trust=True
-    )
-    assert same_weights(again, bundle)
-    for name in ("squashing", "observation", "action_low", "action_high"):
-        assert getattr(again, name) == getattr(bundle, name)
-
-
-def test_whole_numbers_are_not_exported_for_a_task_of_drives(choosing_for_target):
-    with pytest.raises(PolicyFileError, match=r"are whole numbers within .* of target numbers"):
-        export_sb3(choosing_for_target[1], "target")
-
-
-def test_import_of_other_numbers_is_refused(choosing_for_target, tmp_path):
-    algorithm, bundle = choosing_for_target
-    export_sb3(bundle, CHOICES).save(tmp_path / "model.zip")
-    other = EnvConfig(replace(CHOICES, actions=Neurons((16, 9))), TWO_MUSCLES)
+def test_import_of_other_numbers_is_refused(tmp_path):
+    _case(PPO, CHOICES).export().save(tmp_path / "model.zip")
+    task = replace(CHOICES.task, actions=Neurons((16, 9)))
+    other = EnvConfig(task, CHOICES.scene.body)
     with pytest.raises(PolicyFileError, match=r"on other actions .*\[16 +8\].* has .*\[16 +9\]"):
-        import_sb3(tmp_path / "model.zip", algorithm, other, trust=True)
+        import_sb3(tmp_path / "model.zip", PPO, other, trust=True)
