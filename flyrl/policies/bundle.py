@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar
 
 import numpy as np
+from gymnasium import Space
+from gymnasium.spaces import Box, MultiDiscrete
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
@@ -24,7 +26,7 @@ from flyrl.files import write_bytes
 from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser, Weights
 from flyrl.resources import assets_folder
 from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion, preset_version
-from flyrl.tasks import Neurons, Task
+from flyrl.tasks import Task
 from flyrl.text import printable
 from flyrl.validation import Within, check_fields, did_you_mean, one_of, plain_record
 
@@ -159,13 +161,15 @@ def observation_layout(task: Task) -> tuple[TermLayout, ...]:
     return tuple(TermLayout(term.name, term.size) for term in task.flattened().observation)
 
 
-def action_bounds(task: Task) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Lower and upper bounds of a task's action, as its Gymnasium space has them; (a,) each."""
-    actions = task.actions
-    if isinstance(actions, Neurons) and actions.is_integer:
-        return (0.0,) * actions.size, tuple(float(pool - 1) for pool in actions.pools)
-    low, high = (bound.astype(np.float32).tolist() for bound in actions.bounds)
-    return tuple(low), tuple(high)
+def action_bounds(space: Space[Any]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Lower and upper bounds of actions, (a,) each; ValueError if no bundle holds such ones."""
+    if isinstance(space, Box):
+        low, high = space.low, space.high
+    elif isinstance(space, MultiDiscrete) and not space.start.any():
+        low, high = np.zeros(len(space.nvec)), space.nvec - 1.0
+    else:
+        raise ValueError(f"a bundle holds actions of a Box or a MultiDiscrete from 0; got {space}")
+    return tuple(low.tolist()), tuple(high.tolist())
 
 
 def save_bundle(bundle: PolicyBundle, path: Path) -> None:

@@ -115,7 +115,7 @@ class LearnedPolicy:
                     f"the policy was trained on other observations than those of {task.name}: "
                     f"term {i} was {_describe(trained)}, here it is {_describe(given)}"
                 )
-        is_integer, bounds = task.actions.is_integer, action_bounds(task)
+        is_integer, bounds = task.actions.is_integer, action_bounds(task.actions.space)
         own_bounds = (self.bundle.action_low, self.bundle.action_high)
         if (self._is_integer, own_bounds) != (is_integer, bounds):
             raise PolicyFileError(

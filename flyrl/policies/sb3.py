@@ -10,7 +10,7 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 import torch
-from gymnasium.spaces import Box, MultiDiscrete
+from gymnasium.spaces import MultiDiscrete
 from sb3_contrib import TQC, TRPO, CrossQ, RecurrentPPO
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from sb3_contrib.common.torch_layers import BatchRenorm
@@ -34,6 +34,7 @@ from flyrl.policies.bundle import (
     PolicyFileError,
     Squashing,
     TermLayout,
+    action_bounds,
     observation_layout,
 )
 from flyrl.policies.learned import LearnedPolicy
@@ -91,23 +92,17 @@ def bundle_from_sb3(
     ValueError
         A policy that a bundle cannot hold.
     """
-    policy, space, bounds = model.policy, model.action_space, None
+    policy = model.policy
     extractor, modules, squashing = _actor(policy)
-    if isinstance(space, Box):
-        bounds = space.low, space.high
-    elif isinstance(space, MultiDiscrete) and not space.start.any():
-        bounds = np.zeros(len(space.nvec)), space.nvec - 1
-    if not _is_flattening(extractor) or bounds is None:
-        raise ValueError(
-            "a bundle holds policies from flat observations, or dicts of them, to a Box of actions "
-            f"or a MultiDiscrete from 0; got {space}"
-        )
+    if not _is_flattening(extractor):
+        raise ValueError("a bundle holds policies from flat observations, or dicts of them")
+    low, high = action_bounds(model.action_space)
     return PolicyBundle(
         network=_network(modules),
         squashing=squashing,
         observation=tuple(observation),
-        action_low=bounds[0].tolist(),
-        action_high=bounds[1].tolist(),
+        action_low=low,
+        action_high=high,
         env=env,
         training=training,
         normaliser=_normaliser(model.get_vec_normalize_env()),

@@ -38,7 +38,7 @@ def save_worm_policy(path, task):
     """A policy of random weights, which chooses a whole number per muscle."""
     rng = np.random.default_rng(0)
     size = sum(term.size for term in task.observation)
-    low, high = action_bounds(task)
+    low, high = action_bounds(task.actions.space)
     outputs = int(sum(high)) + len(high)
     weights = rng.normal(size=(outputs, size)).astype(np.float32)
     bundle = PolicyBundle(

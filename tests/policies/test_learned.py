@@ -2,10 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gymnasium.spaces import MultiDiscrete
 
 from flyrl.policies import LearnedPolicy, PolicyFileError
-from flyrl.policies.bundle import action_bounds
 from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Drives, Neurons, ObservationTerm, Task
 
@@ -153,24 +151,6 @@ def test_other_actions_are_refused(kind, actions, message, request):
     task = replace(_task(("bearing", 2), ("speed", 1)), actions=actions)
     with pytest.raises(PolicyFileError, match=message):
         LearnedPolicy(request.getfixturevalue(kind)).check_task(task)
-
-
-@pytest.mark.parametrize(
-    ("actions", "low", "high"),
-    [
-        (Neurons((3, 2)), (0, 0), (2, 1)),
-        (Neurons((3, 2), is_integer=False), (-1, -1), (1, 1)),
-        (Drives(-0.5, 1.5), (-0.5, -0.5), (1.5, 1.5)),
-    ],
-)
-def test_bounds_are_those_of_the_gymnasium_space(actions, low, high):
-    task = _task(("bearing", 2))
-    assert action_bounds(replace(task, actions=actions)) == (low, high)
-    space = actions.space
-    if isinstance(space, MultiDiscrete):
-        assert (tuple(space.start), tuple(space.nvec - 1)) == (low, high)
-    else:
-        assert (tuple(space.low), tuple(space.high)) == (low, high)
 
 
 @pytest.mark.parametrize(

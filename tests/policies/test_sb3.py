@@ -168,7 +168,7 @@ def test_later_training_does_not_change_the_bundle():
 def test_other_spaces_of_actions_are_refused(space):
     env = Bandit()
     env.action_space = space
-    message = f"to a Box of actions or a MultiDiscrete from 0; got {re.escape(str(space))}"
+    message = f"of a Box or a MultiDiscrete from 0; got {re.escape(str(space))}"
     with pytest.raises(ValueError, match=message):
         bundle_from_sb3(PPO("MlpPolicy", env, device="cpu"), LAYOUT, {}, {})
 
@@ -296,7 +296,7 @@ class _Case:
 def _case(algorithm, env=ENV, hidden=(16, 8), activation="tanh", is_normalised=False):
     """A bundle with random weights for a task."""
     task, rng = env.resolved_task, np.random.default_rng(3)
-    layout, (low, high) = observation_layout(task), action_bounds(task)
+    layout, (low, high) = observation_layout(task), action_bounds(task.actions.space)
     size = sum(term.size for term in layout)
     is_recurrent = algorithm is RecurrentPPO
     outputs = sum(task.actions.pools) if env is CHOICES else 2
