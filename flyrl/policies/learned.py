@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from flyrl.policies.fixed import FixedPolicy
 from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
 from flyrl.policies.networks import LSTM, vectors
 from flyrl.tasks import Task, task_from
-from flyrl.validation import file_path
+from flyrl.validation import FloatArray, file_path
 
 
 class LearnedPolicy:
@@ -87,13 +88,13 @@ class LearnedPolicy:
         if self.bundle.normaliser is not None:
             rows = self.bundle.normaliser.apply(rows)
         if self.bundle.lstm is not None:
-            before = _memory(self.bundle.lstm, len(rows), state, episode_start)
-            state = self.bundle.lstm.step(rows, *before)
+            hidden, cell = _memory(self.bundle.lstm, len(rows), state, episode_start)
+            state = self.bundle.lstm.step(rows, hidden, cell)
             rows = state[0][-1]
         actions = self._actions(self.bundle.network.outputs(rows))
         return (actions if values.ndim == 2 else actions[0]), state
 
-    def _actions(self, outputs: NDArray[np.float64]) -> NDArray[Any]:
+    def _actions(self, outputs: FloatArray) -> NDArray[Any]:
         """Actions (n, a) from the network's outputs."""
         if self._is_integer:
             ends = np.cumsum(self.bundle.action_counts)[:-1]
@@ -106,52 +107,39 @@ class LearnedPolicy:
 
     def check_task(self, task: Task) -> None:
         """Raise PolicyFileError unless the policy's observations and actions are the task's."""
-        own, here = self.bundle.observation, observation_layout(task)
-        for i in range(max(len(own), len(here))):
-            trained = own[i] if i < len(own) else None
-            given = here[i] if i < len(here) else None
+        terms = zip_longest(self.bundle.observation, observation_layout(task))
+        for i, (trained, given) in enumerate(terms):
             if trained != given:
                 raise PolicyFileError(
                     f"the policy was trained on other observations than those of {task.name}: "
-                    f"term {i} was {_describe(trained)}, here it is {_describe(given)}"
+                    f"term {i} was {_described(trained)}, here it is {_described(given)}"
                 )
-        is_integer, bounds = task.actions.is_integer, action_bounds(task.actions.space)
-        own_bounds = (self.bundle.action_low, self.bundle.action_high)
-        if (self._is_integer, own_bounds) != (is_integer, bounds):
-            raise PolicyFileError(
-                f"the policy's actions are {_kind(self._is_integer)} within {own_bounds[0]} and "
-                f"{own_bounds[1]}, those of {task.name} {_kind(is_integer)} within {bounds[0]} and "
-                f"{bounds[1]}"
+        own = (self._is_integer, self.bundle.action_low, self.bundle.action_high)
+        here = (task.actions.is_integer, *action_bounds(task.actions.space))
+        if own != here:
+            was, wanted = (
+                f"{'whole numbers' if is_integer else 'numbers'} within {low} and {high}"
+                for is_integer, low, high in (own, here)
             )
+            raise PolicyFileError(f"the policy's actions are {was}, those of {task.name} {wanted}")
 
 
-def _memory(
-    lstm: LSTM, num_rows: int, state: Any, episode_start: Any
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Hidden and cell state before a step, as arrays of their own."""
-    shape = (len(lstm.layers), num_rows, lstm.sizes[-1])
-    if state is None:
-        return np.zeros(shape), np.zeros(shape)
-    hidden, cell = (np.array(part, dtype=np.float64, order="C") for part in state)
-    if not hidden.shape == cell.shape == shape:
-        raise ValueError(
-            f"state of shapes {hidden.shape} and {cell.shape}; allowed: None, or twice {shape}"
-        )
+def _described(term: TermLayout | None) -> str:
+    return "missing" if term is None else f"{term.name} ({term.size} values)"
+
+
+def _memory(lstm: LSTM, num_rows: int, state: Any, episode_start: Any) -> FloatArray:
+    """Hidden and cell state before a step, an array of its own: (2, layers, n, units)."""
+    shape = (2, len(lstm.layers), num_rows, lstm.sizes[-1])
+    memory = np.zeros(shape) if state is None else np.array(state, dtype=np.float64)
+    if memory.shape != shape:
+        raise ValueError(f"state of shape {memory.shape}; allowed: None, or {shape}")
     if episode_start is not None:
         starts = np.atleast_1d(np.asarray(episode_start, dtype=bool))
         if starts.shape != (num_rows,):
             raise ValueError(f"episode_start of shape {starts.shape}; allowed: ({num_rows},)")
-        hidden[:, starts] = 0.0
-        cell[:, starts] = 0.0
-    return hidden, cell
-
-
-def _describe(term: TermLayout | None) -> str:
-    return "missing" if term is None else f"{term.name} ({term.size} values)"
-
-
-def _kind(is_integer: bool) -> str:
-    return "whole numbers" if is_integer else "numbers"
+        memory[:, :, starts] = 0.0
+    return memory
 
 
 def load_policy(

@@ -106,9 +106,7 @@ def test_a_state_is_not_changed_in_place(recurrent):
 def test_states_and_starts_of_other_shapes_are_refused(recurrent):
     policy = LearnedPolicy(recurrent)
     _, state = policy.predict(np.ones((2, 3)))
-    with pytest.raises(
-        ValueError, match=r"state of shapes .*; allowed: None, or twice \(2, 5, 3\)"
-    ):
+    with pytest.raises(ValueError, match=r"state of shape .*; allowed: None, or \(2, 2, 5, 3\)"):
         policy.predict(np.ones((5, 3)), state)
     with pytest.raises(ValueError, match=r"episode_start of shape \(3,\); allowed: \(2,\)"):
         policy.predict(np.ones((2, 3)), state, np.ones(3, dtype=bool))
