@@ -1,3 +1,5 @@
+"""ONNX files act as the policy, in ONNX Runtime."""
+
 import json
 from dataclasses import replace
 
@@ -14,6 +16,8 @@ from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.models import build_model
 from tests.policies.conftest import Bandit, perturbed, random_network
 
+LAYOUT = (TermLayout("all", 40),)
+
 
 @pytest.fixture(params=[("tanh", "clip"), ("relu", "clip"), ("tanh", "tanh"), ("relu", "tanh")])
 def policy(request, bundle):
@@ -23,94 +27,20 @@ def policy(request, bundle):
         bundle,
         network=random_network((40, 64, 64, 2), activation),
         squashing=squashing,
-        observation=(TermLayout("all", 40),),
+        observation=LAYOUT,
         action_low=(-0.5, -1.0),
         action_high=(1.5, 0.5),
     )
 
 
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "policy.onnx"
+
+
 def _run(path, observations):
     session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
     return session.run(["action"], {"observation": observations})[0]
-
-
-@pytest.mark.parametrize("n", [1, 500])
-def test_onnxruntime_gives_the_same_actions(policy, n, tmp_path):
-    export_onnx(policy, tmp_path / "policy.onnx")
-    observations = np.random.default_rng(1).normal(size=(n, 40)).astype(np.float32)
-    actions = _run(tmp_path / "policy.onnx", observations)
-    expected, _ = LearnedPolicy(policy).predict(observations)
-    assert actions.dtype == np.float32
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
-    if n > 1:
-        assert np.ptp(expected) > 1
-
-
-def test_onnxruntime_gives_the_same_whole_numbers(bundle, tmp_path):
-    bundle = replace(
-        bundle,
-        network=random_network((40, 64, 15), "tanh"),
-        squashing="argmax",
-        observation=(TermLayout("all", 40),),
-        action_low=(0.0, -2.0, 4.0),
-        action_high=(9.0, 1.0, 4.0),
-    )
-    export_onnx(bundle, tmp_path / "policy.onnx")
-    observations = np.random.default_rng(1).normal(size=(500, 40)).astype(np.float32)
-    actions = _run(tmp_path / "policy.onnx", observations)
-    expected, _ = LearnedPolicy(bundle).predict(observations)
-    assert [len(np.unique(column)) for column in expected.T] == [10, 4, 1]
-    assert actions.dtype == np.int64
-    np.testing.assert_array_equal(actions, expected)
-
-
-def test_onnxruntime_takes_the_first_of_equals(choosing, tmp_path):
-    export_onnx(choosing, tmp_path / "policy.onnx")
-    # outputs [0.5, 0.5, 0] and [1, 0], then [0.5, 0.5, 1] and [1, 1]
-    observations = np.array([[0.5, -0.5, 0.0], [0.5, 0.0, 0.0]], np.float32)
-    actions = _run(tmp_path / "policy.onnx", observations)
-    np.testing.assert_array_equal(actions, [[0, -1], [2, -1]])
-
-
-def test_a_memory_chooses_whole_numbers_as_the_policy_does(recurrent, tmp_path):
-    network = random_network((3, 16, 12), "tanh")
-    bounds = {"action_low": (0.0, 0.0), "action_high": (7.0, 3.0)}
-    recurrent = replace(recurrent, network=network, squashing="argmax", **bounds)
-    export_onnx(recurrent, tmp_path / "policy.onnx")
-    rng = np.random.default_rng(1)
-    steps, starts = rng.normal(size=(20, 5, 3)).astype(np.float32), rng.random((20, 5)) < 0.2
-    policy, state, given = LearnedPolicy(recurrent), None, []
-    zeros = [np.zeros((2, 5, 3), np.float32)] * 2
-    for i, (action, _) in enumerate(_walk(tmp_path / "policy.onnx", steps, starts, zeros)):
-        expected, state = policy.predict(steps[i], state, starts[i])
-        np.testing.assert_array_equal(action, expected)
-        given.append(action)
-    assert np.ptp(given, axis=(0, 1)).all()
-
-
-def test_observations_are_normalised_as_by_the_policy(policy, tmp_path):
-    rng = np.random.default_rng(2)
-    normaliser = Normaliser(rng.normal(size=40), rng.uniform(0.1, 4, 40), 1e-8, 1.5)
-    policy = replace(policy, normaliser=normaliser)
-    export_onnx(policy, tmp_path / "policy.onnx")
-    observations = rng.normal(size=(200, 40)).astype(np.float32)
-    expected, _ = LearnedPolicy(policy).predict(observations)
-    plain, _ = LearnedPolicy(replace(policy, normaliser=None)).predict(observations)
-    assert np.abs(expected - plain).max() > 0.1
-    actions = _run(tmp_path / "policy.onnx", observations)
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
-
-
-def test_a_narrow_spread_far_from_zero_is_normalised_as_precisely(policy, tmp_path):
-    rng = np.random.default_rng(2)
-    policy = replace(policy, normaliser=Normaliser(rng.normal(size=40), [1e-8] * 40, 1e-12, 10.0))
-    export_onnx(policy, tmp_path / "policy.onnx")
-    spread = rng.normal(scale=1e-4, size=(200, 40))
-    observations = (policy.normaliser.mean + spread).astype(np.float32)
-    expected, _ = LearnedPolicy(policy).predict(observations)
-    assert np.ptp(expected) > 1
-    actions = _run(tmp_path / "policy.onnx", observations)
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
 
 
 def _walk(path, steps, starts, state):
@@ -124,21 +54,79 @@ def _walk(path, steps, starts, state):
         yield action, state
 
 
-def test_a_memory_goes_from_step_to_step_as_the_policy_s(recurrent, tmp_path):
-    export_onnx(recurrent, tmp_path / "policy.onnx")
+def _check(bundle, path, observations):
+    """Assert that the file gives the policy's actions; return those."""
+    export_onnx(bundle, path)
+    actions = _run(path, observations)
+    expected, _ = LearnedPolicy(bundle).predict(observations)
+    assert actions.dtype == expected.dtype
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
+    return actions
+
+
+def test_same_actions_of_one_and_of_many_that_stay_inside_their_bounds(policy, path):
+    observations = np.random.default_rng(1).normal(size=(500, 40)).astype(np.float32)
+    assert np.ptp(_check(policy, path, observations)) > 1
+    _check(policy, path, observations[:1])
+    extreme = _run(path, 1e6 * observations)
+    assert (extreme >= np.float32(policy.action_low)).all()
+    assert (extreme <= np.float32(policy.action_high)).all()
+
+
+def test_same_whole_numbers(bundle, path):
+    bundle = replace(
+        bundle,
+        network=random_network((40, 64, 15), "tanh"),
+        squashing="argmax",
+        observation=LAYOUT,
+        action_low=(0.0, -2.0, 4.0),
+        action_high=(9.0, 1.0, 4.0),
+    )
+    observations = np.random.default_rng(1).normal(size=(500, 40)).astype(np.float32)
+    actions = _check(bundle, path, observations)
+    assert [len(np.unique(column)) for column in actions.T] == [10, 4, 1]
+
+
+def test_the_first_of_equals_is_taken(choosing, path):
+    export_onnx(choosing, path)
+    # outputs [0.5, 0.5, 0] and [1, 0], then [0.5, 0.5, 1] and [1, 1]
+    actions = _run(path, np.array([[0.5, -0.5, 0.0], [0.5, 0.0, 0.0]], np.float32))
+    np.testing.assert_array_equal(actions, [[0, -1], [2, -1]])
+
+
+# a narrow spread far from zero is normalised as precisely
+@pytest.mark.parametrize(("variance", "epsilon", "clip"), [(1.0, 1e-8, 1.5), (1e-8, 1e-12, 10.0)])
+def test_observations_are_normalised_as_by_the_policy(policy, path, variance, epsilon, clip):
+    rng = np.random.default_rng(2)
+    mean, variances = rng.normal(size=40), variance * rng.uniform(0.1, 4, 40)
+    policy = replace(policy, normaliser=Normaliser(mean, variances, epsilon, clip))
+    observations = mean + rng.normal(scale=variance**0.5, size=(200, 40))
+    assert np.ptp(_check(policy, path, observations.astype(np.float32))) > 1
+
+
+@pytest.mark.parametrize("is_choosing", [False, True])
+def test_a_memory_goes_from_step_to_step_as_the_policy_s(recurrent, path, is_choosing):
+    recurrent = replace(recurrent, network=random_network((3, 16, 2), "tanh"))
+    if is_choosing:
+        bounds = {"action_low": (0.0, 0.0), "action_high": (7.0, 3.0)}
+        network = random_network((3, 16, 12), "tanh")
+        recurrent = replace(recurrent, network=network, squashing="argmax", **bounds)
+    export_onnx(recurrent, path)
     rng = np.random.default_rng(1)
     steps, starts = rng.normal(size=(30, 5, 3)).astype(np.float32), rng.random((30, 5)) < 0.2
-    policy, state = LearnedPolicy(recurrent), None
+    policy, state, given = LearnedPolicy(recurrent), None, []
     zeros = [np.zeros((2, 5, 3), np.float32)] * 2
-    for i, (action, memory) in enumerate(_walk(tmp_path / "policy.onnx", steps, starts, zeros)):
+    for i, (action, memory) in enumerate(_walk(path, steps, starts, zeros)):
         expected, state = policy.predict(steps[i], state, starts[i])
         np.testing.assert_allclose(action, expected, rtol=0, atol=1e-5)
         np.testing.assert_allclose(memory, state, rtol=0, atol=1e-5)
+        given.append(action)
     assert np.abs(state).max() > 0.5
+    assert np.ptp(given, axis=(0, 1)).all()
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
-def test_same_actions_as_the_model_that_was_trained(name, tmp_path):
+def test_same_actions_as_the_model_that_was_trained(name, path):
     """From torch, over the bundle, to ONNX."""
     algo = AlgorithmConfig(name, hidden_layers=(32, 32), normalize_observation=True)
     env = DummyVecEnv(8 * [Bandit])
@@ -146,12 +134,12 @@ def test_same_actions_as_the_model_that_was_trained(name, tmp_path):
     statistics, rng = model.get_vec_normalize_env(), np.random.default_rng(1)
     statistics.obs_rms.mean = rng.normal(size=40)
     statistics.obs_rms.var = rng.uniform(0.1, 4, size=40)
-    export_onnx(bundle_from_sb3(model, (TermLayout("all", 40),), {}, {}), tmp_path / "policy.onnx")
+    export_onnx(bundle_from_sb3(model, LAYOUT, {}, {}), path)
     steps, starts = rng.normal(size=(20, 10, 40)).astype(np.float32), rng.random((20, 10)) < 0.2
     lstm = getattr(model.policy, "lstm_actor", None)
     zeros = lstm and [np.zeros((lstm.num_layers, 10, lstm.hidden_size), np.float32)] * 2
     state, given = None, []
-    for i, (action, _) in enumerate(_walk(tmp_path / "policy.onnx", steps, starts, zeros)):
+    for i, (action, _) in enumerate(_walk(path, steps, starts, zeros)):
         seen = statistics.normalize_obs(steps[i])
         expected, state = model.predict(seen, state, starts[i], deterministic=True)
         np.testing.assert_allclose(action, expected, rtol=0, atol=1e-5)
@@ -159,18 +147,9 @@ def test_same_actions_as_the_model_that_was_trained(name, tmp_path):
     assert np.ptp(given) > 0.5
 
 
-def test_actions_stay_inside_their_bounds(policy, tmp_path):
-    export_onnx(policy, tmp_path / "policy.onnx")
-    extreme = np.random.default_rng(1).normal(scale=1e6, size=(200, 40)).astype(np.float32)
-    actions = _run(tmp_path / "policy.onnx", extreme)
-    assert (actions >= np.float32(policy.action_low)).all()
-    assert (actions <= np.float32(policy.action_high)).all()
-
-
-def test_file_says_what_it_is(bundle, tmp_path):
-    export_onnx(bundle, tmp_path / "policy.onnx")
-    model = onnx.load(tmp_path / "policy.onnx")
-    record = {prop.key: json.loads(prop.value) for prop in model.metadata_props}
+def test_file_says_what_it_is(bundle, path):
+    export_onnx(bundle, path)
+    record = {prop.key: json.loads(prop.value) for prop in onnx.load(path).metadata_props}
     assert record == {
         "flyrl.observation": [{"name": "bearing", "size": 2}, {"name": "speed", "size": 1}],
         "flyrl.action": {"low": [-1, -1], "high": [1, 1]},
@@ -179,17 +158,13 @@ def test_file_says_what_it_is(bundle, tmp_path):
     }
 
 
-def test_file_holds_standard_operators_only(policy, tmp_path):
-    export_onnx(policy, tmp_path / "policy.onnx")
-    model = onnx.load(tmp_path / "policy.onnx")
+def test_file_holds_standard_operators_only_and_the_same_bytes_each_time(policy, path):
+    export_onnx(policy, path)
+    first, model = path.read_bytes(), onnx.load(path)
     assert {node.domain for node in model.graph.node} == {""}
     assert not model.functions
     assert {node.op_type for node in model.graph.node} <= {
         "Gemm", "Tanh", "Relu", "Mul", "Add", "Max", "Min"
     }  # fmt: skip
-
-
-def test_same_policy_same_bytes(policy, tmp_path):
-    export_onnx(policy, tmp_path / "one.onnx")
-    export_onnx(policy, tmp_path / "two.onnx")
-    assert (tmp_path / "one.onnx").read_bytes() == (tmp_path / "two.onnx").read_bytes()
+    export_onnx(policy, path)
+    assert path.read_bytes() == first
