@@ -2,55 +2,58 @@ from itertools import pairwise
 
 import pytest
 
-from flyrl.cli.arguments import UsageError, check_arguments, unknown_key, with_own_things
+from flyrl.cli.arguments import UsageError, check_arguments, with_own_things
 from flyrl.resources import configs_folder
 
 
 @pytest.mark.parametrize(
-    ("argument", "message"),
+    ("command", "arguments", "message"),
     [
-        ("sed=1", "there is no key 'sed'; did you mean 'seed'."),
+        ("train", ["sed=1"], "there is no key 'sed'; did you mean 'seed'."),
         (
-            "algo.learning_rte=1",
+            "train",
+            ["algo.learning_rte=1"],
             r"there is no key 'algo\.learning_rte'; did you mean 'algo\.learning_rate'.",
         ),
-        ("terain=flat", "there is no key 'terain'; did you mean 'terrain'."),
         (
-            "terrain=gaped",
+            "train",
+            ["terrain=gaped"],
             "terrain must be one of 'air', .*, got 'gaped'; did you mean 'gapped'",
         ),
-        ("terrain=null", "a group takes the name of a choice, got terrain=null"),
-        ("experiment=man", "experiment must be one of .*, got 'man'; did you mean 'main'"),
-        ("experiment=lesions", "experiment=lesions is for another command"),
-        ("seed", "'seed' cannot be read: settings are written key=value, as task=target"),
-        ("=3", "'=3' names no key"),
-        ("device=cuda", "no key 'device': training runs on the CPU, where the physics runs"),
-        ("algo.device=cuda", r"no key 'algo\.device': training runs on the CPU"),
-        ("hydra.run.dri=x", r"hydra\.run\.dri"),
-        ("launcher=jolib", "launcher must be one of 'joblib', .*; did you mean 'joblib'"),
-        ("+nmu_envs=3", "there is no key 'nmu_envs'"),
-        ("++sed=3", "there is no key 'sed'; did you mean 'seed'"),
-        ("runs_folder=é", "'runs_folder=é' cannot be read: .*; write unusual values in quotes"),
+        ("train", ["terrain=null"], "a group takes the name of a choice, got terrain=null"),
+        ("train", ["experiment=man"], "experiment must be one of .*, got 'man'; did you mean"),
+        ("train", ["experiment=lesions"], "experiment=lesions is for another command"),
+        ("train", ["seed"], "'seed' cannot be read: settings are written key=value, as task=t"),
+        ("train", ["=3"], "'=3' names no key"),
+        ("train", ["algo.device=cuda"], r"no key 'algo\.device': training runs on the CPU"),
+        ("train", ["hydra.run.dri=x"], r"hydra\.run\.dri"),
+        ("train", ["launcher=jolib"], "launcher must be one of 'joblib', .*; did you mean 'jobl"),
+        ("train", ["launcher=joblib", "hydra.launcher.njobs=2"], r"hydra\.launcher\.njobs"),
+        ("train", ["+nmu_envs=3"], r"there is no key 'nmu_envs' \(--cfg job prints all keys\)"),
+        ("train", ["++sed=3"], "there is no key 'sed'; did you mean 'seed'"),
+        ("train", ["runs_folder=é"], "'runs_folder=é' cannot be read: .*; write unusual values"),
+        ("train", ["seed=0,1"], "seed=0,1 names several values: add -m to run each of them"),
+        ("train", ["-m", "algo=sac,pp0"], "algo must be one of .*, got 'pp0'; did you mean 'ppo'"),
+        ("train", ["-m", "algo=sac,ppo", "algo.tau=0.01"], r"there is no key 'algo\.tau'"),
+        ("train", ["algo=ppo", "algo.her=true"], r"here, only with algo=ddpg,sac,td3,tqc$"),
+        ("train", ["task=worm_crawl", "controller=cpg"], "controller=cpg has no effect with task"),
+        ("evaluate", ["algo.her=true"], r"there is no key 'algo\.her' \(--cfg job"),
+        ("evaluate", ["terrain=flat"], "there is no key 'terrain'; did you mean 'terrains'"),
+        ("evaluate", ["terrains={}"], "terrains={}: .*ListConfig"),
     ],
 )
-def test_what_cannot_be_meant(argument, message):
+def test_what_cannot_be_meant(command, arguments, message):
     with pytest.raises(UsageError, match=message):
-        check_arguments("train", [argument])
+        check_arguments(command, arguments)
 
 
 @pytest.mark.parametrize(
     "arguments",
     [
-        [],
-        ["task=target", "terrain=flat", "algo=ppo", "seed=0"],
-        ["algo=sac", "algo.tau=0.01"],
         ["algo=recurrent_ppo", "algo.lstm_hidden_size=32", "algo.normalize_observation=true"],
         ["experiment=main", "training.num_envs=8"],
         ["terrain=blocks", "terrain.height_range=[0.15,0.45]"],
-        ["-m", "seed=range(5)", "algo=ppo,sac"],
         ["hydra.run.dir=elsewhere"],
-        ["--cfg", "job"],
-        ["launcher=joblib", "hydra.launcher.n_jobs=2", "seed=range(5)"],
         ["launcher=slurm", "hydra.launcher.partition=cpu", "seed=0,1"],
         ["launcher=submitit", "hydra.launcher.timeout_min=5"],
         ["launcher=ray", "hydra.launcher.address=auto", "seed=0,1"],
@@ -61,43 +64,6 @@ def test_what_cannot_be_meant(argument, message):
 def test_what_is_fine(arguments, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     check_arguments("train", arguments)
-
-
-@pytest.mark.parametrize(
-    ("argument", "message"),
-    [
-        ("terrain=flat", "there is no key 'terrain'; did you mean 'terrains'"),
-        ("terain=flat", "there is no key 'terain'; did you mean 'terrains'"),
-        ("algo=ppo", "there is no key 'algo'"),
-        ("terrains={}", "terrains={}: .*ListConfig"),
-    ],
-)
-def test_choices_of_another_command_are_unknown(argument, message):
-    with pytest.raises(UsageError, match=message):
-        check_arguments("evaluate", [argument])
-
-
-def test_keys_of_a_choice_that_was_not_made():
-    with pytest.raises(UsageError, match=r"there is no key 'algo\.tau'"):
-        check_arguments("train", ["algo.tau=0.01"])
-
-
-def test_a_key_of_other_choices_names_them():
-    with pytest.raises(UsageError, match=r"'algo\.her' here, only with algo=ddpg,sac,td3,tqc$"):
-        check_arguments("train", ["algo=ppo", "algo.her=true"])
-    with pytest.raises(UsageError, match=r"there is no key 'algo\.her' \(--cfg job"):
-        check_arguments("evaluate", ["algo.her=true"])
-
-
-def test_choices_of_a_sweep():
-    with pytest.raises(
-        UsageError, match=r"algo must be one of 'a2c', .*, got 'pp0'; did you mean 'ppo'\?"
-    ):
-        check_arguments("train", ["-m", "algo=sac,pp0"])
-
-
-def test_a_key_like_no_other_gets_no_suggestion():
-    assert str(unknown_key("x", ["seed"])) == "there is no key 'x' (--cfg job prints all keys)"
 
 
 BOMB = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in pairwise("abcdefgh"))
@@ -117,16 +83,6 @@ def test_a_folder_of_more_configs_counts_beside_another_folder_of_configs(tmp_pa
     folders = ["--config-path", str(configs_folder()), "--config-dir", str(tmp_path)]
     sweep = check_arguments("train", [*folders, "-m", "experiment=mine", "algo=ppo,sac"])
     assert len(sweep.jobs) == 2
-
-
-def test_keys_of_every_choice_that_is_swept():
-    with pytest.raises(UsageError, match=r"there is no key 'algo\.tau'"):
-        check_arguments("train", ["-m", "algo=sac,ppo", "algo.tau=0.01"])
-
-
-def test_a_launcher_has_keys_of_its_own():
-    with pytest.raises(UsageError, match=r"hydra\.launcher\.njobs"):
-        check_arguments("train", ["launcher=joblib", "hydra.launcher.njobs=2"])
 
 
 def test_the_jobs_of_a_sweep():
@@ -151,43 +107,34 @@ def test_no_sweep(arguments):
     assert check_arguments("train", arguments) is None
 
 
-def test_a_controller_of_ones_own_is_a_group_of_its_own():
-    given = ["seed=1", "controller=my_lab:Wave", "controller.amplitude=0.3", "task=path"]
-    expected = [
-        "seed=1", "~controller", "+controller.name=my_lab:Wave", "++controller.amplitude=0.3",
-        "task=path",
-    ]  # fmt: skip
-    assert with_own_things(given) == expected
-    assert check_arguments("train", expected) is None
-
-
-def test_a_task_of_ones_own_is_the_choice_own():
-    given = ["task=my_lab:forage", "task.sources=2", "task.terms=[my_terms:HEIGHT]", "seed=1"]
-    expected = [
-        "task=own", "task.name=my_lab:forage", "++task.sources=2",
-        "++task.terms=[my_terms:HEIGHT]", "seed=1",
-    ]  # fmt: skip
-    assert with_own_things(given) == expected
-    for command in ("train", "evaluate"):
-        kept = [word for word in expected if command == "train" or word != "seed=1"]
-        assert check_arguments(command, kept) is None
-
-
-def test_a_sweep_may_hold_things_of_ones_own():
-    given = ["-m", "controller=cpg,my_lab:Wave", "terrain=random_blocks,my_lab:Stairs"]
-    expected = [
-        "-m", "~controller", "+controller.name=cpg,my_lab:Wave", "~terrain",
-        "+terrain.name=random_blocks,my_lab:Stairs",
-    ]  # fmt: skip
-    assert with_own_things(given) == expected
-    sweep = check_arguments("train", expected)
-    assert sweep is not None
-    assert len(sweep.jobs) == 4
-
-
-def test_a_built_in_controller_stays_as_it_is():
-    given = ["controller=cpg", "controller.frequency_hz=9", "logger=none"]
-    assert with_own_things(given) == given
+@pytest.mark.parametrize(
+    ("given", "expected", "jobs"),
+    [
+        (
+            "seed=1 controller=my_lab:Wave controller.amplitude=0.3 task=path",
+            "seed=1 ~controller +controller.name=my_lab:Wave ++controller.amplitude=0.3 task=path",
+            0,
+        ),
+        (
+            "task=my_lab:forage task.sources=2 task.terms=[my_terms:HEIGHT] seed=1",
+            "task=own task.name=my_lab:forage ++task.sources=2 ++task.terms=[my_terms:HEIGHT] "
+            "seed=1",
+            0,
+        ),
+        (
+            "-m controller=cpg,my_lab:Wave terrain=random_blocks,my_lab:Stairs",
+            "-m ~controller +controller.name=cpg,my_lab:Wave "
+            "~terrain +terrain.name=random_blocks,my_lab:Stairs",
+            4,
+        ),
+        ("controller=cpg controller.frequency_hz=9", "controller=cpg controller.frequency_hz=9", 0),
+    ],
+)
+def test_things_of_ones_own_are_written_as_hydra_knows_them(given, expected, jobs):
+    found = with_own_things(given.split())
+    assert found == expected.split()
+    sweep = check_arguments("train", found)
+    assert (len(sweep.jobs) if sweep else 0) == jobs
 
 
 def test_an_earlier_name_is_understood_and_warned_of(capsys):

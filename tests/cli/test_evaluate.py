@@ -3,26 +3,9 @@ import sys
 
 import pytest
 
-from flyrl.cli.arguments import check_arguments
 from flyrl.cli.config import evaluation_config, evaluation_settings
-from flyrl.front.results import training_evaluations
-from tests.tiny import TINY_ARGUMENTS
-from tests.training.folders import make_run
 
 GROUPS = {"task": {"name": "target"}, "body": {}, "physics": {}}
-
-
-def test_the_command_of_the_readme_is_fine():
-    check_arguments(
-        "evaluate",
-        [
-            "policies=[runs/a]",
-            "controllers=[cpg,rule_based,hybrid]",
-            "task=target",
-            "terrains=[flat]",
-            "episodes=50",
-        ],
-    )
 
 
 def test_terrains_by_name_and_by_settings():
@@ -32,10 +15,6 @@ def test_terrains_by_name_and_by_settings():
     labels = [terrain.label for terrain in config.terrain_configs]
     assert labels == ["flat", "blocks", "random_blocks", "random_mixed"]
     assert config.terrain_configs[1].height_range == (0.15, 0.45)
-
-
-def test_defaults():
-    assert evaluation_config(GROUPS, evaluation_settings({}), "").episodes == 50
 
 
 def test_decision_interval_is_refused():
@@ -48,12 +27,15 @@ def test_decision_interval_is_refused():
     ("arguments", "message"),
     [
         (["policies=[nowhere]"], "error: no policy at nowhere"),
-        (["controllers=[cgp]"], "did you mean 'cpg'?"),
         (["controllers=cgp"], "did you mean 'cpg'?"),
         (["terrains=falt"], "did you mean 'flat'?"),
         (["terrains=[flat,blokcs]"], "blocks"),
         (["folder=/proc/x"], "error: [Errno 2] No such file or directory: '/proc/x'"),
         (["folder="], "error: folder must be the path of a folder or file, got ''"),
+        (["vary={friction: -2}"], "friction"),
+        (["vary={fricton: [2]}"], "did you mean 'friction'"),
+        (["study=comparison"], "study must be one of"),
+        (["camera=side"], "camera must be one of 'follow', 'top', 'goal', got 'side'"),
         (["episdes=3"], "error: there is no key 'episdes'; did you mean 'episodes'?"),
     ],
 )
@@ -63,54 +45,6 @@ def test_wrong_command_lines_end_in_one_line(tmp_path, run_here, arguments, mess
     assert message in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_learning_curves_are_those_of_run_folders(tmp_path):
-    trained = make_run(tmp_path / "a", evaluations=((100, 0.5, 1.0), (200, 0.75, 2.0)))
-    bare = make_run(tmp_path / "b", evaluations=())
-    elsewhere = tmp_path / "mine.safetensors"
-    entrants = [
-        {"name": "a", "kind": "learned", "source": str(trained / "last.safetensors")},
-        {"name": "b", "kind": "learned", "source": str(bare / "last.safetensors")},
-        {"name": "mine", "kind": "learned", "source": str(elsewhere)},
-        {"name": "cpg", "kind": "fixed", "source": None},
-    ]
-    curves = training_evaluations(entrants)
-    assert curves.keys() == {"a"}
-    rows = [(row["decisions"], row["success_rate"], row["mean_return"]) for row in curves["a"]]
-    assert rows == [(100, 0.5, 1), (200, 0.75, 2)]
-
-
-@pytest.mark.slow
-def test_train_then_evaluate_end_to_end(tmp_path, run_here):
-    asked = ("episodes=2", "controllers=[zero]", "videos=false", "close_ups=false")
-    evaluation = [f"evaluation.{argument}" for argument in asked]
-    trained = run_here(
-        "train.py", "experiment=main", *evaluation, *TINY_ARGUMENTS, "video_after=false"
-    )
-    assert trained.returncode == 0, trained.stderr
-    *_, first, last = trained.stdout.splitlines()
-    run = last.removeprefix("run: ")
-    assert first == f"report: {run}/evaluation/report.html"
-    assert (tmp_path / run / "evaluation" / "report.html").is_file()
-
-    compared = run_here(
-        "evaluate.py",
-        f"policies=[{run}]",
-        "controllers=[cpg,hybrid]",
-        "task=target",
-        "task.time_limit=0.5",
-        "terrains=[flat]",
-        "episodes=2",
-        "videos=false",
-        "close_ups=false",
-    )
-    assert compared.returncode == 0, compared.stderr
-    report = tmp_path / compared.stdout.splitlines()[-1].removeprefix("report: ")
-    results = json.loads((report.parent / "results.json").read_text())
-    assert results["protocol"]["horizon_s"] == 0.5
-    assert {row["controller"] for row in results["episodes"]} == {"ppo", "cpg", "hybrid"}
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["reports", "runs"]
 
 
 OWN_POLICIES = """
@@ -193,18 +127,3 @@ def test_quantities_are_varied_from_the_command_line(run_here, tmp_path):
     assert [row["condition"] for row in contents["summary"]] == [
         "friction=0.5", "friction=1", "missing_legs=none", "missing_legs=LM+RM",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("argument", "message"),
-    [
-        ("vary={friction: -2}", "friction"),
-        ("vary={fricton: [2]}", "did you mean 'friction'"),
-        ("study=comparison", "study must be one of"),
-        ("camera=side", "camera must be one of 'follow', 'top', 'goal', got 'side'"),
-    ],
-)
-def test_what_cannot_be_varied_or_studied(run_here, argument, message):
-    result = run_here("evaluate.py", "controllers=[zero]", argument, *SHORT)
-    assert result.returncode == 2
-    assert message in result.stderr

@@ -6,9 +6,11 @@ import pytest
 
 import flyrl
 from flyrl.evaluation.rows import episodes_digest
+from flyrl.front.results import training_evaluations
 from flyrl.policies import ConstantDrive
 from flyrl.report import read_origin
 from flyrl.tasks import TASKS
+from tests.training.folders import make_run
 
 SHORT = {"physics": "fast", "episodes": 2, "progress_bar": False, "num_threads": 1}
 NO_EXTRAS = {"videos": False, "close_ups": False}
@@ -141,3 +143,19 @@ def test_things_of_ones_own_take_part_by_name():
 def test_what_cannot_be_evaluated_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         flyrl.evaluate(**given)
+
+
+def test_learning_curves_are_those_of_run_folders(tmp_path):
+    trained = make_run(tmp_path / "a", evaluations=((100, 0.5, 1.0), (200, 0.75, 2.0)))
+    bare = make_run(tmp_path / "b", evaluations=())
+    elsewhere = tmp_path / "mine.safetensors"
+    entrants = [
+        {"name": "a", "kind": "learned", "source": str(trained / "last.safetensors")},
+        {"name": "b", "kind": "learned", "source": str(bare / "last.safetensors")},
+        {"name": "mine", "kind": "learned", "source": str(elsewhere)},
+        {"name": "cpg", "kind": "fixed", "source": None},
+    ]
+    curves = training_evaluations(entrants)
+    assert curves.keys() == {"a"}
+    rows = [(row["decisions"], row["success_rate"], row["mean_return"]) for row in curves["a"]]
+    assert rows == [(100, 0.5, 1), (200, 0.75, 2)]
