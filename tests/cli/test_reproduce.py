@@ -184,9 +184,16 @@ def test_what_cannot_be_compared(tmp_path, capsys, original, repeat, message):
     assert message in capsys.readouterr().err
 
 
-def test_a_damaged_policy_is_found_before_the_run_is_repeated(tmp_path, capsys):
-    folder = make_run(tmp_path / "a")
-    (folder / "last.safetensors").write_bytes(b"damaged")
-    assert main(["reproduce", str(folder), "--runs-folder", str(tmp_path / "again")]) == 2
-    assert "last.safetensors is no safetensors file" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda data: b"damaged", "last.safetensors is no safetensors file"),
+        (lambda data: data[:-1] + bytes([data[-1] ^ 1]), "was changed after it was written"),
+    ],
+)
+def test_a_damaged_policy_is_found_before_the_run_is_repeated(tmp_path, capsys, damage, message):
+    file = make_run(tmp_path / "a") / "last.safetensors"
+    file.write_bytes(damage(file.read_bytes()))
+    assert main(["reproduce", str(file.parent), "--runs-folder", str(tmp_path / "again")]) == 2
+    assert message in capsys.readouterr().err
     assert not (tmp_path / "again").exists()
