@@ -48,23 +48,23 @@ NEEDS_MORE = {"resume", "launcher", "hydra.sweep.dir", "logger"}
 and tests/training/loggers run such."""
 
 SHORT = ("task.time_limit=0.2",)
-SHORT_TRAINING = (
-    "training.total_timesteps=32",
-    "training.num_envs=2",
-    "training.num_threads=1",
-    "training.evaluation_interval=32",
-    "training.evaluation_episodes=1",
-    "training.checkpoint_interval=32",
-    "training.progress_bar=false",
-)
-SHORT_LEARNING = (
-    "algo.n_steps=16",
-    "algo.n_epochs=1",
-    "algo.batch_size=16",
-    "algo.learning_starts=20",
-    "algo.gradient_steps=1",
-    "algo.buffer_size=1000",
-)
+SHORT_TRAINING = {
+    "total_timesteps": 32,
+    "num_envs": 2,
+    "num_threads": 1,
+    "evaluation_interval": 32,
+    "evaluation_episodes": 1,
+    "checkpoint_interval": 32,
+    "progress_bar": False,
+}
+SHORT_LEARNING = {
+    "n_steps": 16,
+    "n_epochs": 1,
+    "batch_size": 16,
+    "learning_starts": 20,
+    "gradient_steps": 1,
+    "buffer_size": 1000,
+}
 """Those that the algorithm has."""
 
 SHORT_EVALUATION = ("episodes=1", "num_threads=1", "progress_bar=false", "film=[0]", "seed=0")
@@ -140,9 +140,9 @@ def trained(command: str, overrides: tuple[str, ...], folder: Path) -> Run | Non
         check_arguments("train", words(command)[1:])
         return None
     single = [re.sub(r"^([\w.]+=[\w-]+)(,[\w-]+)+$", r"\1", each) for each in overrides]
-    algorithm = _values("train", [each for each in single if not each.startswith("hydra.")])["algo"]
-    short = [key for key in SHORT_LEARNING if key.partition("=")[0][5:] in algorithm]
-    values = _values("train", [*single, *SHORT, *SHORT_TRAINING, *short])
+    values = _values("train", [*single, *SHORT])
+    values["training"] |= SHORT_TRAINING
+    values["algo"] |= {key: SHORT_LEARNING[key] for key in SHORT_LEARNING.keys() & values["algo"]}
     return train(training_config(values), folder)
 
 
