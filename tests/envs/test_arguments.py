@@ -1,14 +1,25 @@
-"""Arguments of `make` and `make_vec` that are refused before anything is allocated."""
+"""Settings, actions, seeds and options that are refused by name, before anything moves."""
+
+from dataclasses import replace
 
 import gymnasium
+import numpy as np
 import pytest
 
-from flyrl.envs.core import EnvConfig
+from flyrl.bodies.worm import CRAWLER, HANGER
+from flyrl.controllers import Hybrid
+from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
+from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.tasks import TASKS
+
+TARGET = TASKS["target"]()
+SENSELESS = tuple(replace(term, spread=0.0) for term in TARGET.observation)
+WORM = {"task": "worm_crawl"}
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("settings", "message"),
     [
         ({"terrain": 5}, "terrain must be a Terrain or the name of one, got 5"),
         ({"terrain": None}, "terrain must be a Terrain or the name of one, got None"),
@@ -16,59 +27,187 @@ from flyrl.envs.sb3 import FlyrlVecEnv
         ({"terrain": {"name": "gapped", "gap_rang": (0, 1)}}, "no 'gap_rang'; did you mean"),
         ({"terrain": "gaped"}, "terrain must be one of .* did you mean 'gapped'"),
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
+        ({"body": "worm"}, "body must be one of .*'worm_crawler'.*'worm'"),
+        ({"body": ""}, "body must be one of .*, got ''"),
+        ({"body": "classic", "controller": Hybrid("untethered")}, "tethered"),
+        ({"body": "worm_crawler"}, r"body must be a fly .* \(current, .*, tethered\), got Worm"),
         ({"physics": 5}, "physics must be a PhysicsConfig or one of .* got 5"),
+        ({"physics": "balancd"}, "physics must be one of .* did you mean 'balanced'"),
+        ({"physics": "worm"}, "physics must be one of .*, got 'worm'"),
+        ({"physics": ""}, "physics must be one of .*, got ''"),
         ({"randomisation": 5}, "randomisation must be a RandomisationConfig or one of .* got 5"),
+        ({"randomisation": "defualt"}, "randomisation must be one of .* did you mean 'default'"),
+        (
+            {
+                "task": replace(TARGET, observation=SENSELESS),
+                "randomisation": RandomisationConfig(sensor_noise=0.2),
+            },
+            r"sensor_noise is 0\.2; it must be 0 in the task 'target'",
+        ),
         ({"controller": 5}, "controller must be a Controller or the name of one, got 5"),
+        ({"controller": "cpq"}, "controller must be one of .* did you mean 'cpg'"),
+        ({"task": "joints", "controller": "cpg"}, "controller must be 'joints' .* got 'cpg'"),
         ({"task": 5}, "task must be a Task, a task function or the name of one, got 5"),
+        ({"task": "targt"}, "task must be one of .* did you mean 'target'"),
+        ({"decision_interval": "2"}, "decision_interval must be a finite number .* got '2'"),
+        ({"decision_interval": 1e308}, "decision_interval must lie within 0 and 10.0"),
+        ({"decision_interval": 0.0203}, "must be a positive multiple of the physics time step"),
+        ({"task": replace(TARGET, time_limit_s=0.005)}, "at least one decision, 0.02 s"),
+        ({"log_gait": "yes"}, "log_gait must be one of False, True, got 'yes'"),
+        ({**WORM, "body": "current"}, r"body must be a worm .* \(worm_crawler, worm_hanger\), got"),
+        ({**WORM, "body": "worm_hanger"}, "mount .* must be one of 'crawling', got 'hanging'"),
+        (
+            {"task": TASKS["worm_crawl"](), "body": replace(CRAWLER, segments=4)},
+            "body must have 10 muscles in the task 'worm_crawl', got 6",
+        ),
+        (
+            {"task": "worm_hang", "body": replace(HANGER, mount="free")},
+            "mount of a worm in a scene must be one of 'crawling', 'hanging', got 'free'",
+        ),
+        (
+            {"task": "worm_hang", "body": replace(HANGER, muscles="one")},
+            "muscles of a worm in a scene must be one of 'pairs', got 'one'",
+        ),
+        ({**WORM, "terrain": "gapped"}, "terrain of a worm must be one of 'flat'"),
+        ({**WORM, "controller": "hybrid"}, "controller of a worm must be None, got 'hybrid'"),
+        ({**WORM, "randomisation": "default"}, "of a worm must be of sensor_noise alone, got"),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(settings, message):
+    with pytest.raises(ValueError, match=message):
+        EnvConfig(**settings)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"terain": "flat"}, "unexpected keyword argument 'terain'; did you mean 'terrain'"),
+        ({"render_mod": "rgb_array"}, "argument 'render_mod'; did you mean 'render_mode'"),
         ({"distnce": (3, 30)}, "unexpected keyword argument 'distnce'; did you mean 'distance'"),
         ({"distance": (30, 3)}, r"task\.distance must be \(least, greatest\), got \(30"),
         ({"distance": 5}, r"task\.distance must be a tuple, got 5"),
         ({"reach": 6}, r"task\.reach must be below the least task\.distance, 5\.0, got 6\.0"),
         ({"without": ["tlit"]}, r"task\.without must be one of .* did you mean 'tilt'"),
-        ({"decision_interval": "2"}, "decision_interval must be a finite number .* got '2'"),
-        ({"decision_interval": 1e308}, "decision_interval must lie within 0 and 10.0"),
-        ({"task": "hybrid_turning", "decision_interval": 1e6}, "decision_interval must lie within"),
-        ({"log_gait": "yes"}, "log_gait must be one of False, True, got 'yes'"),
-        ({"terain": "flat"}, "unexpected keyword argument 'terain'; did you mean 'terrain'"),
+        ({"camera": "topp"}, "camera must be one of .* did you mean 'top'"),
+        ({"overlay": ["forcs"]}, "overlay must be one of .* did you mean 'forces'"),
+        ({"overlay": ["clock"]}, "overlay must be one of 'target', 'leg_colours', 'trace'"),
+        ({"overlay": "forces"}, "overlay must be an Overlay, or a list of target"),
+        ({"width": 0}, "width must be a whole number from 1 to 4096"),
+        ({"camra": "top"}, "did you mean 'camera'"),
     ],
 )
 def test_a_keyword_that_is_not_allowed_is_named(arguments, message):
     for make in (gymnasium.make, gymnasium.make_vec):
         with pytest.raises(ValueError, match=message):
             make("flyrl/Target-v0", **arguments)
+    with pytest.raises(ValueError, match=message):
+        FlyrlVecEnv(**arguments)
 
 
-@pytest.mark.parametrize("num_envs", [1.5, "2", True, 0, 10**9])
-def test_a_number_of_environments_that_is_not_allowed_is_named(num_envs):
-    with pytest.raises(ValueError, match="num_envs must be a whole number from 1 to 100000, got"):
-        gymnasium.make_vec("flyrl/Target-v0", num_envs=num_envs)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        *(
+            ({"num_envs": number}, "num_envs must be a whole number from 1 to 100000, got")
+            for number in (1.5, "2", True, 0, 10**9)
+        ),
+        ({"num_threads": 100_000}, "num_threads must be a whole number from 0 to 1024"),
+        ({"num_thread": 1}, "argument 'num_thread'; did you mean 'num_threads'"),
+        ({"render_mode": "human"}, "render_mode is 'human'; it must be None or 'rgb_array'"),
+        ({"max_episode_steps": 0}, "max_episode_steps must be a whole number from 1"),
+    ],
+)
+def test_a_size_that_is_not_allowed_is_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        gymnasium.make_vec("flyrl/Target-v0", **arguments)
 
 
-def test_too_many_threads_are_refused():
-    with pytest.raises(ValueError, match="num_threads must be a whole number from 0 to 1024"):
-        gymnasium.make_vec("flyrl/Target-v0", num_envs=1, num_threads=100_000)
-
-
-def test_a_misspelt_keyword_of_the_vector_environment_is_named():
-    with pytest.raises(ValueError, match="argument 'num_thread'; did you mean 'num_threads'"):
-        gymnasium.make_vec("flyrl/Target-v0", num_thread=1)
+@pytest.fixture(scope="module")
+def envs():
+    """Single environments by task."""
+    settings = {"terrain": "random_blocks", "randomisation": "default"}
+    return {
+        "target": gymnasium.make("flyrl/Target-v0", **settings),
+        "velocity": gymnasium.make("flyrl/Velocity-v0"),
+        "worm_hang": gymnasium.make("flyrl/WormHang-v0"),
+    }
 
 
 @pytest.mark.parametrize("seed", ["abc", 1.5, True, -1, 2**32])
-def test_a_seed_that_is_not_allowed_is_named(seed):
-    for env in (
-        gymnasium.make("flyrl/Target-v0").unwrapped,
-        gymnasium.make_vec("flyrl/Target-v0", num_envs=3, num_threads=1),
-    ):
+def test_a_seed_that_is_not_allowed_is_named(envs, seed):
+    many = gymnasium.make_vec("flyrl/Target-v0", num_envs=3, num_threads=1)
+    for env in (envs["target"].unwrapped, many):
         with pytest.raises(ValueError, match="seed must be an integer from 0"):
             env.reset(seed=seed)
-
-
-def test_a_seed_of_the_environment_of_sb3_is_named():
     with pytest.raises(ValueError, match="seed must be an integer from 0"):
-        FlyrlVecEnv(EnvConfig(), 1, seed="abc")
+        FlyrlVecEnv(EnvConfig(), 1, seed=seed)
 
 
-def test_options_that_are_no_mapping_are_refused():
-    with pytest.raises(ValueError, match="options must be a mapping or None, got 5"):
-        gymnasium.make("flyrl/Target-v0").unwrapped.reset(options=5)
+@pytest.mark.parametrize(
+    ("task", "options", "message"),
+    [
+        ("target", 5, "options must be a mapping or None, got 5"),
+        ("target", {"init_phases": [0, 1]}, "6 finite numbers"),
+        ("target", {"init_magnitudes": [-1] * 6}, r"init_magnitudes\[0\] must be .* to 100, got"),
+        ("target", {"spawn_yaw": float("nan")}, "spawn_yaw must be a finite number .*, got nan"),
+        ("target", {"spawn_yaw": "north"}, "spawn_yaw must be a finite number .*, got 'north'"),
+        ("target", {"spawn_position": [0, 0, -1]}, "spawn_position must lie on the ground"),
+        ("target", {"spawn_position": [500, 0, 1]}, "must lie on .* with x from "),
+        ("target", {"goal": [1e308, 0]}, r"goal\[0\] must be .*, got 1e\+308"),
+        ("target", {"goall": [1, 0]}, "has no 'goall'; did you mean 'goal'"),
+        ("target", {"goal": [1, 2, 3]}, "'goal' must be 2 finite numbers"),
+        ("target", {"command": [1]}, "'command' must be 0 finite numbers"),
+        ("target", {"phases": [0] * 6}, "init_phases"),
+        ("target", {"episode": 3}, "'episode' must be an Episode; got 3"),
+        *(
+            ("target", {"ground": ground}, "ground must be a whole number from 0")
+            for ground in (-1, 1.5, True, "rough", 2**63)
+        ),
+        ("target", {"randomisation": {"frictoin": 1.0}}, "did you mean 'friction'"),
+        ("target", {"randomisation": {"mass": 0.0}}, r"mass must be .* from 0\.01 to 100, got 0"),
+        ("target", {"randomisation": 0.5}, "'randomisation' must be a dict of numbers by name"),
+        (
+            "target",
+            {"randomisation": {"drive_latency": 0.03}},
+            r"drive_latency is 0\.03 s; .* at most 0\.02 s",
+        ),
+        ("velocity", {"command": [10, np.inf] * 4}, "'command' must be 8 finite numbers"),
+        ("velocity", {"ground": 3}, r"ground of the episode is 3; .*terrain\.random is false"),
+        ("worm_hang", {"init_phases": [1] * 6}, "init_phases of an episode of a worm must be"),
+        ("worm_hang", {"pushes": [1.0, 5.0]}, "'pushes' must be 0 finite numbers"),
+        ("worm_hang", {"ground": 3}, "ground of an episode of a worm must be None, got 3"),
+        ("worm_hang", {"randomisation": {"mass": 2.0}}, "of a worm must be of its senses alone"),
+        ("worm_hang", {"joint_angles": [0.1]}, "'joint_angles' must be 4 finite numbers"),
+        ("worm_hang", {"spawn_position": [1.0, 0, 0]}, "spawn_position of a hanging worm must be"),
+        ("worm_hang", {"spawn_yaw": 0.5}, "spawn_yaw of a hanging worm must be 0, got 0.5"),
+    ],
+)
+def test_options_that_are_not_allowed_are_named(envs, task, options, message):
+    with pytest.raises(ValueError, match=message):
+        envs[task].unwrapped.reset(seed=0, options=options)
+
+
+def test_a_fly_has_no_angles_of_a_worm():
+    env = BatchedEnv(EnvConfig(physics="fast"))
+    episode = replace(env.config.sample_episode(0), joint_angles=(0.1,))
+    with pytest.raises(ValueError, match=r"joint_angles of an episode of a fly must be \(\), got"):
+        env.reset(episodes=[episode])
+
+
+@pytest.mark.parametrize(
+    ("task", "action", "message"),
+    [
+        ("target", np.ones((2, 3)), r"action has shape \(2, 3\); it must be \(2, 2\)"),
+        ("target", np.ones(2), r"action has shape \(2,\); it must be \(2, 2\)"),
+        ("target", np.full((2, 2), np.nan), "action must be finite; got nan"),
+        ("worm_crawl", np.full((2, 10), 0.5), "action must be whole numbers, got 0.5"),
+        ("worm_crawl_box", np.full((2, 10), np.inf), "action must be finite; got inf"),
+    ],
+)
+def test_bad_actions_are_refused_and_move_nothing(task, action, message):
+    env = BatchedEnv(EnvConfig(task), 2)
+    env.reset(seeds=[0, 1])
+    before = env.batch.integration_state()
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+    np.testing.assert_array_equal(env.batch.integration_state(), before)

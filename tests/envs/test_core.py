@@ -1,19 +1,22 @@
+"""The batched environment: bits, ends of episodes, goals, means and pushes."""
+
 import dataclasses
-from dataclasses import replace
+import functools
 
 import numpy as np
 import pytest
 
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
-from flyrl.controllers import Hybrid
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.task_batch import Transition
 from flyrl.policies import OpenLoop
 from flyrl.simulation.physics import PhysicsConfig
+from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import (
     TASKS,
     Episode,
     MeanTerm,
+    Neurons,
     ObservationTerm,
     RewardTerm,
     Task,
@@ -27,27 +30,72 @@ STIFF = SurfaceContact(solref=(-1e5, -2e3))
 FAST = PhysicsConfig(timestep=5e-4, contact=ContactConfig(plane=STIFF, box=STIFF))
 
 
-def roll_out(env: BatchedEnv, seeds: list[int], decisions: int = 15) -> list[np.ndarray]:
+NOISY = RandomisationConfig(sensor_noise=0.1)
+CONFIGS = {
+    "target": EnvConfig(physics=FAST, terrain="mixed"),
+    "velocity": EnvConfig("velocity", physics=FAST, terrain="mixed"),
+    "random": EnvConfig(physics="fast", terrain="random_mixed", randomisation="default"),
+    "joints": EnvConfig("joints_box", physics="fast", decision_interval=0.02),
+    "worm_crawl": EnvConfig("worm_crawl", randomisation=NOISY),
+    "worm_hang_box": EnvConfig("worm_hang_box", randomisation=NOISY),
+}
+EVERY_CONFIG = pytest.mark.parametrize("name", CONFIGS)
+
+
+def decide(env: BatchedEnv, seeds: list[int], decision: int) -> np.ndarray:
+    """What a decision leads to, where each simulation does what its seed says, (n, size)."""
+    actions = env.task.actions
+    high = np.array(actions.pools) if isinstance(actions, Neurons) else actions.bounds[1]
+    rngs = [np.random.default_rng([seed, decision]) for seed in seeds]
+    if isinstance(actions, Neurons) and actions.is_integer:
+        drawn = [rng.integers(0, high) for rng in rngs]
+    else:
+        drawn = [rng.uniform(-1, 1, actions.size) for rng in rngs]
+    transition = env.step(np.array(drawn))
+    shown = transition.observation
+    parts = [*shown.values()] if isinstance(shown, dict) else [shown]
+    parts += [transition.reward, env.state.position_w]
+    return np.concatenate([part.reshape(len(seeds), -1) for part in parts], axis=1)
+
+
+def roll_out(env: BatchedEnv, seeds: list[int], decisions: int = 8) -> np.ndarray:
+    """What decisions lead to, (decisions, n, size); simulations start anew one after the other."""
     env.reset(seeds=list(seeds))
-    observations = []
+    rows = []
     for decision in range(decisions):
-        actions = np.array(
-            [np.random.default_rng([seed, decision]).uniform(-1, 1, 2) for seed in seeds]
-        )
-        observations.append(np.asarray(env.step(actions).observation))
-    return observations
+        rows.append(decide(env, seeds, decision))
+        if anew := [i for i, seed in enumerate(seeds) if decision == 2 + seed % 4]:
+            env.reset(ids=anew)
+    return np.array(rows)
 
 
-@pytest.mark.parametrize(
-    ("task", "num_threads"), [("target", 1), ("target", 2), ("target", 3), ("velocity", 2)]
-)
-def test_a_batch_gives_the_bits_of_single_environments(task: str, num_threads: int) -> None:
-    config = EnvConfig(task=task, physics=FAST, terrain="mixed")
-    many = roll_out(BatchedEnv(config, 4, num_threads), [11, 12, 13, 14])
-    single = BatchedEnv(config, 1, 1)
-    for i, seed in enumerate([11, 12, 13, 14]):
-        for batched, alone in zip(many, roll_out(single, [seed]), strict=True):
-            np.testing.assert_array_equal(batched[i], alone[0])
+@functools.cache
+def alone(name: str) -> list[np.ndarray]:
+    """Roll-outs of single environments, with the seeds 11, 12 and 13."""
+    single = BatchedEnv(CONFIGS[name], 1, 1)
+    return [roll_out(single, [seed])[:, 0] for seed in (11, 12, 13)]
+
+
+@pytest.mark.parametrize("num_threads", [1, 3])
+@EVERY_CONFIG
+def test_a_batch_gives_the_bits_of_single_environments(name: str, num_threads: int) -> None:
+    many = roll_out(BatchedEnv(CONFIGS[name], 3, num_threads), [11, 12, 13])
+    np.testing.assert_array_equal(many.swapaxes(0, 1), alone(name))
+
+
+@EVERY_CONFIG
+def test_a_restored_environment_goes_on_with_the_same_bits(name: str) -> None:
+    """Into one in which others walked, with new episodes after it."""
+    env, twin = (BatchedEnv(CONFIGS[name], 2, num_threads) for num_threads in (2, 1))
+    roll_out(env, [3, 4], 4)
+    twin.reset(seeds=[8, 9])
+    twin.restore(env.snapshot())
+    assert twin.episodes == env.episodes
+    for decision in range(4):
+        ours, theirs = (decide(each, [5, 6], decision) for each in (env, twin))
+        np.testing.assert_array_equal(ours, theirs)
+        if decision == 2:
+            np.testing.assert_equal(env.reset(ids=[1]), twin.reset(ids=[1]))
 
 
 FLY_TASKS = [name for name, task in TASKS.items() if not task.worm]
@@ -81,19 +129,6 @@ def test_the_drive_steers() -> None:
     assert turning < still - 45
 
 
-def test_time_limit_truncates_after_three_seconds() -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST), 1)
-    env.reset(seeds=[0])
-    still = env.task.actions.of(np.zeros((1, 2)))
-    for _ in range(149):
-        assert not env.step(still).done.any()
-    last = env.step(still)
-    assert last.truncated.tolist() == [True]
-    assert last.terminated.tolist() == [False]
-    assert last.outcome.tolist() == ["timeout"]
-    assert env.state.time[0] == pytest.approx(3.0)
-
-
 def walk_to(goal: tuple[float, float]) -> Episode:
     return Episode(0, (0.0, 0.0, 0.5), 0.0, goal, (0.0, np.pi, 0.0, np.pi, 0.0, np.pi), (1.0,) * 6)
 
@@ -112,36 +147,49 @@ def test_reaching_the_target_ends_in_success_with_its_bonus() -> None:
     assert transition.reward[0] > 2.0
 
 
-def test_a_fly_on_its_back_ends_in_a_fall() -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST), 2)
-    env.reset(seeds=[0, 1])
-    env.flies._qpos[1, 3:7] = [0, 1, 0, 0]
-    transition = env.step(np.zeros((2, 2)))
-    assert transition.outcome.tolist() == ["running", "fall"]
-    assert transition.reward[1] < -0.5 * 2.9
+def fail(env: BatchedEnv) -> Transition:
+    """Let the first three flies fall, diverge and leave the arena, in one decision of all."""
+    env.flies._qpos[0, 3:7] = [0, 1, 0, 0]
+    env.flies._qvel[1, 20] = 1e13
+    env.flies._qpos[2, 1] = 500.0
+    return env.step(np.zeros((env.num_envs, 2)))
 
 
-def test_leaving_the_terrain_ends_the_episode() -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST, terrain="blocks"), 2)
-    env.reset(seeds=[0, 1])
-    env.flies._qpos[0, 1] = 25.0
-    assert env.step(np.zeros((2, 2))).outcome.tolist() == ["left_arena", "running"]
+def test_a_failure_ends_an_episode_and_costs_the_time_left() -> None:
+    env = BatchedEnv(EnvConfig(physics=FAST, terrain="blocks"), 4)
+    env.reset(seeds=[0, 1, 2, 3])
+    transition = fail(env)
+    assert transition.outcome.tolist() == ["fall", "unstable", "left_arena", "running"]
+    assert transition.terminated.tolist() == [True, True, True, False]
+    assert transition.reward[0] < -0.5 * 2.9
 
 
-def test_a_divergence_ends_its_own_episode_alone() -> None:
-    env, twin = (BatchedEnv(EnvConfig(physics=FAST), 3) for _ in range(2))
+@pytest.mark.parametrize(("task", "dof"), [("target", 20), ("worm_crawl", 5)])
+def test_a_divergence_ends_its_own_episode_alone(task: str, dof: int) -> None:
+    env, twin = (BatchedEnv(EnvConfig(task), 3) for _ in range(2))
+    actions = np.ones((3, env.task.actions.size))
     for each in (env, twin):
         each.reset(seeds=[0, 1, 2])
-        each.step(np.ones((3, 2)))
-    env.flies._qvel[1, 20] = 1e13
-    transition, expected = env.step(np.ones((3, 2))), twin.step(np.ones((3, 2)))
+        each.step(actions)
+    env.batch._qvel[1, dof] = 1e13
+    transition, expected = env.step(actions), twin.step(actions)
     assert transition.outcome.tolist() == ["running", "unstable", "running"]
     assert transition.terminated.tolist() == [False, True, False]
     assert np.isfinite(transition.observation).all()
+    assert np.isfinite(transition.reward).all()
     np.testing.assert_array_equal(transition.observation[[0, 2]], expected.observation[[0, 2]])
     env.reset(ids=[1])
-    after = env.step(np.ones((3, 2)))
-    assert after.outcome.tolist() == ["running"] * 3
+    assert env.step(actions).outcome.tolist() == ["running"] * 3
+
+
+@pytest.mark.parametrize("task", ["target", "worm_crawl"])
+def test_steps_of_some_leave_the_others_where_they_are(task: str) -> None:
+    env = BatchedEnv(EnvConfig(task), 3)
+    env.reset(seeds=[0, 1, 2])
+    before, interval = env.state, env.config.decision_interval_s
+    env.step(np.ones((3, env.task.actions.size)), ids=np.array([0, 2]))
+    np.testing.assert_allclose(env.state.time, [interval, 0.0, interval])
+    np.testing.assert_array_equal(env.state.joint_angles[1], before.joint_angles[1])
 
 
 def test_a_divergence_costs_as_much_as_standing_still_to_the_end() -> None:
@@ -159,42 +207,6 @@ def test_a_divergence_costs_as_much_as_standing_still_to_the_end() -> None:
     time_spent = -0.5 * 3.0
     assert returns[1] == pytest.approx(time_spent, abs=0.05)
     assert returns[1] <= waiting + 0.05
-
-
-def test_steps_of_some_leave_the_others_where_they_are() -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST), 3)
-    env.reset(seeds=[0, 1, 2])
-    env.step(np.ones((3, 2)), ids=np.array([0, 2]))
-    np.testing.assert_allclose(env.state.time, [0.02, 0.0, 0.02])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        ({"task": "targt"}, "target"),
-        ({"terrain": "sand"}, "gapped"),
-        ({"body": "worm"}, "classic"),
-        ({"controller": "cpq"}, "cpg"),
-        ({"physics": "balancd"}, "balanced"),
-        ({"decision_interval": 0.0203}, "multiple"),
-        ({"task": replace(TASKS["target"](), time_limit_s=0.005)}, "at least one decision, 0.02 s"),
-        ({"body": "classic", "controller": Hybrid("untethered")}, "tethered"),
-    ],
-)
-def test_bad_settings_are_refused_by_name(arguments: dict[str, object], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        EnvConfig(**arguments)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("action", "message"),
-    [(np.ones((2, 3)), "shape"), (np.ones(2), "shape"), (np.full((2, 2), np.nan), "finite")],
-)
-def test_bad_actions_are_refused(action: np.ndarray, message: str) -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST), 2)
-    env.reset(seeds=[0, 1])
-    with pytest.raises(ValueError, match=message):
-        env.step(action)
 
 
 def target_with(**tables: tuple[object, ...]) -> Task:
@@ -217,32 +229,20 @@ def test_a_running_mean_starts_at_0_and_forgets_exponentially() -> None:
     np.testing.assert_allclose(env.task_state().means["twos"], [expected[0], [0.0]])
 
 
-def test_a_restored_environment_goes_on_with_the_same_bits() -> None:
-    env = BatchedEnv(EnvConfig(task="velocity", physics=FAST), 2, num_threads=2)
-    roll_out(env, [3, 4])
-    snapshot = env.snapshot()
-    twin = BatchedEnv(EnvConfig(task="velocity", physics=FAST), 2, num_threads=1)
-    twin.restore(snapshot)
-    for _ in range(5):
-        ours, theirs = (each.step(np.full((2, 2), 0.3)) for each in (env, twin))
-        np.testing.assert_array_equal(ours.observation, theirs.observation)
-        np.testing.assert_array_equal(ours.reward, theirs.reward)
-
-
-@pytest.mark.parametrize("width", [(), (2,)])
-def test_a_term_of_the_wrong_shape_is_refused_by_name(width: tuple[int, ...]) -> None:
-    wrong = ObservationTerm(
-        "height", (1,), 0.0, 1.0, lambda state: np.zeros((len(state.fly.time), *width)), ""
-    )
-    env = BatchedEnv(EnvConfig(task=target_with(observation=(wrong,)), physics=FAST), 3)
-    with pytest.raises(ValueError, match=r"'height' must give an array of shape \('n', 1\)"):
-        env.reset(seeds=[0, 1, 2])
-
-
-def test_a_reward_of_the_wrong_shape_is_refused_before_the_first_step() -> None:
-    wrong = RewardTerm("bonus", 1.0, lambda state: np.zeros((len(state.fly.time), 1)), "")
-    env = BatchedEnv(EnvConfig(task=target_with(reward=(wrong,)), physics=FAST), 3)
-    with pytest.raises(ValueError, match="'bonus' must give an array of shape"):
+@pytest.mark.parametrize(
+    ("table", "kind", "arguments", "shape"),
+    [
+        ("observation", ObservationTerm, ((1,), 0.0, 1.0), ()),
+        ("observation", ObservationTerm, ((1,), 0.0, 1.0), (2,)),
+        ("reward", RewardTerm, (1.0,), (1,)),
+    ],
+)
+def test_a_term_of_the_wrong_shape_is_refused_before_the_first_step(
+    table: str, kind: type, arguments: tuple, shape: tuple[int, ...]
+) -> None:
+    wrong = kind("x", *arguments, lambda state: np.zeros((len(state.fly.time), *shape)), "")
+    env = BatchedEnv(EnvConfig(task=target_with(**{table: (wrong,)}), physics=FAST), 3)
+    with pytest.raises(ValueError, match=r"'x' must give an array of shape \('n',.*for 3"):
         env.reset(seeds=[0, 1, 2])
 
 
@@ -255,21 +255,6 @@ def test_a_termination_of_a_users_own_gives_its_whole_name() -> None:
     assert last.outcome.tolist() == ["walked_for_long_enough"]
     assert last.terminated.tolist() == [True]
     assert last.is_success.tolist() == [False]
-
-
-def test_the_mean_velocity_is_that_of_the_way_walked() -> None:
-    """A steady walk: the mean over a stride is the speed over many."""
-    env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 1)
-    env.reset(seeds=[0])
-    straight = env.task.actions.of(np.ones((1, 2)))
-    for _ in range(25):
-        env.step(straight)
-    start = env.state.position_w[0, :2]
-    for _ in range(50):
-        speed = 20 * env.step(straight).observation[0, env.task.slices()["mean_velocity"]][0]
-    walked = np.linalg.norm(env.state.position_w[0, :2] - start)
-    assert walked > 9
-    assert speed == pytest.approx(walked, abs=2.0)
 
 
 def test_commands_can_be_followed_and_standing_still_does_not_follow_them() -> None:
@@ -298,8 +283,13 @@ def test_a_push_from_the_left_at_the_abdomen_turns_the_fly_to_the_left() -> None
     for _ in range(25):
         env.step(walk)
     np.testing.assert_array_equal(env.state.yaw, env.state.yaw[[1, 1, 1]])
-    for _ in range(15):
-        env.step(walk)
+    twin = BatchedEnv(env.config, 3)
+    for step in range(15):
+        shown = env.step(walk).observation
+        if step == 4:  # during the pushes
+            twin.restore(env.snapshot())
+        elif step > 4:
+            np.testing.assert_array_equal(twin.step(walk).observation, shown)
     left, straight, right = np.rad2deg(env.state.yaw)
     assert 10 < left - straight < 60
     assert 10 < straight - right < 60
@@ -321,15 +311,13 @@ def test_a_push_has_the_same_impulse_whatever_the_decision_interval(interval: fl
     assert (env.flies._outer_forces == 0).all()
 
 
-def test_an_environment_restored_during_a_push_goes_on_with_the_same_bits() -> None:
-    env, twin = (BatchedEnv(EnvConfig(task="heading", physics="fast"), 1) for _ in range(2))
-    env.reset(episodes=[pushed(0.05, 8.0)])
-    for _ in range(8):
-        env.step(np.zeros((1, 2)))
-    twin.restore(env.snapshot())
-    for _ in range(8):
-        ours, theirs = (each.step(np.zeros((1, 2))) for each in (env, twin))
-        np.testing.assert_array_equal(ours.observation, theirs.observation)
+def check_goals(env: BatchedEnv, transition: Transition) -> None:
+    """Rewards and ends are those that follow from the goals observed, to the bit."""
+    assert isinstance(transition.observation, dict)
+    goals = (transition.observation[name] for name in ("achieved_goal", "desired_goal"))
+    given = (env.task, *goals, env.failure_info())
+    np.testing.assert_array_equal(transition.reward, compute_reward(*given))
+    np.testing.assert_array_equal(transition.terminated, compute_terminated(*given))
 
 
 def test_rewards_and_ends_are_those_of_the_goals_observed() -> None:
@@ -338,27 +326,11 @@ def test_rewards_and_ends_are_those_of_the_goals_observed() -> None:
     straight = env.task.actions.of(np.ones((2, 2)))
     for _ in range(60):
         transition = env.step(straight)
-        goals = (transition.observation[name] for name in ("achieved_goal", "desired_goal"))
-        achieved, desired = goals
-        info = env.failure_info()
-        np.testing.assert_array_equal(
-            transition.reward, compute_reward(env.task, achieved, desired, info)
-        )
-        np.testing.assert_array_equal(
-            transition.terminated, compute_terminated(env.task, achieved, desired, info)
-        )
+        check_goals(env, transition)
         if transition.done[0]:
             break
     assert transition.outcome.tolist() == ["success", "running"]
     assert transition.reward.tolist() == [0.0, -1.0]
-
-
-def fail(env: BatchedEnv) -> Transition:
-    """Let the first three flies fall, diverge and leave the arena, in one decision of all."""
-    env.flies._qpos[0, 3:7] = [0, 1, 0, 0]
-    env.flies._qvel[1, 20] = 1e13
-    env.flies._qpos[2, 1] = 500.0
-    return env.step(np.zeros((env.num_envs, 2)))
 
 
 @pytest.mark.parametrize("interval", [0.02, 0.05])
@@ -395,10 +367,7 @@ def test_a_failure_at_the_time_limit_terminates() -> None:
     assert transition.terminated.tolist() == [True, True, True, False]
     assert transition.truncated.tolist() == [False, False, False, True]
     assert transition.reward.tolist() == 4 * [-1]
-    assert isinstance(transition.observation, dict)
-    achieved, desired = (transition.observation[f"{name}_goal"] for name in ("achieved", "desired"))
-    ends = compute_terminated(env.task, achieved, desired, env.failure_info())
-    assert ends.tolist() == transition.terminated.tolist()
+    check_goals(env, transition)
 
 
 @pytest.mark.parametrize("is_reached", [False, True])
@@ -406,19 +375,7 @@ def test_what_fails_is_rewarded_as_its_goals_and_info_tell(is_reached: bool) -> 
     task = extended(TASKS["target_goal"](), {}, {"distance": -0.1})
     env = BatchedEnv(EnvConfig(task, physics=FAST), 4)
     env.reset(episodes=4 * [walk_to((0.0, 0.0) if is_reached else (8.0, 3.0))])
-    transition = fail(env)
-    assert isinstance(transition.observation, dict)
-    achieved, desired = (transition.observation[f"{name}_goal"] for name in ("achieved", "desired"))
-    info = env.failure_info()
-    np.testing.assert_array_equal(transition.reward, compute_reward(task, achieved, desired, info))
-    ends = compute_terminated(task, achieved, desired, info)
-    assert ends.tolist() == transition.terminated.tolist()
-
-
-def test_a_task_without_goals_tells_nothing_besides() -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST), 1)
-    env.reset(seeds=[0])
-    assert env.failure_info() == {}
+    check_goals(env, fail(env))
 
 
 def test_episodes_are_drawn_at_the_difficulty_of_the_batch() -> None:

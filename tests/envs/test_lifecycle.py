@@ -102,14 +102,6 @@ def test_a_closed_environment_does_nothing_more(make):
             call()
 
 
-@pytest.mark.parametrize("make", [FlyrlEnv, FlyrlVectorEnv, FlyrlVecEnv])
-def test_an_unknown_keyword_names_the_closest_one(make):
-    with pytest.raises(ValueError, match="argument 'terain'; did you mean 'terrain'"):
-        make(terain="flat")
-    with pytest.raises(ValueError, match="argument 'render_mod'; did you mean 'render_mode'"):
-        make(render_mod="rgb_array")
-
-
 def test_keywords_of_an_sb3_vec_env_are_settings():
     env = FlyrlVecEnv(EnvConfig("velocity"), terrain="gapped")
     assert (env.core.task.name, env.config.scene.terrain.name) == ("velocity", "gapped")

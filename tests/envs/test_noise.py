@@ -1,12 +1,9 @@
-import dataclasses
-
 import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.task_batch import SensorNoise
 from flyrl.simulation.randomisation import RandomisationConfig
-from flyrl.tasks import TASKS, Task
 
 NOISY = RandomisationConfig(sensor_noise=0.2)
 SPREADS = {"velocity": 0.4, "heading_rate": 0.5, "tilt": 0.05}
@@ -68,19 +65,6 @@ def test_noisy_values_keep_to_their_bounds() -> None:
     assert np.abs(observation).max() <= 5.0
     assert np.abs(tilt).max() <= 1.0
     assert np.abs(observation[3:8]).max() == 5.0
-
-
-def unsensed(task: Task) -> Task:
-
-    terms = tuple(dataclasses.replace(term, spread=0.0) for term in task.observation)
-    return dataclasses.replace(task, observation=terms)
-
-
-def test_noise_on_nothing_is_refused() -> None:
-    with pytest.raises(
-        ValueError, match=r"sensor_noise is 0\.2; it must be 0 in the task 'target'"
-    ):
-        EnvConfig(unsensed(TASKS["target"]()), randomisation=NOISY)
 
 
 def test_without_noise_no_generator_is_made() -> None:

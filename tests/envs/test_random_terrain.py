@@ -84,19 +84,6 @@ def test_no_box_sits_where_mujoco_would_ignore_its_position(name: str) -> None:
     assert not (at_origin & is_box).any()
 
 
-def test_a_batch_gives_the_bits_of_single_environments() -> None:
-    config = EnvConfig(terrain="random_mixed")
-    env, single = BatchedEnv(config, 3, 2), BatchedEnv(config, 1, 1)
-    env.reset(seeds=[5, 6, 7])
-    env.reset(ids=[0])
-    env.reset(ids=[1, 2])
-    together = walk(env, 3)
-    for sim in range(3):
-        single.reset(seeds=[5 + sim])
-        single.reset()
-        np.testing.assert_array_equal(together[sim], walk(single, 3, DRIVES[sim : sim + 1])[0])
-
-
 def test_what_else_is_drawn_is_what_fixed_ground_gets() -> None:
     episodes = []
     for name in ("mixed", "random_mixed"):
@@ -132,23 +119,12 @@ def test_no_fly_starts_in_the_ground(name: str) -> None:
         assert data.ncon == 0
 
 
-def test_a_snapshot_brings_its_grounds_along() -> None:
-    config = EnvConfig(terrain="random_blocks")
-    env, other = (BatchedEnv(config, 3, 1) for _ in range(2))
-    env.reset(seeds=[5, 6, 7], ids=[0, 1, 2])
-    walk(env, 4)
-    other.restore(env.snapshot())
-    np.testing.assert_array_equal(walk(other, 4), walk(env, 4))
-    for each in (env, other):
-        each.reset()
-    np.testing.assert_array_equal(walk(other, 1), walk(env, 1))
-
-
 def test_a_snapshot_before_the_first_reset() -> None:
     env = BatchedEnv(EnvConfig(terrain="random_gapped"), 2, 1)
     env.reset(seeds=[1], ids=[1])
     env.restore(env.snapshot())
-    assert env.grounds().tolist() == [-1, 2**32 + 1]
+    assert env.episodes[0] is None
+    assert env.episodes[1].ground_seed == 2**32 + 1
 
 
 def test_reset_tells_the_ground_and_takes_one() -> None:
@@ -163,29 +139,6 @@ def test_reset_tells_the_ground_and_takes_one() -> None:
     *_, info = env.step(np.zeros(2, dtype=np.float32))
     assert info["ground"] == 8
     assert "ground" not in gymnasium.make("flyrl/Target-v0").reset(seed=3)[1]
-
-
-def test_many_environments_tell_their_grounds() -> None:
-    envs = gymnasium.make_vec("flyrl/Target-v0", num_envs=2, terrain="random_blocks")
-    _, info = envs.reset(seed=[5, 9])
-    assert info["ground"].tolist() == [2**32 + 5, 2**32 + 9]
-    assert info["_ground"].tolist() == [True, True]
-
-
-@pytest.mark.parametrize("ground", [-1, 1.5, True, "rough", 2**63])
-def test_a_ground_that_is_no_seed_is_refused(ground: object) -> None:
-    env = gymnasium.make("flyrl/Target-v0", terrain="random_blocks")
-    with pytest.raises(ValueError, match="'ground' must be an integer from 0"):
-        env.reset(options={"ground": ground})
-
-
-def test_fixed_ground_is_not_replaced() -> None:
-    env = gymnasium.make("flyrl/Target-v0", terrain="blocks")
-    with pytest.raises(ValueError, match=r"ground of the episode is 3; .*terrain\.random is false"):
-        env.reset(seed=0, options={"ground": 3})
-    flies = env.unwrapped.core.flies
-    with pytest.raises(ValueError, match=r"terrain\.random must be true"):
-        flies.set_ground(np.array([0]), [TERRAINS["blocks"].draw(0)])
 
 
 def test_a_picture_shows_the_simulations_own_ground() -> None:

@@ -85,19 +85,3 @@ def test_sb3s_environments_take_them_too():
     except RenderingUnavailableError as error:
         pytest.skip(str(error))
     assert image.shape == (120, 160, 3)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"camera": "topp"}, "camera must be one of .* did you mean 'top'"),
-        ({"overlay": ["forcs"]}, "overlay must be one of .* did you mean 'forces'"),
-        ({"overlay": ["clock"]}, "overlay must be one of 'target', 'leg_colours', 'trace'"),
-        ({"overlay": "forces"}, "overlay must be an Overlay, or a list of target"),
-        ({"width": 0}, "width must be a whole number from 1 to 4096"),
-        ({"camra": "top"}, "did you mean 'camera'"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused_when_the_environment_is_made(given, message):
-    with pytest.raises(ValueError, match=message):
-        gymnasium.make("flyrl/Target-v0", **given)

@@ -26,12 +26,6 @@ def test_a_dict_becomes_the_vector_that_gymnasium_makes_of_it():
     assert flat.task.slices()["joints"] == slice(141, 267)  # the last of 267 values
 
 
-def test_the_environment_keeps_its_dict():
-    assert isinstance(
-        gymnasium.make("flyrl/HybridTurning-v0").observation_space, gymnasium.spaces.Dict
-    )
-
-
 def test_a_policy_takes_the_dict_of_one_fly_and_of_many():
     layout = {term.name: term.size for term in observation_layout(TASKS["hybrid_turning"]())}
     env = BatchedEnv(EnvConfig("hybrid_turning", physics="fast"), 3, 1)

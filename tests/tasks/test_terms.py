@@ -78,11 +78,6 @@ def test_a_target_to_the_left_has_a_positive_sine() -> None:
     np.testing.assert_allclose(terms.target_distance(state), [[5 / 15]])
 
 
-def test_target_direction_turns_with_the_fly() -> None:
-    state = task_state(fly_state(rotation_w=turned(yaw=np.pi / 2)), goal=[[0, 6]])
-    np.testing.assert_allclose(terms.target_direction_b(state), [[1, 0]], atol=1e-12)
-
-
 def test_velocity_is_in_the_yaw_frame() -> None:
     state = task_state(fly_state(rotation_w=turned(yaw=np.pi / 2), velocity_w=[[10, 20, 3]]))
     np.testing.assert_allclose(terms.velocity_b(state), [[1, -0.5]], atol=1e-12)
@@ -104,22 +99,13 @@ def test_leg_contacts_sum_the_segments_of_a_leg() -> None:
     assert terms.leg_contacts(state).tolist() == [[0, 0, 1, 0, 0, 0]]
 
 
-def test_yaw_pitch_roll_and_their_rates() -> None:
-    """A fly pitched by 60 degrees that spins about the vertical yaws and does nothing else."""
-    rotation = turned(yaw=0.4, pitch=np.pi / 3)
-    state = task_state(fly_state(rotation_w=rotation, angular_velocity_w=[[0, 0, 2.0]]))
-    table = thorax(state)[0]
-    np.testing.assert_allclose(table[2], [0.4, np.pi / 3, 0.0], atol=1e-12)
-    np.testing.assert_allclose(table[3], [2.0, 0.0, 0.0], atol=1e-12)
-
-
-def test_rates_equal_the_finite_differences_of_the_angles() -> None:
+def test_yaw_pitch_roll_and_their_rates_which_are_finite_differences() -> None:
     rates, start, step = np.array([0.7, -0.4, 0.9]), np.array([0.3, 0.5, -0.8]), 1e-6
     now, later = turned(*start)[0], turned(*(start + step * rates))[0]
     spin = (later @ now.T - np.eye(3)) / step
     omega = [spin[2, 1], spin[0, 2], spin[1, 0]]
     state = task_state(fly_state(rotation_w=now[None], angular_velocity_w=[omega]))
-    np.testing.assert_allclose(thorax(state)[0, 3], rates, atol=1e-5)
+    np.testing.assert_allclose(thorax(state)[0, 2:], [start, rates], atol=1e-5)
 
 
 def test_progress_counts_mm_towards_the_target() -> None:
@@ -134,11 +120,6 @@ def test_a_fall_costs_as_much_as_waiting_for_the_time_limit() -> None:
     fallen = task_state(fly_state(rotation_w=turned(roll=np.pi)), goal=[[5, 5]])
     assert time_lost(fallen) == pytest.approx(2.0)
     assert weights["lost_time"] == weights["time"] < 0
-
-
-def test_target_is_reached_within_its_radius_whatever_the_height() -> None:
-    state = task_state(fly_state(2, position_w=[[0.9, 0, 5], [1.1, 0, 0]]), goal=[[0, 0], [0, 0]])
-    assert terms.is_at_target(state, 1.0).tolist() == [True, False]
 
 
 def test_a_fall_is_a_tilt_beyond_75_degrees() -> None:
@@ -194,13 +175,6 @@ def test_perfect_tracking_counts_whole_and_a_deviation_less() -> None:
     )
 
 
-def test_a_fly_is_on_command_within_2_mm_per_s_and_1_rad_per_s() -> None:
-    before, after = fly_state(4, time=[0] * 4), fly_state(4, time=[0.02] * 4)
-    means = {"velocity": [[8.1, 2.4], [11.9, 0.6], [7.9, 1.5], [10, 2.6]]}
-    state = task_state(after, before, command=[[10, 1.5]] * 4, means=means)
-    np.testing.assert_allclose(terms.time_on_command(state, 1.0, (2.0, 1.0)), [0.02, 0.02, 0, 0])
-
-
 def test_the_velocity_over_a_decision_is_way_and_turn_over_time() -> None:
     before = fly_state(rotation_w=turned(yaw=3.1))
     way = 0.3 * np.array([[np.cos(3.1), np.sin(3.1), 0]])
@@ -227,13 +201,3 @@ def test_the_way_forward_is_along_the_heading_before() -> None:
     before = fly_state(rotation_w=turned(yaw=np.pi / 2))
     after = fly_state(position_w=[[1, 2, 0]], rotation_w=turned(yaw=0.0))
     assert terms.forward_way(task_state(after, before)) == pytest.approx(2)
-
-
-def test_distance_to_the_finish_line_is_in_15_mm_and_falls_below_0_beyond_it() -> None:
-    state = task_state(fly_state(2, position_w=((7.0, 3.0, 1.0), (25.0, 0.0, 1.0))))
-    np.testing.assert_allclose(terms.finish_distance(state, 22.0), [[1.0], [-0.2]])
-
-
-def test_the_ground_is_crossed_at_22_mm() -> None:
-    state = task_state(fly_state(2, position_w=[[21.9, 0, 1], [22.1, 5, 1]]))
-    assert terms.has_crossed(state, 22.0).tolist() == [False, True]
