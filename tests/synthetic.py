@@ -5,14 +5,15 @@ from dataclasses import asdict
 
 import numpy as np
 
-from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import episode_row, episode_table, trajectory
+from flyrl.evaluation.metrics import compared_metrics, decisive_metrics, smallest_effects
+from flyrl.evaluation.results import Results, episode_row, episode_table, trajectory
 from flyrl.evaluation.summary import summarise
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import OUTCOMES, TASKS, Episode, task_table
 
 HORIZON_S = 3.0
 DECISION_S = 0.02
+TASK = TASKS["target"]()
 
 
 def make_record(
@@ -121,6 +122,17 @@ def walk(controller, terrain, index, seed=0):
     )
 
 
+def judged_by(task):
+    """What a protocol says of how a task is judged."""
+    return {
+        "decisive": list(decisive_metrics(task)),
+        "compared": list(compared_metrics(task)),
+        "smallest_effects": smallest_effects(task),
+        "horizon_s": HORIZON_S,
+        "vary": {},
+    }
+
+
 def make_results(
     controllers=tuple(STYLES),
     terrains=("flat",),
@@ -142,17 +154,18 @@ def make_results(
     records = [record for record, _ in walks]
     rows = episode_table([episode_row(record, label) for record, label in walks])
     protocol = {
+        **judged_by(TASK),
         "command": "flyrl-evaluate policies=[runs/target-ppo] episodes=20 note='<b>&'",
         "settings": {},
         "created_utc": "2026-01-01T00:00:00+00:00",
         "versions": {"flyrl": "0.1.0", "mujoco": "4.0.0", "numpy": "2.4.6", "python": "3.11.2"},
         "seed": 0,
         "task": "target",
-        "table": task_table(TASKS["target"]()),
+        "table": task_table(TASK),
         "outcomes": list(OUTCOMES[1:]),
-        "horizon_s": HORIZON_S,
         "episodes_per_terrain": episodes,
         "reference": reference,
+        "vary": vary,
         "entrants": [
             {
                 "name": name,
@@ -172,12 +185,11 @@ def make_results(
             for name in terrains
         ],
         "study": study,
-        "vary": vary,
         "crashes": [],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},
         "physics_preset": {"name": "balanced", "version": 2},
     }
-    summary = summarise(rows, reference, HORIZON_S, np.random.default_rng(0), vary)
+    summary = summarise(rows, protocol, np.random.default_rng(0))
     protocol = json.loads(json.dumps(protocol))
     drawn = json.loads(json.dumps([asdict(record.episode) for record in records[:episodes]]))
     paths = {row: trajectory(record) for row, record in enumerate(records)}

@@ -16,7 +16,7 @@ from flyrl.text import plain_name
 
 if TYPE_CHECKING:
     from flyrl.cli.config import EvaluationSettings
-    from flyrl.evaluation import EvaluationConfig
+    from flyrl.evaluation import Entrant, EvaluationConfig
 
 
 def main(subcommand: Sequence[str] = ()) -> None:
@@ -52,7 +52,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     from flyrl.cli.config import own_settings  # noqa: PLC0415
 
     settings = own_settings(record)
-    config = comparison(record, settings, start.command)
+    config, entrants = comparison(record, settings, start.command)
     from flyrl.front.results import results_folder  # noqa: PLC0415
 
     if settings.folder is None:
@@ -63,7 +63,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     else:
         folder = results_folder(settings.folder)
     try:
-        report, is_complete = compare(config, folder, settings)
+        report, is_complete = compare(config, entrants, folder, settings)
     except KeyboardInterrupt:
         print(f"resume with: folder={folder}", file=sys.stderr)
         raise
@@ -75,8 +75,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
 
 def comparison(
     record: dict[str, Any], settings: EvaluationSettings, command: Sequence[str]
-) -> EvaluationConfig:
-    """Settings of the evaluation, checked down to the policy files.
+) -> tuple[EvaluationConfig, list[Entrant]]:
+    """Settings of the evaluation, checked down to the policy files, and who takes part.
 
     Warns on stderr of terms that a policy was trained with in another version.
 
@@ -89,17 +89,18 @@ def comparison(
     from flyrl.evaluation import changed_terms, make_entrants  # noqa: PLC0415
 
     config = evaluation_config(record, settings, shlex.join(command))
-    for entrant in make_entrants(config):
+    entrants = make_entrants(config)
+    for entrant in entrants:
         for module in changed_terms(entrant, config.resolved_task):
             print(
                 f"warning: {entrant.name} was trained with another version of {module}",
                 file=sys.stderr,
             )
-    return config
+    return config, entrants
 
 
 def compare(
-    config: EvaluationConfig, folder: Path, settings: EvaluationSettings
+    config: EvaluationConfig, entrants: list[Entrant], folder: Path, settings: EvaluationSettings
 ) -> tuple[Path, bool]:
     """Evaluate, and write results and report to `folder`.
 
@@ -111,7 +112,7 @@ def compare(
     """
     from flyrl.front.results import compare  # noqa: PLC0415
 
-    results = compare(config, folder)
+    results = compare(config, folder, entrants)
     report = results.write(
         folder,
         videos=settings.videos,

@@ -74,7 +74,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
         results_folder(settings.folder)
     shares: dict[str, float] = {}
     if compared and config.training.progress_bar:
-        shares = simulated_shares(config, compared, videos=settings.videos)
+        shares = simulated_shares(config, *compared, videos=settings.videos)
     is_new = start.sweep and not resumed
     earlier = earlier_run(config, runs, [*by_key(start.overrides)]) if is_new else None
     if earlier and earlier.state == "finished":
@@ -98,7 +98,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
             with_run = replace(settings, given={**settings.given, "policies": policies})
             compared = comparison(record, with_run, start.command)
             folder = Path(settings.folder or run / "evaluation")
-            report, is_complete = compare(compared, folder, settings)
+            report, is_complete = compare(*compared, folder, settings)
     if report is not None:
         print(f"report: {report}")
     # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end

@@ -8,26 +8,23 @@ from flyrl.policies.laws import FIXED
 
 if TYPE_CHECKING:
     from flyrl.evaluation.drive_map import measure_drive_map, measure_steering
-    from flyrl.evaluation.entrant import Entrant
-    from flyrl.evaluation.entrants import make_entrants
-    from flyrl.evaluation.examples import walk_examples
-    from flyrl.evaluation.learned import changed_terms
+    from flyrl.evaluation.entrants import Entrant, changed_terms, make_entrants
     from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
-    from flyrl.evaluation.run import drop_parts, evaluate
+    from flyrl.evaluation.run import drop_parts, evaluate, walk_examples
 
 # what needs pandas and SciPy's statistics is imported when it is first asked for
 _ON_DEMAND: Final = {
-    "Entrant": "entrant",
+    "Entrant": "entrants",
     "Results": "results",
     "ResultsError": "results",
-    "changed_terms": "learned",
+    "changed_terms": "entrants",
     "drop_parts": "run",
     "evaluate": "run",
     "load_results": "results",
     "make_entrants": "entrants",
     "measure_drive_map": "drive_map",
     "measure_steering": "drive_map",
-    "walk_examples": "examples",
+    "walk_examples": "run",
     "write_results": "results",
 }
 

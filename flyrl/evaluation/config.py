@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final, TypeVar, overload
+from typing import Annotated, Any, Final, TypeVar
 
 from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import Condition, all_conditions
-from flyrl.evaluation.metrics import SMALLEST_EFFECTS, check_metrics
+from flyrl.evaluation.metrics import check_metrics, smallest_effects
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task, TaskSettings
 from flyrl.terrains import Terrain
-from flyrl.validation import Within, check_fields, not_negative, one_of, within
+from flyrl.validation import Within, check_fields, distinct, not_negative, one_of, within
 
 T = TypeVar("T")
 
@@ -33,33 +33,19 @@ MAX_SEED: Final = 2**14 - 1
 
 
 class LazySequence(Sequence[T]):
-    """Items 0 to `length` - 1, each made anew whenever it is asked for, and never kept.
+    """What a function makes of each item of a sequence, anew whenever it is asked for."""
 
-    Parameters
-    ----------
-    length
-        Number of items.
-    make
-        Index -> item.
-    """
-
-    def __init__(self, length: int, make: Callable[[int], T]) -> None:
-        self._places = range(length)
+    def __init__(self, items: Sequence[Any], make: Callable[[Any], T]) -> None:
+        self._items = items
         self._make = make
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._items)
 
-    @overload
-    def __getitem__(self, index: int) -> T: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[T]: ...
-
-    def __getitem__(self, index: int | slice) -> T | list[T]:
+    def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
-            return [self._make(place) for place in self._places[index]]
-        return self._make(self._places[index])
+            return [self._make(item) for item in self._items[index]]
+        return self._make(self._items[index])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +56,7 @@ class EvaluationConfig:
     ----------
     policies
         Learned policies: run folders, policy files or names, or algorithm:file.zip of a model that
-        Stable-Baselines3 saved. And your own, see `evaluation.learned.own_policy`: objects and
+        Stable-Baselines3 saved. And your own, see `evaluation.entrants.own_policy`: objects and
         functions, or either by its name, module:attribute, which is imported.
     controllers
         Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that
@@ -96,8 +82,8 @@ class EvaluationConfig:
         Name of the entrant that the others are compared with. None takes the best fixed entrant
         that sees what the task asks; without one, the best fixed entrant, else the best of all.
     smallest_effects
-        Smallest difference of interest by metric, in its unit; of metrics that are not named, that
-        of `flyrl.evaluation.metrics.SMALLEST_EFFECTS`. Who differs by less is level.
+        Smallest difference of interest by metric, in its unit, instead of the metric's own. Who
+        differs by less is level.
     trust_pickles
         Whether zip files of Stable-Baselines3 may be read, which runs whatever code their author
         put there.
@@ -163,22 +149,18 @@ class EvaluationConfig:
         one_of("study", self.study, (None, *STUDIES))
         for i, episode in enumerate(self.film):
             within(f"film[{i}]", episode, 0, self.episodes - 1)
-        if len(set(self.film)) < len(self.film):
-            raise ValueError(f"film must name every episode once, got {list(self.film)}")
+        distinct("film", self.film)
         task = self.resolved_task
         if task.time_limit_s is None:
             raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
         check_metrics(task)
-        known = (*SMALLEST_EFFECTS, *(term.name for term in task.errors))
         for metric, effect in self.smallest_effects.items():
-            one_of("smallest_effects", metric, known)
+            one_of("smallest_effects", metric, smallest_effects(task))
             not_negative(f"smallest_effects.{metric}", effect)
-        names = [terrain.label for terrain in self.terrain_configs]
-        if len(set(names)) < len(names):
-            raise ValueError(f"terrains must differ in name, got {', '.join(names)}")
-        labels = [condition.label for condition in self.conditions]
-        if not labels or len(set(labels)) < len(labels):
-            raise ValueError(f"vary must name values that differ, got {dict(self.vary)}")
+        distinct("terrains", [terrain.label for terrain in self.terrain_configs])
+        if not self.conditions:
+            raise ValueError(f"vary must name values, got {dict(self.vary)}")
+        distinct("vary", [condition.label for condition in self.conditions])
         for condition in self.conditions:
             condition.env(self.env(self.terrains[0]))
 
@@ -235,7 +217,5 @@ class EvaluationConfig:
         Each is drawn whenever it is asked for, so that it does not matter how many there are.
         """
         condition = condition or Condition()
-        env, seeds = condition.env(self.env(terrain)), self.seeds()
-        return LazySequence(
-            len(seeds), lambda index: condition.episode(env.sample_episode(seeds[index]))
-        )
+        env = condition.env(self.env(terrain))
+        return LazySequence(self.seeds(), lambda seed: condition.episode(env.sample_episode(seed)))

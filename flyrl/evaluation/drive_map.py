@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import FIRST_SEED, EvaluationConfig
-from flyrl.evaluation.entrants import make_entrants
+from flyrl.evaluation.entrants import Entrant
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, Drives
 from flyrl.terrains import Terrain
 from flyrl.validation import at_least
@@ -146,7 +146,9 @@ class Steering:
     drives: Mapping[str, FloatArray]
 
 
-def measure_steering(config: EvaluationConfig, terrain: Terrain) -> Steering | None:
+def measure_steering(
+    config: EvaluationConfig, entrants: Sequence[Entrant], terrain: Terrain
+) -> Steering | None:
     """Show each policy every bearing at the starts of episodes; note the drives it answers with.
 
     All other senses are those of the start. Asked are learned policies and fixed ones that see the
@@ -155,6 +157,8 @@ def measure_steering(config: EvaluationConfig, terrain: Terrain) -> Steering | N
     Parameters
     ----------
     config
+        Of the evaluation.
+    entrants
         Of the evaluation.
     terrain
         Where the episodes start.
@@ -165,7 +169,7 @@ def measure_steering(config: EvaluationConfig, terrain: Terrain) -> Steering | N
         return None
     asked = [
         each
-        for each in make_entrants(config)
+        for each in entrants
         if each.record["kind"] == "learned" or shown in each.record.get("sees", ())
     ]
     if not asked:

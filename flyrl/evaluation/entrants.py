@@ -1,20 +1,90 @@
-"""All who take part in an evaluation, from their names."""
+"""Entrants of an evaluation: legs, and what steers them."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+import dataclasses
+import inspect
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
 
-import pandas as pd
-
+from flyrl.controllers import Controller
+from flyrl.controllers.controller import controller_from, controller_named
+from flyrl.entry_points import check_trust, is_entry_point, load_module
+from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.evaluation.entrant import Entrant, controller_names, make_fixed
-from flyrl.evaluation.learned import is_own_name, make_learned, make_own
-from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
-from flyrl.evaluation.rows import Json
-from flyrl.evaluation.summary import metric_values
-from flyrl.tasks import Task
-from flyrl.validation import one_of
+from flyrl.files import file_digest
+from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
+from flyrl.policies.bundle import policy_file, policy_name
+from flyrl.policies.fixed import FunctionPolicy, takes
+from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
+from flyrl.rollouts import Policy
+from flyrl.simulation.fly_scene import fit_controller
+from flyrl.tasks import Task, code_digests, code_of, task_record
+from flyrl.terrains import Terrain, terrain_label
+from flyrl.validation import distinct, one_of
+
+NAME_LENGTH: Final = 60
+"""Characters of a name at most, before a number that makes it unique."""
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """A leg controller, if there are legs, and the policy that steers it.
+
+    Attributes
+    ----------
+    name
+        Unique among the entrants of an evaluation.
+    controller
+        Of the legs; None of a worm.
+    policy
+        Of the descending drive, or of the muscles.
+    decision_interval
+        s for which a decision is held; None takes the task's.
+    record
+        Where the entrant comes from, as plain JSON values.
+    """
+
+    name: str
+    controller: Controller | None
+    policy: Policy
+    decision_interval: float | None
+    record: Mapping[str, Any]
+
+    def env(self, config: EvaluationConfig, terrain: Terrain) -> EnvConfig:
+        """Environment that the entrant walks in."""
+        return dataclasses.replace(
+            config.env(terrain),
+            controller=self.controller,
+            decision_interval=self.decision_interval,
+        )
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """`name`, or `name-2`, `name-3`, … where that is taken.
+
+    Names come from files of others and reach pages, spreadsheets and terminals. Of them only
+    letters, digits and `_ . ( ) + - space` are kept, at most `NAME_LENGTH` of them and starting
+    with a letter or digit; `unnamed` stands where nothing is left.
+    """
+    kept = "".join(each if each.isalnum() or each in "_.()+- " else "_" for each in name)
+    name = kept.lstrip("_.()+- ")[:NAME_LENGTH].rstrip() or "unnamed"
+    if name not in taken:
+        return name
+    return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)
+
+
+def controller_names(config: EvaluationConfig) -> tuple[str, ...]:
+    """Names of the fixed entrants: those that were asked for, or the usual ones that can."""
+    if config.controllers is not None:
+        return config.controllers
+    return tuple(
+        name
+        for name, fixed in FIXED.items()
+        if fixed.is_usual and fixed.goes_with(config.resolved_task)
+    )
 
 
 def make_entrants(config: EvaluationConfig) -> list[Entrant]:
@@ -27,19 +97,17 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
         among the entrants, or one whose decisions do not fit the physics.
     """
     names = controller_names(config)
-    repeated = [name for name, count in Counter(names).items() if count > 1]
-    if repeated:
-        raise ValueError(f"controllers must differ from one another, got {repeated[0]!r} twice")
+    distinct("controllers", names)
     # Fixed first: a misspelt name shows before any file is read.
     fixed = [make_fixed(name, config) for name in names]
-    taken = {entrant.name for entrant in fixed}
+    taken = [entrant.name for entrant in fixed]
     learned: list[Entrant] = []
     for given in config.policies:
         if isinstance(given, str) and not is_own_name(given):
             entrant = make_learned(given, config, taken)
         else:
             entrant = make_own(given, config, taken)
-        taken.add(entrant.name)
+        taken.append(entrant.name)
         learned.append(entrant)
     entrants = [*learned, *fixed]
     if config.reference is not None:
@@ -54,37 +122,262 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     return entrants
 
 
-def best_reference(
-    rows: pd.DataFrame, entrants: Sequence[Json], horizon_s: float, task: Task | None = None
-) -> str:
-    """Entrant that the others are compared with, unless the config names one.
+def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
+    """Fixed entrant by its name.
 
-    The best fixed entrant that sees what the task asks, by the means of the task's decisive metrics
-    over all episodes; without one, the best fixed entrant; without any, the best of all.
+    Raises
+    ------
+    ValueError
+        There is no such name, the task does not show what it needs, or a drive is out of range.
+    """
+    task = config.resolved_task
+    if not is_law(name):
+        one_of("controllers", name, [*FIXED, "constant(left, right)"])
+    try:
+        fixed = law_named(name)
+        policy = fixed_policy(name, fixed, task)
+    except ValueError as error:
+        raise ValueError(f"controllers: {error}") from error
+    controller = None
+    if config.legs is not None and fixed.legs is not None:
+        reflexes = {"reflexes": fixed.reflexes} if fixed.reflexes else {}
+        body = config.env(config.terrains[0]).fly_scene.body
+        controller = fit_controller(controller_named(fixed.legs, **reflexes), body)
+    shown = task.slices().keys()
+    sees = next((list(terms) for terms in fixed.sees if shown >= set(terms)), [])
+    return _entrant("fixed", name, controller, policy, fixed.text, sees=sees)
+
+
+def _entrant(
+    kind: str,
+    name: str,
+    controller: Controller | None,
+    policy: Policy,
+    text: str,
+    *,
+    source: str | None = None,
+    file: Path | None = None,
+    decision_interval: float | None = None,
+    **more: Any,
+) -> Entrant:
+    """Entrant with its record: how its policy came to be, from what file."""
+    record = {
+        "name": name,
+        "kind": kind,
+        "leg_controller": controller and controller.name,
+        "policy": text,
+        "source": source,
+        "sha256": file and file_digest(file),
+        "controller_config": controller and asdict(controller),
+        **more,
+    }
+    return Entrant(name, controller, policy, decision_interval, record)
+
+
+def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) -> Entrant:
+    """Entrant of a learned policy.
 
     Parameters
     ----------
-    rows
-        Episodes; see `flyrl.evaluation.rows`.
-    entrants
-        Records of a protocol.
-    horizon_s
-        Stands in for the time to goal of an episode without success, s.
-    task
-        Says what decides; None: the built-in task that the rows name.
+    path
+        A policy file, a run folder, the name of a policy that comes with flyrl, or
+        algorithm:file.zip of a model that Stable-Baselines3 saved.
+    config
+        Of the evaluation.
+    taken
+        Names that are not free any more.
+
+    Raises
+    ------
+    ValueError
+        Nothing there, or nothing that can be used here; a zip file without `trust_pickles`.
     """
-    walked = list(rows["controller"].unique())
-    fixed = [each for each in entrants if each["kind"] == "fixed" and each["name"] in walked]
-    names = [each["name"] for each in fixed if each.get("sees")]
-    names = names or [each["name"] for each in fixed] or walked
+    file, policy = _load(path, config)
+    env, training = policy.bundle.env, policy.bundle.training
+    _check_observations(file, policy, config.resolved_task)
+    legs = env.get("controller")
+    check_trust(file, legs, config.trust_pickles, "trust_pickles=true")
+    try:
+        controller = controller_from(legs) if legs is not None else config.legs
+    except (TypeError, ValueError) as error:
+        raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
+    if controller is not None and not controller.follows_command:
+        raise PolicyFileError(
+            f"{file}: its leg controller, {controller.name!r}, ignores the drive, so that no "
+            "policy can steer it"
+        )
+    interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
+    name = free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
+    return _entrant(
+        "learned",
+        name,
+        controller,
+        policy,
+        _how_learned(env, training),
+        source=str(file),
+        file=file,
+        decision_interval=interval,
+        trained_in=dict(env),
+        training=dict(training),
+    )
 
-    def worth(name: str) -> list[float]:
-        own = rows[rows["controller"] == name]
-        means = {
-            metric: float(metric_values(own, metric, horizon_s).mean())
-            for metric in decisive_metrics(task or own["task"].iloc[0])
-        }
-        return [-mean if lower_is_better(metric) else mean for metric, mean in means.items()]
 
-    best: str = max(names, key=worth)
-    return best
+def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
+    algorithm, colon, model = path.partition(":")
+    if not (colon and model.endswith(".zip")):
+        file = policy_file(path)
+        if file.suffix == ".zip":
+            raise PolicyFileError(
+                f"{path}: of a zip file, say which algorithm made it, e.g. ppo:{path}"
+            )
+        return file, LearnedPolicy(load_bundle(file))
+    from flyrl.policies.sb3 import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
+
+    made_by = ALGORITHMS[one_of(f"policies: algorithm of {path!r}", algorithm, ALGORITHMS)]
+    if not config.trust_pickles:
+        raise PolicyFileError(
+            f"{model} was not opened: a zip file of Stable-Baselines3 holds pickles, which can run "
+            "any code when they are read. Say trust_pickles=true if you know who made it"
+        )
+    env = config.env(config.terrains[0])
+    bundle = import_sb3(model, made_by, env, trust=True)
+    # the file does not say what it was trained in; what it is loaded for is not that
+    return Path(model), LearnedPolicy(dataclasses.replace(bundle, env={}))
+
+
+def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
+    """Raise PolicyFileError unless the policy sees what the task shows; say what would help."""
+    try:
+        policy.check_task(task)
+    except PolicyFileError as error:
+        record = policy.bundle.env.get("task")
+        then = _changes(record if isinstance(record, dict) else {})
+        now = _changes(task_record(task))
+        if then == now:
+            raise PolicyFileError(f"{file}: {error}") from error
+        raise PolicyFileError(
+            f"{file}: {error}; it was trained with {then}, here it is {now}"
+        ) from error
+
+
+def _changes(record: Mapping[str, Any]) -> str:
+    """What was changed of a task's terms, as one would type it."""
+    texts = []
+    for key in ("terms", "without"):
+        names = record.get(key)
+        if key == "terms" or names:
+            listed = map(str, names) if isinstance(names, list) else ()
+            texts.append(f"task.{key}=[{','.join(listed)}]")
+    return " ".join(texts)
+
+
+def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
+    text = "learned"
+    if "algo" in training:
+        text += f" with {training['algo']!s:.60}"
+    terrain = env.get("terrain")
+    if isinstance(terrain, dict) and "name" in terrain:
+        return f"{text} on {terrain_label(terrain['name'], terrain.get('random')):.60}"
+    return f"{text} on unknown ground"
+
+
+def is_own_name(name: str) -> bool:
+    """Whether a name in `policies` is `module:attribute`, of something of the user's own."""
+    return is_entry_point(name) and not Path(name).exists()
+
+
+def make_own(given: object, config: EvaluationConfig, taken: Collection[str]) -> Entrant:
+    """Entrant of a policy of the user's own.
+
+    Parameters
+    ----------
+    given
+        What `own_policy` takes, or its name, `module:attribute`.
+    config
+        Of the evaluation.
+    taken
+        Names that are not free any more.
+
+    Raises
+    ------
+    ValueError
+        The module cannot be used, or what is there is no policy.
+    """
+    source, file = None, None
+    if isinstance(given, str):
+        source = given
+        found = load_module(given, "policies", "my_policies:steady")
+        attribute = given.partition(":")[2]
+        known = [key for key, value in found.items() if _is_something(value)]
+        given = found[one_of(f"policies: policy in {found['__name__']}", attribute, known)]
+        name, file = attribute, found.get("__file__")
+    else:
+        name = getattr(given, "__name__", type(given).__name__)
+        module = inspect.getmodule(given if hasattr(given, "__name__") else type(given))
+        file = getattr(module, "__file__", None)
+    return _entrant(
+        "own",
+        free_name(name.strip("<>"), taken),
+        config.legs,
+        own_policy(given, source or name, config.resolved_task),
+        f"your own, {source or name}",
+        source=source,
+        file=file and Path(file),
+    )
+
+
+def own_policy(given: object, name: str, task: Task) -> Policy:
+    """Policy of the user's own.
+
+    Parameters
+    ----------
+    given
+        One of three: an object with the `predict` of Stable-Baselines3; a function of one argument,
+        the task, that returns such an object; or a function of two, the time and the observation,
+        that returns a drive (see `FunctionPolicy`). A function is recognised by how many arguments
+        it can be called with.
+    name
+        Of it, for messages.
+    task
+        What it is to act in.
+
+    Raises
+    ------
+    ValueError
+        It is none of these, or the function raises an error.
+    """
+    if isinstance(given, Policy) and not isinstance(given, type):
+        return given
+    if callable(given) and takes(given, 1):
+        try:
+            policy = given(task)
+        except Exception as error:
+            # the user's own code may raise anything
+            raise ValueError(f"policies: {name} raised {type(error).__name__}: {error}") from error
+        if not isinstance(policy, Policy):
+            raise ValueError(
+                f"policies: {name} must return a policy with predict(), got a "
+                f"{type(policy).__name__}"
+            )
+        return policy
+    if callable(given) and takes(given, 2):
+        return FunctionPolicy(given, task)
+    raise ValueError(
+        f"policies: {name} must be an object with predict(), a function of (time_s, observation) "
+        f"that returns a drive, or one of (task) that returns such an object, got a "
+        f"{type(given).__name__}"
+    )
+
+
+def _is_something(value: Any) -> bool:
+    return callable(value) or isinstance(value, Policy)
+
+
+def changed_terms(entrant: Entrant, task: Task) -> list[str]:
+    """Modules of the user's task and terms that are not what a policy was trained with."""
+    training = entrant.record.get("training")
+    before = training.get("terms") if isinstance(training, dict) else None
+    if not isinstance(before, dict):  # fixed, or from before they were noted
+        return []
+    now = code_digests(code_of(task))
+    return [module for module, digest in now.items() if before.get(module) != digest]

@@ -12,8 +12,10 @@ can be. How it walked (strides, slip, work) is measured over the time it did.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Final, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, Final
 
 import numpy as np
 
@@ -26,7 +28,7 @@ from flyrl.evaluation.gait import (
     stride_frequency_hz,
     tripod_coordination,
 )
-from flyrl.rollouts import BoolArray, EpisodeRecord
+from flyrl.rollouts import BoolArray, EpisodeRecord, Gait
 from flyrl.tasks import ERRORS, TASKS, Task
 from flyrl.validation import FloatArray, one_of
 
@@ -40,67 +42,203 @@ than the way it covers.
 LEAST_WAY_MM: Final = 2.0
 """A body that gets less far from its start has not walked, mm; standing, it slides by up to 1.8."""
 
-METRICS: Final[dict[str, str]] = {
-    "return": "sum of rewards",
-    "duration_s": "simulated time until the episode ended, s",
-    "time_to_goal_s": "time until success, s; none without success",
-    "displacement_mm": "straight distance from start to end, mm",
-    "advance_mm": "way along the world's x axis, which traverse and worm_crawl ask for, mm",
-    "path_length_mm": "length of the path, from point to point every 0.1 s, mm",
-    "path_efficiency": "displacement ÷ path length",
-    "speed_mm_s": "displacement ÷ time, mm/s; failures over the full horizon",
-    "drift_deg": "direction of displacement against the heading at the start, deg, left positive",
-    "yaw_change_deg": "heading at the end minus heading at the start, deg, left positive",
-    "goal_distance_mm": "distance left to the goal at the end, mm",
-    "goal_progress_mm": "how much closer to the goal the end was than the start, mm",
-    **{name: description for name, (description, _) in ERRORS.items()},
-    "work_nj_per_mm": "work of the servos ÷ path length, nJ/mm",
-    "slip_share": "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
-    "stride_frequency_hz": "strides per second, from touchdown to touchdown, mean of the legs; "
-    "none while the body stands",
-    "stride_length_mm": "path length ÷ time ÷ stride frequency, mm",
-    "duty_factor": "share of a stride that the leg stands, mean of the legs",
-    "tripod_coordination": "how far the legs of a tripod swing together: 1 as one, 0 never",
-    "reflex_activity": "share of the time that a reflex corrects a leg, mean of the legs",
-    "drive_variation": "change of the drives (of a worm, its tensions) per second, on average, 1/s",
-}
-"""Name of every metric of an episode, and what it means."""
-
-GAIT_METRICS: Final = (
-    "work_nj_per_mm",
-    "slip_share",
-    "stride_frequency_hz",
-    "stride_length_mm",
-    "duty_factor",
-    "tripod_coordination",
-    "reflex_activity",
-)
-"""Those that need a log of the gait."""
-
-_GENERAL: Final = frozenset({"success", *METRICS}) - ERRORS.keys()
-"""Metrics that are no error of a task."""
+_UNITS: Final = ("mm_s", "deg_s", "rad_s", "mm", "deg", "rad", "s")
 
 
-def lower_is_better(metric: str) -> bool:
-    """Whether a metric that controllers are compared by is better the lower it is.
+class Walk:
+    """An episode's record with what several metrics are made of."""
 
-    So are the time to a goal and every error of a task.
+    def __init__(self, record: EpisodeRecord) -> None:
+        self.record = record
+        self.position = record.position_w[:, :2]
+        self.displacement = float(np.linalg.norm(self.position[-1] - self.position[0]))
+        self.path = path_length_mm(self.position, record.time_s)
+
+        goal = np.array(record.episode.goal)
+        ends = np.linalg.norm(self.position[[0, -1]] - goal, axis=1) if goal.size else ()
+        self.goal_mm = tuple(map(float, ends)) or None
+        """Distances to the goal at the start and at the end; None without a goal."""
+
+    @property
+    def speed_mm_s(self) -> float:
+        """Displacement ÷ own duration, but the full horizon where the episode failed."""
+        time = self.record.horizon_s if self.record.failed else self.record.duration_s
+        return self.displacement / time if time > 0 else 0.0
+
+    @property
+    def gait(self) -> Gait:
+        """The log of the gait, which is there where metrics of the gait are computed."""
+        assert self.record.gait is not None
+        return self.record.gait
+
+    @cached_property
+    def stance(self) -> BoolArray:
+        """Stance of each leg (S, 6) as strides are counted in it."""
+        return counted_stance(self.record)
+
+    @cached_property
+    def stride_frequency_hz(self) -> float | None:
+        """Mean over the legs, 1/s."""
+        return stride_frequency_hz(self.stance, self.gait.interval_s)
+
+    @cached_property
+    def has_way(self) -> bool:
+        """Whether the body got so far that costs per mm mean something."""
+        way = np.linalg.norm(self.position - self.position[0], axis=1)
+        return bool(way.max() >= LEAST_WAY_MM)
+
+    @property
+    def stride_length_mm(self) -> float | None:
+        """Way of the path in a stride."""
+        frequency = self.stride_frequency_hz
+        if not frequency or not self.has_way:
+            return None
+        return self.path / (len(self.stance) * self.gait.interval_s) / frequency
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A measure of an episode.
+
+    Attributes
+    ----------
+    name
+        Column in the tables.
+    description
+        What it is, with its unit.
+    compute
+        Its value, or None where the episode has none.
+    own_label
+        Name with unit in figures, where it does not follow from `name`.
+    lower_is_better
+        Of two that are compared, whether the lower one is the better.
+    smallest_effect
+        Smallest difference of interest, in its unit; a smaller one is no one's win. The rule: of a
+        share 0.05; of way and time about a stride of a fly (1 mm, 0.1 s), of speed that way in 1 s.
+        Errors of tasks bring their own.
+    needs_gait
+        Whether it is computed from a log of the gait alone.
     """
-    return metric == "time_to_goal_s" or metric not in _GENERAL
+
+    name: str
+    description: str
+    compute: Callable[[Walk], float | None]
+    own_label: str = ""
+    lower_is_better: bool = False
+    smallest_effect: float = 0.0
+    needs_gait: bool = False
+
+    @property
+    def label(self) -> str:
+        """Name with unit, as in figures: "speed (mm/s)" of `speed_mm_s`."""
+        if self.own_label:
+            return self.own_label
+        unit = next((each for each in _UNITS if self.name.endswith(f"_{each}")), "")
+        name = self.name.removesuffix(f"_{unit}").replace("_", " ")
+        return f"{name} ({unit.replace('_', '/')})" if unit else name
 
 
-SMALLEST_EFFECTS: Final[dict[str, float]] = {
-    "success": 0.05,
-    "time_to_goal_s": 0.1,
-    "speed_mm_s": 1.0,
-    "advance_mm": 1.0,
-    **{name: effect for name, (_, effect) in ERRORS.items()},
+def _error(name: str, description: str = "", smallest_effect: float = 0.0) -> Metric:
+    """Metric of an error of a task."""
+    return Metric(
+        name,
+        description,
+        lambda walk: walk.record.errors.get(name),
+        _ERROR_LABELS.get(name, ""),
+        lower_is_better=True,
+        smallest_effect=smallest_effect,
+    )
+
+
+_ERROR_LABELS: Final = {
+    "path_error_mm": "distance to path (mm)",
+    "recruited_share": "share of neurons recruited",
 }
-"""Smallest difference of interest by metric, in its unit; a smaller one is no one's win.
 
-The rule: of a share 0.05; of way and time about a stride of a fly (1 mm, 0.1 s), of speed that way
-in 1 s. Errors of tasks bring their own.
-"""
+SUCCESS: Final = Metric(
+    "success", "whether the task was solved", lambda walk: walk.record.success, smallest_effect=0.05
+)
+
+_of_gait = partial(Metric, needs_gait=True)
+
+# fmt: off
+_TABLE: Final = (
+    Metric("return", "sum of rewards", lambda walk: walk.record.return_),
+    Metric("duration_s", "simulated time until the episode ended, s",
+           lambda walk: walk.record.duration_s),
+    Metric("time_to_goal_s", "time until success, s; none without success",
+           lambda walk: walk.record.duration_s if walk.record.success else None,
+           lower_is_better=True, smallest_effect=0.1),
+    Metric("displacement_mm", "straight distance from start to end, mm",
+           lambda walk: walk.displacement),
+    Metric("advance_mm", "way along the world's x axis, which traverse and worm_crawl ask for, mm",
+           lambda walk: walk.position[-1, 0] - walk.position[0, 0],
+           "way along +x (mm)", smallest_effect=1.0),
+    Metric("path_length_mm", "length of the path, from point to point every 0.1 s, mm",
+           lambda walk: walk.path),
+    # the chord of a sampled path is never longer than the path; rounding may say so
+    Metric("path_efficiency", "displacement ÷ path length",
+           lambda walk: min(1.0, walk.displacement / walk.path) if walk.path > 0 else None),
+    Metric("speed_mm_s", "displacement ÷ time, mm/s; failures over the full horizon",
+           lambda walk: walk.speed_mm_s, smallest_effect=1.0),
+    Metric("drift_deg",
+           "direction of displacement against the heading at the start, deg, left positive",
+           lambda walk: drift_deg(walk.position, float(walk.record.yaw[0]))),
+    Metric("yaw_change_deg", "heading at the end minus heading at the start, deg, left positive",
+           lambda walk: math.degrees(float(walk.record.yaw[-1] - walk.record.yaw[0])),
+           "change of heading (deg)"),
+    Metric("goal_distance_mm", "distance left to the goal at the end, mm",
+           lambda walk: walk.goal_mm and walk.goal_mm[1], "way left to goal (mm)"),
+    Metric("goal_progress_mm", "how much closer to the goal the end was than the start, mm",
+           lambda walk: walk.goal_mm and walk.goal_mm[0] - walk.goal_mm[1],
+           "way gained to goal (mm)"),
+    *(_error(name, *about) for name, about in ERRORS.items()),
+    _of_gait("work_nj_per_mm", "work of the servos ÷ path length, nJ/mm",
+             lambda walk: walk.gait.work_nj / walk.path if walk.has_way else None,
+             "work per way (nJ/mm)"),
+    _of_gait("slip_share",
+             "way of a leg's tip on the ground while it grips ÷ path length, mean of the legs",
+             lambda walk: float(walk.gait.slip_mm.mean()) / walk.path if walk.has_way else None,
+             "slip per way"),
+    _of_gait("stride_frequency_hz",
+             "strides per second, from touchdown to touchdown, mean of the legs; none while the "
+             "body stands",
+             lambda walk: walk.stride_frequency_hz, "stride frequency (Hz)"),
+    _of_gait("stride_length_mm", "path length ÷ time ÷ stride frequency, mm",
+             lambda walk: walk.stride_length_mm),
+    _of_gait("duty_factor", "share of a stride that the leg stands, mean of the legs",
+             lambda walk: duty_factor(walk.stance)),
+    _of_gait("tripod_coordination",
+             "how far the legs of a tripod swing together: 1 as one, 0 never",
+             lambda walk: tripod_coordination(walk.stance)),
+    _of_gait("reflex_activity", "share of the time that a reflex corrects a leg, mean of the legs",
+             lambda walk: reflex_activity(walk.gait.retraction, walk.gait.stumbling)),
+    Metric("drive_variation",
+           "change of the drives (of a worm, its tensions) per second, on average, 1/s",
+           lambda walk: drive_variation(walk.record.drive, walk.record.time_s),
+           "change of drive (1/s)"),
+)
+# fmt: on
+
+METRICS: Final = {metric.name: metric for metric in _TABLE}
+"""Metrics of every episode, by name, in the order of the tables."""
+
+
+def metric_named(name: str) -> Metric:
+    """`success`, one of `METRICS`, or an error of a user's own task."""
+    return SUCCESS if name == "success" else METRICS.get(name) or _error(name)
+
+
+def metric_label(name: str) -> str:
+    """Label of a metric in figures and tables."""
+    return metric_named(name).label
+
+
+def smallest_effects(task: Task) -> dict[str, float]:
+    """Smallest difference of interest by metric, in its unit."""
+    general = {each.name: each.smallest_effect for each in (SUCCESS, *METRICS.values())}
+    own = {term.name: term.smallest_effect for term in task.errors}
+    return {name: effect for name, effect in general.items() if effect} | own
 
 
 def decisive_metrics(task: Task | str) -> tuple[str, ...]:
@@ -108,36 +246,23 @@ def decisive_metrics(task: Task | str) -> tuple[str, ...]:
 
     Of a name that is not built in, those of most tasks.
     """
-    return task.decisive if isinstance(task, Task) else _attributes(task, "decisive")
+    if isinstance(task, str):
+        return TASKS[task]().decisive if task in TASKS else Task.decisive
+    return task.decisive
 
 
-def compared_metrics(task: Task | str) -> tuple[str, ...]:
+def compared_metrics(task: Task) -> tuple[str, ...]:
     """Names of the metrics that controllers are compared by in a task, `success` first."""
-    own = task.compared if isinstance(task, Task) else _attributes(task, "compared")
-    return tuple(dict.fromkeys(("success", *own, *decisive_metrics(task), "return")))
+    return tuple(dict.fromkeys(("success", *task.compared, *task.decisive, "return")))
 
 
-def _attributes(name: str, attribute: str) -> tuple[str, ...]:
-    owner = TASKS[name]() if name in TASKS else Task
-    found: tuple[str, ...] = getattr(owner, attribute)
-    return found
-
-
-def recorded_metrics(
-    protocol: Mapping[str, Any], key: Literal["decisive", "compared"]
-) -> list[str]:
-    """The `decisive_metrics`, or `compared_metrics`, of the task of a protocol.
-
-    One from before they were recorded is of a built-in task.
-    """
-    of_task = decisive_metrics if key == "decisive" else compared_metrics
-    return list(protocol[key] if key in protocol else of_task(protocol["task"]))
-
-
-def meanings(protocol: Mapping[str, Any]) -> dict[str, str]:
-    """Meaning of every metric by name, with those of the errors of a protocol's task."""
-    table = protocol.get("table") or {}
-    return {**METRICS, **{each["name"]: each["description"] for each in table.get("errors", ())}}
+def descriptions(protocol: Mapping[str, Any]) -> dict[str, str]:
+    """Description of every metric by name, with those of the errors of a protocol's task."""
+    own = (protocol.get("table") or {}).get("errors", ())
+    return {
+        **{name: metric.description for name, metric in METRICS.items()},
+        **{each["name"]: each["description"] for each in own},
+    }
 
 
 def check_metrics(task: Task) -> None:
@@ -148,61 +273,25 @@ def check_metrics(task: Task) -> None:
     ValueError
         If not.
     """
+    general = sorted({"success", *METRICS} - ERRORS.keys())
     own = [term.name for term in task.errors]
     for name in own:
-        if name in _GENERAL:
+        if name in general:
             raise ValueError(f"an error of {task.name} must not have the name of the metric {name}")
     for name in (*task.decisive, *task.compared):
-        one_of(f"metric that decides {task.name}", name, [*sorted(_GENERAL), *own])
+        one_of(f"metric that decides {task.name}", name, [*general, *own])
 
 
 def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
     """All metrics of `METRICS` for one episode, in that order, then errors of a user's own task."""
-    position = record.position_w[:, :2]
-    displacement = displacement_mm(position)
-    path = path_length_mm(position, record.time_s)
-    goal = np.array(record.episode.goal)
-    distances = np.linalg.norm(position[[0, -1]] - goal, axis=1) if goal.size else None
-    return {
-        "return": float(record.return_),
-        "duration_s": float(record.duration_s),
-        "time_to_goal_s": float(record.duration_s) if record.success else None,
-        "displacement_mm": displacement,
-        "advance_mm": float(position[-1, 0] - position[0, 0]),
-        "path_length_mm": path,
-        # The chord of a sampled path is never longer than the path; rounding may say so.
-        "path_efficiency": min(1.0, displacement / path) if path > 0 else None,
-        "speed_mm_s": speed_mm_s(record, displacement),
-        "drift_deg": drift_deg(position, float(record.yaw[0])),
-        "yaw_change_deg": math.degrees(float(record.yaw[-1] - record.yaw[0])),
-        "goal_distance_mm": None if distances is None else float(distances[1]),
-        "goal_progress_mm": None if distances is None else float(distances[0] - distances[1]),
-        **{name: record.errors.get(name) for name in ERRORS},
-        **gait_metrics(record, path),
-        "drive_variation": drive_variation(record.drive, record.time_s),
-        **{name: value for name, value in record.errors.items() if name not in ERRORS},
-    }
-
-
-def gait_metrics(record: EpisodeRecord, path_length: float) -> dict[str, float | None]:
-    """Metrics of how the fly walked its way of `path_length`, mm; None without a log of it."""
-    gait = record.gait
-    if gait is None:
-        return dict.fromkeys(GAIT_METRICS)
-    stance = counted_stance(record)
-    frequency = stride_frequency_hz(stance, gait.interval_s)
-    way = np.linalg.norm(record.position_w[:, :2] - record.position_w[0, :2], axis=1)
-    has_way = way.max() >= LEAST_WAY_MM
-    walked_s = len(stance) * gait.interval_s
-    return {
-        "work_nj_per_mm": gait.work_nj / path_length if has_way else None,
-        "slip_share": float(gait.slip_mm.mean()) / path_length if has_way else None,
-        "stride_frequency_hz": frequency,
-        "stride_length_mm": path_length / walked_s / frequency if has_way and frequency else None,
-        "duty_factor": duty_factor(stance),
-        "tripod_coordination": tripod_coordination(stance),
-        "reflex_activity": reflex_activity(gait.retraction, gait.stumbling),
-    }
+    walk = Walk(record)
+    names = dict.fromkeys((*METRICS, *record.errors))
+    found: dict[str, float | None] = {}
+    for metric in map(metric_named, names):
+        is_known = record.gait is not None or not metric.needs_gait
+        value = metric.compute(walk) if is_known else None
+        found[metric.name] = None if value is None else float(value)
+    return found
 
 
 def counted_stance(record: EpisodeRecord) -> BoolArray:
@@ -217,23 +306,12 @@ def counted_stance(record: EpisodeRecord) -> BoolArray:
     return step_raster(gait.stance, np.stack(sampled, axis=1), gait.interval_s)
 
 
-def displacement_mm(position: FloatArray) -> float:
-    """Distance from the first to the last of `position` (T, 2), mm."""
-    return float(np.linalg.norm(position[-1] - position[0]))
-
-
 def path_length_mm(position: FloatArray, time_s: FloatArray) -> float:
     """Length of the path through `position` (T, 2) every `PATH_SAMPLING_S`, and its end, mm."""
     due = np.arange(0.0, time_s[-1], PATH_SAMPLING_S)
     # Times are sums of decisions: a hair's breadth late is in time.
     kept = np.append(np.searchsorted(time_s, due - 1e-9), len(time_s) - 1)
     return float(np.linalg.norm(np.diff(position[kept], axis=0), axis=1).sum())
-
-
-def speed_mm_s(record: EpisodeRecord, displacement: float) -> float:
-    """Displacement ÷ time, mm/s: own duration, but the full horizon where the episode failed."""
-    time = record.horizon_s if record.failed else record.duration_s
-    return displacement / time if time > 0 else 0.0
 
 
 def drift_deg(position: FloatArray, yaw: float) -> float | None:

@@ -1,84 +1,86 @@
-"""The results of an evaluation, and the files they live in.
+"""Results of an evaluation, in memory and on disk.
 
 A folder of results holds
 
-- `results.json`: schema `flyrl.results/3`: protocol, the episodes as they were drawn, one row per
-  walked episode, one summary per controller and terrain;
-- `episodes.csv`: the same rows, for a spreadsheet;
-- `trajectories.npz`: the paths that were kept, and the rows they belong to; plain arrays.
+- `episodes.csv`: a row per walked episode, with every digit;
+- `trajectories.npz`: the paths that were kept, and the rows they belong to; plain arrays;
+- `results.json`, schema `flyrl.results/4`: protocol, the episodes as they were drawn, a summary per
+  controller and terrain, and the SHA-256 of the other two files.
 
 Each is written beside its place and then moved there, so that a crash leaves the old file whole.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from io import BytesIO
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from flyrl.evaluation.rows import (
-    ROW_KEYS,
-    Json,
-    Trajectory,
-    csv_text,
-    episode_table,
-    episodes_digest,
-    pack_trajectories,
-    plain_rows,
-    unpack_trajectories,
-)
-from flyrl.evaluation.tables import differences_table, summary_table
-from flyrl.files import OutputFolder, load_arrays
+from flyrl.evaluation.metrics import METRICS, episode_metrics
+from flyrl.files import OutputFolder, file_digest, load_arrays
 from flyrl.rollouts import EpisodeRecord
-from flyrl.tasks import OUTCOMES
+from flyrl.text import csv_table
 
-SCHEMA: Final = "flyrl.results/3"
+Json = dict[str, Any]
+_Keys = Mapping[type, tuple[str, ...]]
+
+SCHEMA: Final = "flyrl.results/4"
 RESULTS_FILE: Final = "results.json"
 EPISODES_FILE: Final = "episodes.csv"
 TRAJECTORIES_FILE: Final = "trajectories.npz"
 RESULTS_FILES: Final = (RESULTS_FILE, EPISODES_FILE, TRAJECTORIES_FILE)
 
-_TEXT: Final = (str,)
-_NUMBER: Final = (int, float)
-_NAME_LENGTH: Final = 1000
+_DTYPES: Final = {
+    **dict.fromkeys(("controller", "task", "terrain"), "category"),
+    **dict.fromkeys(("episode", "seed"), "int64"),
+    "outcome": "category",
+    "success": "bool",
+    "condition": "category",
+    **dict.fromkeys(METRICS, "float64"),
+}
+"""Columns of a table of episodes; errors of a user's own task come after them, as float64."""
 
-PROTOCOL_KEYS: Final[dict[str, tuple[type, ...]]] = {
-    "command": _TEXT,
-    "settings": (dict,),
-    "versions": (dict,),
-    "seed": (int,),
-    "task": _TEXT,
-    "horizon_s": _NUMBER,
-    "reference": _TEXT,
-    "entrants": (list,),
-    "terrains": (list,),
-    "study": (str, type(None)),
-    "vary": (dict,),
-    "crashes": (list,),
-    "physics": (dict,),
+_CONTENTS: Final[_Keys] = {dict: ("protocol", "drawn", "files"), list: ("summary",)}
+_PROTOCOL: Final[_Keys] = {
+    str: ("command", "task", "reference"),
+    int: ("seed",),
+    float: ("horizon_s",),
+    dict: ("settings", "versions", "vary", "physics", "smallest_effects"),
+    list: ("entrants", "terrains", "crashes", "decisive", "compared", "outcomes"),
+    object: ("study",),
 }
-SUMMARY_KEYS: Final[dict[str, tuple[type, ...]]] = {
-    "controller": _TEXT,
-    "task": _TEXT,
-    "terrain": _TEXT,
-    "condition": _TEXT,
-    "episodes": (int,),
-    "successes": (int,),
-    "outcomes": (dict,),
-    "success_rate": (dict,),
-    "metrics": (dict,),
-    "paired": (dict, type(None)),
+_SUMMARY: Final[_Keys] = {
+    str: ("controller", "task", "terrain", "condition"),
+    int: ("episodes", "successes"),
+    dict: ("outcomes", "success_rate", "metrics"),
+    object: ("paired",),
 }
+"""Keys of `results.json` by the type of their values."""
+
+_NAME_LENGTH: Final = 1000
 
 
 class ResultsError(ValueError):
     """A results file that is missing, broken or not ours; says which part and what was expected."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Path of one episode: float32 arrays over its samples, fields as in `EpisodeRecord`."""
+
+    time_s: NDArray[np.float32]
+    position_w: NDArray[np.float32]
+    yaw: NDArray[np.float32]
+    drive: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +90,12 @@ class Results:
     Attributes
     ----------
     protocol
-        How it was done, as plain JSON values: see `PROTOCOL_KEYS`.
+        How it was done, as plain JSON values.
     episodes
-        One row per walked episode: see `flyrl.evaluation.rows`.
+        One row per walked episode: controller, task, terrain, number, seed, outcome, condition, and
+        every metric, NaN where there is none.
     summaries
-        One per terrain, condition and controller: see `SUMMARY_KEYS`.
+        One per terrain, condition and controller: see `flyrl.evaluation.summary.summarise`.
     drawn
         The episodes that everybody walks, by terrain; plain values, made when asked for.
     trajectories
@@ -110,23 +113,205 @@ class Results:
 
     @property
     def summary(self) -> pd.DataFrame:
-        """The summaries as a table: success with its interval, and the spread of every metric."""
-        return summary_table(self.summaries)
+        """The summaries as a table: success with its interval, and the spread of every metric.
+
+        Of a metric `m` stand there `m_n`, the number of episodes that have it, `m_mean`,
+        `m_median`, `m_q1` and `m_q3`; NaN without any.
+        """
+        return pd.DataFrame(
+            {
+                **place_of(row),
+                "episodes": row["episodes"],
+                "successes": row["successes"],
+                "success_rate": row["success_rate"]["value"],
+                "success_rate_low": row["success_rate"]["low"],
+                "success_rate_high": row["success_rate"]["high"],
+                **{
+                    f"{metric}_{key}": row["metrics"][metric][key]
+                    for metric in row["metrics"]
+                    for key in ("n", "mean", "median", "q1", "q3")
+                },
+            }
+            for row in self.summaries
+        )
 
     @property
     def differences(self) -> pd.DataFrame:
-        """Paired comparisons with the reference as a table, a row per metric."""
-        return differences_table(self.summaries)
+        """Paired comparisons with the reference, a row per metric.
 
-    def to_json(self) -> Json:
-        """The contents of `results.json`."""
-        return {
-            "schema": SCHEMA,
-            "protocol": self.protocol,
-            "drawn": {terrain: list(episodes) for terrain, episodes in self.drawn.items()},
-            "episodes": list(plain_rows(self.episodes)),
-            "summary": self.summaries,
-        }
+        Mean difference with its interval, or the reason why it has none; p-value, plain and
+        corrected; probability of improvement with its interval; effect size.
+        """
+        return pd.DataFrame(
+            {
+                **_pair(row, metric, "pairs", "difference", found),
+                "p": found["p_value"],
+                "p_corrected": found["p_adjusted"],
+                "improvement": found["improvement"]["value"],
+                "improvement_low": found["improvement"]["low"],
+                "improvement_high": found["improvement"]["high"],
+                "effect_size": found["effect_size"],
+            }
+            for row, metric, found in paired(self.summaries, "differences")
+        )
+
+    @property
+    def interactions(self) -> pd.DataFrame:
+        """Differences of differences, a row per metric.
+
+        The controller's change from the usual condition less that of the reference, with its
+        interval, or the reason why it has none.
+        """
+        return pd.DataFrame(
+            _pair(row, metric, "episodes", "interaction", found)
+            for row, metric, found in paired(self.summaries, "interactions")
+        )
+
+
+def place_of(row: Json) -> Json:
+    """Where a row of a summary belongs: its terrain, condition and controller."""
+    return {key: row[key] for key in ("terrain", "condition", "controller")}
+
+
+def paired(summary: Sequence[Json], key: str) -> Iterator[tuple[Json, str, Json]]:
+    """Rows that are compared with the reference, each with every metric and what is found by it.
+
+    Parameters
+    ----------
+    key
+        "differences", or "interactions", which rows under a condition that changes something have.
+    """
+    for row in summary:
+        for metric, found in ((row["paired"] or {}).get(key) or {}).items():
+            yield row, metric, found
+
+
+def _pair(row: Json, metric: str, count: str, name: str, found: Json) -> Json:
+    return {
+        **place_of(row),
+        "reference": row["paired"]["reference"],
+        "metric": metric,
+        count: found["n"],
+        name: found["value"],
+        "low": found["low"],
+        "high": found["high"],
+        "no_interval": found["reason"],
+    }
+
+
+def episode_row(record: EpisodeRecord, condition: str = "") -> Json:
+    """Row of one episode, walked under a condition: plain values, None where there is none."""
+    return {
+        "controller": record.controller,
+        "task": record.task,
+        "terrain": record.terrain,
+        "episode": record.index,
+        "seed": record.seed,
+        "outcome": record.outcome,
+        "success": record.success,
+        "condition": condition,
+        **episode_metrics(record),
+    }
+
+
+def episode_table(rows: Sequence[Json]) -> pd.DataFrame:
+    """Table of rows: see `Results.episodes`.
+
+    Raises
+    ------
+    ValueError
+        A number is not finite, or a metric has no name that can stand in a table.
+    """
+    for row in rows:
+        for key, value in row.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise ValueError(
+                    f"{key} must be finite or None, got {value} in episode {row['episode']} of "
+                    f"{row['controller']}"
+                )
+    return typed(pd.DataFrame(rows))
+
+
+def typed(table: pd.DataFrame) -> pd.DataFrame:
+    """A table of episodes: text as categories, metrics as float64 with NaN for None."""
+    own = metric_columns(table)[len(METRICS) :]
+    for key in own:
+        if not key.isidentifier():
+            raise ValueError(f"a metric must be a word of letters, digits and _, got {key!a:.60}")
+    return table.astype({**_DTYPES, **dict.fromkeys(own, "float64")})
+
+
+def metric_columns(table: pd.DataFrame) -> list[str]:
+    """Metrics in a table of episodes: `METRICS`, then errors of a user's own task."""
+    return [*METRICS, *(str(key) for key in table.columns if key not in _DTYPES)]
+
+
+def episodes_digest(table: pd.DataFrame) -> str:
+    """SHA-256 of `episodes.csv`, in hexadecimal: equal for the same results, to the bit."""
+    return hashlib.sha256(csv_table(table).encode()).hexdigest()
+
+
+def read_episodes(csv: bytes) -> pd.DataFrame:
+    """Table of episodes from the text of a CSV file.
+
+    Raises
+    ------
+    ValueError
+        It is none, or holds a number that is not finite or a name that cannot be shown.
+    """
+    # as text first: not every parser of numbers comes to the last bit
+    table = pd.read_csv(BytesIO(csv), dtype=object, keep_default_na=False)
+    if missing := [key for key in _DTYPES if key not in table]:
+        raise ValueError(f"column {missing[0]!r} is missing")
+    if not table["success"].isin(("True", "False")).all():
+        raise ValueError("success must be True or False")
+    metrics = metric_columns(table)
+    table[metrics] = table[metrics].replace("", "nan")
+    table["success"] = table["success"] == "True"
+    table = typed(table)
+    if np.isinf(table[metrics]).any(axis=None):
+        raise ValueError("metrics must be finite")
+    for key in table.select_dtypes("category"):
+        _check_names(table[key].cat.categories, str(key))
+    return table
+
+
+def trajectory(record: EpisodeRecord) -> Trajectory:
+    """Path of one episode, in single precision."""
+    return Trajectory(
+        *(getattr(record, item.name).astype(np.float32) for item in fields(Trajectory))
+    )
+
+
+def pack_trajectories(paths: Mapping[int, Trajectory]) -> dict[str, Any]:
+    """Plain arrays of many paths: their rows, how long each is, their fields joined together."""
+    columns = {
+        item.name: np.concatenate([getattr(path, item.name) for path in paths.values()])
+        for item in fields(Trajectory)
+        if paths
+    }
+    lengths = [len(path.time_s) for path in paths.values()]
+    return {
+        "rows": np.array(list(paths), dtype=np.int64),
+        "lengths": np.array(lengths, dtype=np.int64),
+        **columns,
+    }
+
+
+def unpack_trajectories(arrays: Mapping[str, NDArray[Any]]) -> dict[int, Trajectory]:
+    """Paths by their rows, from what `pack_trajectories` made of them.
+
+    Raises
+    ------
+    KeyError, ValueError
+        An array is missing, or of another length than the others.
+    """
+    if not arrays["rows"].size:
+        return {}
+    cuts = np.cumsum(arrays["lengths"])[:-1]
+    columns = [np.split(arrays[item.name], cuts) for item in fields(Trajectory)]
+    paths = [Trajectory(*values) for values in zip(*columns, strict=True)]
+    return dict(zip(arrays["rows"].tolist(), paths, strict=True))
 
 
 def write_results(results: Results, folder: str | Path) -> Path:
@@ -134,196 +319,106 @@ def write_results(results: Results, folder: str | Path) -> Path:
 
     Raises
     ------
-    ResultsError
-        If the results do not follow the schema, or hold a number that is not finite.
+    ValueError
+        The protocol or a summary holds a number that is not finite.
     OSError
         The folder cannot be written to, or holds such a file that flyrl did not write.
     """
     output = OutputFolder(folder)
     output.check_free(*RESULTS_FILES)
-    with output.replacing(RESULTS_FILE) as partial:
-        _write_pieces(partial, results_text(results))
-        # these before it takes its place: whoever reads it finds all three
-        with output.replacing(EPISODES_FILE) as table:
-            _write_pieces(table, csv_text(results.episodes))
-        if results.trajectories:
-            with output.replacing(TRAJECTORIES_FILE) as trajectories:
-                _save_trajectories(trajectories, results)
-        else:
-            output.remove(TRAJECTORIES_FILE)
+    # results.json takes its place last: whoever reads it finds the other two
+    with (
+        output.replacing(RESULTS_FILE) as contents,
+        output.replacing(TRAJECTORIES_FILE) as trajectories,
+        output.replacing(EPISODES_FILE) as episodes,
+    ):
+        episodes.write_text(csv_table(results.episodes), encoding="utf-8", newline="")
+        np.savez_compressed(trajectories, **pack_trajectories(results.trajectories))
+        encoder = json.JSONEncoder(indent=1, allow_nan=False, default=list)
+        parts = {
+            "schema": SCHEMA,
+            "files": {
+                EPISODES_FILE: file_digest(episodes),
+                TRAJECTORIES_FILE: file_digest(trajectories),
+            },
+            "protocol": results.protocol,
+            "drawn": results.drawn,
+            "summary": results.summaries,
+        }
+        with contents.open("w", encoding="utf-8", newline="") as file:
+            file.writelines(encoder.iterencode(parts))
     return output.path / RESULTS_FILE
-
-
-def _write_pieces(path: Path, pieces: Iterable[str]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        file.writelines(pieces)
 
 
 def load_results(path: str | Path) -> Results:
     """Read results from their folder, or from their `results.json`.
 
-    Paths that belong to other rows (an evaluation stopped between two files) are left out.
+    Without `trajectories.npz` there are no paths.
 
     Raises
     ------
     ResultsError
-        If there is no such file, or it is not a whole `flyrl.results/3`.
+        A file is missing, is not whole, or does not belong to the others.
     """
     path = Path(path)
-    if path.is_dir():
-        path = path / RESULTS_FILE
+    folder = path if path.is_dir() else path.parent
+    file = folder / RESULTS_FILE if path.is_dir() else path
     try:
-        contents = json.loads(path.read_text(encoding="utf-8"))
+        contents = json.loads(file.read_text(encoding="utf-8"))
+        _check_contents(contents)
+        file = folder / EPISODES_FILE
+        _check_digest(file, contents)
+        episodes = read_episodes(file.read_bytes())
+        file = folder / TRAJECTORIES_FILE
+        paths: dict[int, Trajectory] = {}
+        if file.exists():
+            _check_digest(file, contents)
+            paths = unpack_trajectories(load_arrays(file))
     except FileNotFoundError:
-        raise ResultsError(f"{path}: no such file") from None
-    except (ValueError, RecursionError) as error:
-        raise ResultsError(f"{path}: not JSON ({error})") from None
-    try:
-        validate(contents)
-        episodes = episode_table(contents["episodes"])
-    except ValueError as error:
-        raise ResultsError(f"{path}: {error}") from None
-    return Results(
-        contents["protocol"],
-        episodes,
-        contents["summary"],
-        contents["drawn"],
-        _load_trajectories(path.parent, episodes),
-    )
+        raise ResultsError(f"{file}: no such file") from None
+    except (KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        raise ResultsError(f"{file}: {error}") from error
+    return Results(contents["protocol"], episodes, contents["summary"], contents["drawn"], paths)
 
 
-def validate(contents: object) -> None:
-    """Check that `contents` follows schema `flyrl.results/3`.
-
-    Raises
-    ------
-    ResultsError
-        At the first thing that does not, naming it.
-    """
+def _check_contents(contents: Any) -> None:
+    """Raise ValueError at the first thing that is not as in `results.json`, naming it."""
     if not isinstance(contents, dict):
-        raise ResultsError(f"a {type(contents).__name__}; expected an object")
-    schema = contents.get("schema")
-    if schema != SCHEMA:
-        raise ResultsError(f"schema: {schema!r}; this version reads {SCHEMA!r}")
+        raise ValueError(f"a {type(contents).__name__}; expected an object")
+    if contents.get("schema") != SCHEMA:
+        raise ValueError(f"schema: {contents.get('schema')!r}; this version reads {SCHEMA!r}")
     _check_keys(contents, _CONTENTS, "results")
-    outcomes = _check_protocol(contents["protocol"])
-    for index, row in enumerate(contents["episodes"]):
-        _check_row(row, index, outcomes)
-        _check_names(row, f"episodes[{index}]")
+    _check_keys(contents["protocol"], _PROTOCOL, "protocol")
     for index, row in enumerate(contents["summary"]):
-        _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
-        _check_names(row, f"summary[{index}]")
+        _check_keys(row, _SUMMARY, f"summary[{index}]")
+        for key in _SUMMARY[str]:
+            _check_names([row[key]], f"summary[{index}].{key}")
 
 
-_CONTENTS: Final = {"protocol": (dict,), "drawn": (dict,), "episodes": (list,), "summary": (list,)}
-
-
-def _check_protocol(protocol: Json) -> list[str]:
-    """Check a protocol; return the outcomes that its episodes can have."""
-    _check_keys(protocol, PROTOCOL_KEYS, "protocol")
-    # a protocol without its own is of flyrl's own tasks
-    protocol = {"outcomes": list(OUTCOMES[1:]), **protocol}
-    _check_keys(protocol, {"outcomes": (list,)}, "protocol")
-    return [str(outcome) for outcome in protocol["outcomes"]]
-
-
-def _check_row(row: object, index: int, outcomes: Sequence[str]) -> None:
-    where = f"episodes[{index}]"
-    _check_keys(row, ROW_KEYS, where)
-    assert isinstance(row, dict)
-    if row["outcome"] not in outcomes:
-        raise ResultsError(
-            f"{where}.outcome: {row['outcome']!r}; expected one of {', '.join(outcomes)}"
-        )
-
-
-def _check_keys(given: object, expected: Mapping[str, tuple[type, ...]], where: str) -> None:
+def _check_keys(given: Any, expected: _Keys, where: str) -> None:
     if not isinstance(given, dict):
-        raise ResultsError(f"{where}: a {type(given).__name__}; expected an object")
-    for key, types in expected.items():
-        if key not in given:
-            raise ResultsError(f"{where}.{key}: missing")
-        value = given[key]
-        # A bool is an int to Python, but no number to us.
-        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
-            names = " or ".join("null" if t is type(None) else t.__name__ for t in types)
-            raise ResultsError(f"{where}.{key}: {value!r}; expected {names}")
+        raise ValueError(f"{where}: a {type(given).__name__}; expected an object")
+    for kind, keys in expected.items():
+        for key in keys:
+            if key not in given:
+                raise ValueError(f"{where}.{key}: missing")
+            value, allowed = given[key], (int, float) if kind is float else kind
+            # a bool is an int to Python, but no number to us
+            if not isinstance(value, allowed) or (isinstance(value, bool) and kind is not object):
+                raise ValueError(f"{where}.{key}: {value!r:.60}; expected {kind.__name__}")
 
 
-def _check_names(row: Json, where: str) -> None:
+def _check_names(names: Iterable[str], where: str) -> None:
     """Names reach figures, tables and terminals."""
-    for key in ("controller", "task", "terrain", "condition", "outcome"):
-        name = row.get(key, "")
+    for name in names:
         if not name.isprintable() or len(name) > _NAME_LENGTH:
-            raise ResultsError(
-                f"{where}.{key}: {name!a:.60}; expected printable text of at most "
-                f"{_NAME_LENGTH} characters"
+            raise ValueError(
+                f"{where}: {name!a:.60}; expected printable text of at most {_NAME_LENGTH} "
+                "characters"
             )
 
 
-def results_text(results: Results) -> Iterator[str]:
-    """Text of `results.json`, piece by piece: valid JSON without NaN, a line per episode.
-
-    Raises
-    ------
-    ResultsError
-        If the results do not follow the schema, or hold a number that is not finite.
-    """
-    outcomes = _check_protocol(results.protocol)
-    for index, row in enumerate(results.summaries):
-        _check_keys(row, SUMMARY_KEYS, f"summary[{index}]")
-    try:
-        yield f'{{\n "schema": {json.dumps(SCHEMA)},\n "protocol": '
-        yield json.dumps(results.protocol, indent=1, allow_nan=False)
-        yield ',\n "drawn": {'
-        for number, (terrain, episodes) in enumerate(results.drawn.items()):
-            yield f"{',' * (number > 0)}\n  {json.dumps(terrain)}: ["
-            yield from _lines(episodes)
-            yield "]"
-        yield '\n },\n "episodes": ['
-        yield from _lines(_checked(plain_rows(results.episodes), outcomes))
-        yield '],\n "summary": ['
-        yield from _lines(results.summaries)
-        yield "]\n}\n"
-    except ValueError as error:
-        raise ResultsError(str(error)) from error
-
-
-def _lines(values: Iterable[Json]) -> Iterator[str]:
-    """Values of a JSON list, a line each."""
-    for index, value in enumerate(values):
-        yield f"{',' * (index > 0)}\n  {json.dumps(value, allow_nan=False)}"
-
-
-def _checked(rows: Iterable[Json], outcomes: Sequence[str]) -> Iterator[Json]:
-    for index, row in enumerate(rows):
-        _check_row(row, index, outcomes)
-        yield row
-
-
-def _digest(table: pd.DataFrame) -> NDArray[np.uint8]:
-    """What ties paths to the rows they belong to, 32 bytes."""
-    return np.frombuffer(bytes.fromhex(episodes_digest(table)), dtype=np.uint8)
-
-
-def _save_trajectories(path: Path, results: Results) -> None:
-    rows, paths = list(results.trajectories), list(results.trajectories.values())
-    np.savez_compressed(
-        path,
-        digest=_digest(results.episodes),
-        rows=np.array(rows, dtype=np.int64),
-        **pack_trajectories(paths),
-    )
-
-
-def _load_trajectories(folder: Path, table: pd.DataFrame) -> dict[int, Trajectory]:
-    path = folder / TRAJECTORIES_FILE
-    if not path.exists():
-        return {}
-    try:
-        arrays = load_arrays(path)
-        if not np.array_equal(arrays["digest"], _digest(table)):
-            return {}
-        return dict(zip(arrays["rows"].tolist(), unpack_trajectories(arrays), strict=True))
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise ResultsError(f"{path}: not a whole trajectories file ({error})") from error
+def _check_digest(file: Path, contents: Json) -> None:
+    digest = file_digest(file)
+    if digest is not None and digest != contents["files"].get(file.name):
+        raise ValueError(f"it was changed since {RESULTS_FILE} was written, or is of other results")

@@ -6,9 +6,11 @@ import dataclasses
 import datetime
 import hashlib
 import json
+import os
 import platform
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -20,22 +22,21 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.record import plain
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig, LazySequence
-from flyrl.evaluation.entrant import Entrant
-from flyrl.evaluation.entrants import best_reference, make_entrants
-from flyrl.evaluation.metrics import SMALLEST_EFFECTS, compared_metrics, decisive_metrics
-from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import (
+from flyrl.evaluation.entrants import Entrant, make_entrants
+from flyrl.evaluation.metrics import compared_metrics, decisive_metrics, smallest_effects
+from flyrl.evaluation.results import (
     Json,
+    Results,
     Trajectory,
     episode_row,
     episode_table,
-    joined,
     pack_trajectories,
-    plain_rows,
+    read_episodes,
     trajectory,
+    typed,
     unpack_trajectories,
 )
-from flyrl.evaluation.summary import summarise
+from flyrl.evaluation.summary import best_reference, summarise
 from flyrl.files import OutputFolder, load_arrays
 from flyrl.progress import progress_bar
 from flyrl.resources import version
@@ -45,10 +46,16 @@ from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import Terrain
 from flyrl.text import printable
 
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
+"""Packages whose versions the results name."""
+
 PARTS_FOLDER: Final = "parts"
 
-Part = tuple[pd.DataFrame, list[Trajectory]]
-"""Rows of a batch, and the paths of the first of them."""
+Part = tuple[pd.DataFrame, dict[int, Trajectory]]
+"""Rows of a batch, and the paths of the first of them by the number of their row."""
 
 
 class Parts:
@@ -62,31 +69,29 @@ class Parts:
         Plain JSON values; what was walked with others does not count.
     """
 
-    def __init__(self, folder: Path | None, settings: Any) -> None:
+    def __init__(self, folder: str | Path | None, settings: Any) -> None:
         self._folder = None if folder is None else OutputFolder(folder)
-        text = json.dumps(settings, sort_keys=True)
-        self._digest = np.frombuffer(hashlib.sha256(text.encode()).digest(), dtype=np.uint8)
+        self._settings = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
-    def read(self, place: Sequence[int]) -> Part | None:
+    def read(self, walk: int, start: int) -> Part | None:
         """Rows and paths of a batch; None where there are none, or not whole.
 
         Parameters
         ----------
-        place
-            Numbers that tell the batch from all others.
+        walk
+            Number of the entrant, terrain and condition.
+        start
+            First episode of the batch.
         """
         if self._folder is None:
             return None
         try:
-            arrays = load_arrays(self._folder.path / _name(place))
-            if not np.array_equal(arrays["settings"], self._digest):
-                return None
-            rows = episode_table(json.loads(arrays["rows"].tobytes()))
-            return rows, unpack_trajectories(arrays)
-        except (OSError, KeyError, TypeError, ValueError):
+            arrays = load_arrays(self._folder.path / self._name(walk, start))
+            return read_episodes(arrays["table"].tobytes()), unpack_trajectories(arrays)
+        except (OSError, KeyError, OverflowError, TypeError, ValueError):
             return None
 
-    def write(self, place: Sequence[int], part: Part) -> None:
+    def write(self, walk: int, start: int, part: Part) -> None:
         """Keep a batch.
 
         Raises
@@ -97,15 +102,12 @@ class Parts:
         if self._folder is None:
             return
         rows, paths = part
-        text = np.frombuffer(json.dumps(list(plain_rows(rows))).encode(), dtype=np.uint8)
-        with self._folder.replacing(_name(place)) as partial:
-            np.savez_compressed(
-                partial, settings=self._digest, rows=text, **pack_trajectories(paths)
-            )
+        table = np.frombuffer(rows.to_csv(index=False).encode(), dtype=np.uint8)
+        with self._folder.replacing(self._name(walk, start)) as partial:
+            np.savez_compressed(partial, table=table, **pack_trajectories(paths))
 
-
-def _name(place: Sequence[int]) -> str:
-    return f"{PARTS_FOLDER}/{'-'.join(map(str, place))}.npz"
+    def _name(self, walk: int, start: int) -> str:
+        return f"{PARTS_FOLDER}/{walk}-{start}-{self._settings[:16]}.npz"
 
 
 def drop_parts(folder: Path) -> None:
@@ -114,26 +116,25 @@ def drop_parts(folder: Path) -> None:
     output.remove(*output.files(PARTS_FOLDER))
 
 
-if TYPE_CHECKING:
-    from tqdm import tqdm
-
-PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
-"""Packages whose versions the results name."""
-
-
-def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Results:
+def evaluate(
+    config: EvaluationConfig,
+    folder: str | Path | None = None,
+    entrants: Sequence[Entrant] | None = None,
+) -> Results:
     """Let every entrant walk the same episodes on every terrain, and compare them.
 
-    An entrant that raises an error is out of that terrain, with all its episodes there; the others
-    go on.
+    An entrant that raises an error is excluded on that terrain, with all its episodes there; the
+    others continue.
 
     Parameters
     ----------
     config
         Who, where, how often.
     folder
-        Where each batch of episodes is kept until all are done, so that the same evaluation goes on
+        Where each batch of episodes is kept until all are done, so that the same evaluation resumes
         from there after an interruption. None keeps nothing.
+    entrants
+        What `make_entrants` made of `config`; None makes them.
 
     Raises
     ------
@@ -143,7 +144,8 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
     OSError
         The folder cannot be written to.
     """
-    entrants = make_entrants(config)
+    if entrants is None:
+        entrants = make_entrants(config)
     # Every environment's config is made, and with that checked, before the first one runs.
     walks = [
         _Walk(entrant, terrain, condition, condition.env(entrant.env(config, terrain)), config)
@@ -152,18 +154,20 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
         for entrant in entrants
     ]
     protocol = _protocol(config, entrants)
-    parts = Parts(
-        None if folder is None else Path(folder),
-        [protocol, config.num_envs, config.paths, _versions(), _first_episodes(config)],
-    )
+    first = [
+        plain(dataclasses.asdict(config.draw_episodes(terrain)[0]))
+        for terrain in config.terrain_configs
+    ]  # tells episodes from those that another version would draw from the same seeds
+    parts = Parts(folder, [protocol, config.num_envs, config.paths, _versions(), first])
     tables: list[pd.DataFrame] = []
     examples: list[EpisodeRecord] = []
     trajectories: dict[int, Trajectory] = {}
-    num_rows = 0
     crashes: list[Json] = []
+    num_rows = 0
+    walk_ms = config.episodes * _episode_ms(config)
     with progress_bar(
         # whole ms, shown in s: a sum of many small floats could pass the total
-        round(len(walks) * config.episodes * config.horizon_s * 1000),
+        len(walks) * walk_ms,
         is_shown=config.progress,
         unit="s",
         unit_scale=1e-3,
@@ -173,47 +177,38 @@ def evaluate(config: EvaluationConfig, folder: str | Path | None = None) -> Resu
     ) as bar:
         for number, walk in enumerate(walks):
             bar.set_postfix_str(walk.text)
-            due = bar.n + round(config.episodes * config.horizon_s * 1000)
+            due = bar.n + walk_ms
             try:
-                found = walk.batches(parts, number, bar, examples)
+                found, filmed = walk.batches(parts, number, bar)
             except _CrashError as crash:
                 crashes.append(walk.crash(crash))
                 bar.update(due - bar.n)
                 continue
+            examples += filmed
             for table, paths in found:
-                trajectories.update(enumerate(paths, start=num_rows))
+                trajectories |= {num_rows + row: path for row, path in paths.items()}
                 tables.append(table)
                 num_rows += len(table)
     if not tables:
         raise ValueError(f"every entrant raised an error; the first: {crashes[0]['error']}")
-    rows = joined(tables)
-    walked = list(rows["controller"].unique())
-    reference = protocol["reference"]
-    if reference not in walked:
-        reference = best_reference(
-            rows, protocol["entrants"], config.horizon_s, config.resolved_task
-        )
+    rows = typed(pd.concat(tables, ignore_index=True))
+    if protocol["reference"] not in rows["controller"].unique():
+        protocol["reference"] = best_reference(rows, protocol)
+    protocol |= {
+        "command": config.command,
+        "settings": plain(dict(config.settings)),
+        "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "versions": {"python": platform.python_version(), **_versions()},
+        "crashes": crashes,
+    }
     return Results(
-        protocol={
-            **protocol,
-            "command": config.command,
-            "settings": plain(dict(config.settings)),
-            "created_utc": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            "versions": {"python": platform.python_version(), **_versions()},
-            "reference": reference,
-            "crashes": crashes,
-        },
-        episodes=rows,
-        summaries=summarise(
-            rows,
-            reference,
-            config.horizon_s,
-            np.random.default_rng(config.seed),
-            config.vary,
-            config.resolved_task,
-        ),
+        protocol,
+        rows,
+        summarise(rows, protocol, np.random.default_rng(config.seed)),
         drawn={
-            terrain.label: _plain_episodes(config.draw_episodes(terrain))
+            terrain.label: LazySequence(
+                config.draw_episodes(terrain), lambda episode: plain(dataclasses.asdict(episode))
+            )
             for terrain in config.terrain_configs
         },
         trajectories=trajectories,
@@ -238,41 +233,43 @@ class _Walk:
     @property
     def text(self) -> str:
         """Who, where and how."""
-        return ", ".join(
-            filter(None, (self.entrant.name, self.terrain.label, self.condition.label))
-        )
+        parts = (self.entrant.name, self.terrain.label, self.condition.label)
+        return ", ".join(filter(None, parts))
 
     def batches(
-        self, parts: Parts, number: int, bar: tqdm[NoReturn], examples: list[EpisodeRecord]
-    ) -> list[Part]:
+        self, parts: Parts, number: int, bar: tqdm[NoReturn]
+    ) -> tuple[list[Part], list[EpisodeRecord]]:
         """Walk the batches that `parts` does not hold yet, keep them there, and return all.
 
-        Where nothing is varied, records of the episodes to film are appended to `examples`.
+        Where nothing is varied, records of the episodes to film that were walked are returned, too.
         """
         episodes = self.config.draw_episodes(self.terrain, self.condition)
         size = min(self.config.num_envs, len(episodes))
         env: BatchedEnv | None = None
-        found, filmed = [], []
+        found: list[Part] = []
+        filmed: list[EpisodeRecord] = []
         for start in range(0, len(episodes), size):
             batch = episodes[start : start + size]
-            part = parts.read((number, start))
+            part = parts.read(number, start)
             if part is None:
                 if env is None:
                     env = BatchedEnv(self.env_config, size, self.config.num_threads)
                 records = self._walk(env, batch, start, bar)
-                part = self._part(records, start)
+                rows = [episode_row(record, self.condition.label) for record in records]
+                kept = records[: max(0, self.config.paths - start)]
+                part = episode_table(rows), dict(enumerate(map(trajectory, kept)))
+                parts.write(number, start, part)
                 if not self.condition.name:
                     filmed += [each for each in records if each.index in self.config.film]
-                parts.write((number, start), part)
             else:
-                bar.update(round(len(batch) * self.config.horizon_s * 1000))
+                bar.update(len(batch) * _episode_ms(self.config))
             found.append(part)
-        examples += filmed
-        return found
+        return found, filmed
 
     def _walk(
         self, env: BatchedEnv, batch: Sequence[Episode], start: int, bar: tqdm[NoReturn]
     ) -> list[EpisodeRecord]:
+        interval_ms = 1000 * self.env_config.decision_interval_s
         try:
             return run_episodes(
                 env,
@@ -280,16 +277,11 @@ class _Walk:
                 batch,
                 controller=self.entrant.name,
                 first_index=start,
-                on_progress=_advance(bar, self.env_config.decision_interval_s),
+                on_progress=lambda decisions: bar.update(round(decisions * interval_ms)),
             )
         except Exception as error:
             # a policy may be anybody's code, and raise anything
             raise _CrashError from error
-
-    def _part(self, records: Sequence[EpisodeRecord], start: int) -> Part:
-        table = episode_table([episode_row(record, self.condition.label) for record in records])
-        kept = max(0, self.config.paths - start)
-        return table, list(map(trajectory, records[:kept]))
 
     def crash(self, crash: _CrashError) -> Json:
         """What is put on record of an entrant that raised an error."""
@@ -303,8 +295,8 @@ class _Walk:
         }
 
 
-def _advance(bar: tqdm[NoReturn], interval_s: float) -> Callable[[int], object]:
-    return lambda decisions: bar.update(round(decisions * interval_s * 1000))
+def _episode_ms(config: EvaluationConfig) -> int:
+    return round(1000 * config.horizon_s)
 
 
 def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
@@ -325,17 +317,10 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
         "reference": config.reference,
-        "smallest_effects": {
-            **SMALLEST_EFFECTS,
-            **{term.name: term.smallest_effect for term in task.errors},
-            **config.smallest_effects,
-        },
+        "smallest_effects": {**smallest_effects(task), **config.smallest_effects},
         "entrants": [dict(entrant.record) for entrant in entrants],
         "terrains": [
-            {
-                "name": terrain.label,
-                "config": dataclasses.asdict(terrain),
-            }
+            {"name": terrain.label, "config": dataclasses.asdict(terrain)}
             for terrain in config.terrain_configs
         ],
         "study": config.study,
@@ -350,16 +335,57 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
     return plain
 
 
-def _plain_episodes(episodes: Sequence[Episode]) -> Sequence[Json]:
-    """Episodes as plain JSON values, made when asked for."""
-    return LazySequence(len(episodes), lambda index: plain(dataclasses.asdict(episodes[index])))
-
-
-def _first_episodes(config: EvaluationConfig) -> list[Json]:
-    """What tells episodes from those that another version would draw from the same seeds."""
-    drawn = map(config.draw_episodes, config.terrain_configs)
-    return [plain(dataclasses.asdict(episodes[0])) for episodes in drawn]
-
-
 def _versions() -> dict[str, str]:
     return {package: version(package) or "not installed" for package in PACKAGES}
+
+
+def walk_examples(
+    config: EvaluationConfig, entrants: Sequence[Entrant], walked: Sequence[EpisodeRecord] = ()
+) -> list[EpisodeRecord]:
+    """Records of the episodes to `film`: as in the evaluation, to the bit, with all of the gait.
+
+    Parameters
+    ----------
+    config
+        Of the evaluation; where it varies something, nothing is varied here.
+    entrants
+        Of the evaluation.
+    walked
+        Those that were kept from the evaluation; the others are walked again.
+
+    Returns
+    -------
+    One per terrain, episode and entrant, in this order, but for those that raise an error.
+    """
+    drawn = [
+        (terrain, index, config.draw_episodes(terrain)[index])
+        for terrain in config.terrain_configs
+        for index in config.film
+    ]
+    kept = {(record.controller, record.terrain, record.index): record for record in walked}
+
+    def walk(entrant: Entrant) -> list[EpisodeRecord | None]:
+        return [
+            kept.get((entrant.name, terrain.label, index))
+            or _walk_alone(entrant, config, terrain, index, episode)
+            for terrain, index, episode in drawn
+        ]
+
+    # one fly at a time keeps one core busy: as many at once as there are cores
+    with ThreadPoolExecutor(config.num_threads or os.cpu_count()) as executor:
+        records = list(executor.map(walk, entrants))
+    return [record for of_episode in zip(*records, strict=True) for record in of_episode if record]
+
+
+def _walk_alone(
+    entrant: Entrant, config: EvaluationConfig, terrain: Terrain, index: int, drawn: Episode
+) -> EpisodeRecord | None:
+    """Record of one entrant on one episode; None if it raises an error."""
+    env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
+    try:
+        (record,) = run_episodes(
+            env, entrant.policy, [drawn], controller=entrant.name, first_index=index
+        )
+    except Exception:
+        return None
+    return record

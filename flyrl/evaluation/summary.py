@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from flyrl.evaluation.conditions import compared_conditions
-from flyrl.evaluation.metrics import (
-    SMALLEST_EFFECTS,
-    compared_metrics,
-    decisive_metrics,
-    lower_is_better,
-)
-from flyrl.evaluation.rows import metric_columns
+from flyrl.evaluation.metrics import metric_named
+from flyrl.evaluation.results import Json, metric_columns
 from flyrl.evaluation.statistics import (
     MIN_PAIRS,
     Interval,
@@ -30,86 +24,79 @@ from flyrl.evaluation.statistics import (
     probability_of_improvement,
     success_rate,
 )
-from flyrl.tasks import OUTCOMES, Task
+from flyrl.tasks import OUTCOMES
+
+_PLACE = ["terrain", "condition"]
 
 
-def summarise(
-    rows: pd.DataFrame,
-    reference: str,
-    horizon_s: float,
-    rng: np.random.Generator,
-    vary: Mapping[str, Sequence[Any]] | None = None,
-    task: Task | None = None,
-) -> list[dict[str, Any]]:
+def summarise(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -> list[Json]:
     """One summary per terrain, condition and controller, in order of first appearance.
 
-    Where quantities were varied, "paired" holds `interactions` under each condition that changes
-    something.
+    "paired" holds the `differences` to the reference, by metric; where quantities were varied, also
+    the `interactions` under each condition that changes something, by decisive metric: (own under
+    the condition - own usually) - (the reference's under it - the reference's usually), over the
+    episodes that both walked under both.
 
     Parameters
     ----------
     rows
-        Episodes; see `flyrl.evaluation.rows`.
-    reference
-        Name of the controller that the others are compared with.
-    horizon_s
-        Time limit of an episode, s: the time to goal of an episode without success, in pairs only.
+        Episodes: see `flyrl.evaluation.results.Results`.
+    protocol
+        Its `reference`, `compared` and `decisive` metrics, `horizon_s` (the time to goal of an
+        episode without success, in pairs only), and `vary`.
     rng
         Source of the resampling.
-    vary
-        Quantities that were varied, and their values.
-    task
-        Says what to compare by; None: the built-in task that the rows name.
 
     Raises
     ------
     ValueError
-        If `reference` has no episodes, or a controller walked one episode twice.
+        If the reference has no episodes, or a controller walked one episode twice.
     """
-    place = ["terrain", "condition"]
-    twice = rows[rows.duplicated([*place, "controller", "episode"])]
+    twice = rows[rows.duplicated([*_PLACE, "controller", "episode"])]
     if len(twice):
         first = twice.iloc[0]
         raise ValueError(
             f"episodes must be walked once, got {first['episode']} twice by "
             f"{first['controller']} on {first['terrain']}"
         )
-    names = list(rows["controller"].unique())
+    names, reference = list(rows["controller"].unique()), protocol["reference"]
     if reference not in names:
         raise ValueError(f"reference must be one of {', '.join(names)}, got {reference!r}")
-    compared = compared_metrics(task or rows["task"].iloc[0])
-    decisive = decisive_metrics(task or rows["task"].iloc[0])
-    summary = []
-    for _, walked in rows.groupby(place, sort=False, observed=True):
-        others = walked[walked["controller"] == reference]
-        for name in names:
-            own = walked[walked["controller"] == name]
-            if own.empty:
-                continue
-            row = summarise_controller(own)
-            if name != reference:
-                row["paired"] = {
-                    "reference": reference,
-                    "differences": paired_differences(own, others, compared, horizon_s, rng),
-                }
-            summary.append(row)
+    horizon_s = protocol["horizon_s"]
+    usual, *changed = (condition.label for condition in compared_conditions(protocol["vary"]))
+    walked = {
+        (*place, name): own
+        for place, both in rows.groupby(_PLACE, sort=False, observed=True)
+        for name in names
+        if len(own := both[both["controller"] == name])
+    }
+    summary, none = [], rows.head(0)
+    for place, own in walked.items():
+        row = summarise_controller(own)
+        if place[-1] != reference:
+            others = walked.get((*place[:-1], reference), none)
+            differences = paired_differences(own, others, protocol["compared"], horizon_s, rng)
+            row["paired"] = {"reference": reference, "differences": differences}
+        summary.append(row)
     _adjust(summary)
-    usual, *changed = (condition.label for condition in compared_conditions(vary or {}))
-    for row in summary:
-        if row["paired"] and row["condition"] in changed:
-            walked = rows[rows["terrain"] == row["terrain"]]
-            row["paired"]["interactions"] = interactions(
-                walked[walked["condition"] == row["condition"]],
-                walked[walked["condition"] == usual],
-                (row["controller"], reference),
-                decisive,
-                horizon_s,
-                rng,
+
+    for (terrain, condition, name), row in zip(walked, summary, strict=True):
+        if not row["paired"] or condition not in changed:
+            continue
+        interactions = row["paired"]["interactions"] = {}
+        for metric in protocol["decisive"]:
+            own_now, own_usual, other_now, other_usual = (
+                metric_values(walked.get((terrain, label, who), none), metric, horizon_s)
+                for who in (name, reference)
+                for label in (condition, usual)
             )
+            # by episode; NaN of one that was walked under one alone
+            changes = ((own_now - own_usual) - (other_now - other_usual)).dropna()
+            interactions[metric] = asdict(paired_difference(changes, rng))
     return summary
 
 
-def _adjust(summary: Sequence[dict[str, Any]]) -> None:
+def _adjust(summary: Sequence[Json]) -> None:
     """Correct the p-values; all comparisons by one metric are a family."""
     paired = [row["paired"]["differences"] for row in summary if row["paired"]]
     for metric in paired[0] if paired else ():
@@ -119,7 +106,7 @@ def _adjust(summary: Sequence[dict[str, Any]]) -> None:
             entry["p_adjusted"] = value
 
 
-def summarise_controller(rows: pd.DataFrame) -> dict[str, Any]:
+def summarise_controller(rows: pd.DataFrame) -> Json:
     """Summary of one controller on one terrain, from its `rows`; "paired" is None."""
     outcomes = Counter(rows["outcome"])
     kinds = dict.fromkeys((*OUTCOMES[1:], *sorted(outcomes)))
@@ -141,7 +128,7 @@ def paired_differences(
     compared: Sequence[str],
     horizon_s: float,
     rng: np.random.Generator,
-) -> dict[str, Any]:
+) -> Json:
     """Mean differences own - other, one per metric in `compared`.
 
     Each with its interval, `p_value`, `effect_size`, and `improvement`: the share of episodes in
@@ -150,57 +137,13 @@ def paired_differences(
     found = {}
     for metric in compared:
         differences = paired_values(own, others, metric, horizon_s)
-        gains = -differences if lower_is_better(metric) else differences
         found[metric] = {
             **asdict(paired_difference(differences, rng)),
             "p_value": p_value(differences, rng),
             "effect_size": effect_size(differences),
-            "improvement": asdict(probability_of_improvement(gains, rng)),
+            "improvement": asdict(probability_of_improvement(_sign(metric) * differences, rng)),
         }
     return found
-
-
-def interactions(
-    changed: pd.DataFrame,
-    usual: pd.DataFrame,
-    names: tuple[str, str],
-    decisive: Sequence[str],
-    horizon_s: float,
-    rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Mean differences of differences with their intervals, by decisive metric of the task.
-
-    (own under the condition - own usually) - (other under the condition - other usually), over
-    the episodes that both walked under both.
-
-    Parameters
-    ----------
-    changed, usual
-        Rows on one terrain under the condition and under the usual one.
-    names
-        The controller and the one that it is compared with.
-    decisive
-        These metrics.
-    horizon_s
-        Stands in for the time to goal of an episode without success, s.
-    rng
-        Source of the resampling.
-    """
-
-    def change(name: str, metric: str) -> pd.Series[float]:
-        after, before = (
-            metric_values(rows[rows["controller"] == name], metric, horizon_s)
-            for rows in (changed, usual)
-        )
-        return after - before  # by episode; NaN of one that was walked once
-
-    own, other = names
-    return {
-        metric: asdict(
-            paired_difference((change(own, metric) - change(other, metric)).dropna(), rng)
-        )
-        for metric in decisive
-    }
 
 
 def paired_values(
@@ -226,6 +169,11 @@ def metric_values(rows: pd.DataFrame, metric: str, horizon_s: float) -> pd.Serie
     """What controllers are compared by, by episode: see `paired_values`."""
     column = rows.set_index("episode")[metric].astype(np.float64)
     return column.fillna(horizon_s) if metric == "time_to_goal_s" else column
+
+
+def _sign(metric: str) -> int:
+    """1 of a metric that is better the higher it is, else -1."""
+    return -1 if metric_named(metric).lower_is_better else 1
 
 
 @dataclass(frozen=True)
@@ -265,91 +213,71 @@ class Leader:
         return len(self.names) == 1
 
 
-def find_leaders(
-    rows: pd.DataFrame,
-    horizon_s: float,
-    rng: np.random.Generator,
-    effects: Mapping[str, float] = SMALLEST_EFFECTS,
-    decisive: Sequence[str] = (),
-) -> list[Leader]:
+def find_leaders(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -> list[Leader]:
     """The best on each terrain under each condition, in order of first appearance.
 
-    They are ranked by what the task is about (see `decisive_metrics`). Those who are not worse than
+    They are ranked by the first of the protocol's `decisive` metrics. Those who are not worse than
     the best (the interval of the mean difference includes 0, the difference is smaller than the
     smallest effect of interest, or there are too few pairs) are ranked by the next metric.
 
     Parameters
     ----------
     rows
-        Episodes; see `flyrl.evaluation.rows`.
-    horizon_s
-        Stands in for the time to goal of an episode without success, s.
+        Episodes: see `flyrl.evaluation.results.Results`.
+    protocol
+        Its `decisive` metrics, `smallest_effects` and `horizon_s`.
     rng
         Source of the resampling.
-    effects
-        Smallest effect of interest by metric; 0 of others.
-    decisive
-        The `decisive_metrics` of the task; none: of the built-in one that the rows name.
     """
     return [
-        replace(
-            _leader(
-                str(terrain),
-                {
-                    str(name): own
-                    for name, own in walked.groupby("controller", sort=False, observed=True)
-                },
-                decisive or decisive_metrics(walked["task"].iloc[0]),
-                horizon_s,
-                rng,
-                effects,
-            ),
-            condition=str(condition),
+        _leader(
+            (str(terrain), str(condition)),
+            {
+                str(name): own
+                for name, own in walked.groupby("controller", sort=False, observed=True)
+            },
+            protocol["decisive"],
+            protocol,
+            rng,
         )
-        for (terrain, condition), walked in rows.groupby(
-            ["terrain", "condition"], sort=False, observed=True
-        )
+        for (terrain, condition), walked in rows.groupby(_PLACE, sort=False, observed=True)
     ]
 
 
 def _leader(
-    terrain: str,
+    place: tuple[str, str],
     own: Mapping[str, pd.DataFrame],
     metrics: Sequence[str],
-    horizon_s: float,
+    protocol: Json,
     rng: np.random.Generator,
-    effects: Mapping[str, float],
 ) -> Leader:
     """The best of some controllers, by the first of some metrics that tells them apart."""
     metric, *finer = metrics
-    means = {name: metric_values(rows, metric, horizon_s).mean() for name, rows in own.items()}
-    best, *others = sorted(
-        own, key=lambda name: means[name] * (1 if lower_is_better(metric) else -1)
-    )
+    horizon_s, effect = protocol["horizon_s"], protocol["smallest_effects"].get(metric, 0.0)
+    means = {
+        name: float(metric_values(rows, metric, horizon_s).mean()) for name, rows in own.items()
+    }
+    best, *others = sorted(own, key=lambda name: -_sign(metric) * means[name])
     differences = {
         name: paired_difference(paired_values(own[best], own[name], metric, horizon_s), rng)
         for name in others
     }
-    behind = [name for name in others if _is_clear(differences[name], effects.get(metric, 0.0))]
+    behind = [name for name in others if _is_clear(differences[name], effect)]
     level = [best, *(name for name in others if name not in behind)]
     if finer and len(level) > 1:
-        leader = _leader(
-            terrain, {name: own[name] for name in level}, finer, horizon_s, rng, effects
-        )
+        leader = _leader(place, {name: own[name] for name in level}, finer, protocol, rng)
         if len(leader.names) < len(level):
             return leader
-    value = float(means[best])
+    terrain, condition = place
+    leader = Leader(terrain, tuple(level), metric, means[best], condition=condition)
     if not behind:
-        return Leader(terrain, tuple(level), metric, value)
-    runner_up = behind[0]
-    return Leader(
-        terrain,
-        tuple(level),
-        metric,
-        value,
-        runner_up,
-        float(means[runner_up]),
-        differences[runner_up],
+        return leader
+    following = behind[0]
+    return replace(
+        leader,
+        next_name=following,
+        next_value=means[following],
+        difference=differences[following],
     )
 
 
@@ -360,3 +288,34 @@ def _is_clear(difference: Interval, effect: float) -> bool:
     if difference.low is None or difference.high is None:
         return difference.n >= MIN_PAIRS and bool(difference.value)
     return difference.low > 0 or difference.high < 0
+
+
+def best_reference(rows: pd.DataFrame, protocol: Json) -> str:
+    """Entrant that the others are compared with, unless the config names one.
+
+    The best fixed entrant that sees what the task asks, by the means of the task's decisive metrics
+    over all episodes; without one, the best fixed entrant; without any, the best of all.
+
+    Parameters
+    ----------
+    rows
+        Episodes: see `flyrl.evaluation.results.Results`.
+    protocol
+        Its `entrants`, `decisive` metrics and `horizon_s`.
+    """
+    walked = list(rows["controller"].unique())
+    fixed = [
+        each for each in protocol["entrants"] if each["kind"] == "fixed" and each["name"] in walked
+    ]
+    names = [each["name"] for each in fixed if each.get("sees")]
+    names = names or [each["name"] for each in fixed] or walked
+
+    def worth(name: str) -> list[float]:
+        own = rows[rows["controller"] == name]
+        return [
+            _sign(metric) * float(metric_values(own, metric, protocol["horizon_s"]).mean())
+            for metric in protocol["decisive"]
+        ]
+
+    best: str = max(names, key=worth)
+    return best

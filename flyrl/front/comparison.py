@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from flyrl.evaluation.metrics import decisive_metrics, lower_is_better
+from flyrl.evaluation.metrics import decisive_metrics, metric_named
 from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
@@ -174,7 +174,7 @@ def ranked(groups: Sequence[Group]) -> list[Group]:
     def rank(group: Group) -> list[tuple[bool, float]]:
         means = [_figure(figures[f"final_{metric}"], group.runs).value for metric in metrics]
         return [
-            (mean is None, (mean or 0.0) * (1 if lower_is_better(metric) else -1))
+            (mean is None, (mean or 0.0) * (1 if metric_named(metric).lower_is_better else -1))
             for metric, mean in zip(metrics, means, strict=True)
         ]
 

@@ -14,19 +14,20 @@ from flyrl.entry_points import is_entry_point, load_module
 from flyrl.envs.config import UnexpectedArgumentError
 from flyrl.envs.record import env_record, plain
 from flyrl.evaluation import (
+    Entrant,
     EvaluationConfig,
     Results,
     ResultsError,
     drop_parts,
     load_results,
+    make_entrants,
     measure_drive_map,
     measure_steering,
     walk_examples,
     write_results,
 )
 from flyrl.evaluation import evaluate as walk_episodes
-from flyrl.evaluation.results import RESULTS_FILES
-from flyrl.evaluation.rows import episodes_digest, plain_rows
+from flyrl.evaluation.results import RESULTS_FILES, episodes_digest
 from flyrl.files import OutputFolder, usable_folder, write_text
 from flyrl.policies.laws import is_law
 from flyrl.progress import progress_bar as make_bar
@@ -54,9 +55,12 @@ class Comparison(Results):
     ----------
     config
         What was asked for.
+    entrants
+        Who took part.
     """
 
     config: EvaluationConfig
+    entrants: Sequence[Entrant]
 
     @property
     def is_complete(self) -> bool:
@@ -136,20 +140,23 @@ class Comparison(Results):
         self, videos: bool, camera: Camera, close_ups: bool, drive_map: bool
     ) -> Additions:
         """What the report shows beside the results."""
-        config = self.config
+        config, entrants = self.config, self.entrants
         missing = {(crash["controller"], crash["terrain"]) for crash in self.protocol["crashes"]}
         view = replace(FILMED, camera=camera)
         has_walks = not config.vary  # a report of doses has no place for single walks
         has_films = videos and has_walks
-        filmed, note = record_videos(config, missing, view) if has_films else ([], None)
+        filmed, note = record_videos(config, entrants, missing, view) if has_films else ([], None)
+        examples = []
         with make_bar(1, is_shown=config.progress, unit=" parts", description="reporting") as bar:
             terrain = config.terrain_configs[0]
             has_map = close_ups and drive_map and config.legs is not None
+            if close_ups and has_walks:
+                examples = walk_examples(config, entrants, self.examples)
             additions = Additions(
                 videos=filmed,
-                examples=walk_examples(config, self.examples) if close_ups and has_walks else [],
+                examples=examples,
                 drive_map=measure_drive_map(config, terrain) if has_map else None,
-                steering=measure_steering(config, terrain) if close_ups else None,
+                steering=measure_steering(config, entrants, terrain) if close_ups else None,
                 curves=training_evaluations(self.protocol["entrants"]),
                 note=note,
             )
@@ -184,7 +191,7 @@ def evaluate(
         One or several of: a run; the name of a fixed controller ("cpg", "hybrid", "pursuit", …);
         that of a policy that comes with flyrl ("target-flat"), a run folder or a policy file; a
         function `(time_s, observation) -> drive`; an object with the `predict` of
-        Stable-Baselines3 (`evaluation.learned.own_policy`); any of these, or a leg controller
+        Stable-Baselines3 (`evaluation.entrants.own_policy`); any of these, or a leg controller
         of your own, as module:attribute. None takes the fixed controllers that go with the task.
     task
         Name of the task, a mapping with its name and parameters, or a task of your own.
@@ -231,7 +238,11 @@ _OWN_ARGUMENTS: Final = ("policies", "controllers", "progress", "command", "sett
 """Fields of an EvaluationConfig that have arguments of other names, or none."""
 
 
-def compare(config: EvaluationConfig, folder: str | Path | None = None) -> Comparison:
+def compare(
+    config: EvaluationConfig,
+    folder: str | Path | None = None,
+    entrants: Sequence[Entrant] | None = None,
+) -> Comparison:
     """Let everyone walk the episodes; warn on stderr of those who crashed.
 
     Parameters
@@ -240,20 +251,24 @@ def compare(config: EvaluationConfig, folder: str | Path | None = None) -> Compa
         Who, where, how often.
     folder
         As in `evaluate`.
+    entrants
+        What `make_entrants` made of `config`; None makes them.
 
     Raises
     ------
     ValueError, OSError
         As `flyrl.evaluation.evaluate` does.
     """
-    results = walk_episodes(config, folder)
+    if entrants is None:
+        entrants = make_entrants(config)
+    results = walk_episodes(config, folder, entrants)
     for crash in results.protocol["crashes"]:
         print(
             f"warning: {crash['controller']} crashed on {crash['terrain']} and is excluded there: "
             f"{crash['error']}",
             file=sys.stderr,
         )
-    return Comparison(**vars(results), config=config)
+    return Comparison(**vars(results), config=config, entrants=entrants)
 
 
 def results_folder(path: str | Path) -> Path:
@@ -296,19 +311,21 @@ def differences_from_report(path: Path, results: Results) -> tuple[bool, list[st
 def _episodes_differ(folder: Path, results: Results) -> list[str]:
     """Where the rows differ from those beside the report, if they are there."""
     try:
-        before = list(plain_rows(load_results(folder).episodes))
+        before = load_results(folder).episodes
     except ResultsError as error:
         return [f"which ones cannot be said: {error}"]
-    rows = list(plain_rows(results.episodes))
-    if len(before) != len(rows):
-        return [f"{len(before)} episodes, in the repeat {len(rows)}"]
-    different = [(one, other) for one, other in zip(before, rows, strict=True) if one != other]
-    lines = [f"{len(different)} of {len(rows)} episodes differ"]
-    for one, other in different[:_MAX_LISTED]:
-        key = next(key for key in {**one, **other} if one.get(key) != other.get(key))
+    if len(before) != len(results.episodes):
+        return [f"{len(before)} episodes, in the repeat {len(results.episodes)}"]
+    tables = before.align(results.episodes, join="outer", axis=1)
+    before, now = (each.astype(object).where(each.notna(), None) for each in tables)
+    is_other = (before != now) & (before.notna() | now.notna())
+    different = is_other.any(axis=1).to_numpy().nonzero()[0]
+    lines = [f"{len(different)} of {len(now)} episodes differ"]
+    for row in different[:_MAX_LISTED]:
+        one, other, key = before.iloc[row], now.iloc[row], is_other.iloc[row].idxmax()
         lines.append(
             f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
-            f"{key} {one.get(key)}, in the repeat {other.get(key)}"
+            f"{key} {one[key]}, in the repeat {other[key]}"
         )
     return lines
 

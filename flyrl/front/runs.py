@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flyrl.evaluation import EvaluationConfig, make_entrants
+from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
@@ -142,7 +142,11 @@ def learn(
 
 
 def simulated_shares(
-    config: TrainingConfig, compared: EvaluationConfig, *, videos: bool
+    config: TrainingConfig,
+    compared: EvaluationConfig,
+    entrants: Sequence[Entrant],
+    *,
+    videos: bool,
 ) -> dict[str, float]:
     """Parts of a training with a comparison -> how long each takes, in simulated s of training.
 
@@ -152,12 +156,12 @@ def simulated_shares(
     ----------
     config
         Of the training.
-    compared
+    compared, entrants
         Of the comparison, without the policy that is to be trained.
     videos
         Whether everyone is filmed.
     """
-    walks = (len(make_entrants(compared)) + 1) * len(compared.terrain_configs)
+    walks = (len(entrants) + 1) * len(compared.terrain_configs)
     simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
     return {
         "training": config.training.total_timesteps * config.env.decision_interval_s,
@@ -184,6 +188,6 @@ def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> No
             randomisation=config.env.resolved_randomisation,
             episodes=1,
         )
-        videos, _ = record_videos(episodes)
+        videos, _ = record_videos(episodes, make_entrants(episodes))
         for video in videos:
             write_bytes(folder / "best.mp4", video.mp4)

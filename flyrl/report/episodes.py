@@ -18,10 +18,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import Json
+from flyrl.evaluation.metrics import metric_label
+from flyrl.evaluation.results import Json, Results
 from flyrl.report.close_up import time_figure
-from flyrl.report.figures import metric_label
 from flyrl.report.video import FLY_PACE, FPS, Video
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import EpisodeRecord

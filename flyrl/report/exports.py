@@ -11,20 +11,10 @@ from typing import Any, Final
 
 import pandas as pd
 
-from flyrl.evaluation.metrics import recorded_metrics
-from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import Json
+from flyrl.evaluation.metrics import metric_label
+from flyrl.evaluation.results import Json, Results, paired, place_of
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader
-from flyrl.evaluation.tables import (
-    compared_pairs,
-    differences_table,
-    interacting_pairs,
-    interactions_table,
-    place_of,
-    summary_table,
-)
-from flyrl.report.figures import metric_label
 from flyrl.report.wording import format_number, leader_cells, percent
 from flyrl.text import csv_table, plain_name
 
@@ -67,27 +57,24 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
     leaders
         The best on each terrain under each condition.
     """
-    compared = recorded_metrics(results.protocol, "compared")
+    compared = results.protocol["compared"]
     terrains = list(dict.fromkeys(row["terrain"] for row in results.summaries))
     files = {
-        "summary.csv": csv_table(summary_table(results.summaries)),
+        "summary.csv": csv_table(results.summary),
         "summary.tex": _latex(_printed_summary(results.summaries, compared), _SPREADS),
         "leaders.csv": csv_table(leaders_table(leaders)),
         "leaders.tex": _latex(_printed_leaders(leaders), _LEADS),
     }
-    differences = differences_table(results.summaries)
-    if not differences.empty:
-        files["differences.csv"] = csv_table(differences)
+    tables = {"differences.csv": results.differences, "interactions.csv": results.interactions}
+    files |= {name: csv_table(table) for name, table in tables.items() if not table.empty}
     for terrain in terrains:
         rows = [row for row in results.summaries if row["terrain"] == terrain]
         name = plain_name(terrain)
         files[f"metrics-{name}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
         if any(row["paired"] for row in rows):
             files[f"differences-{name}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
-        if interacting_pairs(rows):
+        if any(paired(rows, "interactions")):
             files[f"interactions-{name}.tex"] = _latex(_printed_interactions(rows), _INTERACTIONS)
-    if interacting_pairs(results.summaries):
-        files["interactions.csv"] = csv_table(interactions_table(results.summaries))
     return files
 
 
@@ -178,7 +165,7 @@ def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
                 "better in (%)": _share(difference["improvement"]),
                 "effect size": format_number(difference["effect_size"], 2),
             }
-            for row, metric, difference in compared_pairs(summary)
+            for row, metric, difference in paired(summary, "differences")
         )
     )
 
@@ -191,7 +178,7 @@ def _printed_interactions(summary: Sequence[Json]) -> pd.DataFrame:
             "metric": metric_label(metric),
             "difference of differences": _interval(interaction),
         }
-        for row, metric, interaction in interacting_pairs(summary)
+        for row, metric, interaction in paired(summary, "interactions")
     )
 
 

@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from flyrl.evaluation.rows import Json
+from flyrl.evaluation.metrics import metric_label
+from flyrl.evaluation.results import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import paired_values
 from flyrl.report.style import (
@@ -33,48 +34,6 @@ from flyrl.rollouts import BoolArray
 from flyrl.tasks import SUCCESS
 
 FloatArray = NDArray[np.float64]
-
-METRIC_LABELS: Final = {
-    "success": "success",
-    "duration_s": "duration (s)",
-    "time_to_goal_s": "time to goal (s)",
-    "speed_mm_s": "speed (mm/s)",
-    "return": "return",
-    "displacement_mm": "displacement (mm)",
-    "advance_mm": "way along +x (mm)",
-    "path_length_mm": "path length (mm)",
-    "path_efficiency": "path efficiency",
-    "drift_deg": "drift (deg)",
-    "yaw_change_deg": "change of heading (deg)",
-    "goal_distance_mm": "way left to goal (mm)",
-    "goal_progress_mm": "way gained to goal (mm)",
-    "heading_error_deg": "heading error (deg)",
-    "path_error_mm": "distance to path (mm)",
-    "speed_error_mm_s": "speed error (mm/s)",
-    "yaw_rate_error_deg_s": "yaw rate error (deg/s)",
-    "bend_error_deg": "bend error (deg)",
-    "recruited_share": "share of neurons recruited",
-    "work_nj_per_mm": "work per way (nJ/mm)",
-    "slip_share": "slip per way",
-    "stride_frequency_hz": "stride frequency (Hz)",
-    "stride_length_mm": "stride length (mm)",
-    "duty_factor": "duty factor",
-    "tripod_coordination": "tripod coordination",
-    "reflex_activity": "reflex activity",
-    "drive_variation": "change of drive (1/s)",
-}
-
-_UNITS: Final = ("mm_s", "deg_s", "rad_s", "mm", "deg", "rad", "s")
-
-
-def metric_label(metric: str) -> str:
-    """Label of a metric; of an error of a user's own task its name, with the unit that ends it."""
-    if metric in METRIC_LABELS:
-        return METRIC_LABELS[metric]
-    unit = next((each for each in _UNITS if metric.endswith(f"_{each}")), "")
-    name = metric.removesuffix(f"_{unit}").replace("_", " ")
-    return f"{name} ({unit.replace('_', '/')})" if unit else name
-
 
 MAX_DOTS: Final = 400
 """Dots of one row beyond which their outline stands for them, to keep the page small."""

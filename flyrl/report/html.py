@@ -16,19 +16,14 @@ from markupsafe import Markup
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.conditions import compared_conditions
 from flyrl.evaluation.drive_map import DriveMap, Steering
-from flyrl.evaluation.metrics import (
-    GAIT_METRICS,
-    lower_is_better,
-    meanings,
-    recorded_metrics,
-)
+from flyrl.evaluation.metrics import descriptions, metric_label, metric_named
 from flyrl.evaluation.results import Results
 from flyrl.files import OutputFolder
 from flyrl.report.close_up import steering_figure
 from flyrl.report.curves import Evaluations
 from flyrl.report.episodes import episodes_section
 from flyrl.report.exports import format_tables, named_figures, standalone
-from flyrl.report.figures import metric_label, success_figure
+from flyrl.report.figures import success_figure
 from flyrl.report.sections import (
     all_leaders,
     drive_map_section,
@@ -182,7 +177,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     leaders = all_leaders(results)
     usual_leaders = [each for each in leaders if each.condition == usual_condition.label]
     table, steering = results.protocol.get("table"), additions.get("steering")
-    decisive = recorded_metrics(results.protocol, "decisive")
+    decisive = results.protocol["decisive"]
     measured = results.summaries[0]["metrics"]
     labels = {metric: metric_label(metric) for metric in ("success", *measured)}
     effects = effects_text(decisive, labels, results.protocol)
@@ -210,18 +205,18 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "all_leaders": leaders,
         "leaders_by_condition": leaders_by_condition(leaders),
         "decisive": decisive,
-        "lower_is_better": [metric for metric in measured if lower_is_better(metric)],
+        "lower_is_better": [metric for metric in measured if metric_named(metric).lower_is_better],
         "protocol": results.protocol,
         "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
         "stylesheet": Markup(stylesheet()),
         "colours": colours(names),
         "metrics": {
             metric: text
-            for metric, text in meanings(results.protocol).items()
+            for metric, text in descriptions(results.protocol).items()
             if metric in measured and any(row["metrics"][metric]["n"] for row in results.summaries)
         },
         "shown": [*spread_metrics(results.protocol), "path_efficiency"],
-        "compared": recorded_metrics(results.protocol, "compared"),
+        "compared": results.protocol["compared"],
         "labels": labels,
         "success_svg": Markup(success_figure(usual, condition_text(usual_condition))),
         "rows": [table_row(row) for row in usual],
@@ -247,8 +242,9 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "steering_starts": len(next(iter(steering.drives.values()))) if steering else 0,
         "gait_metrics": [
             metric
-            for metric in (*GAIT_METRICS, "drive_variation")
-            if any(row["metrics"][metric]["n"] for row in results.summaries)
+            for metric in measured
+            if (metric_named(metric).needs_gait or metric == "drive_variation")
+            and any(row["metrics"][metric]["n"] for row in results.summaries)
         ],
         "is_varied": bool(results.protocol["vary"]),
         "crashes": results.protocol["crashes"],

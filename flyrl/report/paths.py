@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from flyrl.evaluation.rows import Json, Trajectory
+from flyrl.evaluation.results import Json, Trajectory
 from flyrl.report.ground import ground_symbol, seen_from_above
 from flyrl.report.style import (
     FRAMED_STYLE,

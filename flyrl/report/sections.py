@@ -10,19 +10,17 @@ from numpy.typing import NDArray
 
 from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap
-from flyrl.evaluation.metrics import recorded_metrics
-from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import Json
-from flyrl.evaluation.seeds import PROFILE_AT, seed_groups
+from flyrl.evaluation.metrics import metric_label
+from flyrl.evaluation.results import Json, Results
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.evaluation.summary import Leader, find_leaders
+from flyrl.evaluation.trainings import PROFILE_AT, seed_groups
 from flyrl.report.close_up import drive_map_figure, gait_figure
 from flyrl.report.episodes import players
 from flyrl.report.figures import (
     MAX_DOTS,
     distributions_figure,
     doses_figure,
-    metric_label,
     paired_figure,
     profiles_figure,
 )
@@ -36,7 +34,7 @@ from flyrl.terrains import terrain_on_record
 
 def spread_metrics(protocol: Json) -> list[str]:
     """Metrics with more than two values that the task is compared by."""
-    return [metric for metric in recorded_metrics(protocol, "compared") if metric != "success"]
+    return [metric for metric in protocol["compared"] if metric != "success"]
 
 
 def usual_rows(results: Results) -> list[Json]:
@@ -51,10 +49,8 @@ def all_leaders(results: Results) -> list[Leader]:
     labels = [condition.label for condition in compared_conditions(protocol["vary"])]
     found = find_leaders(
         rows[rows["condition"].isin(labels)],
-        protocol["horizon_s"],
+        protocol,
         np.random.default_rng(protocol["seed"]),
-        protocol.get("smallest_effects", {}),
-        recorded_metrics(protocol, "decisive"),
     )
     return sorted(found, key=lambda leader: labels.index(leader.condition))
 

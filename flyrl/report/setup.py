@@ -11,10 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from flyrl.evaluation.generalisation import Generalisation, generalisation
-from flyrl.evaluation.results import Results
-from flyrl.evaluation.rows import Json, episodes_digest
-from flyrl.evaluation.seeds import trainings
+from flyrl.evaluation.results import Json, Results, episodes_digest
+from flyrl.evaluation.trainings import Generalisation, generalisation, trainings
 from flyrl.report.curves import Evaluations, learning_curves_svg
 from flyrl.report.sections import usual_rows
 from flyrl.validation import plain_record

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import sys
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from flyrl.envs.bodies import Bodies
 from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv
 from flyrl.envs.rendering import View, make_renderer
-from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
+from flyrl.evaluation import Entrant, EvaluationConfig
 from flyrl.progress import progress_bar
 from flyrl.report.captions import (
     Picture,
@@ -119,6 +119,7 @@ class Video:
 
 def record_videos(
     config: EvaluationConfig,
+    entrants: Sequence[Entrant],
     missing: Collection[tuple[str, str]] = (),
     view: View = FILMED,
 ) -> tuple[list[Video], str | None]:
@@ -127,6 +128,8 @@ def record_videos(
     Parameters
     ----------
     config
+        Of the evaluation.
+    entrants
         Of the evaluation.
     missing
         Entrants that raised an error, and where: names of controller and terrain.
@@ -140,7 +143,7 @@ def record_videos(
     """
     jobs = [
         (terrain, index, entrant)
-        for entrant in make_entrants(config)
+        for entrant in entrants
         for terrain in config.terrain_configs
         for index in config.film
         if (entrant.name, terrain.label) not in missing

@@ -22,10 +22,10 @@ from flyrl.controllers import CPG
 from flyrl.controllers.cpg_controller import Gait
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation import EvaluationConfig, evaluate
-from flyrl.evaluation.metrics import counted_stance, episode_metrics
+from flyrl.evaluation.metrics import counted_stance, episode_metrics, metric_label
 from flyrl.policies import ConstantDrive
 from flyrl.report.close_up import spans
-from flyrl.report.figures import METRIC_LABELS, swarm
+from flyrl.report.figures import swarm
 from flyrl.report.style import PAPER_STYLE, WIDTH_IN, Plot, colours, light, outcome_dot
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import EpisodeRecord, run_episodes
@@ -84,7 +84,7 @@ def draw_comparison(episodes: pd.DataFrame) -> Plot:
             axes.set_xticks(range(len(names)), [name.replace("_", "-") for name in names])
             axes.set_xlim(-0.6, len(names) - 0.4)
             axes.grid(visible=False, axis="x")
-        panels[0].set_ylabel(METRIC_LABELS[METRIC])
+        panels[0].set_ylabel(metric_label(METRIC))
         panels[0].set_ylim(bottom=min(0.0, table[METRIC].min()))
         figure.legend(handles=_legend(table), loc="outside lower center", ncols=4)
     return Plot(figure, table)
@@ -273,7 +273,7 @@ def gaits_plot() -> Plot:
         panel.set_xticks(range(len(GAITS)), GAITS)
         panel.set_xlim(-0.6, len(GAITS) - 0.4)
         panel.set_ylim(bottom=0.0)
-        panel.set_ylabel(METRIC_LABELS[METRIC])
+        panel.set_ylabel(metric_label(METRIC))
         panel.grid(visible=False, axis="x")
     table = pd.DataFrame(
         [

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from flyrl.evaluation.conditions import Condition
-from flyrl.evaluation.rows import Json
-from flyrl.evaluation.seeds import trainings
+from flyrl.evaluation.results import Json
 from flyrl.evaluation.summary import Leader
+from flyrl.evaluation.trainings import trainings
 
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are written as 0."""
@@ -104,7 +104,7 @@ def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple
 
 def effects_text(metrics: Sequence[str], labels: Mapping[str, str], protocol: Json) -> str:
     """Smallest effects of interest of some metrics, in words; empty without any on record."""
-    effects = protocol.get("smallest_effects", {})
+    effects = protocol["smallest_effects"]
     parts = []
     for metric in metrics:
         if effects.get(metric):

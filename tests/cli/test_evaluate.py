@@ -1,9 +1,9 @@
-import json
 import sys
 
 import pytest
 
 from flyrl.cli.config import evaluation_config, evaluation_settings
+from flyrl.evaluation import load_results
 
 GROUPS = {"task": {"name": "target"}, "body": {}, "physics": {}}
 
@@ -85,8 +85,7 @@ def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_p
         "warning: broken crashed on flat and is excluded there: ArithmeticError: out of ideas"
         in result.stderr
     )
-    contents = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert [row["controller"] for row in contents["episodes"]] == ["zero"] * 3
+    assert load_results(tmp_path / "out").episodes["controller"].tolist() == ["zero"] * 3
     assert not (tmp_path / "out" / "parts").exists()
 
 
@@ -123,7 +122,6 @@ def test_quantities_are_varied_from_the_command_line(run_here, tmp_path):
     vary = "vary={friction: [0.5, 1], missing_legs: [[], [LM, RM]]}"
     result = run_here("evaluate.py", "controllers=[hybrid]", "folder=out", vary, *SHORT)
     assert result.returncode == 0, result.stderr
-    contents = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert [row["condition"] for row in contents["summary"]] == [
+    assert [row["condition"] for row in load_results(tmp_path / "out").summaries] == [
         "friction=0.5", "friction=1", "missing_legs=none", "missing_legs=LM+RM",
     ]  # fmt: skip

@@ -1,12 +1,12 @@
 """Worms from the command line: trained, gone on with, evaluated and reported."""
 
-import json
 import re
 import signal
 
 import pytest
 
 from flyrl.cli.arguments import UsageError, check_arguments
+from flyrl.evaluation import load_results
 from flyrl.policies import load_policy
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
@@ -20,8 +20,8 @@ TINY = (
 SHORT = ("task.time_limit=0.2", "episodes=2", "num_threads=1", "progress_bar=false", "folder=out")
 
 
-def contents(folder):
-    return json.loads((folder / "results.json").read_text())
+def walked(folder):
+    return load_results(folder).episodes["controller"].tolist()
 
 
 def test_a_controller_of_legs_is_an_error():
@@ -89,8 +89,7 @@ def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkey
     asked = (f"policies=[{run}]", "task=worm_hang", "videos=false", "close_ups=false", *SHORT)
     compared = run_here("evaluate.py", *asked)
     assert compared.returncode == 0, compared.stderr
-    walked = [row["controller"] for row in contents(tmp_path / "out")["episodes"]]
-    assert walked == ["ppo"] * 2 + ["worm_reflex"] * 2 + ["relaxed"] * 2
+    assert walked(tmp_path / "out") == ["ppo"] * 2 + ["worm_reflex"] * 2 + ["relaxed"] * 2
 
 
 @pytest.mark.slow
@@ -102,8 +101,7 @@ def test_the_continuous_variant_is_trained_and_compared_afterwards(tmp_path, run
     trained = run_here("train.py", "task=worm_crawl_box", *own, "evaluate_after=true", *short)
     assert trained.returncode == 0, trained.stderr
     run = tmp_path / trained.stdout.splitlines()[-1].removeprefix("run: ")
-    walked = {row["controller"] for row in contents(run / "evaluation")["episodes"]}
-    assert walked == {"sac", "worm_cpg", "relaxed"}
+    assert set(walked(run / "evaluation")) == {"sac", "worm_cpg", "relaxed"}
     # one bar for all of it
     states = [state.strip() for state in trained.stderr.split("\r") if "%|" in state]
     assert {state.split()[0] for state in states[1:]} == {"training", "evaluating", "reporting"}

@@ -163,7 +163,8 @@ def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
     vary = settings.given["vary"]
     one_each = vary and {name: values[-1:] for name, values in vary.items()}
     given = {**settings.given, "policies": policies, "vary": one_each}
-    return evaluate(comparison(record, replace(settings, given=given), ()))
+    config, entrants = comparison(record, replace(settings, given=given), ())
+    return evaluate(config, entrants=entrants)
 
 
 def _values(program: str, overrides: Sequence[str]) -> dict[str, Any]:

@@ -43,7 +43,7 @@ def test_terrains_by_name_and_by_config():
     [
         ({"policies": (), "controllers": ()}, "policies or controllers"),
         ({"terrains": ()}, "terrains"),
-        ({"terrains": ("flat", Flat(seed=1))}, "terrains must differ"),
+        ({"terrains": ("flat", Flat(seed=1))}, "terrains must not hold 'flat' twice"),
         ({"terrains": ("lava",)}, "lava"),
         ({"episodes": 0}, "episodes"),
         ({"episodes": MAX_EPISODES + 1}, "episodes"),

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from flyrl.evaluation import EvaluationConfig, measure_drive_map
+from flyrl.evaluation import EvaluationConfig, make_entrants, measure_drive_map, measure_steering
 from flyrl.evaluation.drive_map import mean_and_error
+from flyrl.tasks import TASKS
 
 
 @pytest.fixture(scope="module")
@@ -36,3 +39,47 @@ def test_mean_and_standard_error_of_the_flies_that_walked():
     assert mean[0, 0] == 3
     assert error[0, 0] == pytest.approx(2 / np.sqrt(3))
     assert np.isnan(mean_and_error(values, values < 4)[0]).all()
+
+
+def config(task="target", **settings):
+    return EvaluationConfig(task=task, episodes=2, physics="fast", num_threads=1, **settings)
+
+
+def steering_of(config):
+    return measure_steering(config, make_entrants(config), config.terrain_configs[0])
+
+
+@pytest.fixture(scope="module")
+def steering():
+    return steering_of(config(policies=("target-flat",), controllers=("pursuit", "cpg")))
+
+
+def test_those_are_asked_that_see_the_bearing(steering):
+    assert list(steering.drives) == ["target-flat", "pursuit"]  # cpg sees nothing
+    assert steering.drives["pursuit"].shape == (2, len(steering.bearings_deg), 2)
+
+
+@pytest.mark.parametrize("policy", ["target-flat", "pursuit"])
+def test_the_far_legs_are_driven_more(steering, policy):
+    left, right = steering.drives[policy].mean(axis=0).T
+    to_left = steering.bearings_deg == 60
+    to_right = steering.bearings_deg == -60
+    assert right[to_left] > left[to_left] + 0.1
+    assert left[to_right] > right[to_right] + 0.1
+
+
+def test_pursuit_turns_as_its_rule_says(steering):
+    # straight ahead: full drive of the quick setting to both
+    ahead = steering.drives["pursuit"][:, steering.bearings_deg == 0]
+    np.testing.assert_allclose(ahead, 1.5, atol=1e-6)
+
+
+@pytest.mark.parametrize("task", ["velocity", "target_goal"])
+def test_a_task_without_a_bearing_has_none(task):
+    assert steering_of(config(task, controllers=("hybrid",))) is None
+
+
+def test_the_bearing_is_found_by_its_mark_not_by_its_name():
+    first, *others = TASKS["target"]().observation
+    unmarked = replace(TASKS["target"](), observation=(replace(first, is_bearing=False), *others))
+    assert steering_of(config(unmarked, controllers=("pursuit",))) is None

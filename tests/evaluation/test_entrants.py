@@ -3,13 +3,12 @@ import hashlib
 import sys
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from flyrl.controllers import CPG, Hybrid
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import FIXED, EvaluationConfig, make_entrants
-from flyrl.evaluation.entrants import best_reference
+from flyrl.evaluation.entrants import NAME_LENGTH, free_name
 from flyrl.policies import (
     PolicyBundle,
     PolicyFileError,
@@ -47,26 +46,45 @@ def names(config):
     return [entrant.name for entrant in make_entrants(config)]
 
 
-def test_learned_policies_come_first(tmp_path):
+def only(**settings):
+    """The one entrant of an evaluation."""
+    (entrant,) = make_entrants(EvaluationConfig(**{"controllers": (), **settings}))
+    return entrant
+
+
+def zeros(task, count=1):
+    return np.zeros((count, sum(term.size for term in task.observation)), np.float32)
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        ("target-ppo", "target-ppo"),
+        ("<b>x</b>", "b_x__b_"),
+        ("=1+1", "1+1"),
+        ("-a\x1b[2J\tb", "a__2J_b"),
+        ("@\r", "unnamed"),
+        ("x" * 1000, "x" * NAME_LENGTH),
+    ],
+)
+def test_names_are_short_printable_text(name, kept):
+    assert free_name(name, ()) == kept
+
+
+def test_names_that_become_equal_are_told_apart():
+    assert free_name("a<", ("a_",)) == "a_-2"
+
+
+def test_learned_policies_come_first_and_namesakes_are_numbered(tmp_path):
     path = save_policy(tmp_path / "a.safetensors")
-    config = EvaluationConfig(policies=(path,), controllers=("cpg", "zero"))
-    assert names(config) == ["ppo", "cpg", "zero"]
-
-
-def test_namesakes_are_numbered(tmp_path):
-    path = save_policy(tmp_path / "a.safetensors")
-    config = EvaluationConfig(policies=(path, path, path), controllers=())
-    assert names(config) == ["ppo", "ppo-2", "ppo-3"]
-
-
-def test_a_policy_without_training_record_is_called_by_its_file(tmp_path):
-    path = save_policy(tmp_path / "mine.safetensors", training={})
-    assert names(EvaluationConfig(policies=(path,), controllers=())) == ["mine"]
+    unknown = save_policy(tmp_path / "mine.safetensors", training={})
+    config = EvaluationConfig(policies=(path, unknown, path), controllers=("cpg", "zero"))
+    assert names(config) == ["ppo", "mine", "ppo-2", "cpg", "zero"]
 
 
 def test_a_learned_entrant_records_file_and_hash(tmp_path):
     path = save_policy(tmp_path / "a.safetensors")
-    (entrant,) = make_entrants(EvaluationConfig(policies=(path,), controllers=()))
+    entrant = only(policies=(path,))
     assert entrant.record["source"] == path
     digest = hashlib.sha256((tmp_path / "a.safetensors").read_bytes()).hexdigest()
     assert entrant.record["sha256"] == digest
@@ -78,7 +96,7 @@ def test_a_learned_entrant_records_file_and_hash(tmp_path):
 )
 def test_the_record_says_how_a_policy_was_learned(tmp_path, terrain, text):
     path = save_policy(tmp_path / "a.safetensors", env={"terrain": terrain})
-    (entrant,) = make_entrants(EvaluationConfig(policies=(path,), controllers=()))
+    entrant = only(policies=(path,))
     assert entrant.record["policy"] == f"learned with ppo on {text}"
 
 
@@ -158,19 +176,19 @@ def test_a_controller_named_twice():
         ("rule_based", "rule_based", (1, 1)),
         ("hybrid", "hybrid", (1, 1)),
         ("zero", "hybrid", (0, 0)),
+        ("constant(1.2, 0.4)", "hybrid", (1.2, 0.4)),
     ],
 )
 def test_constant_drives(name, legs, drive):
-    (entrant,) = make_entrants(EvaluationConfig(controllers=(name,)))
+    entrant = only(controllers=(name,))
     assert entrant.controller.name == legs
-    size = sum(term.size for term in TARGET.observation)
-    action, _ = entrant.policy.predict(np.zeros((3, size), np.float32))
+    action, _ = entrant.policy.predict(zeros(TARGET, 3))
     np.testing.assert_allclose(TARGET.actions.commands(action), [drive] * 3, atol=1e-6)
 
 
 def test_pursuit_turns_left_towards_a_target_on_the_left():
-    (entrant,) = make_entrants(EvaluationConfig(controllers=("pursuit",)))
-    observation = np.zeros((1, sum(term.size for term in TARGET.observation)), np.float32)
+    entrant = only(controllers=("pursuit",))
+    observation = zeros(TARGET)
     observation[0, TARGET.slices()["target_direction"]] = (0, 1)
     action, _ = entrant.policy.predict(observation)
     left, right = TARGET.actions.commands(action)[0]
@@ -215,7 +233,7 @@ def test_a_controller_that_does_not_go_with_the_task():
 
 def test_open_loop_drives_the_right_legs_more_for_a_turn_to_the_left():
     (entrant,) = make_entrants(EvaluationConfig(task="velocity", controllers=("open_loop",)))
-    observation = np.zeros((1, sum(term.size for term in VELOCITY.observation)), np.float32)
+    observation = zeros(VELOCITY)
     observation[0, VELOCITY.slices()["command"]] = (0.5, 0.2)
     left, right = VELOCITY.actions.commands(entrant.policy.predict(observation)[0])[0]
     assert left < right
@@ -226,40 +244,9 @@ def test_the_classic_body_gets_its_own_recorded_step():
     assert entrant.controller.steps == "tethered"
 
 
-@pytest.mark.parametrize(
-    ("successes", "expected"),
-    [
-        ({"cpg": 9, "hybrid": 5, "pursuit": 3}, "pursuit"),  # the one that sees the target
-        ({"zero": 0, "cpg": 5, "hybrid": 9}, "hybrid"),  # none sees it: the best
-    ],
-)
-def test_the_reference_is_the_best_fixed_entrant_that_sees_what_is_asked(successes, expected):
-    config = EvaluationConfig(controllers=tuple(successes))
-    records = [entrant.record for entrant in make_entrants(config)]
-    rows = pd.DataFrame(
-        {
-            "controller": name,
-            "task": "target",
-            "episode": episode,
-            "success": episode < count,
-            "time_to_goal_s": 1.0,
-        }
-        for name, count in successes.items()
-        for episode in range(10)
-    )
-    assert best_reference(rows, records, 3.0) == expected
-
-
 def test_a_reference_that_does_not_take_part():
     with pytest.raises(ValueError, match="reference"):
         make_entrants(EvaluationConfig(controllers=("cpg",), reference="hybrid"))
-
-
-def test_a_constant_drive_is_an_entrant():
-    (entrant,) = make_entrants(EvaluationConfig(controllers=("constant(1.2, 0.4)",)))
-    action, _ = entrant.policy.predict(np.zeros((3, 1)))
-    np.testing.assert_allclose(TARGET.actions.commands(action), [[1.2, 0.4]] * 3, atol=1e-6)
-    assert entrant.record["policy"] == "constant drive (1.2, 0.4)"
 
 
 @pytest.mark.parametrize(
@@ -319,19 +306,16 @@ def test_a_factory_of_a_users_own_makes_an_entrant(own_policies):
 
 
 def test_a_function_of_time_and_observation_is_an_entrant(own_policies):
-    config = EvaluationConfig(policies=("own_policies:law",), controllers=())
-    (entrant,) = make_entrants(config)
+    entrant = only(policies=("own_policies:law",))
     assert (entrant.name, entrant.record["source"]) == ("law", "own_policies:law")
-    size = sum(term.size for term in TARGET.observation)
-    first, state = entrant.policy.predict(np.zeros((1, size)))
-    second, _ = entrant.policy.predict(np.zeros((1, size)), state)
+    first, state = entrant.policy.predict(zeros(TARGET))
+    second, _ = entrant.policy.predict(zeros(TARGET), state)
     drives = TARGET.actions.commands(np.concatenate([first, second]))
     np.testing.assert_allclose(drives, [[0.5, 1.0], [0.52, 1.0]], atol=1e-6)
 
 
 def test_an_object_that_predicts_is_an_entrant(own_policies):
-    config = EvaluationConfig(policies=("own_policies:kept",), controllers=())
-    (entrant,) = make_entrants(config)
+    entrant = only(policies=("own_policies:kept",))
     assert entrant.policy.predict(np.ones((1, 3)))[0].shape == (1, 2)
 
 

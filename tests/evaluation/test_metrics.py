@@ -1,94 +1,82 @@
+"""Metrics of episodes, on paths and gaits drawn by hand."""
+
 import math
 
 import numpy as np
 import pytest
 
-from flyrl.evaluation.metrics import (
-    GAIT_METRICS,
-    METRICS,
-    SMALLEST_EFFECTS,
-    compared_metrics,
-    decisive_metrics,
-    episode_metrics,
-)
-from flyrl.report.figures import METRIC_LABELS
+from flyrl.evaluation.metrics import METRICS, decisive_metrics, episode_metrics, metric_named
 from flyrl.rollouts import Gait
-from flyrl.tasks import TASK_NAMES, TASKS
+from flyrl.tasks import TASK_NAMES
 from tests.synthetic import make_record
+
+LINE = [(0, 0), (6, 0)]
 
 
 def test_every_metric_is_there_in_order():
-    assert list(episode_metrics(make_record([(0, 0), (1, 0)]))) == list(METRICS)
-
-
-def test_path_length_adds_up_the_legs_of_a_path():
-    metrics = episode_metrics(make_record([(0, 0), (3, 4), (3, 0)], interval_s=0.1))
-    assert metrics["path_length_mm"] == pytest.approx(9)
-
-
-def test_path_length_ends_at_the_end_of_the_path():
-    # 0, 0.1 and 0.2 s, then the end at 0.24 s.
-    path = [(0.5 * sample, 0) for sample in range(13)]
-    metrics = episode_metrics(make_record(path, interval_s=0.02))
-    assert metrics["path_length_mm"] == pytest.approx(6)
-
-
-def test_swaying_within_a_stride_does_not_lengthen_the_path():
-    swaying = [(0.1 * sample, 0.3 if sample % 5 else 0) for sample in range(16)]
-    metrics = episode_metrics(make_record(swaying, interval_s=0.02))
-    assert metrics["path_length_mm"] == pytest.approx(1.5)
-
-
-def test_displacement_is_as_the_crow_flies():
-    metrics = episode_metrics(make_record([(1, 1), (9, 9), (4, 5)]))
-    assert metrics["displacement_mm"] == pytest.approx(5)
-
-
-def test_advance_is_along_x_alone():
-    metrics = episode_metrics(make_record([(1, 1), (9, 9), (4, -5)]))
-    assert metrics["advance_mm"] == pytest.approx(3)
-
-
-@pytest.mark.parametrize("task", TASKS)
-def test_tasks_are_compared_by_metrics_that_there_are(task):
-    success, *others = compared_metrics(task)
-    assert success == "success"
-    assert set(others) <= set(METRICS)
-    assert set(others) <= set(METRIC_LABELS)
+    assert list(episode_metrics(make_record(LINE))) == list(METRICS)
 
 
 @pytest.mark.parametrize("task", TASK_NAMES)
 def test_what_decides_a_task_has_a_smallest_effect(task):
-    assert all(SMALLEST_EFFECTS[metric] > 0 for metric in decisive_metrics(task))
+    assert all(metric_named(metric).smallest_effect > 0 for metric in decisive_metrics(task))
 
 
-def test_the_smallest_effect_of_an_error_is_a_quarter_of_what_is_tolerated():
-    tolerated = {
-        "heading_error_deg": 15.0,
-        "path_error_mm": 1.0,
-        "speed_error_mm_s": 2.0,
-        "yaw_rate_error_deg_s": np.degrees(1.0),
-        "bend_error_deg": np.degrees(0.1),
-    }
-    for metric, tolerance in tolerated.items():
-        assert SMALLEST_EFFECTS[metric] == pytest.approx(tolerance / 4, rel=0.1)
+@pytest.mark.parametrize(
+    ("metric", "tolerance"),
+    [
+        ("heading_error_deg", 15.0),
+        ("path_error_mm", 1.0),
+        ("speed_error_mm_s", 2.0),
+        ("yaw_rate_error_deg_s", np.degrees(1.0)),
+        ("bend_error_deg", np.degrees(0.1)),
+    ],
+)
+def test_the_smallest_effect_of_an_error_is_a_quarter_of_what_is_tolerated(metric, tolerance):
+    assert metric_named(metric).smallest_effect == pytest.approx(tolerance / 4, rel=0.1)
 
 
-def test_height_does_not_count():
-    metrics = episode_metrics(make_record([(0, 0, 0), (3, 4, 7)]))
-    assert metrics["displacement_mm"] == pytest.approx(5)
-    assert metrics["path_length_mm"] == pytest.approx(5)
+@pytest.mark.parametrize(
+    ("name", "label", "lower_is_better"),
+    [
+        ("success", "success", False),
+        ("speed_mm_s", "speed (mm/s)", False),
+        ("advance_mm", "way along +x (mm)", False),
+        ("time_to_goal_s", "time to goal (s)", True),
+        ("path_error_mm", "distance to path (mm)", True),
+        # errors of a user's own task
+        ("way_off_mm", "way off (mm)", True),
+        ("turn_error_deg_s", "turn error (deg/s)", True),
+        ("sources_missed", "sources missed", True),
+    ],
+)
+def test_a_metric_has_its_label_and_its_better_end(name, label, lower_is_better):
+    metric = metric_named(name)
+    assert (metric.label, metric.lower_is_better) == (label, lower_is_better)
 
 
-def test_path_efficiency_of_a_right_angle():
-    metrics = episode_metrics(make_record([(0, 0), (3, 0), (3, 4)], interval_s=0.1))
-    assert metrics["path_efficiency"] == pytest.approx(5 / 7)
+SWAYING = [(0.1 * sample, 0.3 if sample % 5 else 0) for sample in range(16)]
 
 
-def test_a_fly_at_rest_has_no_path_efficiency_and_no_drift():
-    metrics = episode_metrics(make_record([(2, 2), (2, 2)]))
-    assert metrics["path_efficiency"] is None
-    assert metrics["drift_deg"] is None
+@pytest.mark.parametrize(
+    ("metric", "path", "interval_s", "expected"),
+    [
+        ("path_length_mm", [(0, 0), (3, 4), (3, 0)], 0.1, 9),
+        # 0, 0.1 and 0.2 s, then the end at 0.24 s
+        ("path_length_mm", [(0.5 * sample, 0) for sample in range(13)], 0.02, 6),
+        ("path_length_mm", SWAYING, 0.02, 1.5),  # swaying within a stride does not count
+        ("path_length_mm", [(0, 0, 0), (3, 4, 7)], 0.1, 5),  # nor does height
+        ("displacement_mm", [(0, 0, 0), (3, 4, 7)], 0.1, 5),
+        ("displacement_mm", [(1, 1), (9, 9), (4, 5)], 0.1, 5),
+        ("advance_mm", [(1, 1), (9, 9), (4, -5)], 0.1, 3),
+        ("path_efficiency", [(0, 0), (3, 0), (3, 4)], 0.1, 5 / 7),
+        ("path_efficiency", [(2, 2), (2, 2)], 0.1, None),
+        ("drift_deg", [(2, 2), (2, 2)], 0.1, None),
+    ],
+)
+def test_the_measure_of_a_path(metric, path, interval_s, expected):
+    found = episode_metrics(make_record(path, interval_s=interval_s))[metric]
+    assert found == (expected if expected is None else pytest.approx(expected))
 
 
 def test_drift_is_relative_to_the_heading_and_positive_to_the_left():
@@ -108,20 +96,21 @@ def test_yaw_change_counts_whole_turns():
     assert episode_metrics(record)["yaw_change_deg"] == pytest.approx(-450)
 
 
-def test_success_is_fast_over_its_own_duration():
-    record = make_record([(0, 0), (6, 0)], outcome="success", duration_s=0.5, horizon_s=3)
-    assert episode_metrics(record)["speed_mm_s"] == pytest.approx(12)
-
-
-def test_time_out_is_scored_over_the_whole_episode():
-    record = make_record([(0, 0), (6, 0)], outcome="timeout", duration_s=3, horizon_s=3)
-    assert episode_metrics(record)["speed_mm_s"] == pytest.approx(2)
-
-
-@pytest.mark.parametrize("outcome", ["fall", "left_arena", "unstable"])
-def test_a_failure_is_scored_over_the_full_horizon(outcome):
-    record = make_record([(0, 0), (6, 0)], outcome=outcome, duration_s=0.5, horizon_s=3)
-    assert episode_metrics(record)["speed_mm_s"] == pytest.approx(2)
+@pytest.mark.parametrize(
+    ("outcome", "duration_s", "speed", "time_to_goal"),
+    [
+        ("success", 0.5, 12, 0.5),  # over its own duration
+        ("timeout", 3, 2, None),
+        ("fall", 0.5, 2, None),  # over the full horizon
+        ("left_arena", 0.5, 2, None),
+        ("unstable", 0.5, 2, None),
+    ],
+)
+def test_a_failure_is_scored_over_the_full_horizon(outcome, duration_s, speed, time_to_goal):
+    record = make_record(LINE, outcome=outcome, duration_s=duration_s, horizon_s=3)
+    metrics = episode_metrics(record)
+    assert metrics["speed_mm_s"] == pytest.approx(speed)
+    assert metrics["time_to_goal_s"] == time_to_goal
 
 
 def test_falling_early_never_raises_the_speed():
@@ -135,23 +124,13 @@ def test_falling_early_never_raises_the_speed():
     assert max(fallen) < walked
 
 
-def test_time_to_goal_is_only_for_success():
-    reached = make_record([(0, 0), (6, 0)], outcome="success", duration_s=0.5)
-    fallen = make_record([(0, 0), (6, 0)], outcome="fall", duration_s=0.5)
-    assert episode_metrics(reached)["time_to_goal_s"] == 0.5
-    assert episode_metrics(fallen)["time_to_goal_s"] is None
-
-
 def test_distance_and_progress_to_a_goal():
-    metrics = episode_metrics(make_record([(0, 0), (7, 4)], goal=(10, 0)))
+    path = [(0, 0), (7, 4)]
+    metrics = episode_metrics(make_record(path, goal=(10, 0)))
     assert metrics["goal_distance_mm"] == pytest.approx(5)
     assert metrics["goal_progress_mm"] == pytest.approx(5)
-
-
-def test_no_goal_no_goal_metrics():
-    metrics = episode_metrics(make_record([(0, 0), (7, 4)]))
-    assert metrics["goal_distance_mm"] is None
-    assert metrics["goal_progress_mm"] is None
+    metrics = episode_metrics(make_record(path))
+    assert metrics["goal_distance_mm"] is metrics["goal_progress_mm"] is None
 
 
 def make_gait(stance, *, retraction=None, work_nj=0.0, slip_mm=0.0):
@@ -169,10 +148,13 @@ def make_gait(stance, *, retraction=None, work_nj=0.0, slip_mm=0.0):
     )
 
 
+# touchdowns every 100 ms
+STRIDES = make_gait("..######....######....######..")
+
+
 def test_strides_make_the_way():
-    # touchdowns every 100 ms; 6 mm in 0.3 s are 2 mm a stride
-    gait = make_gait("..######....######....######..")
-    metrics = episode_metrics(make_record([(0, 0), (6, 0)], interval_s=0.3, gait=gait))
+    # 6 mm in 0.3 s are 2 mm a stride
+    metrics = episode_metrics(make_record(LINE, interval_s=0.3, gait=STRIDES))
     assert metrics["stride_frequency_hz"] == pytest.approx(10)
     assert metrics["stride_length_mm"] == pytest.approx(2)
     assert metrics["duty_factor"] == pytest.approx(0.6)
@@ -181,54 +163,44 @@ def test_strides_make_the_way():
 
 def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
     # 0.2 mm in 3 strides
-    gait = make_gait("..######....######....######..")
-    metrics = episode_metrics(make_record([(0, 0), (0.2, 0)], interval_s=0.3, gait=gait))
+    metrics = episode_metrics(make_record([(0, 0), (0.2, 0)], interval_s=0.3, gait=STRIDES))
     names = ("stride_frequency_hz", "stride_length_mm", "duty_factor", "tripod_coordination")
     assert [metrics[name] for name in names] == [None] * 4
 
 
 def test_a_turn_on_the_spot_has_strides():
-    gait = make_gait("..######....######....######..")
-    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 2.0], gait=gait)
+    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 2.0], gait=STRIDES)
     assert episode_metrics(record)["stride_frequency_hz"] == pytest.approx(10)
 
 
 def test_a_body_that_sways_takes_no_strides():
     # a path of 4 mm that leads nowhere
-    gait = make_gait("..######....######....######..")
-    record = make_record([(0, 0), (1, 0)] * 2 + [(0, 0)], interval_s=0.1, gait=gait)
+    record = make_record([(0, 0), (1, 0)] * 2 + [(0, 0)], interval_s=0.1, gait=STRIDES)
     metrics = episode_metrics(record)
     assert metrics["path_length_mm"] == 4
     assert metrics["stride_frequency_hz"] is metrics["work_nj_per_mm"] is None
 
 
-def test_work_and_slip_are_told_per_way():
+@pytest.mark.parametrize(("way_mm", "work", "slip"), [(6, 100, 0.25), (0.5, None, None)])
+def test_work_and_slip_are_per_way_of_a_body_that_walks(way_mm, work, slip):
     gait = make_gait("####", work_nj=600.0, slip_mm=1.5)
-    metrics = episode_metrics(make_record([(0, 0), (6, 0)], gait=gait))
-    assert metrics["work_nj_per_mm"] == pytest.approx(100)
-    assert metrics["slip_share"] == pytest.approx(0.25)
-
-
-def test_who_stands_has_no_cost_per_way_and_no_strides():
-    gait = make_gait("####", work_nj=600.0, slip_mm=1.5)
-    metrics = episode_metrics(make_record([(0, 0), (0.5, 0)], gait=gait))
-    assert metrics["work_nj_per_mm"] is None
-    assert metrics["slip_share"] is None
+    metrics = episode_metrics(make_record([(0, 0), (way_mm, 0)], gait=gait))
+    assert (metrics["work_nj_per_mm"], metrics["slip_share"]) == (work, slip)
     assert metrics["stride_length_mm"] is None
 
 
 def test_two_corrected_legs_of_six():
-    metrics = episode_metrics(make_record([(0, 0), (6, 0)], gait=make_gait("####", retraction=2)))
+    metrics = episode_metrics(make_record(LINE, gait=make_gait("####", retraction=2)))
     assert metrics["reflex_activity"] == pytest.approx(1 / 3)
 
 
 def test_without_a_log_there_is_no_gait():
-    metrics = episode_metrics(make_record([(0, 0), (6, 0)]))
-    assert {metrics[name] for name in GAIT_METRICS} == {None}
+    metrics = episode_metrics(make_record(LINE))
+    assert {metrics[name] for name, metric in METRICS.items() if metric.needs_gait} == {None}
 
 
 def test_errors_are_those_of_the_task():
-    metrics = episode_metrics(make_record([(0, 0), (6, 0)], errors={"path_error_mm": 0.5}))
+    metrics = episode_metrics(make_record(LINE, errors={"path_error_mm": 0.5}))
     assert metrics["path_error_mm"] == 0.5
     assert metrics["heading_error_deg"] is None
 

@@ -1,3 +1,5 @@
+"""Results on disk: every bit comes back, and a stranger's files do no harm."""
+
 import csv
 import json
 from dataclasses import replace
@@ -9,15 +11,21 @@ from pandas.testing import assert_frame_equal
 from flyrl.evaluation.results import (
     EPISODES_FILE,
     RESULTS_FILE,
-    SCHEMA,
     TRAJECTORIES_FILE,
     ResultsError,
+    episode_row,
+    episode_table,
+    episodes_digest,
     load_results,
-    validate,
     write_results,
 )
-from flyrl.evaluation.rows import ROW_KEYS
-from tests.synthetic import make_results
+from flyrl.files import file_digest
+from tests.synthetic import make_record, make_results
+
+ROWS = [
+    episode_row(make_record([(0, 0), (1, 0)], index=0, outcome="success"), "friction=2"),
+    episode_row(make_record([(0, 0), (0, 0)], index=1, outcome="fall"), "friction=2"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -25,83 +33,67 @@ def results():
     return make_results(controllers=("cpg", "hybrid"), episodes=3)
 
 
-@pytest.fixture
-def contents(results):
-    return json.loads(json.dumps(results.to_json()))
-
-
-def test_results_have_the_published_form(results):
-    contents = results.to_json()
-    assert list(contents) == ["schema", "protocol", "drawn", "episodes", "summary"]
-    assert contents["schema"] == SCHEMA == "flyrl.results/3"
-
-
-def test_rows_begin_with_the_published_fields(results):
-    assert list(results.episodes)[:7] == [
-        "controller", "task", "terrain", "episode", "seed", "outcome", "success",
-    ]  # fmt: skip
-    published = {"return", "duration_s", "path_length_mm", "displacement_mm", "speed_mm_s"}
-    assert published <= set(results.episodes)
+def lines(folder):
+    """Lines of the table of episodes, as a spreadsheet reads them."""
+    with (folder / EPISODES_FILE).open(newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def test_what_was_written_is_read_back(results, tmp_path):
-    write_results(results, tmp_path / "new")
-    loaded = load_results(tmp_path / "new")
-    assert loaded.to_json() == results.to_json()
+    path = write_results(results, tmp_path / "new")
+    for loaded in (load_results(tmp_path / "new"), load_results(path)):
+        assert_frame_equal(loaded.episodes, results.episodes)
+        assert loaded.protocol == results.protocol
+        assert loaded.summaries == results.summaries
+        assert loaded.drawn == results.drawn
+        assert list(loaded.trajectories) == list(results.trajectories)
+        for one, other in zip(
+            loaded.trajectories.values(), results.trajectories.values(), strict=True
+        ):
+            np.testing.assert_array_equal(one.position_w, other.position_w)
+            np.testing.assert_array_equal(one.drive, other.drive)
 
 
-def test_a_file_is_as_good_as_its_folder(results, tmp_path):
-    path = write_results(results, tmp_path)
-    assert_frame_equal(load_results(path).episodes, results.episodes)
-
-
-def test_paths_are_read_back_in_the_order_of_the_rows(results, tmp_path):
+def test_the_table_holds_every_digit_and_nothing_where_there_is_no_value(results, tmp_path):
     write_results(results, tmp_path)
-    loaded = load_results(tmp_path).trajectories
-    assert list(loaded) == list(results.trajectories)
-    for one, other in zip(loaded.values(), results.trajectories.values(), strict=True):
-        np.testing.assert_array_equal(one.position_w, other.position_w)
-        np.testing.assert_array_equal(one.drive, other.drive)
+    published = ["controller", "task", "terrain", "episode", "seed", "outcome", "success"]
+    assert list(lines(tmp_path)[0])[:7] == published
+    for row, (_, expected) in zip(lines(tmp_path), results.episodes.iterrows(), strict=True):
+        assert float(row["return"]) == expected["return"]
+        assert row["success"] == str(expected["success"])
+        assert (row["time_to_goal_s"] == "") == np.isnan(expected["time_to_goal_s"])
 
 
-def test_paths_of_other_rows_are_left_out(results, tmp_path):
+def test_no_text_is_a_formula_in_a_spreadsheet(results, tmp_path):
+    table = episode_table([{**ROWS[0], "controller": "=1+1", "return": -1.5}])
+    write_results(replace(results, episodes=table), tmp_path)
+    (row,) = lines(tmp_path)
+    assert (row["controller"], row["return"]) == ("'=1+1", "-1.5")
+
+
+def test_the_digest_is_that_of_the_table_and_changes_with_the_last_bit(results, tmp_path):
     write_results(results, tmp_path)
-    stale = (tmp_path / TRAJECTORIES_FILE).read_bytes()
-    write_results(make_results(controllers=("hybrid", "zero"), episodes=3), tmp_path)
-    (tmp_path / TRAJECTORIES_FILE).write_bytes(stale)
-    assert load_results(tmp_path).trajectories == {}
+    assert episodes_digest(results.episodes) == file_digest(tmp_path / EPISODES_FILE)
+    changed = {**ROWS[0], "return": np.nextafter(ROWS[0]["return"], 1).item()}
+    assert episodes_digest(episode_table([changed])) != episodes_digest(episode_table(ROWS[:1]))
 
 
-def test_results_are_read_without_paths(results, tmp_path):
-    write_results(results, tmp_path)
-    (tmp_path / TRAJECTORIES_FILE).unlink()
-    assert load_results(tmp_path).trajectories == {}
+def test_a_table_takes_few_bytes_per_row():
+    many = episode_table(ROWS * 5000)
+    assert many.memory_usage(deep=True).sum() < 300 * len(many)
 
 
-def test_half_a_paths_file(results, tmp_path):
-    write_results(results, tmp_path)
-    path = tmp_path / TRAJECTORIES_FILE
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(ResultsError, match=TRAJECTORIES_FILE):
-        load_results(tmp_path)
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_metrics_that_are_not_finite_are_refused(value):
+    with pytest.raises(ValueError, match=r"return must be finite or None.*episode 0 of cpg"):
+        episode_table([{**ROWS[0], "return": value}])
 
 
-def test_the_table_has_a_line_per_episode(results, tmp_path):
-    write_results(results, tmp_path)
-    with (tmp_path / EPISODES_FILE).open(newline="") as file:
-        table = list(csv.DictReader(file))
-    assert len(table) == len(results.episodes)
-    assert list(table[0]) == list(ROW_KEYS)
-    assert [float(line["return"]) for line in table] == list(results.episodes["return"])
-
-
-def test_null_is_an_empty_cell(results, tmp_path):
-    write_results(results, tmp_path)
-    with (tmp_path / EPISODES_FILE).open(newline="") as file:
-        table = list(csv.DictReader(file))
-    missing = [line["time_to_goal_s"] == "" for line in table]
-    assert missing == list(results.episodes["time_to_goal_s"].isna())
-    assert any(missing)
+def test_a_protocol_that_is_not_finite_is_not_written(results, tmp_path):
+    broken = replace(results, protocol={**results.protocol, "horizon_s": float("inf")})
+    with pytest.raises(ValueError, match="not JSON compliant: inf"):
+        write_results(broken, tmp_path)
+    assert not [path for path in tmp_path.iterdir() if path.name != "manifest.json"]
 
 
 def test_a_crash_while_writing_leaves_the_old_files(results, tmp_path, monkeypatch):
@@ -117,68 +109,92 @@ def test_a_crash_while_writing_leaves_the_old_files(results, tmp_path, monkeypat
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_results_that_break_the_schema_are_not_written(results, tmp_path):
+# ------------------------------------------------------------------ files of others
+
+
+@pytest.fixture
+def folder(results, tmp_path):
     write_results(results, tmp_path)
-    broken = make_results(controllers=("cpg", "hybrid"), episodes=2)
-    broken.episodes["outcome"] = "vanished"
-    with pytest.raises(ResultsError, match="vanished"):
-        write_results(broken, tmp_path)
-    assert_frame_equal(load_results(tmp_path).episodes, results.episodes)
+    return tmp_path
 
 
-def test_numbers_that_are_not_finite_are_refused(results, tmp_path):
-    broken = replace(results, protocol={**results.protocol, "horizon_s": float("inf")})
-    with pytest.raises(ResultsError, match="not JSON compliant: inf"):
-        write_results(broken, tmp_path)
-    assert list(tmp_path.iterdir()) == []
+def test_results_are_read_without_paths(folder):
+    (folder / TRAJECTORIES_FILE).unlink()
+    assert load_results(folder).trajectories == {}
 
 
-def test_no_file(tmp_path):
-    with pytest.raises(ResultsError, match="no such file"):
+@pytest.mark.parametrize("name", [EPISODES_FILE, TRAJECTORIES_FILE])
+def test_a_file_that_was_changed_does_not_belong_to_the_others(folder, name):
+    path = folder / name
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(ResultsError, match=f"{name}: it was changed since results.json"):
+        load_results(folder)
+
+
+@pytest.mark.parametrize("name", [RESULTS_FILE, EPISODES_FILE])
+def test_no_file(folder, name):
+    (folder / name).unlink()
+    with pytest.raises(ResultsError, match=f"{name}: no such file"):
+        load_results(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[]", "a list; expected an object"),
+        ('{"schema": "flyrl.results/3"}', r"schema: 'flyrl\.results/3'; this version reads .*/4"),
+        ('{"schema"', "Expecting"),
+        ("[" * 100_000, "recursion"),
+    ],
+)
+def test_what_is_no_file_of_results(tmp_path, text, message):
+    (tmp_path / RESULTS_FILE).write_text(text)
+    with pytest.raises(ResultsError, match=rf"results\.json: .*{message}"):
         load_results(tmp_path)
-
-
-def test_half_a_file(results, tmp_path):
-    path = write_results(results, tmp_path)
-    path.write_text(path.read_text()[:1000])
-    with pytest.raises(ResultsError, match="not JSON"):
-        load_results(tmp_path)
-
-
-def test_a_foreign_file_names_itself_and_what_is_expected(tmp_path):
-    (tmp_path / RESULTS_FILE).write_text('{"schema": "flyrl.results/2"}')
-    with pytest.raises(ResultsError, match=r"results\.json: schema: 'flyrl\.results/2'.*/3"):
-        load_results(tmp_path)
-
-
-def test_not_even_an_object():
-    with pytest.raises(ResultsError, match="list"):
-        validate([])
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda c: c.pop("summary"), r"results\.summary: missing"),
+        (lambda c: c.update(drawn=[]), r"results\.drawn: \[\]; expected dict"),
         (lambda c: c["protocol"].pop("seed"), r"protocol\.seed: missing"),
         (lambda c: c["protocol"].update(seed="1"), r"protocol\.seed: '1'; expected int"),
-        (lambda c: c["episodes"][2].pop("return"), r"episodes\[2\]\.return: missing"),
-        (lambda c: c["episodes"][0].update(success=1), r"episodes\[0\]\.success: 1; expected bool"),
-        (lambda c: c["episodes"][0].update(seed=True), r"episodes\[0\]\.seed: True; expected int"),
-        (lambda c: c["episodes"][1].update(outcome="won"), r"episodes\[1\]\.outcome: 'won'"),
+        (lambda c: c["protocol"].update(seed=True), r"protocol\.seed: True; expected int"),
         (lambda c: c["summary"][1].pop("paired"), r"summary\[1\]\.paired: missing"),
-        (
-            lambda c: c["episodes"][1].update(terrain="\u202etalf"),
-            r"episodes\[1\]\.terrain: '.u202etalf'; expected printable text",
-        ),
         (
             lambda c: c["summary"][0].update(controller="a" * 1001),
             r"summary\[0\]\.controller: 'a*; expected printable text of at most 1000",
         ),
-        (lambda c: c.update(episodes={}), r"results\.episodes: \{\}; expected list"),
     ],
 )
-def test_what_breaks_the_schema_is_named(contents, change, message):
+def test_what_breaks_the_schema_is_named(folder, change, message):
+    contents = json.loads((folder / RESULTS_FILE).read_text())
     change(contents)
+    (folder / RESULTS_FILE).write_text(json.dumps(contents))
     with pytest.raises(ResultsError, match=message):
-        validate(contents)
+        load_results(folder)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("return", "retrun", "column 'return' is missing"),
+        (",drive_variation", ",drive_variation,way off", "a metric must be a word"),
+        ("cpg,target,flat", "cpg,target,\u202etalf", r"terrain: '.u202etalf'; expected printable"),
+        ("cpg,target,flat,0,", "cpg,target,flat,zero,", "zero"),
+        ("cpg,target,flat,0,", "cpg,target,flat,9999999999999999999,", ""),
+        (",False,", ",no,", "success must be"),
+        (",False,,", ",False,,inf,", ""),
+    ],
+)
+def test_a_table_of_others_is_named_where_it_is_wrong(folder, before, after, message):
+    path = folder / EPISODES_FILE
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after, 1))
+    contents = json.loads((folder / RESULTS_FILE).read_text())
+    contents["files"][EPISODES_FILE] = file_digest(path)
+    (folder / RESULTS_FILE).write_text(json.dumps(contents))
+    with pytest.raises(ResultsError, match=rf"episodes\.csv: .*{message}"):
+        load_results(folder)

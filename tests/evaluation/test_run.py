@@ -9,14 +9,25 @@ import pytest
 from pandas.testing import assert_frame_equal
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
+from flyrl.evaluation.entrants import make_entrants
+from flyrl.evaluation.results import episode_row, episode_table, trajectory
+from flyrl.evaluation.run import Parts, drop_parts, walk_examples
+from flyrl.files import MANIFEST
 from flyrl.report import write_report
 from flyrl.simulation.physics import PRESET_VERSIONS
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS, Termination, extended
+from tests.synthetic import make_record
 
 SHORT = dataclasses.replace(TASKS["target"](), time_limit_s=0.2)
 CONFIG = EvaluationConfig(
-    task=SHORT, controllers=("cpg", "zero"), episodes=3, reference="zero", num_threads=1
+    task=SHORT,
+    controllers=("cpg", "zero"),
+    episodes=3,
+    film=(2, 0),
+    reference="zero",
+    num_threads=1,
+    command="flyrl-evaluate episodes=3",
 )
 
 
@@ -41,9 +52,10 @@ def test_the_reference_is_the_one_that_was_asked_for(results):
     assert compared["cpg"]["reference"] == "zero"
 
 
-def test_the_protocol_says_which_preset_of_the_physics(results):
+def test_the_protocol_says_which_preset_of_the_physics_and_what_was_typed(results):
     expected = {"name": "balanced", "version": PRESET_VERSIONS["balanced"]}
     assert results.protocol["physics_preset"] == expected
+    assert results.protocol["command"] == "flyrl-evaluate episodes=3"
 
 
 def test_everyone_starts_at_the_same_place(results):
@@ -84,7 +96,7 @@ def test_a_termination_of_a_users_own_is_an_outcome_of_its_own(tmp_path):
     assert results.protocol["terms"] == ["mine:LATE"]
     assert results.protocol["weights"]["progress"] == 0.1
     write_results(results, tmp_path)
-    assert load_results(tmp_path).to_json() == results.to_json()
+    assert load_results(tmp_path).protocol == results.protocol
     assert "3 had enough" in write_report(results, tmp_path).read_text()
 
 
@@ -108,11 +120,6 @@ def test_walking_beats_standing(results):
     assert zero["metrics"]["path_length_mm"]["median"] < 0.5
 
 
-def test_results_come_back_from_their_files(results, tmp_path):
-    write_results(results, tmp_path)
-    assert load_results(tmp_path).to_json() == results.to_json()
-
-
 def test_batches_and_threads_do_not_change_the_result(results):
     other = evaluate(dataclasses.replace(CONFIG, num_envs=2, num_threads=2))
     assert_frame_equal(other.episodes, results.episodes)
@@ -125,13 +132,6 @@ def test_as_many_paths_are_kept_as_asked_for(results, num_envs):
     assert list(few.trajectories) == [0, 1, 3, 4]
     for row, path in few.trajectories.items():
         np.testing.assert_array_equal(path.position_w, results.trajectories[row].position_w)
-
-
-def test_the_command_is_kept():
-    config = dataclasses.replace(
-        CONFIG, controllers=("zero",), episodes=1, command="flyrl-evaluate episodes=1"
-    )
-    assert evaluate(config).protocol["command"] == "flyrl-evaluate episodes=1"
 
 
 def test_evaluation_needs_neither_training_nor_matplotlib_nor_sb3():
@@ -183,7 +183,7 @@ def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(factory, result
     # the reference itself is out: another takes its place
     assert with_crash.protocol["reference"] == "cpg"
     write_results(with_crash, tmp_path)
-    assert load_results(tmp_path).to_json() == with_crash.to_json()
+    assert load_results(tmp_path).protocol == with_crash.protocol
 
 
 def test_without_anybody_left_there_are_no_results(factory):
@@ -211,3 +211,58 @@ def test_an_interrupted_evaluation_goes_on_where_it_was(factory, tmp_path):
     assert resumed.summaries == whole.summaries
     for path, other in zip(resumed.trajectories.values(), whole.trajectories.values(), strict=True):
         np.testing.assert_array_equal(path.position_w, other.position_w)
+
+
+def test_examples_are_the_episodes_that_were_evaluated_to_the_bit(results):
+    entrants = make_entrants(CONFIG)
+    kept = walk_examples(CONFIG, entrants, results.examples)
+    assert set(map(id, kept)) == set(map(id, results.examples))
+    assert [(record.index, record.controller) for record in kept] == [
+        *((2, "cpg"), (2, "zero")),
+        *((0, "cpg"), (0, "zero")),
+    ]
+    for record, again in zip(kept, walk_examples(CONFIG, entrants), strict=True):
+        np.testing.assert_array_equal(record.position_w, again.position_w)
+        np.testing.assert_array_equal(record.gait.stance, again.gait.stance)
+    path = results.trajectories[2].position_w
+    np.testing.assert_array_equal(kept[0].position_w.astype(np.float32), path)
+
+
+# ------------------------------------------------------------------ batches on disk
+
+RECORDS = [make_record([(0, 0), (i, 1 / 3)], index=i) for i in range(3)]
+PART = (
+    episode_table([episode_row(record) for record in RECORDS]),
+    dict(enumerate(map(trajectory, RECORDS[:2]))),
+)
+
+
+def test_a_batch_comes_back_as_it_was(tmp_path):
+    Parts(tmp_path, {"seed": 0}).write(1, 64, PART)
+    rows, paths = Parts(tmp_path, {"seed": 0}).read(1, 64)
+    assert_frame_equal(rows, PART[0], check_exact=True)
+    assert list(paths) == [0, 1]
+    np.testing.assert_array_equal(paths[1].position_w, PART[1][1].position_w)
+
+
+def test_a_batch_of_another_place_or_other_settings_does_not_count(tmp_path):
+    parts = Parts(tmp_path, {"seed": 0})
+    parts.write(1, 64, PART)
+    assert parts.read(1, 128) is None
+    assert Parts(tmp_path, {"seed": 1}).read(1, 64) is None
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 and no more"])
+def test_a_damaged_batch_does_not_count(tmp_path, damage):
+    parts = Parts(tmp_path, {})
+    parts.write(0, 0, PART)
+    (file,) = tmp_path.glob("*/*")
+    file.write_bytes(damage)
+    assert parts.read(0, 0) is None
+
+
+def test_dropping_leaves_the_rest_of_the_folder(tmp_path):
+    Parts(tmp_path, {}).write(0, 0, PART)
+    (tmp_path / "results.json").write_text("{}")
+    drop_parts(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {MANIFEST, "results.json"}

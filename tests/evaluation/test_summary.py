@@ -1,9 +1,11 @@
+"""Summaries, paired differences, interactions, leaders, and whom the others are compared with."""
+
 import numpy as np
 import pytest
 
-from flyrl.evaluation.rows import episode_row, episode_table
-from flyrl.evaluation.summary import paired_values, summarise
-from tests.synthetic import make_record
+from flyrl.evaluation.results import episode_row, episode_table
+from flyrl.evaluation.summary import best_reference, find_leaders, paired_values, summarise
+from tests.synthetic import TASK, judged_by, make_record
 
 
 def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
@@ -23,8 +25,27 @@ def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
     ]
 
 
-def summary_of(rows, reference="cpg"):
-    return summarise(episode_table(rows), reference, 3.0, np.random.default_rng(0))
+def timed(controller, times, terrain="flat", condition=""):
+    """A row per episode: its time to goal, s, or None without success."""
+    return [
+        episode_row(
+            make_record(
+                [(0, 0), (1, 0)],
+                controller=controller,
+                terrain=terrain,
+                index=index,
+                outcome="timeout" if time is None else "success",
+                duration_s=3.0 if time is None else time,
+            ),
+            condition,
+        )
+        for index, time in enumerate(times)
+    ]
+
+
+def summary_of(rows, **protocol):
+    protocol = {**judged_by(TASK), "reference": "cpg", **protocol}
+    return summarise(episode_table(rows), protocol, np.random.default_rng(0))
 
 
 def pairs(own, others, metric="speed_mm_s"):
@@ -42,56 +63,29 @@ def test_unpaired_episodes_are_left_out():
 
 
 def test_no_success_counts_the_horizon_as_time_to_goal():
-    reached = make_record([(0, 0), (1, 0)], outcome="success", duration_s=1.0)
-    fallen = make_record([(0, 0), (1, 0)], outcome="fall", duration_s=0.5)
-    assert pairs([episode_row(reached)], [episode_row(fallen)], "time_to_goal_s") == [-2.0]
+    assert pairs(timed("a", [1.0]), timed("b", [None]), "time_to_goal_s") == [-2.0]
+    assert pairs(timed("a", [1.0]), timed("b", [None]), "success") == [1.0]
 
 
-def test_success_is_compared_as_one_and_zero():
-    reached = episode_row(make_record([(0, 0), (1, 0)], outcome="success"))
-    fallen = episode_row(make_record([(0, 0), (1, 0)], outcome="fall"))
-    assert pairs([reached], [fallen], "success") == [1.0]
-
-
-def test_summary_is_independent_of_the_order_of_rows():
-    given = rows([1, 2, 3, 4, 5, 6], "cpg") + rows([2, 2, 2, 2, 2, 9], "hybrid")
-    one = summary_of(given)
-    given[:6] = given[5::-1]
-    other = summary_of(given)
-    assert one[0]["metrics"] == other[0]["metrics"]
-    difference = [row[1]["paired"]["differences"]["speed_mm_s"]["value"] for row in (one, other)]
-    assert difference[0] == pytest.approx(difference[1])
-
-
-def test_summary_has_a_row_per_terrain_and_controller():
+def test_a_row_per_terrain_and_controller_compared_with_the_reference():
     given = [
         row
         for terrain in ("flat", "gapped")
-        for name in ("cpg", "hybrid")
-        for row in rows([1, 2], name, terrain)
+        for name, speeds in (("cpg", [1, 2]), ("hybrid", [3, 5]))
+        for row in rows(speeds, name, terrain)
     ]
     summary = summary_of(given)
     assert [(row["terrain"], row["controller"]) for row in summary] == [
-        ("flat", "cpg"),
-        ("flat", "hybrid"),
-        ("gapped", "cpg"),
-        ("gapped", "hybrid"),
-    ]
-
-
-def test_reference_is_not_compared_with_itself():
-    given = rows([1, 2], "cpg") + rows([3, 5], "hybrid")
-    own, other = summary_of(given)
-    assert own["paired"] is None
-    assert other["paired"]["reference"] == "cpg"
-    assert other["paired"]["differences"]["speed_mm_s"]["value"] == pytest.approx(2.5)
+        ("flat", "cpg"), ("flat", "hybrid"), ("gapped", "cpg"), ("gapped", "hybrid"),
+    ]  # fmt: skip
+    assert summary[0]["paired"] is None
+    assert summary[1]["paired"]["reference"] == "cpg"
+    assert summary[1]["paired"]["differences"]["speed_mm_s"]["value"] == pytest.approx(2.5)
 
 
 def test_summary_counts_outcomes():
-    given = rows([1, 2], outcome="success") + [
-        {**row, "episode": row["episode"] + 2} for row in rows([1], outcome="fall")
-    ]
-    (summary,) = summary_of(given)
+    fallen = [{**row, "episode": 2} for row in rows([1], outcome="fall")]
+    (summary,) = summary_of(rows([1, 2], outcome="success") + fallen)
     assert summary["successes"] == 2
     assert summary["outcomes"] == {
         "success": 2, "timeout": 0, "fall": 1, "left_arena": 0, "unstable": 0,
@@ -100,7 +94,7 @@ def test_summary_counts_outcomes():
 
 def test_unknown_reference():
     with pytest.raises(ValueError, match=r"reference.*cpg.*'hybrid'"):
-        summary_of(rows([1]), "hybrid")
+        summary_of(rows([1]), reference="hybrid")
 
 
 def test_an_episode_walked_twice():
@@ -108,13 +102,8 @@ def test_an_episode_walked_twice():
         summary_of(rows([1]) + rows([2]))
 
 
-def test_the_better_one_is_the_quicker_one():
-    quick = [
-        episode_row(make_record([(0, 0), (1, 0)], index=i, outcome="success", duration_s=1 + i / 9))
-        for i in range(6)
-    ]
-    slow = [{**row, "controller": "hybrid", "time_to_goal_s": 2.9} for row in quick]
-    _, other = summary_of(quick + slow)
+def test_the_quicker_one_is_the_better_one():
+    _, other = summary_of(timed("cpg", [1.0] * 6) + timed("hybrid", [2.0] * 6))
     time = other["paired"]["differences"]["time_to_goal_s"]
     assert time["value"] > 0
     assert time["improvement"]["value"] == 0
@@ -144,22 +133,19 @@ def test_an_interaction_is_the_difference_of_differences():
         ("hybrid", "push=8"): [10, 19, 30, 37, 50, 55],  # -1, -2, -1, -4, -1, -6
     }
     given = [
-        {**row, "task": "traverse", "condition": condition, "advance_mm": float(way)}
+        {**row, "condition": condition, "advance_mm": float(way)}
         for (name, condition), own in ways.items()
         for row, way in zip(rows([1] * 6, name), own, strict=True)
     ]
     # walked under one condition alone: no pair
     lone = {**given[-1], "episode": 99, "advance_mm": 1000.0}
-    vary = {"push": (0, 8)}
-    random = np.random.default_rng(0)
-    summary = summarise(episode_table([*given[::-1], lone]), "cpg", 3.0, random, vary)
+    summary = summary_of([*given[::-1], lone], vary={"push": (0, 8)}, decisive=["advance_mm"])
     found = {(row["controller"], row["condition"]): row["paired"] for row in summary}
     assert "interactions" not in found["hybrid", "push=0"]
-    (interaction,) = found["hybrid", "push=8"]["interactions"].items()
-    metric, told = interaction
+    ((metric, interaction),) = found["hybrid", "push=8"]["interactions"].items()
     # 1, 1, 3, 1, 5, 1
-    assert (metric, told["n"], told["value"]) == ("advance_mm", 6, 2.0)
-    assert 1.0 <= told["low"] < 2.0 < told["high"] <= 5.0
+    assert (metric, interaction["n"], interaction["value"]) == ("advance_mm", 6, 2.0)
+    assert 1.0 <= interaction["low"] < 2.0 < interaction["high"] <= 5.0
 
 
 def test_an_interaction_without_pairs_has_none():
@@ -168,6 +154,105 @@ def test_an_interaction_without_pairs_has_none():
         for name, condition in (("cpg", "push=0"), ("cpg", "push=8"), ("hybrid", "push=8"))
         for row in rows([1] * 6, name)
     ]
-    random = np.random.default_rng(0)
-    *_, hybrid = summarise(episode_table(given), "cpg", 3.0, random, {"push": (0, 8)})
+    *_, hybrid = summary_of(given, vary={"push": (0, 8)})
     assert hybrid["paired"]["interactions"]["success"]["reason"] == "no pairs"
+
+
+# ------------------------------------------------------------------ who is best
+
+
+def leaders(*given, **protocol):
+    table = episode_table([row for own in given for row in own])
+    return find_leaders(table, {**judged_by(TASK), **protocol}, np.random.default_rng(0))
+
+
+def test_success_decides():
+    (leader,) = leaders(timed("slow", [2.9] * 6), timed("quick", [0.1, *[None] * 5]))
+    assert leader.names == ("slow",)
+    assert (leader.metric, leader.value, leader.next_value) == ("success", 1, pytest.approx(1 / 6))
+    assert leader.next_name == "quick"
+    assert leader.difference.value == pytest.approx(5 / 6)
+    assert leader.difference.low > 0
+
+
+def test_of_equal_success_time_decides():
+    (leader,) = leaders(
+        timed("slow", [2.0, 2.1, 2.2, 2.3, 2.4]), timed("quick", [1.0, 1.2, 1.1, 1.3, 1.5])
+    )
+    assert (leader.names, leader.next_name, leader.metric) == (
+        ("quick",), "slow", "time_to_goal_s"
+    )  # fmt: skip
+    assert leader.difference.high < 0
+
+
+def test_who_cannot_be_told_apart_shares_the_first_place():
+    one, other = timed("one", [1, 2, 1, 2, 1, 2]), timed("other", [2, 1, 2, 1, 2, 1])
+    (leader,) = leaders(one, other, timed("none", [None] * 6))
+    assert set(leader.names) == {"one", "other"}
+    assert (leader.metric, leader.value, leader.next_name) == ("success", 1, "none")
+    assert not leader.is_alone
+
+
+def test_a_difference_that_is_always_the_same_is_one():
+    (leader,) = leaders(timed("all", [1.0] * 5), timed("none", [None] * 5))
+    assert leader.is_alone
+    assert leader.difference.low is None
+
+
+def test_four_episodes_decide_nothing():
+    (leader,) = leaders(timed("all", [1.0] * 4), timed("none", [None] * 4))
+    assert leader.names == ("all", "none")
+    assert leader.difference is None
+
+
+def test_each_terrain_and_each_condition_has_its_own():
+    won, lost = [1.0] * 5, [None] * 5
+    found = leaders(
+        timed("one", won, "flat", "push=0"), timed("other", lost, "flat", "push=0"),
+        timed("one", lost, "flat", "push=8"), timed("other", lost, "flat", "push=8"),
+        timed("one", lost, "gapped", "push=0"), timed("other", won, "gapped", "push=0"),
+    )  # fmt: skip
+    assert [(leader.terrain, leader.condition, leader.names) for leader in found] == [
+        ("flat", "push=0", ("one",)),
+        ("flat", "push=8", ("one", "other")),
+        ("gapped", "push=0", ("other",)),
+    ]
+
+
+def test_one_alone_is_the_best_without_a_next():
+    (leader,) = leaders(timed("one", [1.0] * 5))
+    assert (leader.names, leader.next_name) == (("one",), None)
+
+
+def test_the_task_says_what_decides():
+    far = [{**row, "advance_mm": 9.0 + row["episode"]} for row in timed("far", [None] * 5)]
+    near = [{**row, "advance_mm": 5.0} for row in timed("near", [1.0] * 5)]
+    (leader,) = leaders(near, far, decisive=["advance_mm"])
+    assert (leader.names, leader.metric) == (("far",), "advance_mm")
+
+
+@pytest.mark.parametrize(("effect", "names"), [(0.1, ("quick", "slow")), (0.01, ("quick",))])
+def test_a_difference_below_the_smallest_effect_is_level(effect, names):
+    effects = {"time_to_goal_s": effect}
+    (leader,) = leaders(
+        timed("quick", [1.00] * 6), timed("slow", [1.04] * 6), smallest_effects=effects
+    )
+    assert leader.names == names
+
+
+@pytest.mark.parametrize(
+    ("successes", "expected"),
+    [
+        ({"cpg": 9, "hybrid": 5, "pursuit": 3}, "pursuit"),  # the one that sees the target
+        ({"zero": 0, "cpg": 5, "hybrid": 9}, "hybrid"),  # none sees it: the best
+    ],
+)
+def test_the_reference_is_the_best_fixed_entrant_that_sees_what_is_asked(successes, expected):
+    entrants = [
+        {"name": name, "kind": "fixed", "sees": ["target_direction"] * (name == "pursuit")}
+        for name in successes
+    ]
+    entrants.append({"name": "mine", "kind": "learned"})
+    given = [timed(name, [1.0] * n + [None] * (10 - n)) for name, n in successes.items()]
+    table = episode_table([row for own in (*given, timed("mine", [1.0] * 10)) for row in own])
+    assert best_reference(table, {**judged_by(TASK), "entrants": entrants}) == expected

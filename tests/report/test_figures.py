@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flyrl.evaluation.rows import trajectory
+from flyrl.evaluation.results import trajectory
 from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import (
     distributions_figure,

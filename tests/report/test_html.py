@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader, summarise
 from flyrl.report import Video, write_report
-from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.html import format_report
 from flyrl.report.sections import terrain_section
 from flyrl.report.wording import (
@@ -179,7 +179,8 @@ def test_the_headline_says_how_often_other_conditions_agree():
 def test_the_headline_names_the_smallest_effects_in_force():
     protocol = {"smallest_effects": {"success": 0.05, "time_to_goal_s": 0.1, "recruited_share": 0}}
     metrics = ("success", "time_to_goal_s", "recruited_share")
-    assert level_text(effects_text(metrics, METRIC_LABELS, protocol)) == (
+    labels = {metric: metric_label(metric) for metric in metrics}
+    assert level_text(effects_text(metrics, labels, protocol)) == (
         "Differences under 5\u00a0% in success or 0.1\u00a0s in time to goal count as none."
     )
     assert level_text("") == ""
@@ -195,7 +196,7 @@ def varied():
     rows["outcome"] = rows["outcome"].astype(str).mask(is_pushed, "fall").astype("category")
     rows["success"] &= ~is_pushed
     rows["time_to_goal_s"] = rows["time_to_goal_s"].mask(is_pushed)
-    summary = summarise(rows, "cpg", 3.0, np.random.default_rng(0), vary)
+    summary = summarise(rows, results.protocol, np.random.default_rng(0))
     return replace(results, episodes=rows, summaries=summary)
 
 

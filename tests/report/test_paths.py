@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from flyrl.evaluation.rows import Trajectory
+from flyrl.evaluation.results import Trajectory
 from flyrl.report.paths import (
     Thing,
     Walk,

@@ -5,12 +5,9 @@ import re
 
 import pytest
 
-from flyrl.evaluation.metrics import METRICS
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader
-from flyrl.evaluation.tables import differences_table, summary_table
 from flyrl.report.exports import format_tables
-from flyrl.report.figures import METRIC_LABELS
 from flyrl.report.sections import all_leaders
 from tests.synthetic import make_results
 
@@ -61,7 +58,7 @@ def test_the_summary_has_a_row_per_controller_and_terrain(results, files):
 
 
 def test_differences_tell_all_there_is_to_know(results):
-    table = differences_table(results.summaries)
+    table = results.differences
     assert len(table) == 2 * 2 * 4  # terrains, controllers, metrics
     row = table[(table["controller"] == "target-ppo") & (table["metric"] == "return")].iloc[1]
     expected = results.summaries[3]["paired"]["differences"]["return"]
@@ -129,10 +126,6 @@ def test_no_name_is_latex_or_a_formula(terrain):
     assert rows[0]["controller"] == "'=\\input{a}  $x^2$~"
 
 
-def test_every_metric_has_a_label():
-    assert set(METRICS) <= set(METRIC_LABELS)
-
-
 def test_numbers_in_latex_are_short(results):
     results = copy.deepcopy(results)
     (row,) = (
@@ -168,7 +161,7 @@ def test_conditions_have_their_column(results, files):
     assert [row[:2] for row in rows(told["leaders.tex"])[1:]] == [
         ["flat", "push=0"], ["flat", "push=8"]
     ]  # fmt: skip
-    assert len(summary_table(varied.summaries)) == 2 * 2
+    assert len(varied.summary) == 2 * 2
 
 
 def test_one_controller_alone_has_no_differences():

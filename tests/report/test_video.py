@@ -176,7 +176,7 @@ def test_a_worm_is_filmed_between_decisions_as_it_crawls():
 def test_a_video_of_a_worm_shows_its_tensions(tmp_path):
     task = dataclasses.replace(task_named("worm_hang"), time_limit_s=0.2)
     config = EvaluationConfig(task=task, controllers=("worm_reflex",), episodes=1, num_threads=1)
-    videos, note = record_videos(config)
+    videos, note = record_videos(config, make_entrants(config))
     if note is not None:
         pytest.skip(note)
     assert videos[0].num_frames == 6 + HOLD_FRAMES
@@ -194,7 +194,7 @@ def test_a_video_of_a_worm_shows_its_tensions(tmp_path):
 
 def test_everyone_is_filmed_on_the_episodes_that_are_asked_for_but_where_missing():
     config = dataclasses.replace(CONFIG, controllers=("cpg", "zero"), film=(1, 0))
-    videos, note = record_videos(config, missing={("zero", "flat")})
+    videos, note = record_videos(config, make_entrants(config), missing={("zero", "flat")})
     if note is not None:
         pytest.skip(note)
     assert [(video.controller, video.episode) for video in videos] == [("cpg", 1), ("cpg", 0)]
@@ -202,9 +202,10 @@ def test_everyone_is_filmed_on_the_episodes_that_are_asked_for_but_where_missing
 
 def test_without_gl_one_line_says_so_and_work_goes_on():
     code = (
-        "from flyrl.evaluation import EvaluationConfig\n"
+        "from flyrl.evaluation import EvaluationConfig, make_entrants\n"
         "from flyrl.report import record_videos\n"
-        "print(record_videos(EvaluationConfig(controllers=('zero',), episodes=1)))\n"
+        "config = EvaluationConfig(controllers=('zero',), episodes=1)\n"
+        "print(record_videos(config, make_entrants(config)))\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code],

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from flyrl.evaluation import EvaluationConfig, evaluate, walk_examples
+from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.report.html import format_report
 from flyrl.report.wording import parameters_text
 from tests.evaluation.test_worms import CRAWL, HANG
@@ -24,7 +24,8 @@ def shown(text):
 @pytest.mark.parametrize("task", [CRAWL, HANG], ids=["crawl", "hang"])
 def test_a_report_on_worms_does_not_speak_of_legs(task):
     config = EvaluationConfig(task=task, episodes=2, num_threads=1)
-    text = shown(format_report(evaluate(config), examples=walk_examples(config)))
+    results = evaluate(config)
+    text = shown(format_report(results, examples=results.examples))
     assert OF_FLIES.findall(text) == []
     assert "Failures: unstable" in text
     assert "change of drive" not in text

@@ -1,9 +1,11 @@
+"""Trainings over their seeds, and from terrain to terrain."""
+
 from dataclasses import asdict
 
 import numpy as np
 import pytest
 
-from flyrl.evaluation.generalisation import generalisation, is_same_ground
+from flyrl.evaluation.trainings import PROFILE_AT, generalisation, is_same_ground, seed_groups
 from flyrl.terrains import TERRAINS, Blocks, Flat
 
 FLAT, BLOCKS = TERRAINS["flat"], TERRAINS["blocks"]
@@ -52,10 +54,7 @@ def test_a_row_per_training_and_a_column_per_terrain():
     assert [each.terrain for each in found.rows] == ["blocks", "flat"]
     values = [[cell.success.value for cell in each.cells] for each in found.rows]
     assert values == [[0.5, 0.8], [1.0, 0.0]]
-
-
-def test_the_terrain_of_the_training_is_marked():
-    found = matrix(TWO, TWO_ROWS)
+    # the terrain of the training is marked
     assert [[cell.is_home for cell in each.cells] for each in found.rows] == [
         [False, True],
         [True, False],
@@ -155,3 +154,68 @@ def test_a_policy_of_unknown_terrain_is_left_out(changes):
 )
 def test_settings_without_effect_make_no_other_ground(one, other, same):
     assert is_same_ground(one, other) is same
+
+
+def member(name, seed, rate=1e-3, terrain=FLAT, policy="learned with ppo on flat"):
+    """A learned entrant whose training has settings."""
+    settings = {"algo": {"learning_rate": rate}}
+    training = {"algo": "ppo", "seed": seed, "settings": settings}
+    return entrant(name, terrain, policy=policy, training=training)
+
+
+RATES = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0)}
+
+
+def summary(rates):
+    return [
+        {"terrain": terrain, "controller": name, "success_rate": {"value": pair[i]}}
+        for i, terrain in enumerate(("flat", "mixed"))
+        for name, pair in rates.items()
+    ]
+
+
+def test_policies_of_one_training_are_a_group():
+    entrants = [member("a", 0), member("b", 1), member("c", 0, rate=1e-2)]
+    first, second = seed_groups(entrants, summary(RATES))
+    assert first.names == ("a", "b")
+    assert first.terrains == ("flat", "mixed")
+    np.testing.assert_array_equal(first.scores, [[1.0, 0.8], [0.6, 0.4]])
+    assert second.names == ("c",)
+
+
+def test_groups_of_the_same_name_are_told_apart():
+    entrants = [member("a", 0), member("b", 1, rate=1e-2), member("c", 2, 0.1, policy="other")]
+    labels = [group.label for group in seed_groups(entrants, summary(RATES))]
+    assert labels == ["learned with ppo on flat (a)", "learned with ppo on flat (b)", "other"]
+
+
+def test_where_it_was_trained_makes_another_group():
+    entrants = [member("a", 0), member("b", 1, terrain=BLOCKS)]
+    assert len(seed_groups(entrants, summary(RATES))) == 2
+
+
+def test_fixed_controllers_and_policies_of_unknown_training_stand_alone():
+    unknown = [{**member(name, 0), "training": {"algo": "ppo"}} for name in "ab"]
+    fixed = {"name": "c", "kind": "fixed", "policy": "constant drive (1, 1)"}
+    groups = seed_groups([*unknown, fixed], summary(RATES))
+    assert [group.names for group in groups] == [("a",), ("b",)]
+
+
+def test_who_is_missing_on_a_terrain_is_left_out():
+    rows = [row for row in summary(RATES) if (row["terrain"], row["controller"]) != ("mixed", "b")]
+    (group,) = seed_groups([member("a", 0), member("b", 1)], rows)
+    assert group.names == ("a",)
+
+
+def test_figures_over_seeds():
+    rates = {name: (0.1 * i, 0.2) for i, name in enumerate("abcdefgh")}
+    entrants = [member(name, i) for i, name in enumerate(rates)]
+    (group,) = seed_groups(entrants, summary(rates))
+    flat, mixed = group.on_each(np.random.default_rng(0))
+    # of 0 ... 0.7 the middle half
+    assert flat.value == pytest.approx(0.35)
+    assert flat.low < 0.35 < flat.high
+    assert mixed.reason == "all runs are equal"
+    profile = group.profile(np.random.default_rng(0))
+    at_half = profile[PROFILE_AT.index(0.5)]
+    assert at_half.value == pytest.approx(3 / 16)
