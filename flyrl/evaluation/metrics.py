@@ -45,7 +45,7 @@ LEAST_WAY_MM: Final = 2.0
 _UNITS: Final = ("mm_s", "deg_s", "rad_s", "mm", "deg", "rad", "s")
 
 
-class Walk:
+class Measured:
     """An episode's record with what several metrics are made of."""
 
     def __init__(self, record: EpisodeRecord) -> None:
@@ -107,7 +107,7 @@ class Metric:
     description
         What it is, with its unit.
     compute
-        Its value, or None where the episode has none.
+        Value, or None where the episode has none.
     own_label
         Name with unit in figures, where it does not follow from `name`.
     lower_is_better
@@ -122,7 +122,7 @@ class Metric:
 
     name: str
     description: str
-    compute: Callable[[Walk], float | None]
+    compute: Callable[[Measured], float | None]
     own_label: str = ""
     lower_is_better: bool = False
     smallest_effect: float = 0.0
@@ -284,7 +284,7 @@ def check_metrics(task: Task) -> None:
 
 def episode_metrics(record: EpisodeRecord) -> dict[str, float | None]:
     """All metrics of `METRICS` for one episode, in that order, then errors of a user's own task."""
-    walk = Walk(record)
+    walk = Measured(record)
     names = dict.fromkeys((*METRICS, *record.errors))
     found: dict[str, float | None] = {}
     for metric in map(metric_named, names):

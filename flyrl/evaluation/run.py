@@ -5,12 +5,11 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import hashlib
+import itertools
 import json
-import os
 import platform
 import traceback
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
@@ -357,35 +356,28 @@ def walk_examples(
     -------
     One per terrain, episode and entrant, in this order, but for those that raise an error.
     """
-    drawn = [
-        (terrain, index, config.draw_episodes(terrain)[index])
-        for terrain in config.terrain_configs
-        for index in config.film
+    found = {(record.controller, record.terrain, record.index): record for record in walked}
+    for terrain in config.terrain_configs:
+        drawn = config.draw_episodes(terrain)
+        for entrant in entrants:
+            due = [i for i in config.film if (entrant.name, terrain.label, i) not in found]
+            if not due:
+                continue
+            env = BatchedEnv(entrant.env(config, terrain), len(due), config.num_threads)
+            try:
+                records = run_episodes(
+                    env, entrant.policy, [drawn[i] for i in due], controller=entrant.name
+                )
+            except Exception:
+                # it crashed in the evaluation, too
+                continue
+            for index, record in zip(due, records, strict=True):
+                found[entrant.name, terrain.label, index] = dataclasses.replace(record, index=index)
+    places = itertools.product(
+        (terrain.label for terrain in config.terrain_configs), config.film, entrants
+    )
+    return [
+        found[entrant.name, terrain, index]
+        for terrain, index, entrant in places
+        if (entrant.name, terrain, index) in found
     ]
-    kept = {(record.controller, record.terrain, record.index): record for record in walked}
-
-    def walk(entrant: Entrant) -> list[EpisodeRecord | None]:
-        return [
-            kept.get((entrant.name, terrain.label, index))
-            or _walk_alone(entrant, config, terrain, index, episode)
-            for terrain, index, episode in drawn
-        ]
-
-    # one fly at a time keeps one core busy: as many at once as there are cores
-    with ThreadPoolExecutor(config.num_threads or os.cpu_count()) as executor:
-        records = list(executor.map(walk, entrants))
-    return [record for of_episode in zip(*records, strict=True) for record in of_episode if record]
-
-
-def _walk_alone(
-    entrant: Entrant, config: EvaluationConfig, terrain: Terrain, index: int, drawn: Episode
-) -> EpisodeRecord | None:
-    """Record of one entrant on one episode; None if it raises an error."""
-    env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
-    try:
-        (record,) = run_episodes(
-            env, entrant.policy, [drawn], controller=entrant.name, first_index=index
-        )
-    except Exception:
-        return None
-    return record

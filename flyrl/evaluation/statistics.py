@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -51,8 +51,6 @@ class Distribution:
 
 def success_rate(successes: int, n: int) -> Interval:
     """Success rate with its score interval (Wilson 1927, doi 10.1080/01621459.1927.10502953)."""
-    if not 0 <= successes <= n:
-        raise ValueError(f"successes must lie within 0 and n = {n}, got {successes}")
     if n == 0:
         return Interval(None, None, None, 0, "no episodes")
     bounds = stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="wilson")
@@ -84,17 +82,13 @@ def paired_difference(differences: ArrayLike, rng: np.random.Generator) -> Inter
     Efron 1987, doi 10.1080/01621459.1987.10478410, by `scipy.stats.bootstrap`.
     """
     values = np.asarray(differences, dtype=np.float64)
+    mean = _mean(values, MIN_PAIRS, "pairs", "differences are equal: nothing to resample")
+    if mean.reason:
+        return mean
     n = values.size
-    if n == 0:
-        return Interval(None, None, None, 0, "no pairs")
-    mean = float(values.mean())
-    if n < MIN_PAIRS:
-        return Interval(mean, None, None, n, f"{n} pairs: an interval needs at least {MIN_PAIRS}")
-    if np.ptp(values) == 0:
-        return Interval(mean, None, None, n, f"all {n} differences are equal: nothing to resample")
     if n > MANY_PAIRS:
-        many = stats.ttest_1samp(values, 0.0).confidence_interval(CONFIDENCE)
-        return Interval(mean, float(many.low), float(many.high), n)
+        low, high = _students(values)
+        return replace(mean, low=low, high=high)
     with warnings.catch_warnings():
         # Reported below as a missing interval instead.
         warnings.simplefilter("ignore")
@@ -109,8 +103,27 @@ def paired_difference(differences: ArrayLike, rng: np.random.Generator) -> Inter
         ).confidence_interval
     low, high = float(bounds.low), float(bounds.high)
     if not (math.isfinite(low) and math.isfinite(high)):
-        return Interval(mean, None, None, n, "the differences are too alike to resample")
-    return Interval(mean, low, high, n)
+        return replace(mean, reason="the differences are too alike to resample")
+    return replace(mean, low=low, high=high)
+
+
+def _mean(values: NDArray[np.float64], least: int, things: str, equal: str) -> Interval:
+    """Mean of values without an interval yet, or with the reason why it can have none."""
+    n = values.size
+    if n == 0:
+        return Interval(None, None, None, 0, f"no {things}")
+    reason = None
+    if n < least:
+        reason = f"{n} {things}: an interval needs at least {least}"
+    elif np.ptp(values) == 0:
+        reason = f"all {n} {equal}"
+    return Interval(float(values.mean()), None, None, n, reason)
+
+
+def _students(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Bounds of Student's t interval."""
+    bounds = stats.ttest_1samp(values, 0.0).confidence_interval(CONFIDENCE)
+    return float(bounds.low), float(bounds.high)
 
 
 def mean_over_runs(values: ArrayLike, low: float = -math.inf, high: float = math.inf) -> Interval:
@@ -127,16 +140,11 @@ def mean_over_runs(values: ArrayLike, low: float = -math.inf, high: float = math
         What the values lie within; the interval is cut there.
     """
     array = np.asarray(values, dtype=np.float64)
-    n = array.size
-    if n == 0:
-        return Interval(None, None, None, 0, "no runs")
-    mean = float(array.mean())
-    if n < MIN_RUNS:
-        return Interval(mean, None, None, n, f"{n} runs: an interval needs at least {MIN_RUNS}")
-    if np.ptp(array) == 0:
-        return Interval(mean, None, None, n, f"all {n} values are equal")
-    bounds = stats.ttest_1samp(array, 0.0).confidence_interval(CONFIDENCE)
-    return Interval(mean, max(low, float(bounds.low)), min(high, float(bounds.high)), n)
+    mean = _mean(array, MIN_RUNS, "runs", "values are equal")
+    if mean.reason:
+        return mean
+    lower, upper = _students(array)
+    return replace(mean, low=max(low, lower), high=min(high, upper))
 
 
 def p_value(differences: ArrayLike, rng: np.random.Generator) -> float | None:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
+Json = Mapping[str, Any]
 Verdict = Literal["holds", "does not hold", "inconclusive", "not tested"]
 
 EQUAL_WITHIN: Final = 0.1
@@ -117,11 +118,11 @@ class Judgement:
     """What becomes of a claim here: the mean difference better - other, its interval, a verdict."""
 
     claim: Claim
-    difference: Mapping[str, Any] | None
+    difference: Json | None
     verdict: Verdict
 
 
-def judge(study: Study, summary: Sequence[Mapping[str, Any]]) -> list[Judgement]:
+def judge(study: Study, summary: Sequence[Json]) -> list[Judgement]:
     """Put a study's claims to the test.
 
     That one walks further holds where the interval of the paired difference lies above zero, and
@@ -138,40 +139,28 @@ def judge(study: Study, summary: Sequence[Mapping[str, Any]]) -> list[Judgement]
     return [_judge(claim, study.metric, rows) for claim in study.claims]
 
 
-def _judge(
-    claim: Claim, metric: str, rows: Mapping[tuple[str, str], Mapping[str, Any]]
-) -> Judgement:
-    both = [rows.get((claim.terrain, name)) for name in (claim.better, claim.other)]
-    difference = _difference(both[0], claim.other, metric, 1)
-    if difference is None:
-        difference = _difference(both[1], claim.better, metric, -1)
-    if difference is None:
-        return Judgement(claim, None, "not tested")
-    means = [row["metrics"][metric]["mean"] for row in both if row is not None]
-    margin = EQUAL_WITHIN * max(means)
-    least, most = (-margin, margin) if claim.is_equal else (0.0, math.inf)
-    return Judgement(claim, difference, _verdict(difference, least, most))
+def _judge(claim: Claim, metric: str, rows: Mapping[tuple[str, str], Json]) -> Judgement:
+    names = (claim.better, claim.other)
+    both = [rows.get((claim.terrain, name)) for name in names]
+    for row, other, sign in zip(both, names[::-1], (1, -1), strict=True):
+        paired = (row or {}).get("paired")
+        if not paired or paired["reference"] != other or metric not in paired["differences"]:
+            continue
+        found = paired["differences"][metric]
+        low, high = (
+            None if found[end] is None else sign * found[end] for end in ("low", "high")[::sign]
+        )
+        difference = {"value": sign * found["value"], "low": low, "high": high, "n": found["n"]}
+        margin = EQUAL_WITHIN * max(row["metrics"][metric]["mean"] for row in both if row)
+        bounds = (-margin, margin) if claim.is_equal else (0.0, math.inf)
+        return Judgement(claim, difference, _verdict(low, high, *bounds))
+    return Judgement(claim, None, "not tested")
 
 
-def _verdict(difference: Mapping[str, Any], least: float, most: float) -> Verdict:
+def _verdict(low: float | None, high: float | None, least: float, most: float) -> Verdict:
     """Verdict on a difference that is claimed to lie between `least` and `most`."""
-    low, high = difference["low"], difference["high"]
     if low is None or high is None:
         return "inconclusive"
     if least < low and high < most:
         return "holds"
     return "does not hold" if high < least or low > most else "inconclusive"
-
-
-def _difference(
-    row: Mapping[str, Any] | None, other: str, metric: str, sign: int
-) -> dict[str, Any] | None:
-    """Difference of a row's controller to another, if that is what it was compared with."""
-    if row is None or not row["paired"] or row["paired"]["reference"] != other:
-        return None
-    found = row["paired"]["differences"].get(metric)
-    if found is None:
-        return None
-    bounds = [found["low"], found["high"]]
-    low, high = (None if bound is None else sign * bound for bound in bounds[::sign])
-    return {"value": sign * found["value"], "low": low, "high": high, "n": found["n"]}
