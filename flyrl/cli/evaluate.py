@@ -86,7 +86,7 @@ def comparison(
         A setting, controller or policy file that cannot be used.
     """
     from flyrl.cli.config import evaluation_config  # noqa: PLC0415
-    from flyrl.evaluation import changed_terms, make_entrants  # noqa: PLC0415
+    from flyrl.evaluation.entrants import changed_terms, make_entrants  # noqa: PLC0415
 
     config = evaluation_config(record, settings, shlex.join(command))
     entrants = make_entrants(config)

@@ -4,21 +4,18 @@ import importlib
 from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.evaluation.config import EvaluationConfig
-from flyrl.policies.laws import FIXED
 
 if TYPE_CHECKING:
     from flyrl.evaluation.drive_map import measure_drive_map, measure_steering
-    from flyrl.evaluation.entrants import Entrant, changed_terms, make_entrants
+    from flyrl.evaluation.entrants import Entrant, make_entrants
     from flyrl.evaluation.results import Results, ResultsError, load_results, write_results
-    from flyrl.evaluation.run import drop_parts, evaluate, walk_examples
+    from flyrl.evaluation.run import evaluate, walk_examples
 
 # what needs pandas and SciPy's statistics is imported when it is first asked for
 _ON_DEMAND: Final = {
     "Entrant": "entrants",
     "Results": "results",
     "ResultsError": "results",
-    "changed_terms": "entrants",
-    "drop_parts": "run",
     "evaluate": "run",
     "load_results": "results",
     "make_entrants": "entrants",
@@ -29,13 +26,10 @@ _ON_DEMAND: Final = {
 }
 
 __all__ = [
-    "FIXED",
     "Entrant",
     "EvaluationConfig",
     "Results",
     "ResultsError",
-    "changed_terms",
-    "drop_parts",
     "evaluate",
     "load_results",
     "make_entrants",

@@ -18,7 +18,6 @@ from flyrl.evaluation import (
     EvaluationConfig,
     Results,
     ResultsError,
-    drop_parts,
     load_results,
     make_entrants,
     measure_drive_map,
@@ -28,6 +27,7 @@ from flyrl.evaluation import (
 )
 from flyrl.evaluation import evaluate as walk_episodes
 from flyrl.evaluation.results import RESULTS_FILES, episodes_digest
+from flyrl.evaluation.run import drop_parts
 from flyrl.files import OutputFolder, usable_folder, write_text
 from flyrl.policies.laws import is_law
 from flyrl.progress import progress_bar as make_bar

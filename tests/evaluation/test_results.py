@@ -42,7 +42,7 @@ def lines(folder):
 def test_what_was_written_is_read_back(results, tmp_path):
     path = write_results(results, tmp_path / "new")
     for loaded in (load_results(tmp_path / "new"), load_results(path)):
-        assert_frame_equal(loaded.episodes, results.episodes)
+        assert_frame_equal(loaded.episodes, results.episodes, check_exact=True)
         assert loaded.protocol == results.protocol
         assert loaded.summaries == results.summaries
         assert loaded.drawn == results.drawn
