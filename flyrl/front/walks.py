@@ -20,7 +20,7 @@ from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
 from flyrl.front.recordings import TORQUES, save_table
-from flyrl.report.scene_figures import SHOWN_JOINTS, WalkFigure, walk_figure
+from flyrl.report.close_up import SHOWN_JOINTS, WalkFigure, walk_figure
 from flyrl.report.video import FPS, encode
 from flyrl.simulation.flies import FlyState
 from flyrl.simulation.marks import Overlay

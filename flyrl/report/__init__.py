@@ -1,8 +1,7 @@
 """Results -> figures, videos, one HTML file."""
 
 from flyrl.report.curves import write_learning_curve, write_learning_curves
-from flyrl.report.html import write_report
-from flyrl.report.setup import read_origin
+from flyrl.report.html import read_origin, write_report
 from flyrl.report.video import Video, record_videos
 
 __all__ = [

@@ -7,6 +7,7 @@ to the tension bars of worms, and in pictures of flies to the meaning of the leg
 from __future__ import annotations
 
 import functools
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -41,6 +42,13 @@ _SHADE: Final = (10, 14, 20, 150)
 _BRIGHT: Final = (255, 255, 255, 255)
 _SOFT: Final = (205, 212, 220, 255)
 _SMALL: Final = 12.0
+
+
+def jpeg(picture: Picture) -> bytes:
+    """A picture as a JPEG file."""
+    buffer = io.BytesIO()
+    Image.fromarray(picture).save(buffer, "JPEG", quality=80)
+    return buffer.getvalue()
 
 
 @functools.cache

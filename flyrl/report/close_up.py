@@ -1,23 +1,42 @@
-"""Figures of single episodes: gait diagrams, curves beside videos; and of what drives do."""
+"""Figures of single walks: gait diagrams, curves over time; and of what drives do."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+import io
+import itertools
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from flyrl.anatomy import LEGS
+from flyrl.anatomy import JOINTS, LEGS
 from flyrl.evaluation.drive_map import DriveMap, Steering
+from flyrl.evaluation.gait import without_blips
 from flyrl.evaluation.metrics import counted_stance
-from flyrl.report.style import FIGURE_STYLE, FRAMED_STYLE, WIDTH_IN, colours, marker, svg_text
+from flyrl.report.style import (
+    INK,
+    LEG_SHADES,
+    LINE,
+    LIST_STYLE,
+    MUTED,
+    PAPER_STYLE,
+    SHADES,
+    WIDTH_IN,
+    add_legend,
+    colours,
+    panels,
+    svg_text,
+)
 from flyrl.rollouts import BoolArray, EpisodeRecord
+from flyrl.validation import one_of
+
+FloatArray = NDArray[np.float64]
 
 SHOWN_S: Final = 1.0
 """How much of an episode a gait diagram shows, s: twelve strides."""
@@ -30,8 +49,8 @@ MAX_STEERING: Final = 12
 
 _STEERING_COLUMNS: Final = 3
 
-_REFLEXES: Final = {"retraction": ("muted", 0.36), "stumbling": ("ink", -0.5)}
-"""Colour, and place of its line beside the bar of a leg."""
+STRIDE_S: Final = 0.1
+"""Over which a speed is taken, s: about a stride, within which the thorax rocks."""
 
 
 def gait_figure(records: Sequence[EpisodeRecord], name: str) -> str:
@@ -44,30 +63,46 @@ def gait_figure(records: Sequence[EpisodeRecord], name: str) -> str:
     name
         Of the figure, for its ids.
     """
-    with mpl.rc_context(FIGURE_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 0.35 + 1.25 * len(records)), layout="constrained")
-        panels = figure.subplots(len(records), 1, sharex=True, squeeze=False).ravel()
-        shade = colours([record.controller for record in records])
-        for axes, record in zip(panels, records, strict=True):
-            _raster(axes, record, marker(shade[record.controller]))
-        panels[-1].set_xlabel("time (s)")
+    shade = colours(record.controller for record in records)
+    height = 0.35 + 1.25 * len(records)
+    with panels(len(records), 1, height, LIST_STYLE, sharex=True) as (figure, every):
+        for axes, record in zip(every, records, strict=True):
+            gait = record.gait
+            assert gait is not None
+            leg_bars(axes, counted_stance(record), gait.interval_s, shade[record.controller])
+            leg_bars(axes, gait.retraction, gait.interval_s, MUTED, (0.36, 0.14))
+            leg_bars(axes, gait.stumbling, gait.interval_s, INK, (-0.5, 0.14))
+            axes.set_xlim(0, min(SHOWN_S, record.duration_s))
+            axes.set_title(record.controller, loc="left", fontweight="bold")
+        every[-1].set_xlabel("time (s)")
         return svg_text(figure, name)
 
 
-def _raster(axes: Axes, record: EpisodeRecord, shade: str) -> None:
-    gait = record.gait
-    assert gait is not None
-    stance = counted_stance(record)
-    for leg in range(len(LEGS)):
-        bars = spans(stance[:, leg], gait.interval_s)
-        axes.broken_barh(bars, (leg - 0.32, 0.64), facecolor=shade, linewidth=0)
-        for reflex, (colour, place) in _REFLEXES.items():
-            marks = spans(getattr(gait, reflex)[:, leg], gait.interval_s)
-            axes.broken_barh(marks, (leg + place, 0.14), facecolor=marker(colour), linewidth=0)
+def leg_bars(
+    axes: Axes,
+    raster: BoolArray,
+    interval_s: float,
+    shades: str | Sequence[str],
+    place: tuple[float, float] = (-0.32, 0.64),
+    start_s: float = 0.0,
+) -> None:
+    """Draw bars where a raster (S, 6) of the legs is true, a row per leg, the first on top.
+
+    Parameters
+    ----------
+    interval_s, start_s
+        Time between two samples, and that of the first, s.
+    shades
+        Colour of all legs, or of each.
+    place
+        Upper end and height of the bars around the middle of their row.
+    """
+    each = [shades] * len(LEGS) if isinstance(shades, str) else shades
+    for leg, shade in enumerate(each):
+        bars = [(start_s + start, length) for start, length in spans(raster[:, leg], interval_s)]
+        axes.broken_barh(bars, (leg + place[0], place[1]), facecolor=shade, linewidth=0)
     axes.set_yticks(range(len(LEGS)), LEGS)
     axes.set_ylim(len(LEGS) - 0.4, -0.6)
-    axes.set_xlim(0, min(SHOWN_S, record.duration_s))
-    axes.set_title(record.controller, loc="left", fontweight="bold")
 
 
 def spans(raster: BoolArray, interval_s: float) -> list[tuple[float, float]]:
@@ -92,49 +127,31 @@ def drive_map_figure(
     name
         Of the figure, for its ids.
     """
-    drives = drive_map.drives
-    panels = [
-        ("speed (mm/s)", drive_map.speed_mm_s, drive_map.speed_error_mm_s),
-        (
-            "yaw rate (deg/s), left positive",
-            drive_map.yaw_rate_deg_s,
-            drive_map.yaw_rate_error_deg_s,
-        ),
-    ]
-    shade = colours(list(visited))
-    with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
-        for axes, (title, values, errors) in zip(
-            figure.subplots(1, 2, squeeze=False).ravel(), panels, strict=True
-        ):
+    drives, shade = drive_map.drives, colours(visited)
+    turning = drive_map.yaw_rate_deg_s, drive_map.yaw_rate_error_deg_s
+    shown = {
+        "speed (mm/s)": (drive_map.speed_mm_s, drive_map.speed_error_mm_s),
+        "yaw rate (deg/s), left positive": turning,
+    }
+    with panels(1, 2, 4.2) as (figure, every):
+        for axes, (title, (values, errors)) in zip(every, shown.items(), strict=True):
             levels = MaxNLocator(9).tick_values(np.nanmin(values), np.nanmax(values))
             is_noise = False if errors is None else errors > np.diff(levels).min()
             sure = np.ma.masked_where(is_noise | np.isnan(values), values)
-            lines = axes.contour(
-                drives, drives, sure, levels, colors=marker("muted"), linewidths=1.1
-            )
+            lines = axes.contour(drives, drives, sure, levels, colors=MUTED, linewidths=1.1)
             axes.clabel(lines, fontsize=8, fmt="%g")
             failed = np.argwhere(np.isnan(values))
-            axes.plot(drives[failed[:, 1]], drives[failed[:, 0]], "x", color=marker("ink"))
+            axes.plot(drives[failed[:, 1]], drives[failed[:, 0]], "x", color=INK)
             for controller, chosen in visited.items():
-                shown = chosen[:: max(1, len(chosen) // MAX_VISITED)]
-                axes.scatter(
-                    shown[:, 1],
-                    shown[:, 0],
-                    s=5,
-                    alpha=0.35,
-                    linewidths=0,
-                    color=marker(shade[controller]),
-                    label=controller,
-                )
+                left, right = chosen[:: max(1, len(chosen) // MAX_VISITED)].T
+                look: Any = {"color": shade[controller], "s": 5, "alpha": 0.35, "linewidths": 0}
+                axes.scatter(right, left, label=controller, **look)
             axes.set_title(title, loc="left")
             axes.set_xlabel("right drive")
             axes.set_ylabel("left drive")
             axes.set_aspect("equal")
             axes.grid(visible=True)
-        handles = figure.axes[0].get_legend_handles_labels()
-        if handles[0]:
-            figure.legend(*handles, loc="outside lower left", ncols=6, markerscale=3)
+        add_legend(figure, markerscale=3)
         return svg_text(figure, name)
 
 
@@ -147,78 +164,29 @@ def steering_figure(steering: Steering, name: str) -> str:
         Of the figure, for its ids.
     """
     shown = list(steering.drives.items())[:MAX_STEERING]
-    shade = colours(list(steering.drives))
+    shade, bearings = colours(steering.drives), steering.bearings_deg
     columns = min(max(len(shown), 2), _STEERING_COLUMNS)
     rows = -(-len(shown) // columns)
-    with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 0.5 + 2.4 * rows), layout="constrained")
-        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-        for axes, (policy, drives) in zip(panels, shown, strict=False):
+    height = 0.5 + 2.4 * rows
+    with panels(rows, columns, height, sharex=True, sharey=True) as (figure, every):
+        for axes, (policy, drives) in zip(every, shown, strict=False):
             for side, (text, line) in enumerate({"left legs": "-", "right legs": "--"}.items()):
-                values, look = drives[..., side], {"color": marker(shade[policy])}
-                axes.plot(
-                    steering.bearings_deg, values.mean(axis=0), linestyle=line, label=text, **look
-                )
-                axes.fill_between(
-                    steering.bearings_deg,
-                    values.min(axis=0),
-                    values.max(axis=0),
-                    alpha=0.15,
-                    linewidth=0,
-                    **look,
-                )
+                values, colour = drives[..., side], shade[policy]
+                axes.plot(bearings, values.mean(axis=0), linestyle=line, label=text, color=colour)
+                band: Any = {"color": colour, "alpha": 0.15, "linewidth": 0}
+                axes.fill_between(bearings, values.min(axis=0), values.max(axis=0), **band)
             axes.set_title(policy, loc="left", fontweight="bold")
             axes.set_xticks([-180, -90, 0, 90, 180])
             axes.grid(visible=True)
-        for axes in panels[len(shown) :]:
+        for axes in every[len(shown) :]:
             axes.set_axis_off()
-        panels[0].set_ylabel("drive")
-        figure.supxlabel("bearing (deg), left positive", fontsize=10, color=marker("muted"))
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=2)
+        every[0].set_ylabel("drive")
+        figure.supxlabel("bearing (deg), left positive", fontsize=10, color=MUTED)
+        add_legend(figure, ncols=2)
         return svg_text(figure, name)
 
 
-FloatArray = NDArray[np.float64]
-Box = tuple[float, float, float, float]
-
-STRIDE_S: Final = 0.1
-"""Over which a speed is taken, s: about a stride, within which the thorax rocks."""
-
-_POINTS_PER_INCH: Final = 72
-"""Units of an SVG's view box per inch."""
-
-
-@dataclass(frozen=True)
-class TimeFigure:
-    """A figure whose horizontal axes are all the same time, and where they are in it.
-
-    Attributes
-    ----------
-    svg
-        The figure.
-    panels
-        Left, top, right and bottom of each panel, in units of the SVG's view box.
-    until_s
-        Time at the right of each panel, s; at the left it is 0.
-    """
-
-    svg: str
-    panels: list[Box]
-    until_s: float
-
-
-@dataclass(frozen=True)
-class _Quantity:
-    """What a panel shows: values (T,) of a record; whether each was held up to its sample."""
-
-    title: str
-    values: Callable[[EpisodeRecord], FloatArray]
-    is_held: bool = False
-
-
-def time_figure(
-    records: Sequence[EpisodeRecord], name: str, until_s: float | None = None
-) -> TimeFigure:
+def time_figure(records: Sequence[EpisodeRecord], name: str, until_s: float) -> str:
     """Way, speed and drives (or tensions) over the time of one episode, a line per controller.
 
     A line that ends with a dot ends with its episode.
@@ -230,80 +198,56 @@ def time_figure(
     name
         Of the figure, for its ids.
     until_s
-        Time to be shown, s; all of it by default.
+        Time at the right end of each panel, s; at the left it is 0.
     """
-    until_s = until_s or max(record.duration_s for record in records)
-    shade = colours([record.controller for record in records])
-    with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 3.9), layout="constrained")
-        panels = figure.subplots(2, 2, sharex=True)
-        panels[1, 1].sharey(panels[1, 0])  # the drives
-        for axes, quantity in zip(panels.ravel(), _quantities(records), strict=True):
-            for record in records:
-                _line(axes, record, quantity, until_s, marker(shade[record.controller]))
-            axes.set_title(quantity.title, loc="left")
+    shade = colours(record.controller for record in records)
+    with panels(2, 2, 3.9, sharex=True) as (figure, every):
+        every[3].sharey(every[2])  # the drives
+        for record in records:
+            for axes, (title, values) in zip(every, courses(record).items(), strict=True):
+                style = "steps-pre" if axes in every[2:] else "default"
+                _line(axes, record, values, until_s, shade[record.controller], style)
+                axes.set_title(title, loc="left")
+        for axes in every:
             axes.grid(visible=True)
             axes.set_xlim(0, until_s)
-        for axes in panels[-1]:
+        for axes in every[2:]:
             axes.set_xlabel("simulated time (s)")
-        handles = figure.axes[0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside lower left", ncols=6)
-        # the layout is settled only by drawing
-        svg = svg_text(figure, name)
-        return TimeFigure(svg, [_box(axes, figure) for axes in panels.ravel()], until_s)
+        add_legend(figure)
+        return svg_text(figure, name)
 
 
-def _quantities(records: Sequence[EpisodeRecord]) -> list[_Quantity]:
-    has_goal = bool(records[0].episode.goal)
-    return [
-        _Quantity("distance to the goal (mm)", goal_distance_mm)
-        if has_goal
-        else _Quantity("way along +x (mm)", advance_mm),
-        _Quantity(f"speed, {STRIDE_S:g} s mean (mm/s)", speed_mm_s),
-        *_commands(records[0]),
-    ]
+def courses(record: EpisodeRecord) -> dict[str, FloatArray]:
+    """Title and values (T,) of each panel; the last two are held up to each sample.
 
-
-def _commands(record: EpisodeRecord) -> list[_Quantity]:
-    """What a fly is commanded, or what a worm's muscles exert."""
-    if record.creature == "fly":
-        return [
-            _Quantity("left drive", lambda record: held_drive(record)[:, 0], is_held=True),
-            _Quantity("right drive", lambda record: held_drive(record)[:, 1], is_held=True),
-        ]
-    return [
-        _Quantity("tension of the first muscle", lambda r: held_drive(r)[:, 0], is_held=True),
-        _Quantity("mean tension", lambda r: held_drive(r).mean(axis=1), is_held=True),
-    ]
+    Of a fly what it is commanded, of a worm what its muscles exert.
+    """
+    held = held_drive(record)
+    has_goal = bool(record.episode.goal)
+    way = "distance to the goal (mm)" if has_goal else "way along +x (mm)"
+    commands = (
+        {"left drive": held[:, 0], "right drive": held[:, 1]}
+        if record.creature == "fly"
+        else {"tension of the first muscle": held[:, 0], "mean tension": held.mean(axis=1)}
+    )
+    return {
+        way: goal_distance_mm(record) if has_goal else advance_mm(record),
+        f"speed, {STRIDE_S:g} s mean (mm/s)": speed_mm_s(record),
+        **commands,
+    }
 
 
 def _line(
-    axes: Axes, record: EpisodeRecord, quantity: _Quantity, until_s: float, shade: str
+    axes: Axes, record: EpisodeRecord, values: FloatArray, until_s: float, shade: str, style: str
 ) -> None:
-    values = quantity.values(record)
     # up to the first sample that is not shown, so that the line reaches the edge
     shown = slice(int(np.searchsorted(record.time_s, until_s)) + 1)
-    axes.plot(
-        record.time_s[shown],
-        values[shown],
-        color=shade,
-        linewidth=1.4,
-        drawstyle="steps-pre" if quantity.is_held else "default",
-        label=record.controller,
-    )
+    look: Any = {"color": shade, "linewidth": 1.4, "drawstyle": style, "label": record.controller}
+    axes.plot(record.time_s[shown], values[shown], **look)
     drawn = np.flatnonzero(np.isfinite(values))
     if record.duration_s <= until_s + 1e-9 and drawn.size:
         end = record.time_s[drawn[-1:]], values[drawn[-1:]]
         axes.plot(*end, "o", color=shade, markersize=4, clip_on=False)
-
-
-def _box(axes: Axes, figure: Figure) -> Box:
-    """Left, top, right, bottom of a panel; matplotlib counts from below, SVG from above."""
-    width, height = _POINTS_PER_INCH * figure.get_size_inches()
-    place = axes.get_position()
-    box = (place.x0 * width, (1 - place.y1) * height, place.x1 * width, (1 - place.y0) * height)
-    left, top, right, bottom = (round(float(edge), 2) for edge in box)
-    return left, top, right, bottom
 
 
 def advance_mm(record: EpisodeRecord) -> FloatArray:
@@ -340,3 +284,80 @@ def held_drive(record: EpisodeRecord) -> FloatArray:
     drive = record.drive.copy()
     drive[0] = drive[min(1, len(drive) - 1)]
     return drive
+
+
+SHOWN_JOINTS: Final = ("joint_LFCoxa", "joint_LFFemur", "joint_LFTibia")
+
+_DASHES: Final = ("-", "--", "-.", ":")
+
+
+class WalkFigure(Figure):
+    """A figure of matplotlib that a notebook shows, too, where pyplot was never imported."""
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png", dpi=100)
+        return buffer.getvalue()
+
+
+def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> WalkFigure:
+    """Draw a walk.
+
+    Parameters
+    ----------
+    table
+        A row per sample, with the columns of `flyrl.front.walks.Walk.frame`.
+    joints
+        Whose angles are shown, names in `flyrl.anatomy.JOINTS`; none leaves the panel out.
+
+    Raises
+    ------
+    ValueError
+        There is no such joint.
+    """
+    for joint in joints:
+        one_of("joints", joint, JOINTS)
+    time_s = table.time_s.to_numpy()
+    interval_s = float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1e-3
+    with mpl.rc_context(PAPER_STYLE):
+        heights = [1.0, 1.4, 1.0] if joints else [1.0, 1.0]
+        figure = WalkFigure(figsize=(WIDTH_IN, 0.6 + 1.4 * sum(heights)), layout="constrained")
+        speed, *angles, gait = figure.subplots(len(heights), sharex=True, height_ratios=heights)
+        _draw_speed(speed, table, interval_s)
+        for axes in angles:
+            for joint, dashes in zip(joints, itertools.cycle(_DASHES), strict=False):
+                label = joint.removeprefix("joint_")
+                axes.plot(time_s, np.degrees(table[joint]), dashes, color=INK, lw=1.1, label=label)
+            axes.set_ylabel("joint angle (°)")
+            axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=4, fontsize=7)
+        _draw_gait(gait, table, interval_s)
+        gait.set_xlim(time_s[0], max(time_s[-1], time_s[0] + 1e-3))
+    return figure
+
+
+def _draw_speed(axes: Axes, table: pd.DataFrame, interval_s: float) -> None:
+    """Speed over the ground, at every moment and of the mean velocity over a stride."""
+    velocity = table[["vx_mm_s", "vy_mm_s"]]
+    axes.plot(table.time_s, np.linalg.norm(velocity, axis=1), color=LINE, lw=0.8)
+    window = max(1, round(STRIDE_S / interval_s))
+    mean = velocity.rolling(window, center=True, min_periods=1).mean()
+    axes.plot(table.time_s, np.linalg.norm(mean, axis=1), color=SHADES[0], lw=1.6)
+    axes.set_ylabel(f"speed (mm/s),\nover {STRIDE_S:g} s")
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_gait(axes: Axes, table: pd.DataFrame, interval_s: float) -> None:
+    """Bars where a leg stands: on the ground, its tip at rest; blips of some ms are left out.
+
+    Thin ones on them where a reflex corrects the leg.
+    """
+    stands, retracts, stumbles = (
+        table[[f"{name}_{leg}" for leg in LEGS]].to_numpy(dtype=bool)
+        for name in ("stance", "retracts", "stumbles")
+    )
+    start_s, corrects = float(table.time_s.iloc[0]), retracts | stumbles
+    leg_bars(axes, without_blips(stands, interval_s), interval_s, LEG_SHADES, start_s=start_s)
+    leg_bars(axes, corrects, interval_s, INK, (-0.1, 0.2), start_s)
+    note = "; dark: a reflex corrects it" if corrects.any() else ""
+    axes.set_xlabel(f"time (s); bars: the leg stands{note}")
+    axes.grid(visible=False)

@@ -8,14 +8,13 @@ Nothing here is simulated but the controllers themselves. Sources: Ijspeert et a
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
 
-import matplotlib as mpl
 import networkx as nx
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
@@ -38,7 +37,18 @@ from flyrl.controllers.cpg import (
 from flyrl.controllers.rule_based import RULE_WEIGHTS, RULES
 from flyrl.controllers.steps import STEPS
 from flyrl.report.close_up import spans
-from flyrl.report.style import LEG_COLOURS, PAPER_STYLE, WIDTH_IN, Plot, light
+from flyrl.report.style import (
+    INK,
+    LEG_SHADES,
+    LINE,
+    MUTED,
+    PAPER_STYLE,
+    SHADES,
+    WIDTH_IN,
+    Plot,
+    add_legend,
+    panels,
+)
 from flyrl.validation import FloatArray
 
 BoolArray = NDArray[np.bool_]
@@ -55,6 +65,7 @@ TURN: Final = (1.2, 0.2)
 CYCLES: Final = 3
 """Step cycles in the figures of recorded steps."""
 
+_LEG_NAMES: Final[dict[str, str]] = dict(zip(LEGS, LEGS, strict=True))
 _PLACES: Final = {leg: ("LR".index(leg[0]), "HMF".index(leg[1])) for leg in LEGS}
 """Where the legs stand in the rules' graph: left and right, hind to front."""
 
@@ -63,16 +74,14 @@ def three_oscillators_plot() -> Plot:
     """Phases and magnitudes of three coupled oscillators, over 10 s."""
     network = three_oscillators()
     time_s, phases, magnitudes = _course(network, 10.0)
-    names = [f"oscillator {i + 1}" for i in range(network.num_cpgs)]
-    figure = _oscillators(time_s, phases, magnitudes, names, ("c0", "c1", "c2"))
-    return Plot(figure, _oscillator_table(time_s, phases, magnitudes, range(1, 4)))
+    names = {f"oscillator {i}": str(i) for i in range(1, 4)}
+    return _oscillators(time_s, phases, magnitudes, names, SHADES[:3])
 
 
 def tripod_plot() -> Plot:
     """Phases and magnitudes of the six legs' oscillators in the tripod gait, over 1 s."""
     time_s, phases, magnitudes = _course(_tripod(), 1.0)
-    figure = _oscillators(time_s, phases, magnitudes, LEGS, LEG_COLOURS)
-    return Plot(figure, _oscillator_table(time_s, phases, magnitudes, LEGS))
+    return _oscillators(time_s, phases, magnitudes, _LEG_NAMES, LEG_SHADES)
 
 
 def turn_plot() -> Plot:
@@ -86,11 +95,11 @@ def turn_plot() -> Plot:
         np.concatenate([before, after[1:]])
         for before, after in zip(straight[1:], turning[1:], strict=True)
     )
-    figure = _oscillators(time_s, phases, magnitudes, LEGS, LEG_COLOURS)
-    for axes in figure.axes:
-        axes.axvline(straight[0][-1], color=light("muted"), linewidth=0.8, linestyle=":")
-    figure.axes[1].set_title(f"drive (1, 1), then {TURN}", loc="right", color=light("muted"))
-    return Plot(figure, _oscillator_table(time_s, phases, magnitudes, LEGS))
+    plot = _oscillators(time_s, phases, magnitudes, _LEG_NAMES, LEG_SHADES)
+    for axes in plot.figure.axes:
+        axes.axvline(straight[0][-1], color=MUTED, linewidth=0.8, linestyle=":")
+    plot.figure.axes[1].set_title(f"drive (1, 1), then {TURN}", loc="right", color=MUTED)
+    return plot
 
 
 def steps_plot() -> Plot:
@@ -108,21 +117,18 @@ def adhesion_plot() -> Plot:
     steps = PreprogrammedSteps()
     phase = np.linspace(0.0, 2 * np.pi, 721)
     grips = {leg: np.asarray(steps.get_adhesion_onoff(leg, phase)) for leg in LEGS}
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(0.7 * WIDTH_IN, 3.6), layout="constrained")
-        for axes, leg, colour in zip(
-            figure.subplots(len(LEGS), 1, sharex=True), LEGS, LEG_COLOURS, strict=True
-        ):
+    height, width = 3.6, 0.7 * WIDTH_IN
+    with panels(len(LEGS), 1, height, PAPER_STYLE, width=width, sharex=True) as (figure, every):
+        for axes, leg, shade in zip(every, LEGS, LEG_SHADES, strict=True):
             bars = spans(grips[leg], float(phase[1]))
-            axes.broken_barh(bars, (0.0, 1.0), facecolor=light(colour), linewidth=0)
+            axes.broken_barh(bars, (0.0, 1.0), facecolor=shade, linewidth=0)
             axes.set_ylabel(leg, rotation=0, ha="right", va="center")
             axes.set_yticks([0, 1], ["off", "on"], fontsize=7)
         axes.set_xlim(0.0, 2 * np.pi)
         axes.set_xticks(np.arange(5) * np.pi / 2, ["0", "π/2", "π", "3π/2", "2π"])
         axes.set_xlabel("phase of the step (rad)")
-    table = pd.DataFrame({"phase": phase})
-    for leg in LEGS:
-        table[leg] = grips[leg].astype(int)
+    table = pd.DataFrame(grips).astype(int)
+    table.insert(0, "phase", phase)
     return Plot(figure, table)
 
 
@@ -130,13 +136,13 @@ def rules_graph_plot() -> Plot:
     """The legs' influences on each other, a panel for each kind."""
     graph = construct_rules_graph()
     rows = []
-    with mpl.rc_context({**PAPER_STYLE, "axes.grid": False}):
-        figure = Figure(figsize=(WIDTH_IN, 2.6), layout="constrained")
-        for axes, rule in zip(figure.subplots(1, len(RULES)), RULES, strict=True):
+    style = {**PAPER_STYLE, "axes.grid": False}
+    with panels(1, len(RULES), 2.6, style) as (figure, every):
+        for axes, rule in zip(every, RULES, strict=True):
             edges = filter_edges(graph, rule)
             weight = RULE_WEIGHTS[rule]
             rows += [(rule, weight, *edge) for edge in edges]
-            _graph(axes, edges, "c1" if weight < 0 else "c2")
+            _graph(axes, edges, SHADES[1] if weight < 0 else SHADES[2])
             axes.set_title(f"{rule.replace('_', ' ')}: {weight:+g}")
     return Plot(figure, pd.DataFrame(rows, columns=["rule", "weight", "source", "target"]))
 
@@ -164,38 +170,37 @@ def rules_plot() -> Plot:
         coordinator.step()
         for title, name in shown.items():
             samples[title].append(getattr(coordinator, name))
-    every = round(TIMESTEP_S / RULES_TIMESTEP_S)
-    time_s: FloatArray = np.linspace(TIMESTEP_S, 1.0, count // every)
-    columns = {title: np.array(values)[every - 1 :: every] for title, values in samples.items()}
+    stride = round(TIMESTEP_S / RULES_TIMESTEP_S)
+    time_s: FloatArray = np.linspace(TIMESTEP_S, 1.0, count // stride)
+    columns = {title: np.array(values)[stride - 1 :: stride] for title, values in samples.items()}
     swings = (columns["phase"] > 0) & (columns["phase"] < steps.swing_ends)
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 9.5), layout="constrained")
-        panels = figure.subplots(len(shown), 1, sharex=True)
-        for axes, (title, values) in zip(panels, columns.items(), strict=True):
+    with panels(len(shown), 1, 9.5, PAPER_STYLE, sharex=True) as (figure, every):
+        for axes, (title, values) in zip(every, columns.items(), strict=True):
             _baselines(axes, time_s, values, swings)
             axes.set_ylabel(title)
-        panels[-1].set_xlabel("time (s); a leg swings where it is shaded")
-        panels[-1].set_xlim(0.0, 1.0)
-    table = pd.DataFrame({"time_s": time_s})
-    for title, name in shown.items():
-        for i, leg in enumerate(LEGS):
-            table[f"{name}_{leg}"] = columns[title][:, i]
-    return Plot(figure, table)
+        axes.set_xlabel("time (s); a leg swings where it is shaded")
+        axes.set_xlim(0.0, 1.0)
+    numbers = {
+        f"{name}_{leg}": columns[title][:, i]
+        for title, name in shown.items()
+        for i, leg in enumerate(LEGS)
+    }
+    return Plot(figure, pd.DataFrame({"time_s": time_s, **numbers}))
 
 
 def _baselines(axes: Axes, time_s: FloatArray, values: FloatArray, swings: BoolArray) -> None:
     """Draw values (T, 6) of the legs below one another; all have the scale in the title."""
     low, high = min(0.0, float(values.min())), float(values.max())
     span = (high - low) or 1.0
-    for i, (leg, shade) in enumerate(zip(LEGS, LEG_COLOURS, strict=True)):
+    for i, (leg, shade) in enumerate(zip(LEGS, LEG_SHADES, strict=True)):
         bottom = 1.15 * (len(LEGS) - 1 - i)
         bars = spans(swings[:, i], TIMESTEP_S)
-        axes.broken_barh(bars, (bottom, 1.0), facecolor=light("line"), linewidth=0, zorder=0)
-        axes.axhline(bottom - low / span, color=light("muted"), linewidth=0.4)
-        axes.plot(time_s, bottom + (values[:, i] - low) / span, color=light(shade), label=leg)
+        axes.broken_barh(bars, (bottom, 1.0), facecolor=LINE, linewidth=0, zorder=0)
+        axes.axhline(bottom - low / span, color=MUTED, linewidth=0.4)
+        axes.plot(time_s, bottom + (values[:, i] - low) / span, color=shade, label=leg)
     axes.set_yticks([1.15 * (len(LEGS) - 1 - i) - low / span for i in range(len(LEGS))], LEGS)
     axes.grid(visible=False)
-    axes.set_title(f"each from {low:.3g} to {high:.3g}", loc="right", color=light("muted"))
+    axes.set_title(f"each from {low:.3g} to {high:.3g}", loc="right", color=MUTED)
 
 
 def _tripod() -> CPGNetwork:
@@ -227,13 +232,17 @@ def _oscillators(
     time_s: FloatArray,
     phases: FloatArray,
     magnitudes: FloatArray,
-    names: Any,
-    shades: tuple[str, ...],
-) -> Figure:
-    """Phases, within a turn, above magnitudes."""
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 4.2), layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True)
+    names: Mapping[str, str],
+    shades: Sequence[str],
+) -> Plot:
+    """Phases, within a turn, above magnitudes.
+
+    Parameters
+    ----------
+    names
+        Of each oscillator in the legend, and in the table.
+    """
+    with panels(2, 1, 4.2, PAPER_STYLE, sharex=True) as (figure, (upper, lower)):
         wrapped = phases % (2 * np.pi)
         # a line that would run back across the panel is broken instead
         wrapped[1:][np.abs(np.diff(wrapped, axis=0)) > np.pi] = np.nan
@@ -245,54 +254,46 @@ def _oscillators(
         lower.set_ylim(bottom=0.0)
         lower.set_xlabel("time (s)")
         lower.set_xlim(time_s[0], time_s[-1])
-        handles = lower.get_legend_handles_labels()
-        figure.legend(*handles, loc="outside upper center", ncols=len(names))
-    return figure
+        add_legend(figure, loc="outside upper center", ncols=len(names))
+    numbers = {
+        f"{quantity}_{name}": column
+        for quantity, columns in (("phase", phases), ("magnitude", magnitudes))
+        for column, name in zip(columns.T, names.values(), strict=True)
+    }
+    return Plot(figure, pd.DataFrame({"time_s": time_s, **numbers}))
 
 
 def _lines(
-    axes: Axes, x: FloatArray, columns: FloatArray, names: Any, shades: tuple[str, ...]
+    axes: Axes, x: FloatArray, columns: FloatArray, names: Iterable[str], shades: Sequence[str]
 ) -> None:
     for column, name, shade in zip(columns.T, names, shades, strict=True):
-        axes.plot(x, column, color=light(shade), linewidth=1.2, label=name)
-
-
-def _oscillator_table(
-    time_s: FloatArray, phases: FloatArray, magnitudes: FloatArray, names: Any
-) -> pd.DataFrame:
-    table = pd.DataFrame({"time_s": time_s})
-    for quantity, columns in (("phase", phases), ("magnitude", magnitudes)):
-        for column, name in zip(columns.T, names, strict=True):
-            table[f"{quantity}_{name}"] = column
-    return table
+        axes.plot(x, column, color=shade, linewidth=1.2, label=name)
 
 
 def _steps(*, ramps: bool) -> Plot:
     phase = np.linspace(0.0, 2 * np.pi * CYCLES, 120 * CYCLES + 1)
     magnitude = phase / phase[-1] if ramps else np.ones_like(phase)
     table = pd.DataFrame({"phase": phase, "magnitude": magnitude})
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 9.5), layout="constrained")
-        panels = figure.subplots(len(LEGS), len(STEPS), sharex=True, sharey=True)
-        shades = ("c0", "c1", "c2", "c3", "c4", "c5", "c6")
-        for recording, column in zip(STEPS, panels.T, strict=True):
+    shape = len(LEGS), len(STEPS)
+    with panels(*shape, 9.5, PAPER_STYLE, sharex=True, sharey=True) as (figure, every):
+        grid = np.array(every).reshape(shape)
+        for recording, column in zip(STEPS, grid.T, strict=True):
             steps = PreprogrammedSteps(recording)
             column[0].set_title(f"{recording}, {1e3 * steps.duration:.4g} ms a step", loc="left")
             column[-1].set_xlabel("phase (rad)")
             for leg, axes in zip(LEGS, column, strict=True):
                 angles = steps.get_joint_angles(leg, phase, magnitude).T
-                _lines(axes, phase, np.degrees(angles), LEG_DOFS, shades)
+                _lines(axes, phase, np.degrees(angles), LEG_DOFS, SHADES[: len(LEG_DOFS)])
                 for start, end in steps.swing_period[leg] + 2 * np.pi * np.arange(CYCLES)[:, None]:
-                    axes.axvspan(start, end, color=light("line"), alpha=0.6, zorder=0)
+                    axes.axvspan(start, end, color=LINE, alpha=0.6, zorder=0)
                 for dof, angle in zip(LEG_DOFS, angles.T, strict=True):
                     table[f"{recording}_{leg}{dof}"] = angle
-        for leg, axes in zip(LEGS, panels[:, 0], strict=True):
+        for leg, axes in zip(LEGS, grid[:, 0], strict=True):
             axes.set_ylabel(f"{leg} (deg)")
         ticks = np.arange(CYCLES + 1)
-        panels[0, 0].set_xlim(0.0, phase[-1])
-        panels[0, 0].set_xticks(2 * np.pi * ticks, ["0", *(f"{2 * tick}π" for tick in ticks[1:])])
-        handles = panels[0, 0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside upper center", ncols=7)
+        every[0].set_xlim(0.0, phase[-1])
+        every[0].set_xticks(2 * np.pi * ticks, ["0", *(f"{2 * tick}π" for tick in ticks[1:])])
+        add_legend(figure, loc="outside upper center", ncols=7)
     return Plot(figure, table)
 
 
@@ -305,10 +306,10 @@ def _graph(axes: Axes, edges: list[tuple[str, str]], shade: str) -> None:
         graph,
         _PLACES,
         ax=axes,
-        node_color=light("line"),
-        edge_color=light(shade),
+        node_color=LINE,
+        edge_color=shade,
         font_size=8,
-        font_color=light("ink"),
+        font_color=INK,
         node_size=420,
         width=1.4,
         connectionstyle="arc3,rad=0.18",

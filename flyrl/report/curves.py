@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from statistics import fmean
 from typing import Any, Final
@@ -11,18 +12,14 @@ from typing import Any, Final
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, PercentFormatter
 
 from flyrl.files import replacing
-from flyrl.report.style import FRAMED_STYLE, THEME, WIDTH_IN, marker, svg_text
+from flyrl.report.style import INK, PAPER_STYLE, SHADES, STYLE, WIDTH_IN, panels, svg_text
 
 FORMATS: Final = ("svg", "png")
 
-_INK, _LINE = THEME["ink"][0], THEME["line"][0]
-_HELD_OUT, _TRAINING = THEME["c0"][0], THEME["c7"][0]
-_COLOURS: Final = [name for name in THEME if name.startswith("c")]
 _DASHES: Final = ("-", "--", ":", "-.")
 _PANELS: Final = ("success_rate", "mean_return")
 _LEGEND_WIDTH: Final = 90
@@ -31,24 +28,7 @@ _LEGEND_WIDTH: Final = 90
 _LEGEND_LINE: Final = 0.17
 """Height of such a line, inches."""
 
-_STYLE: Final[Any] = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "flyrl",
-    "text.parse_math": False,
-    "text.color": _INK,
-    "axes.labelcolor": _INK,
-    "xtick.color": _INK,
-    "ytick.color": _INK,
-    "axes.edgecolor": _LINE,
-    "grid.color": _LINE,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-}
-
-_THEMED_STYLE: Final[Any] = {**FRAMED_STYLE, "axes.grid": True}
+_PAGE_STYLE: Final[Any] = {**STYLE, "axes.grid": True}
 
 Evaluations = Sequence[Mapping[str, float]]
 
@@ -70,13 +50,12 @@ def learning_curve(
         Above the figure.
     """
     decisions = [row["decisions"] for row in evaluations]
-    with mpl.rc_context(_STYLE):
-        figure, upper, lower = _panels(title)
-        line: dict[str, Any] = {"color": _HELD_OUT, "marker": "o", "markersize": 4}
+    with _success_and_return(title) as (figure, (upper, lower)):
+        line: dict[str, Any] = {"color": SHADES[0], "marker": "o", "markersize": 4}
         upper.plot(decisions, [row["success_rate"] for row in evaluations], **line)
         if training:
             x, y = np.array(training, dtype=float).T
-            lower.plot(x, y, color=_TRAINING, linewidth=1, label="training")
+            lower.plot(x, y, color=SHADES[7], linewidth=1, label="training")
         returns = [row["mean_return"] for row in evaluations]
         lower.plot(decisions, returns, label="held-out", **line)
         lower.set_ylabel("return")
@@ -84,23 +63,25 @@ def learning_curve(
         lower.legend(loc="best")
         if evaluations:
             best = max(evaluations, key=lambda row: (row["success_rate"], row["mean_return"]))
-            ring: dict[str, Any] = {"s": 90, "facecolors": "none", "edgecolors": _INK, "zorder": 3}
+            ring: dict[str, Any] = {"s": 90, "facecolors": "none", "edgecolors": INK, "zorder": 3}
             for axes, key in zip((upper, lower), _PANELS, strict=True):
                 axes.scatter([best["decisions"]], [best[key]], **ring)
     return figure
 
 
-def _panels(title: str) -> tuple[Figure, Axes, Axes]:
+@contextmanager
+def _success_and_return(
+    title: str, style: Any = PAPER_STYLE, width: float = 7
+) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure with an empty panel for success, and one for returns below."""
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-    upper.set_ylim(-0.03, 1.03)
-    upper.yaxis.set_major_formatter(PercentFormatter(1))
-    upper.set_ylabel("held-out success")
-    lower.set_xlabel("decisions")
-    lower.xaxis.set_major_formatter(EngFormatter(sep=""))
-    return figure, upper, lower
+    with panels(2, 1, 5, style, width=width, sharex=True) as (figure, (upper, lower)):
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+        upper.set_ylim(-0.03, 1.03)
+        upper.yaxis.set_major_formatter(PercentFormatter(1))
+        upper.set_ylabel("held-out success")
+        lower.set_xlabel("decisions")
+        lower.xaxis.set_major_formatter(EngFormatter(sep=""))
+        yield figure, [upper, lower]
 
 
 def write_learning_curve(
@@ -124,7 +105,8 @@ def write_learning_curve(
     """
     if not evaluations and not training:
         return []
-    return _write(learning_curve(evaluations, training, folder.name), folder, "learning_curve")
+    figure = learning_curve(evaluations, training, folder.name)
+    return save_figure(figure, folder, "learning_curve", PAPER_STYLE)
 
 
 def learning_curves(
@@ -132,7 +114,8 @@ def learning_curves(
     title: str = "",
     lower: str = "mean_return",
     *,
-    is_themed: bool = False,
+    style: Any = PAPER_STYLE,
+    width: float = 7,
 ) -> Figure:
     """Success and return on the held-out episodes: a line per group, a pale one per run.
 
@@ -147,19 +130,16 @@ def learning_curves(
         Above the figure.
     lower
         Column of the evaluations in the lower panel; all have it.
-    is_themed
-        Whether colours are markers of the report's theme.
+    style, width
+        As in `panels`.
     """
-    with mpl.rc_context(_THEMED_STYLE if is_themed else _STYLE):
-        figure, *both = _panels(title)
+    with _success_and_return(title, style, width) as (figure, both):
         for index, (label, runs) in enumerate(groups):
             drawn = [{row["decisions"]: row for row in run} for run in runs if run]
             if not drawn:
                 continue
-            dashes, colour = divmod(index, len(_COLOURS))
-            name = _COLOURS[colour]
-            line: dict[str, Any] = {"color": marker(name) if is_themed else THEME[name][0]}
-            line["linestyle"] = _DASHES[dashes % len(_DASHES)]
+            dashes, shade = divmod(index, len(SHADES))
+            line: dict[str, Any] = {"color": SHADES[shade], "linestyle": _DASHES[dashes % 4]}
             mean = {**line, "marker": "o", "markersize": 3, "zorder": 3}
             shared = sorted(set(drawn[0]).intersection(*drawn[1:]))
             for axes, key in zip(both, (_PANELS[0], lower), strict=True):
@@ -184,9 +164,8 @@ def learning_curves_svg(groups: Sequence[tuple[str, Sequence[Evaluations]]], nam
     name
         Of the figure, for its ids.
     """
-    figure = learning_curves(groups, is_themed=True)
-    figure.set_figwidth(WIDTH_IN)
-    with mpl.rc_context(_THEMED_STYLE):
+    figure = learning_curves(groups, style=_PAGE_STYLE, width=WIDTH_IN)
+    with mpl.rc_context(_PAGE_STYLE):
         return svg_text(figure, name)
 
 
@@ -223,21 +202,16 @@ def write_learning_curves(
     """
     if not any(run for _, runs in groups for run in runs):
         return []
-    return _write(learning_curves(groups, title, lower), folder, "learning_curves")
+    figure = learning_curves(groups, title, lower)
+    return save_figure(figure, folder, "learning_curves", PAPER_STYLE)
 
 
-def _write(figure: Figure, folder: Path, name: str) -> list[Path]:
-    FigureCanvasAgg(figure)
-    with mpl.rc_context(_STYLE):
-        return save_figure(figure, folder, name)
-
-
-def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
+def save_figure(figure: Figure, folder: Path, name: str, style: Any = None) -> list[Path]:
     """Write a figure as `name.svg` and `name.png` into a folder; return their paths."""
     paths = []
     for kind in FORMATS:
         path = folder / f"{name}.{kind}"
-        with replacing(path) as partial:
+        with replacing(path) as partial, mpl.rc_context(style):
             metadata = {"Date": None} if kind == "svg" else None
             figure.savefig(partial, format=kind, dpi=150, metadata=metadata)
         paths.append(path)

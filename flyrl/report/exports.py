@@ -6,7 +6,7 @@ The LaTeX files hold a `tabular` each, which needs nothing but `\usepackage{book
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import pandas as pd
@@ -57,25 +57,28 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
     leaders
         The best on each terrain under each condition.
     """
+    summary = results.summaries
     compared = results.protocol["compared"]
-    terrains = list(dict.fromkeys(row["terrain"] for row in results.summaries))
-    files = {
-        "summary.csv": csv_table(results.summary),
-        "summary.tex": _latex(_printed_summary(results.summaries, compared), _SPREADS),
-        "leaders.csv": csv_table(leaders_table(leaders)),
-        "leaders.tex": _latex(_printed_leaders(leaders), _LEADS),
+    tables = {
+        "summary": results.summary,
+        "leaders": leaders_table(leaders),
+        "differences": results.differences,
+        "interactions": results.interactions,
     }
-    tables = {"differences.csv": results.differences, "interactions.csv": results.interactions}
-    files |= {name: csv_table(table) for name, table in tables.items() if not table.empty}
-    for terrain in terrains:
-        rows = [row for row in results.summaries if row["terrain"] == terrain]
+    printed = {
+        "summary": (_printed_summary(summary, compared), _SPREADS),
+        "leaders": (_printed_leaders(leaders), _LEADS),
+    }
+    for terrain in dict.fromkeys(row["terrain"] for row in summary):
+        rows = [row for row in summary if row["terrain"] == terrain]
         name = plain_name(terrain)
-        files[f"metrics-{name}.tex"] = _latex(_printed_metrics(rows), _SPREADS)
-        if any(row["paired"] for row in rows):
-            files[f"differences-{name}.tex"] = _latex(_printed_differences(rows), _DIFFERENCES)
-        if any(paired(rows, "interactions")):
-            files[f"interactions-{name}.tex"] = _latex(_printed_interactions(rows), _INTERACTIONS)
-    return files
+        printed[f"metrics-{name}"] = _printed_metrics(rows), _SPREADS
+        printed[f"differences-{name}"] = _printed_differences(rows), _DIFFERENCES
+        printed[f"interactions-{name}"] = _printed_interactions(rows), _INTERACTIONS
+    return {
+        **{f"{name}.csv": csv_table(table) for name, table in tables.items() if len(table)},
+        **{f"{name}.tex": _latex(*each) for name, each in printed.items() if len(each[0])},
+    }
 
 
 def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
@@ -84,38 +87,34 @@ def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
     Means of the metric, and the mean difference with its interval; empty where nobody comes next.
     Several of the best, whom nothing tells apart, stand with a comma in between.
     """
-    rows = []
-    for leader in leaders:
-        ahead = leader.difference or Interval(None, None, None, 0)
-        rows.append(
-            {
-                "terrain": leader.terrain,
-                "condition": leader.condition,
-                "best": ", ".join(leader.names),
-                "metric": leader.metric,
-                "mean": leader.value,
-                "next": leader.next_name,
-                "next_mean": leader.next_value,
-                "difference": ahead.value,
-                "low": ahead.low,
-                "high": ahead.high,
-                "no_interval": ahead.reason,
-            }
-        )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(
+        {
+            "terrain": leader.terrain,
+            "condition": leader.condition,
+            "best": ", ".join(leader.names),
+            "metric": leader.metric,
+            "mean": leader.value,
+            "next": leader.next_name,
+            "next_mean": leader.next_value,
+            "difference": ahead.value,
+            "low": ahead.low,
+            "high": ahead.high,
+            "no_interval": ahead.reason,
+        }
+        for leader in leaders
+        for ahead in [leader.difference or Interval(None, None, None, 0)]
+    )
 
 
 def _printed_summary(summary: Sequence[Json], compared: Sequence[str]) -> pd.DataFrame:
     spreads = [metric for metric in compared if metric != "success"]
-    return _without_empty(
-        pd.DataFrame(
-            {
-                **place_of(row),
-                "success (%)": _share(row["success_rate"]),
-                **{metric_label(metric): _spread(row["metrics"][metric]) for metric in spreads},
-            }
-            for row in summary
-        )
+    return pd.DataFrame(
+        {
+            **place_of(row),
+            "success (%)": _share(row["success_rate"]),
+            **{metric_label(metric): _spread(row["metrics"][metric]) for metric in spreads},
+        }
+        for row in summary
     )
 
 
@@ -130,85 +129,76 @@ def _printed_metrics(summary: Sequence[Json]) -> pd.DataFrame:
         for label, text in texts.items():
             place = {"condition": row["condition"], "metric": label}
             cells.setdefault((row["condition"], label), place)[row["controller"]] = text
-    return _without_empty(pd.DataFrame(list(cells.values())).fillna(""))
+    return pd.DataFrame(list(cells.values())).fillna("")
 
 
 def _printed_leaders(leaders: Sequence[Leader]) -> pd.DataFrame:
-    rows = []
-    for leader in leaders:
-        cells = leader_cells(leader)
-        rows.append(
-            {
-                "terrain": leader.terrain,
-                "condition": leader.condition,
-                "best": ", ".join(leader.names),
-                "by": metric_label(leader.metric),
-                "mean": cells["value"],
-                "next": leader.next_name or "",
-                "next mean": cells["next"],
-                "difference": cells["difference"],
-            }
-        )
-    return _without_empty(pd.DataFrame(rows))
+    return pd.DataFrame(
+        {
+            "terrain": leader.terrain,
+            "condition": leader.condition,
+            "best": ", ".join(leader.names),
+            "by": metric_label(leader.metric),
+            "mean": cells["value"],
+            "next": leader.next_name or "",
+            "next mean": cells["next"],
+            "difference": cells["difference"],
+        }
+        for leader in leaders
+        for cells in [leader_cells(leader)]
+    )
 
 
 def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
-    return _without_empty(
-        pd.DataFrame(
-            {
-                "condition": row["condition"],
-                f"controller, less {row['paired']['reference']}": row["controller"],
-                "metric": metric_label(metric),
-                "difference": _interval(difference),
-                "p": _p(difference["p_value"]),
-                "p corrected": _p(difference["p_adjusted"]),
-                "better in (%)": _share(difference["improvement"]),
-                "effect size": format_number(difference["effect_size"], 2),
-            }
-            for row, metric, difference in paired(summary, "differences")
-        )
+    return pd.DataFrame(
+        {
+            **_compared(row, metric),
+            "difference": _interval(difference),
+            "p": _p(difference["p_value"]),
+            "p corrected": _p(difference["p_adjusted"]),
+            "better in (%)": _share(difference["improvement"]),
+            "effect size": format_number(difference["effect_size"], 2),
+        }
+        for row, metric, difference in paired(summary, "differences")
     )
 
 
 def _printed_interactions(summary: Sequence[Json]) -> pd.DataFrame:
     return pd.DataFrame(
-        {
-            "condition": row["condition"],
-            f"controller, less {row['paired']['reference']}": row["controller"],
-            "metric": metric_label(metric),
-            "difference of differences": _interval(interaction),
-        }
+        {**_compared(row, metric), "difference of differences": _interval(interaction)}
         for row, metric, interaction in paired(summary, "interactions")
     )
 
 
-def _without_empty(table: pd.DataFrame) -> pd.DataFrame:
-    """Without the column of conditions where there are none."""
-    return table if table["condition"].any() else table.drop(columns="condition")
+def _compared(row: Json, metric: str) -> Json:
+    """What is compared in a row of a table: under which condition, who, in which metric."""
+    return {
+        "condition": row["condition"],
+        f"controller, less {row['paired']['reference']}": row["controller"],
+        "metric": metric_label(metric),
+    }
+
+
+def _interval(
+    interval: Mapping[str, Any],
+    keys: tuple[str, str, str] = ("value", "low", "high"),
+    text: Callable[[float | None], str] = format_number,
+) -> str:
+    """A value, and the ends of its interval where it has one."""
+    value, low, high = (interval[key] for key in keys)
+    return text(value) if low is None else f"{text(value)} [{text(low)}, {text(high)}]"
 
 
 def _share(interval: Mapping[str, Any]) -> str:
     """A share in percent, with its interval."""
-    if interval["value"] is None:
-        return format_number(None)
-    value = percent(interval["value"])
-    if interval["low"] is None:
-        return value
-    return f"{value} [{percent(interval['low'])}, {percent(interval['high'])}]"
+    return _interval(interval, text=percent)
 
 
 def _spread(distribution: Mapping[str, Any]) -> str:
-    mean = format_number(distribution["mean"])
+    """A mean with its quartiles; of one episode alone they say nothing."""
     if distribution["n"] < 2:
-        return mean
-    return f"{mean} [{format_number(distribution['q1'])}, {format_number(distribution['q3'])}]"
-
-
-def _interval(interval: Mapping[str, Any]) -> str:
-    value = format_number(interval["value"])
-    if interval["low"] is None:
-        return value
-    return f"{value} [{format_number(interval['low'])}, {format_number(interval['high'])}]"
+        return format_number(distribution["mean"])
+    return _interval(distribution, ("mean", "q1", "q3"))
 
 
 def _p(value: float | None) -> str:
@@ -219,50 +209,14 @@ def _p(value: float | None) -> str:
 
 def _latex(table: pd.DataFrame, caption: str) -> str:
     """A `tabular` below a comment; no text in the table is LaTeX."""
+    if not table["condition"].any():
+        table = table.drop(columns="condition")
     text = table.replace(r"\s*[\r\n]+\s*", " ", regex=True).to_latex(index=False, escape=True)
     # at the start of a row these would be arguments of the command before
     text = re.sub(r"(?m)^([*\[])", r"{\1}", text)
     for character, formula in _NOT_IN_TEXT.items():
         text = text.replace(character, formula)
     return f"% {caption}\n{text}"
-
-
-_OF_A_TERRAIN: Final = {
-    "gait": "gait",
-    "distributions": "distributions",
-    "paired": "differences",
-}
-"""Figure of a terrain's section: how its file begins."""
-
-
-def named_figures(context: Mapping[str, Any]) -> dict[str, str]:
-    """Every figure of a page, by a name of its own.
-
-    Parameters
-    ----------
-    context
-        What the page's template is given.
-
-    Returns
-    -------
-    Name -> SVG as it stands in the page, e.g. `success`, `paths-flat`, `doses-flat-friction`.
-    """
-    figures = {"success": context["success_svg"]}
-    for terrain in context["terrains"]:
-        for key, name in _OF_A_TERRAIN.items():
-            figures[f"{name}-{terrain['name']}"] = terrain.get(key, "")
-        if terrain.get("paths"):
-            figures[f"paths-{terrain['name']}"] = terrain["paths"]["figure"]
-        for player in terrain.get("players", ()):
-            if player["curves"]:
-                figures[f"time-{terrain['name']}-{player['episode']}"] = player["curves"]["svg"]
-        for dose in terrain["doses"]:
-            figures[f"doses-{terrain['name']}-{dose['name']}"] = dose["figure"]
-    figures["profiles"] = context["seeds"]["profiles"] if context["seeds"] else ""
-    figures["drive-map"] = context["drive_map"]
-    figures["steering"] = context["steering"]
-    figures["learning-curves"] = context["curves"]
-    return {name: svg for name, svg in figures.items() if svg}
 
 
 def standalone(svg: str) -> str:

@@ -1,4 +1,4 @@
-"""Figures of a report, each an SVG string ready to stand inside an HTML page.
+"""Figures of a report's results, each an SVG string ready to stand inside an HTML page.
 
 Matplotlib's object-oriented interface only: no pyplot, no list of open figures, no window system.
 """
@@ -6,10 +6,10 @@ Matplotlib's object-oriented interface only: no pyplot, no list of open figures,
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, Final
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,15 +19,18 @@ from numpy.typing import NDArray
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Json
 from flyrl.evaluation.statistics import Interval
-from flyrl.evaluation.summary import paired_values
+from flyrl.evaluation.summary import metric_values, paired_values
 from flyrl.report.style import (
-    FIGURE_STYLE,
-    FRAMED_STYLE,
-    WIDTH_IN,
+    INK,
+    LINE,
+    LIST_STYLE,
+    MUTED,
+    SHADES,
+    add_legend,
     colours,
     episode_url,
-    marker,
     outcome_dot,
+    panels,
     svg_text,
 )
 from flyrl.rollouts import BoolArray
@@ -63,47 +66,42 @@ def success_figure(summary: Sequence[Json], condition: str = "") -> str:
     condition
         Its name, as a title; empty where nothing is varied.
     """
-    names, terrains = _names(summary), _terrains(summary)
-    colour = colours(names)
-    with mpl.rc_context(FIGURE_STYLE):
-        figure, panels = _panels(names, len(terrains))
-        for axes, terrain in zip(panels, terrains, strict=True):
-            for place, name in enumerate(names):
-                for row in _select(summary, terrain, name):
-                    rate = row["success_rate"]
-                    shade = marker(colour[name])
-                    axes.plot(
-                        [100 * rate["low"], 100 * rate["high"]],
-                        [place, place],
-                        color=shade,
-                        linewidth=5,
-                        alpha=0.3,
-                        solid_capstyle="round",
-                    )
-                    axes.plot([100 * rate["value"]], [place], "o", color=shade, markersize=8)
-                    axes.annotate(
-                        f"{row['successes']}/{row['episodes']}",
-                        (1.0, place),
-                        xycoords=("axes fraction", "data"),
-                        xytext=(10, 0),
-                        textcoords="offset points",
-                        va="center",
-                        color=marker("muted"),
-                    )
+    shade = colours(row["controller"] for row in summary)
+    terrains = list(dict.fromkeys(row["terrain"] for row in summary))
+    with _lists(list(shade), len(terrains)) as (figure, every):
+        for axes, terrain in zip(every, terrains, strict=True):
+            for place, (name, colour) in enumerate(shade.items()):
+                for row in summary:
+                    if (row["terrain"], row["controller"]) == (terrain, name):
+                        _success(axes, row, place, colour)
             axes.set_xlim(-3, 103)
             axes.set_xticks([0, 25, 50, 75, 100])
             axes.set_xlabel("success (%)")
             axes.set_title(terrain, loc="left", fontweight="bold")
         if condition:
-            figure.suptitle(condition, x=0, ha="left", fontsize=10, color=marker("muted"))
+            figure.suptitle(condition, x=0, ha="left", fontsize=10, color=MUTED)
         return svg_text(figure, "success")
 
 
+def _success(axes: Axes, row: Json, place: int, colour: str) -> None:
+    """Draw a success rate, its interval, and beside the panel the counts."""
+    rate = row["success_rate"]
+    bar: Any = {"color": colour, "linewidth": 5, "alpha": 0.3, "solid_capstyle": "round"}
+    axes.plot([100 * rate["low"], 100 * rate["high"]], [place, place], **bar)
+    axes.plot([100 * rate["value"]], [place], "o", color=colour, markersize=8)
+    axes.annotate(
+        f"{row['successes']}/{row['episodes']}",
+        (1.0, place),
+        xycoords=("axes fraction", "data"),
+        xytext=(10, 0),
+        textcoords="offset points",
+        va="center",
+        color=MUTED,
+    )
+
+
 def distributions_figure(
-    rows: pd.DataFrame,
-    terrain: str,
-    horizon_s: float,
-    metrics: Sequence[str],
+    rows: pd.DataFrame, terrain: str, horizon_s: float, metrics: Sequence[str]
 ) -> str:
     """Every episode as a dot, with mean and quartiles; a panel per metric.
 
@@ -112,75 +110,57 @@ def distributions_figure(
     An episode without success has no time to goal: its dot stands at the horizon, and the mean
     and quartiles count it there.
     """
-    names = list(rows["controller"].unique())
-    colour = colours(names)
-    with mpl.rc_context(FIGURE_STYLE):
-        figure, panels = _panels(names, len(metrics))
-        for axes, metric in zip(panels, metrics, strict=True):
-            owns = [_of(rows, terrain, name) for name in names]
-            drawn = [_drawn_values(own, metric, horizon_s) for own in owns]
+    shade = colours(rows["controller"].unique())
+    owns = [_of(rows, terrain, name) for name in shade]
+    with _lists(list(shade), len(metrics)) as (figure, every):
+        for axes, metric in zip(every, metrics, strict=True):
+            drawn = [np.asarray(metric_values(own, metric, horizon_s)) for own in owns]
             edges = _edges(drawn)
-            for place, (name, own, values) in enumerate(zip(names, owns, drawn, strict=True)):
+            for place, (colour, own, values) in enumerate(
+                zip(shade.values(), owns, drawn, strict=True)
+            ):
                 if values.size:
-                    _episodes(axes, values, own, place, edges, marker(colour[name]))
+                    _episodes(axes, values, own, place, edges, colour)
                     _quartiles(axes, values, place)
             axes.set_xlabel(metric_label(metric))
             if metric == "time_to_goal_s":
-                axes.axvline(horizon_s, color=marker("line"), linewidth=1)
+                axes.axvline(horizon_s, color=LINE, linewidth=1)
                 axes.set_xlim(left=0)
         return svg_text(figure, f"distributions-{terrain}")
 
 
 def paired_figure(
-    rows: pd.DataFrame,
-    summary: Sequence[Json],
-    terrain: str,
-    horizon_s: float,
+    rows: pd.DataFrame, summary: Sequence[Json], terrain: str, horizon_s: float
 ) -> str:
     """Differences to the reference, episode by episode, with the mean and its interval."""
     compared = [row for row in summary if row["terrain"] == terrain and row["paired"]]
     if not compared:
         return ""
-    reference = compared[0]["paired"]["reference"]
+    shade = colours(row["controller"] for row in summary)
+    other = _of(rows, terrain, compared[0]["paired"]["reference"])
+    owns = [_of(rows, terrain, row["controller"]) for row in compared]
     metrics = list(compared[0]["paired"]["differences"])
-    names = [row["controller"] for row in compared]
-    colour = colours(_names(summary))
-    other = _of(rows, terrain, reference)
-    with mpl.rc_context(FIGURE_STYLE):
-        figure, panels = _panels(names, len(metrics))
-        for axes, metric in zip(panels, metrics, strict=True):
-            axes.axvline(0, color=marker("muted"), linewidth=1)
-            owns = [_of(rows, terrain, row["controller"]) for row in compared]
+    with _lists([row["controller"] for row in compared], len(metrics)) as (figure, every):
+        for axes, metric in zip(every, metrics, strict=True):
+            axes.axvline(0, color=MUTED, linewidth=1)
             drawn = [paired_values(own, other, metric, horizon_s) for own in owns]
             edges = _edges(drawn)
             for place, (row, own, values) in enumerate(zip(compared, owns, drawn, strict=True)):
-                shade = marker(colour[row["controller"]])
+                colour = shade[row["controller"]]
                 if metric != "success" and values.size:
                     pairs = own[own["episode"].isin(other["episode"])].assign(outcome=SUCCESS)
-                    _episodes(axes, values, pairs, place, edges, shade, alpha=0.25)
+                    _episodes(axes, values, pairs, place, edges, colour, alpha=0.25)
                 difference = row["paired"]["differences"][metric]
                 if difference["low"] is not None:
-                    axes.plot(
-                        [difference["low"], difference["high"]],
-                        [place, place],
-                        color=marker("ink"),
-                        linewidth=2,
-                        zorder=4,
-                    )
+                    ends = [difference["low"], difference["high"]]
+                    axes.plot(ends, [place, place], color=INK, linewidth=2, zorder=4)
                 if difference["value"] is not None:
-                    axes.plot(
-                        [difference["value"]],
-                        [place],
-                        "o",
-                        color=shade,
-                        markeredgecolor=marker("ink"),
-                        markersize=6,
-                        zorder=5,
-                    )
+                    dot: Any = {"color": colour, "markeredgecolor": INK, "markersize": 6}
+                    axes.plot([difference["value"]], [place], "o", zorder=5, **dot)
             if metric == "success":
                 axes.set_xlim(-1.05, 1.05)
             axes.set_xlabel(f"Δ {metric_label(metric)}")
-        return svg_text(figure, f"paired-{terrain}")
+        return svg_text(figure, f"differences-{terrain}")
 
 
 def doses_figure(
@@ -203,30 +183,26 @@ def doses_figure(
         "success" and others.
     """
     rows = [row for row in summary if row["terrain"] == terrain and row["condition"] in labels]
-    names = _names(rows)
-    colour = colours(names)
+    shade = colours(row["controller"] for row in rows)
     values = [label.partition("=")[2] for label in labels]
     places, is_ordered = _places(values)
-    rows_of_panels = math.ceil(len(metrics) / DOSE_PANELS)
-    with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 2.9 * rows_of_panels), layout="constrained")
-        panels = figure.subplots(rows_of_panels, DOSE_PANELS, squeeze=False).ravel()
-        for axes in panels[len(metrics) :]:
+    lines = math.ceil(len(metrics) / DOSE_PANELS)
+    with panels(lines, DOSE_PANELS, 2.9 * lines) as (figure, every):
+        for axes in every[len(metrics) :]:
             axes.set_axis_off()
-        for axes, metric in zip(panels, metrics, strict=False):
-            for i, name in enumerate(names):
+        for axes, metric in zip(every, metrics, strict=False):
+            for i, (name, colour) in enumerate(shade.items()):
                 own = {row["condition"]: row for row in rows if row["controller"] == name}
                 points = [_dose(own[label], metric) for label in labels if label in own]
                 at = [place for place, label in zip(places, labels, strict=True) if label in own]
                 low, middle, high = np.array(points, dtype=np.float64).T
-                shade = marker(colour[name])
                 if is_ordered:
-                    axes.fill_between(at, low, high, color=shade, alpha=0.15, linewidth=0)
-                    axes.plot(at, middle, "o-", color=shade, markersize=4.5, label=name)
+                    axes.fill_between(at, low, high, color=colour, alpha=0.15, linewidth=0)
+                    axes.plot(at, middle, "o-", color=colour, markersize=4.5, label=name)
                 else:
-                    beside = np.array(at) + 0.14 * (i - (len(names) - 1) / 2)
-                    axes.vlines(beside, low, high, color=shade, alpha=0.35, linewidth=4)
-                    axes.plot(beside, middle, "o", color=shade, markersize=4.5, label=name)
+                    beside = np.array(at) + 0.14 * (i - (len(shade) - 1) / 2)
+                    axes.vlines(beside, low, high, color=colour, alpha=0.35, linewidth=4)
+                    axes.plot(beside, middle, "o", color=colour, markersize=4.5, label=name)
             axes.set_xlabel(quantity.replace("_", " "))
             title = "success (%)" if metric == "success" else metric_label(metric)
             axes.set_title(title, loc="left")
@@ -235,29 +211,28 @@ def doses_figure(
                 if max(map(len, values)) * len(values) > MAX_DOSE_LETTERS:
                     axes.tick_params(axis="x", labelrotation=20)
             axes.grid(visible=True, axis="both" if is_ordered else "y")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=6)
+        add_legend(figure)
         return svg_text(figure, f"doses-{terrain}-{quantity}")
 
 
 def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[float]) -> str:
     """Share of runs that reach at least each success rate, a line per training, with intervals."""
-    with mpl.rc_context(FRAMED_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
-        axes = figure.subplots()
+    with panels(1, 1, 3.4) as (figure, (axes,)):
         percent = 100 * np.array(at)
         for i, (name, points) in enumerate(profiles.items()):
-            shade = marker(f"c{i % 8}")
+            colour = SHADES[i % len(SHADES)]
             values = 100 * np.array([point.value for point in points], dtype=np.float64)
             bounds = 100 * np.array([[point.low, point.high] for point in points], dtype=np.float64)
             low, high = np.where(np.isnan(bounds.T), values, bounds.T)
-            axes.fill_between(percent, low, high, color=shade, alpha=0.15, linewidth=0, step="post")
-            axes.step(percent, values, where="post", color=shade, label=name)
+            band: Any = {"color": colour, "alpha": 0.15, "linewidth": 0}
+            axes.fill_between(percent, low, high, step="post", **band)
+            axes.step(percent, values, where="post", color=colour, label=name)
         axes.set_xlabel("success of at least (%)")
         axes.set_ylabel("runs (%)")
         axes.set_xlim(-1, 101)
         axes.set_ylim(-3, 103)
         axes.grid(visible=True)
-        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=2)
+        add_legend(figure, ncols=2)
         return svg_text(figure, "profiles")
 
 
@@ -269,35 +244,25 @@ def _places(values: Sequence[str]) -> tuple[list[float], bool]:
         return [float(i) for i in range(len(values))], False
 
 
-def _dose(row: Json, metric: str) -> tuple[float | None, float | None, float | None]:
+def _dose(row: Json, metric: str) -> list[float]:
+    """Lower end, middle and upper end of what is drawn; NaN where there is none."""
     if metric == "success":
-        rate = row["success_rate"]
-        low, value, high = (
-            None if share is None else 100 * share
-            for share in (rate["low"], rate["value"], rate["high"])
-        )
-        return low, value, high
-    spread = row["metrics"][metric]
-    return spread["q1"], spread["mean"], spread["q3"]
+        ends, scale = [row["success_rate"][key] for key in ("low", "value", "high")], 100
+    else:
+        ends, scale = [row["metrics"][metric][key] for key in ("q1", "mean", "q3")], 1
+    return [math.nan if end is None else scale * end for end in ends]
 
 
-def _panels(names: Sequence[str], columns: int) -> tuple[Figure, NDArray[Any]]:
-    """A figure with `columns` panels that share a row per name, first on top."""
-    figure = Figure(figsize=(WIDTH_IN, _ROW_HEIGHT * len(names) + 0.75), layout="constrained")
-    panels = figure.subplots(1, columns, sharey=True, squeeze=False).ravel()
-    panels[0].set_yticks(range(len(names)), names)
-    for axes in panels:
-        axes.set_ylim(len(names) - 0.45, -0.55)
-        axes.grid(visible=True, axis="x")
-    return figure, panels
-
-
-def _drawn_values(rows: pd.DataFrame, metric: str, horizon_s: float) -> FloatArray:
-    """Values of a metric; without success, the time to goal is the horizon."""
-    values: FloatArray = rows[metric].to_numpy(dtype=np.float64)
-    if metric == "time_to_goal_s":
-        return np.where(np.isnan(values), horizon_s, values)
-    return values
+@contextmanager
+def _lists(names: Sequence[str], columns: int) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure with panels side by side that share a row per name, first on top."""
+    height = _ROW_HEIGHT * len(names) + 0.75
+    with panels(1, columns, height, LIST_STYLE, sharey=True) as (figure, every):
+        every[0].set_yticks(range(len(names)), names)
+        for axes in every:
+            axes.set_ylim(len(names) - 0.45, -0.55)
+            axes.grid(visible=True, axis="x")
+        yield figure, every
 
 
 def _edges(drawn: Sequence[FloatArray]) -> FloatArray:
@@ -312,27 +277,25 @@ def _episodes(
     rows: pd.DataFrame,
     place: float,
     edges: FloatArray,
-    shade: str,
+    colour: str,
     *,
     alpha: float = 0.75,
 ) -> None:
-    """The episodes of a row: dots, or their outline if they are many."""
+    """The episodes of a row: dots that lead to them, or their outline if they are many."""
     if values.size <= MAX_DOTS:
-        _dots(axes, values, rows, place, shade, alpha)
+        heights = place + swarm(values)
+        for outcome in rows["outcome"].unique():
+            chosen = (rows["outcome"] == outcome).to_numpy()
+            look = outcome_dot(outcome, colour)
+            dots = axes.scatter(values[chosen], heights[chosen], alpha=alpha, zorder=3, **look)
+            places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
+            dots.set_urls([episode_url(terrain, episode) for terrain, episode in places])
         return
     is_success = (rows["outcome"] == SUCCESS).to_numpy()
+    look = {"facecolor": colour, "edgecolor": colour, "linewidth": 0.8, "fill": True, "zorder": 3}
     for outline, strength in zip(outlines(values, is_success, edges), (0.4, 1), strict=True):
-        axes.stairs(
-            place + outline,
-            edges,
-            baseline=place - outline,
-            fill=True,
-            facecolor=shade,
-            edgecolor=shade,
-            linewidth=0.8,
-            alpha=alpha * strength,
-            zorder=3,
-        )
+        ends = place + outline, place - outline
+        axes.stairs(ends[0], edges, baseline=ends[1], alpha=alpha * strength, **look)
 
 
 def outlines(values: FloatArray, is_success: BoolArray, edges: FloatArray) -> FloatArray:
@@ -361,62 +324,26 @@ def outlines(values: FloatArray, is_success: BoolArray, edges: FloatArray) -> Fl
     return both
 
 
-def _dots(
-    axes: Axes,
-    values: FloatArray,
-    rows: pd.DataFrame,
-    place: float,
-    shade: str,
-    alpha: float,
-) -> None:
-    """A dot per value, shaped by the outcome of its row, and a link to its episode."""
-    heights = place + swarm(values)
-    for outcome in rows["outcome"].unique():
-        chosen = (rows["outcome"] == outcome).to_numpy()
-        dots = axes.scatter(
-            values[chosen],
-            heights[chosen],
-            alpha=alpha,
-            zorder=3,
-            **outcome_dot(outcome, shade),
-        )
-        places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
-        dots.set_urls([episode_url(terrain, episode) for terrain, episode in places])
-
-
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
     low, high = np.quantile(values, (0.25, 0.75))
     mean = values.mean()
-    style: dict[str, Any] = {"color": marker("ink"), "zorder": 4, "solid_capstyle": "butt"}
+    style: dict[str, Any] = {"color": INK, "zorder": 4, "solid_capstyle": "butt"}
     axes.plot([low, high], [place, place], linewidth=1.6, **style)
     axes.plot([mean, mean], [place - 0.32, place + 0.32], linewidth=2.2, **style)
 
 
-def swarm(values: FloatArray, bins: int = 60, reach: float = _REACH) -> FloatArray:
-    """Offsets (n,) in [-reach, reach] that spread values close to one another, without chance."""
+def swarm(values: FloatArray, bins: int = 60) -> FloatArray:
+    """Offsets (n,) up to `_REACH` that spread values close to one another, without chance."""
     spread = np.ptp(values)
     cell = np.zeros(len(values), dtype=int)
     if spread > 0:
         cell = ((values - values.min()) / spread * (bins - 1)).round().astype(int)
     offsets = np.zeros(len(values))
-    fullest = max(int(np.bincount(cell).max()), 1)
-    step = min(0.09, 2 * reach / fullest)
+    step = min(0.09, 2 * _REACH / max(int(np.bincount(cell).max()), 1))
     for index in np.unique(cell):
         members = np.flatnonzero(cell == index)
         offsets[members] = (np.arange(len(members)) - (len(members) - 1) / 2) * step
     return offsets
-
-
-def _names(rows: Sequence[Json]) -> list[str]:
-    return list(dict.fromkeys(row["controller"] for row in rows))
-
-
-def _terrains(rows: Sequence[Json]) -> list[str]:
-    return list(dict.fromkeys(row["terrain"] for row in rows))
-
-
-def _select(rows: Sequence[Json], terrain: str, name: str) -> list[Json]:
-    return [row for row in rows if row["terrain"] == terrain and row["controller"] == name]
 
 
 def _of(rows: pd.DataFrame, terrain: str, name: str) -> pd.DataFrame:

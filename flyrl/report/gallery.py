@@ -1,70 +1,137 @@
-"""The figures of the literature, drawn anew, each with the numbers that it shows."""
+"""The figures and videos of the literature, drawn anew, each with the numbers that it shows."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Mapping
+from contextlib import closing
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_text
+from flyrl.muscles import MotorPool
 from flyrl.report import controller_figures as controllers
 from flyrl.report.curves import save_figure
-from flyrl.report.film import Film, write_film
-from flyrl.report.scene_figures import muscle_plot, terrains_plot
-from flyrl.report.style import Plot
-from flyrl.report.walk_videos import WALKS, film_walk, film_worm
+from flyrl.report.style import PAPER_STYLE, SHADES, WIDTH_IN, Plot, panels
+from flyrl.report.walk_videos import WALKS, Film, film_walk, film_worm, write_film
 from flyrl.report.walking_figures import comparison_plot, gaits_plot, slopes_plot
 from flyrl.resources import assets_folder
+from flyrl.simulation.rendering import FlyRenderer
+from flyrl.terrains import LITERATURE
 from flyrl.text import csv_table
 
-Draw = Callable[[Path, str], None]
-"""Writes the files of a figure into a folder; their names begin with the figure's."""
+
+def terrains_plot() -> Plot:
+    """The four terrains, with a fly on each.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If no GL context can be made.
+    """
+    rows = []
+    with panels(2, 2, 7.4, {**PAPER_STYLE, "axes.grid": False}) as (figure, every):
+        for axes, name in zip(every, LITERATURE, strict=True):
+            env = BatchedEnv(EnvConfig("hybrid_turning", terrain=name), 1, 1)
+            scene = env.config.fly_scene
+            env.reset(seeds=[0])
+            env.flies.step(round(0.1 / scene.physics.timestep))
+            with closing(FlyRenderer(scene)) as renderer:
+                axes.imshow(renderer.render(env.flies))
+            axes.set_axis_off()
+            axes.set_title(name, loc="left")
+            tops = scene.terrain.compiled().boxes.tops
+            lowest, highest = (tops.min(), tops.max()) if tops.size else (0.0, 0.0)
+            rows.append((name, tops.size, lowest, highest))
+    table = pd.DataFrame(rows, columns=["terrain", "boxes", "lowest_top_mm", "highest_top_mm"])
+    return Plot(figure, table)
 
 
-def _files(plot: Callable[[], Plot]) -> Draw:
-    """What writes a plot as SVG, PNG and CSV."""
+def muscle_plot(profile: Path | str) -> Plot:
+    """Draw a profile image, the forces it stands for, and tension over recruitment.
 
-    def write(folder: Path, name: str) -> None:
-        figure, table = plot()
-        save_figure(figure, folder, name)
-        write_text(folder / f"{name}.csv", csv_table(table, float_format="%.6g"))
+    After cortex, Simulated Muscles, R. McIntyre (2012-14).
 
-    return write
+    Parameters
+    ----------
+    profile
+        Image of a motor pool, see `MotorPool.from_image`.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If it is not one.
+    """
+    profile = Path(profile)
+    pool = MotorPool.from_image(profile)
+    with Image.open(profile) as image:
+        row = np.asarray(image.crop((0, 0, image.width, 1)).convert("RGBA").convert("RGB"))
+    n = np.arange(len(pool))
+    size: Any = {"width": 0.7 * WIDTH_IN, "height_ratios": (0.16, 0.7, 1.0), "sharex": True}
+    with panels(3, 1, 3.9, PAPER_STYLE, **size) as (figure, (strip, forces, curve)):
+        strip.imshow(row, aspect="auto", extent=(-0.5, len(pool) - 0.5, 0, 1))
+        strip.set_yticks([])
+        strip.set_title(f"{profile.name}: a pixel per motor neuron", loc="left")
+        forces.fill_between(n, pool.forces, step="mid", color=SHADES[1], linewidth=0)
+        forces.set_ylabel("255 - blue")
+        forces.set_ylim(0, 265)
+        curve.step(n, pool.recruitment, where="post", color=SHADES[1])
+        curve.set_ylabel("tension")
+        curve.set_ylim(0, 1.04)
+        curve.set_xlim(-0.5, len(pool) - 0.5)
+        curve.set_xlabel("recruited up to motor neuron n")
+        strip.grid(visible=False)
+    table = pd.DataFrame({"n": n, "force": pool.forces, "tension": pool.recruitment})
+    return Plot(figure, table)
 
 
-def _muscle() -> Plot:
-    return muscle_plot(assets_folder() / "muscles" / "human.png")
+def write_plot(plot: Plot, folder: Path, name: str) -> None:
+    """Write name.svg, name.png and name.csv to a folder.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
+    save_figure(plot.figure, folder, name)
+    write_text(folder / f"{name}.csv", csv_table(plot.table, float_format="%.6g"))
 
 
-def _video(film: Callable[[], Film]) -> Draw:
-    """What writes a video as MP4, its poster as JPEG, and CSV."""
-
-    def write(folder: Path, name: str) -> None:
-        write_film(film(), folder, name)
-
-    return write
-
-
-GALLERY: Final[Mapping[str, Draw]] = {
-    "cpg_three": _files(controllers.three_oscillators_plot),
-    "cpg_tripod": _files(controllers.tripod_plot),
-    "steps": _files(controllers.steps_plot),
-    "steps_magnitude": _files(controllers.steps_magnitude_plot),
-    "adhesion": _files(controllers.adhesion_plot),
-    "rules_graph": _files(controllers.rules_graph_plot),
-    "rules": _files(controllers.rules_plot),
-    "terrains": _files(terrains_plot),
-    "turn": _files(controllers.turn_plot),
-    "gaits": _files(gaits_plot),
-    "slopes": _files(slopes_plot),
-    "comparison": _files(comparison_plot),
-    "muscle": _files(_muscle),
-    **{name: _video(functools.partial(film_walk, walk)) for name, walk in WALKS.items()},
-    "worm": _video(film_worm),
+GALLERY: Final[Mapping[str, Callable[[], Plot | Film]]] = {
+    "cpg_three": controllers.three_oscillators_plot,
+    "cpg_tripod": controllers.tripod_plot,
+    "steps": controllers.steps_plot,
+    "steps_magnitude": controllers.steps_magnitude_plot,
+    "adhesion": controllers.adhesion_plot,
+    "rules_graph": controllers.rules_graph_plot,
+    "rules": controllers.rules_plot,
+    "terrains": terrains_plot,
+    "turn": controllers.turn_plot,
+    "gaits": gaits_plot,
+    "slopes": slopes_plot,
+    "comparison": comparison_plot,
+    "muscle": partial(muscle_plot, assets_folder() / "muscles" / "human.png"),
+    **{name: partial(film_walk, walk) for name, walk in WALKS.items()},
+    "worm": film_worm,
 }
-"""What writes each figure, by the figure's name.
+"""What draws or films each."""
 
-A figure that cannot be drawn on this machine raises `RenderingUnavailableError`, RuntimeError or
-OSError.
-"""
+
+def draw(name: str, folder: Path) -> None:
+    """Draw one of `GALLERY`, and write its files to a folder; their names begin with the figure's.
+
+    Raises
+    ------
+    RenderingUnavailableError, RuntimeError, OSError
+        It cannot be drawn on this machine.
+    """
+    drawn = GALLERY[name]()
+    if isinstance(drawn, Film):
+        write_film(drawn, folder, name)
+    else:
+        write_plot(drawn, folder, name)

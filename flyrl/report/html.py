@@ -5,43 +5,29 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TypedDict, Unpack
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from flyrl.envs.record import randomisation_text
-from flyrl.evaluation.conditions import compared_conditions
+from flyrl.evaluation.conditions import Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.metrics import descriptions, metric_label, metric_named
-from flyrl.evaluation.results import Results
+from flyrl.evaluation.results import Json, Results, episodes_digest
+from flyrl.evaluation.trainings import PROFILE_AT, generalisation, trainings
 from flyrl.files import OutputFolder
-from flyrl.report.close_up import steering_figure
-from flyrl.report.curves import Evaluations
-from flyrl.report.episodes import episodes_section
-from flyrl.report.exports import format_tables, named_figures, standalone
-from flyrl.report.figures import success_figure
-from flyrl.report.sections import (
-    all_leaders,
-    drive_map_section,
-    seeds_section,
-    spread_metrics,
-    study_section,
-    table_row,
-    terrain_section,
-    usual_rows,
-)
-from flyrl.report.setup import (
-    control_loop,
-    curves_section,
-    generalisation_section,
-    origin_json,
-    trainings_section,
-)
-from flyrl.report.style import colours, outcome_shapes, stylesheet
+from flyrl.report import close_up, figures, sections
+from flyrl.report.curves import Evaluations, learning_curves_svg
+from flyrl.report.exports import format_tables, standalone
+from flyrl.report.paths import paths_figure
+from flyrl.report.style import colours, outcome_shapes, stylesheet, themed
 from flyrl.report.video import Video
 from flyrl.report.wording import (
     changes_text,
@@ -57,16 +43,20 @@ from flyrl.report.wording import (
     parameters_text,
     rates,
     shared_text,
-    title,
     training_note,
 )
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import SUCCESS, TIMEOUT
 from flyrl.text import plain_name, printable
+from flyrl.validation import plain_record
 
 REPORT_FILE: Final = "report.html"
 FIGURES_FOLDER: Final = "figures"
 TABLES_FOLDER: Final = "tables"
+
+ORIGIN_SCHEMA: Final = "flyrl.report/1"
+ORIGIN_ID: Final = "origin"
+"""Of the element in a report that says how to repeat it."""
 
 
 class Additions(TypedDict, total=False):
@@ -117,18 +107,16 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     output = OutputFolder(folder)
     context = report_context(results, **additions)
     output.write_text(REPORT_FILE, format_page(context))
-    figures = {
+    files = {
         f"{FIGURES_FOLDER}/{plain_name(name)}.svg": standalone(svg)
-        for name, svg in named_figures(context).items()
+        for name, svg in context["figures"].items()
     }
-    tables = {
-        f"{TABLES_FOLDER}/{name}": text
-        for name, text in format_tables(results, context["all_leaders"]).items()
-    }
+    for name, text in format_tables(results, context["all_leaders"]).items():
+        files[f"{TABLES_FOLDER}/{name}"] = text
     earlier = {*output.files(FIGURES_FOLDER), *output.files(TABLES_FOLDER)}
-    output.remove(*(earlier - figures.keys() - tables.keys()))
+    output.remove(*(earlier - files.keys()))
     try:
-        for name, text in {**figures, **tables}.items():
+        for name, text in files.items():
             output.write_text(name, text)
     except OSError as error:
         print(f"warning: the report lacks figures or tables beside it: {error}", file=sys.stderr)
@@ -150,8 +138,12 @@ def format_page(context: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = format_number
-    environment.filters["script_hash"] = script_hash
+    environment.filters |= {
+        "label": context["labels"].get,
+        "number": format_number,
+        "prefixed": lambda text, prefix: f"{prefix}{text}",
+        "script_hash": script_hash,
+    }
     return environment.get_template("report.html.j2").render(context)
 
 
@@ -166,94 +158,203 @@ def script_hash(script: str) -> str:
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
 
 
+def draw_figures(
+    results: Results, seeds: Json | None, additions: Additions
+) -> tuple[dict[str, Markup], dict[str, str]]:
+    """Every figure of a report, by the name that it has in the page and as a file.
+
+    Those with nothing to show are left out, as are those of single walks where quantities were
+    varied.
+
+    Parameters
+    ----------
+    seeds
+        See `flyrl.report.sections.seeds_section`.
+
+    Returns
+    -------
+    Name -> SVG as it stands in the page, e.g. `success`, `paths-flat`, `doses-flat-friction`; and
+    terrain -> the ground in the figure of its paths, see `paths_figure`.
+    """
+    protocol, rows, summary = results.protocol, results.episodes, results.summaries
+    horizon_s, examples = protocol["horizon_s"], additions.get("examples", ())
+    usual, metrics = usual_condition(protocol), sections.spread_metrics(protocol)
+    drawn = {"success": figures.success_figure(sections.usual_rows(results), usual)}
+    grounds = {}
+    for terrain in protocol["terrains"]:
+        at = terrain["name"]
+        for quantity, values in protocol["vary"].items():
+            labels = [Condition(quantity, value).label for value in values]
+            had = [metric for metric in metrics if metric in sections.present_metrics(results)]
+            doses = figures.doses_figure(summary, at, quantity, labels, ["success", *had])
+            drawn[f"doses-{at}-{quantity}"] = doses
+        if protocol["vary"]:
+            continue
+        drawn[f"distributions-{at}"] = figures.distributions_figure(rows, at, horizon_s, metrics)
+        drawn[f"differences-{at}"] = figures.paired_figure(rows, summary, at, horizon_s)
+        walks, episodes = sections.walks_on(results, at), results.drawn.get(at, ())
+        drawn[f"paths-{at}"], grounds[at] = paths_figure(walks, terrain, episodes)
+        if walked := sections.gait_examples(examples, at):
+            drawn[f"gait-{at}"] = close_up.gait_figure(walked, f"gait-{at}")
+        shown = sections.by_episode(additions.get("videos", ()), examples, at)
+        for episode, (films, walked) in shown.items():
+            name, until_s = f"time-{at}-{episode}", sections.curves_end_s(films, walked)
+            drawn[name] = close_up.time_figure(walked, name, until_s) if walked else ""
+    if seeds:
+        drawn["profiles"] = figures.profiles_figure(seeds["profiles"], PROFILE_AT)
+    if drive_map := additions.get("drive_map"):
+        visited = _learned_drives(results)
+        drawn["drive-map"] = close_up.drive_map_figure(drive_map, visited, "drive-map")
+    if steering := additions.get("steering"):
+        drawn["steering"] = close_up.steering_figure(steering, "steering")
+    curves = additions.get("curves", {})
+    groups = [
+        (label, [curves[name] for name in names if curves.get(name)])
+        for label, names in trainings(protocol["entrants"]).items()
+    ]
+    if any(runs for _, runs in groups):
+        drawn["learning-curves"] = learning_curves_svg(groups, "learning-curves")
+    return {name: Markup(svg) for name, svg in drawn.items() if svg}, grounds
+
+
+def _learned_drives(results: Results) -> dict[str, NDArray[np.float32]]:
+    """Drives (T, 2) that each learned policy chose, as far as its paths were kept."""
+    names = results.episodes["controller"]
+    drives: dict[str, list[NDArray[np.float32]]] = {
+        entrant["name"]: []
+        for entrant in results.protocol["entrants"]
+        if entrant.get("kind") in ("learned", "own")
+    }
+    for row, path in results.trajectories.items():
+        if names[row] in drives:
+            drives[names[row]].append(path.drive[1:])
+    return {name: np.concatenate(own) for name, own in drives.items() if own}
+
+
 def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str, Any]:
     """All that the page's template is given; see `write_report`."""
+    protocol, summary = results.protocol, results.summaries
     videos, examples = additions.get("videos", ()), additions.get("examples", ())
-    walked = [row["controller"] for row in results.summaries]
-    entered = [entrant["name"] for entrant in results.protocol["entrants"]]
-    names = list(dict.fromkeys([*walked, *entered]))
-    usual = usual_rows(results)
-    usual_condition = compared_conditions(results.protocol["vary"])[0]
-    leaders = all_leaders(results)
-    usual_leaders = [each for each in leaders if each.condition == usual_condition.label]
-    table, steering = results.protocol.get("table"), additions.get("steering")
-    decisive = results.protocol["decisive"]
-    measured = results.summaries[0]["metrics"]
+    drive_map, steering = additions.get("drive_map"), additions.get("steering")
+    names = [row["controller"] for row in summary]
+    names += [entrant["name"] for entrant in protocol["entrants"]]
+    terrains = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
+    usual, condition = sections.usual_rows(results), usual_condition(protocol)
+    leaders = sections.all_leaders(results)
+    usual_leaders = [each for each in leaders if each.condition == usual[0]["condition"]]
+    table = protocol.get("table")
+    decisive = protocol["decisive"]
+    present = sections.present_metrics(results)
+    measured = summary[0]["metrics"]
     labels = {metric: metric_label(metric) for metric in ("success", *measured)}
-    effects = effects_text(decisive, labels, results.protocol)
+    effects = effects_text(decisive, labels, protocol)
     if (table or {}).get("actions") == "neurons":
         labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
         *(table or {}).get("failures", ()),
-        *(name for row in results.summaries for name, count in row["outcomes"].items() if count),
+        *(name for row in summary for name, count in row["outcomes"].items() if count),
     ]
     failures = [each for each in dict.fromkeys(outcomes) if each not in (SUCCESS, TIMEOUT)]
     controllers = len({row["controller"] for row in usual})
-    comparing = [changes_text(leaders, usual_condition.label), level_text(effects)]
-    if controllers < 2:
-        comparing.clear()
+    notes = [changes_text(leaders, usual_leaders), level_text(effects)] if controllers > 1 else []
+    shown = [*sections.spread_metrics(protocol), "path_efficiency"]
+    metrics = {key: text for key, text in descriptions(protocol).items() if key in present}
+    of_gait = [key for key in measured if metric_named(key).needs_gait or key == "drive_variation"]
+    gait_metrics = [key for key in of_gait if key in present]
+    seeds = sections.seeds_section(results)
+    drawn, grounds = draw_figures(results, seeds, additions)
     return {
-        "title": title(results.protocol, results.summaries),
-        "headline": headline(usual_leaders, controllers, condition_text(usual_condition)),
-        "notes": list(filter(None, [*comparing, training_note(results.protocol)])),
-        "condition": condition_text(usual_condition),
-        "shared": shared_text(results.protocol, results.drawn),
-        "held_out": held_out_text(results.protocol),
+        "title": f"{protocol['task']} on {terrains}",
+        "headline": headline(usual_leaders, controllers, condition),
+        "notes": list(filter(None, [*notes, training_note(protocol)])),
+        "condition": condition,
+        "shared": shared_text(protocol, results.drawn),
+        "held_out": held_out_text(protocol),
         "effects": effects,
-        "detail": rates(usual, results.protocol) if decisive[0] == "success" else "",
+        "detail": rates(usual, protocol) if decisive[0] == "success" else "",
         "leaders": [(leader, leader_cells(leader)) for leader in usual_leaders],
         "all_leaders": leaders,
         "leaders_by_condition": leaders_by_condition(leaders),
         "decisive": decisive,
         "lower_is_better": [metric for metric in measured if metric_named(metric).lower_is_better],
-        "protocol": results.protocol,
+        "protocol": protocol,
         "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
         "stylesheet": Markup(stylesheet()),
-        "colours": colours(names),
-        "metrics": {
-            metric: text
-            for metric, text in descriptions(results.protocol).items()
-            if metric in measured and any(row["metrics"][metric]["n"] for row in results.summaries)
-        },
-        "shown": [*spread_metrics(results.protocol), "path_efficiency"],
-        "compared": results.protocol["compared"],
+        "colours": {name: themed(colour) for name, colour in colours(names).items()},
+        "metrics": metrics,
+        "shown": shown,
+        "compared": protocol["compared"],
         "labels": labels,
-        "success_svg": Markup(success_figure(usual, condition_text(usual_condition))),
-        "rows": [table_row(row) for row in usual],
-        "episodes": episodes_section(
-            results, [*spread_metrics(results.protocol), "path_efficiency"]
-        ),
+        "figures": drawn,
+        "grounds": grounds,
+        "rows": [sections.table_row(row) for row in usual],
+        "episodes": sections.episodes_section(results, shown),
         "filmed": sorted({f"{video.terrain}/{video.episode}" for video in videos}),
         "terrains": [
-            terrain_section(results, terrain["name"], videos, examples)
-            for terrain in results.protocol["terrains"]
+            sections.terrain_section(results, terrain, videos, examples)
+            for terrain in protocol["terrains"]
         ],
         "note": additions.get("note"),
-        "drive_map": Markup(drive_map_section(results, additions.get("drive_map"))),
-        "drive_map_starts": getattr(additions.get("drive_map"), "starts", 0),
-        "table": table,
-        "parameters": parameters_text(results.protocol),
-        "loop_parts": control_loop(results.protocol) if table else [],
+        "drive_map_starts": drive_map.starts if drive_map else 0,
+        "mdp": table,
+        "parameters": parameters_text(protocol),
+        "loop_parts": sections.control_loop(protocol) if table else [],
         "failures": [outcome_name(each) for each in failures],
         "shapes": outcome_shapes([SUCCESS, TIMEOUT, *failures]),
         "has_goals": any(drawn and drawn[0]["goal"] for drawn in results.drawn.values()),
-        "trainings": trainings_section(results.protocol["entrants"]),
-        "steering": Markup(steering_figure(steering, "steering")) if steering else "",
+        "trainings": sections.trainings_section(protocol["entrants"]),
         "steering_starts": len(next(iter(steering.drives.values()))) if steering else 0,
-        "gait_metrics": [
-            metric
-            for metric in measured
-            if (metric_named(metric).needs_gait or metric == "drive_variation")
-            and any(row["metrics"][metric]["n"] for row in results.summaries)
-        ],
-        "is_varied": bool(results.protocol["vary"]),
-        "crashes": results.protocol["crashes"],
-        "study": study_section(results),
-        "seeds": seeds_section(results),
-        "generalisation": generalisation_section(results),
-        "curves": curves_section(results.protocol["entrants"], additions.get("curves", {})),
+        "gait_metrics": gait_metrics,
+        "gait_titles": {labels[metric]: metrics[metric] for metric in gait_metrics},
+        "study": sections.study_section(results),
+        "seeds": seeds,
+        "generalisation": generalisation(protocol, usual, np.random.default_rng(protocol["seed"])),
         "origin": Markup(origin_json(results)),
-        "entrants": results.protocol["entrants"],
-        "physics": json.dumps(results.protocol["physics"], indent=1),
-        "randomisation": randomisation_text(results.protocol.get("randomisation")),
+        "physics": json.dumps(protocol["physics"], indent=1),
+        "randomisation": randomisation_text(protocol.get("randomisation")),
     }
+
+
+def usual_condition(protocol: Json) -> str:
+    """Condition that figures and tables of the summary are about, in words; empty without any."""
+    return condition_text(compared_conditions(protocol["vary"])[0])
+
+
+def origin_json(results: Results) -> str:
+    """JSON from which the evaluation can be repeated and compared, to stand in a script element."""
+    protocol = results.protocol
+    origin = {
+        "schema": ORIGIN_SCHEMA,
+        "settings": protocol["settings"],
+        "versions": protocol["versions"],
+        "policies": {entrant["name"]: entrant["sha256"] for entrant in protocol["entrants"]},
+        "episodes_sha256": episodes_digest(results.episodes),
+    }
+    return json.dumps(origin).replace("<", "\\u003c")
+
+
+def read_origin(path: Path) -> Json:
+    """What a report holds of where it comes from: settings, versions, hashes.
+
+    Raises
+    ------
+    ValueError
+        The file is no report, or of another version.
+    OSError
+        It cannot be read.
+    """
+    text = path.read_text(encoding="utf-8", errors="replace")
+    found = re.search(rf'<script type="application/json" id="{ORIGIN_ID}">(.*?)</script>', text)
+    try:
+        origin: Json = json.loads(found.group(1)) if found else {}
+    except (ValueError, RecursionError):
+        origin = {}
+    if not isinstance(origin, dict) or origin.get("schema") != ORIGIN_SCHEMA:
+        raise ValueError(f"{path} is no report of this version of flyrl")
+    plain_record("the origin", origin)
+    for key in ("settings", "versions", "policies"):
+        if not isinstance(origin.get(key), dict):
+            raise ValueError(f"{path}: {key!r} must be an object, got {origin.get(key)!r:.60}")
+    if not isinstance(digest := origin.get("episodes_sha256"), str):
+        raise ValueError(f"{path}: 'episodes_sha256' must be text, got {digest!r:.60}")
+    return origin

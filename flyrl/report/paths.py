@@ -1,35 +1,38 @@
-"""Figures of the ways that flies took, seen from above."""
+"""Figures of the ways that flies took, seen from above, over the ground where it is rough."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-import matplotlib as mpl
 import numpy as np
-from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
 from flyrl.evaluation.results import Json, Trajectory
-from flyrl.report.ground import ground_symbol, seen_from_above
 from flyrl.report.style import (
-    FRAMED_STYLE,
-    WIDTH_IN,
+    INK,
+    MUTED,
     colours,
     episode_url,
-    marker,
     outcome_dot,
+    panels,
     svg_text,
+    themed,
 )
 from flyrl.report.wording import outcome_name
 from flyrl.tasks import SUCCESS, Episode
-from flyrl.terrains import NOWHERE, Bounds, Ground, Terrain, terrain_on_record
+from flyrl.terrains import NOWHERE, Bounds, Boxes, Ground, Terrain, terrain_on_record
 
 FloatArray = NDArray[np.float64]
+Frame = tuple[FloatArray, FloatArray]
+"""Origin (2,), and what turns rows that are points, less that, into the frame, (2, 2)."""
+
+WORLD: Final[Frame] = (np.zeros(2), np.eye(2))
 
 MAX_PATHS: Final = 60
 """Paths drawn per controller; more are a smear."""
@@ -45,6 +48,15 @@ LEAST_VIEW: Final = 8.0
 
 _PANEL_IN: Final = (2.8, 3.6)
 """Width of a panel, and its largest height, inches."""
+
+MAX_LEVELS: Final = 6
+"""Levels of height that are drawn; more are put together to as many, evenly spaced."""
+
+LEVEL_SHADE: Final = 0.14
+"""Opacity of ground that is all of one height."""
+
+GROUND_SHADES: Final = (0.06, 0.22)
+"""Opacity of the lowest and of the highest of several levels; gaps are bare."""
 
 
 class Thing(NamedTuple):
@@ -101,7 +113,7 @@ Walks = Mapping[str, Sequence[Walk]]
 """Of each controller; those of an empty one are not drawn, but it keeps its colour."""
 
 
-def paths_section(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> Json | None:
+def paths_figure(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> tuple[str, str]:
     """Figure of the paths on a terrain, over a drawing of its ground where it is rough.
 
     Parameters
@@ -115,24 +127,20 @@ def paths_section(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> Json | 
 
     Returns
     -------
-    The `figure`, and the `ground` in it: "none", "same" for all episodes, or "random", of the
-    first episode alone. None without a walk.
+    The figure, empty without a walk, and the ground in it: "none", "same" for all episodes, or
+    "random", of the first episode alone.
     """
     if not any(walks.values()):
-        return None
+        return "", "none"
     config = terrain_on_record(terrain["config"])
     if config is None or not config.is_rough or (config.random and not drawn):
-        return {"figure": Markup(aligned_figure(walks, terrain["name"])), "ground": "none"}
-    ground = config.draw(config.seed)
-    if config.random:
-        first = Episode.from_record(drawn[0])
-        ground = config.draw(first.ground_seed, first.difficulty)
-        walks = {
-            controller: [walk for walk in own if walk.episode == 0]
-            for controller, own in walks.items()
-        }
-    figure = ground_figure(walks, config, ground)
-    return {"figure": Markup(figure), "ground": "random" if config.random else "same"}
+        return aligned_figure(walks, terrain["name"]), "none"
+    if not config.random:
+        return ground_figure(walks, config, config.draw(config.seed)), "same"
+    first = Episode.from_record(drawn[0])
+    ground = config.draw(first.ground_seed, first.difficulty)
+    walks = {name: [walk for walk in own if walk.episode == 0] for name, own in walks.items()}
+    return ground_figure(walks, config, ground), "random"
 
 
 def aligned_figure(walks: Walks, terrain: str) -> str:
@@ -146,27 +154,20 @@ def aligned_figure(walks: Walks, terrain: str) -> str:
     terrain
         Its label, for ids and links.
     """
-    drawn, shade = _drawn(walks), colours(list(walks))
-    farthest = 0.0
-    with mpl.rc_context(FRAMED_STYLE):
-        figure, panels = _panels(drawn, 2.25)
-        for (controller, own), axes in zip(drawn.items(), panels, strict=True):
-            placed = [aligned(walk.path, walk.goal) for walk in own[:MAX_PATHS]]
-            for walk in own[:MAX_PATHS]:
-                start, rotation = _frame(walk.path, walk.goal)
-                _draw_things(axes, walk.things, len(own), start, rotation)
-            for _, goal in placed:
-                if goal is not None:
-                    farthest = max(farthest, float(np.linalg.norm(goal)))
-            _draw(axes, own, placed, marker(shade[controller]), terrain)
+    shown = [walk for own in walks.values() for walk in own[:MAX_PATHS] if len(walk.goal)]
+    goals = [np.subtract(walk.goal[:2], finite(walk.path)[0]) for walk in shown]
+    farthest = max((float(np.linalg.norm(goal)) for goal in goals), default=0.0)
+    with _panels(walks, 2.25, ("along (mm)", "across (mm)")) as (figure, drawn):
+        for axes, own, shade in drawn:
+            frames = [start_frame(walk.path, walk.goal) for walk in own]
+            _draw(axes, own, frames, shade, terrain)
             axes.grid(visible=True)
         if farthest > 0:
             # Flies that never turn walk far out of any useful view.
-            panels[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
-            panels[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
-        _label(figure, "along (mm)", "across (mm)")
+            figure.axes[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
+            figure.axes[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
         figure.draw_without_rendering()  # of equal aspects, the first layout leaves out titles
-        return svg_text(figure, f"trajectories-{terrain}")
+        return svg_text(figure, f"paths-{terrain}")
 
 
 def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
@@ -177,40 +178,35 @@ def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
     terrain, ground
         The terrain, and its ground in these episodes.
     """
-    name = f"trajectories-{terrain.label}"
-    drawn, shade = _drawn(walks), colours(list(walks))
-    bounds = terrain.bounds
-    view = shown(drawn, bounds)
+    name, bounds = f"paths-{terrain.label}", terrain.bounds
+    view = view_of(walks, bounds)
     width, height = view.x_max - view.x_min, view.y_max - view.y_min
-    with mpl.rc_context(FRAMED_STYLE):
-        figure, panels = _panels(drawn, min(_PANEL_IN[0] * height / width, _PANEL_IN[1]) + 0.4)
-        for i, ((controller, own), axes) in enumerate(zip(drawn.items(), panels, strict=True)):
+    panel_height = min(_PANEL_IN[0] * height / width, _PANEL_IN[1]) + 0.4
+    corner = bounds.x_min, bounds.y_min
+    sides = bounds.x_max - bounds.x_min, bounds.y_max - bounds.y_min
+    with _panels(walks, panel_height, ("x (mm)", "y (mm)")) as (figure, drawn):
+        for i, (axes, own, shade) in enumerate(drawn):
             axes.set_gid(f"panel-{i}")
-            axes.add_patch(
-                Rectangle(
-                    (bounds.x_min, bounds.y_min),
-                    bounds.x_max - bounds.x_min,
-                    bounds.y_max - bounds.y_min,
-                    fill=False,
-                    edgecolor=marker("muted"),
-                )
+            axes.add_patch(Rectangle(corner, *sides, fill=False, edgecolor=MUTED))
+            _draw(axes, own, [WORLD] * len(own), shade, terrain.label, faint=0.6)
+        figure.axes[0].set_xlim(view.x_min, view.x_max)
+        figure.axes[0].set_ylim(view.y_min, view.y_max)
+        svg = svg_text(figure, name)
+        # the ground stands in the figure once, and lies under each panel
+        for axes, *_ in drawn:
+            box, (x, y) = axes.get_position(), 72 * figure.get_size_inches()
+            place = (
+                f'x="{box.x0 * x:.2f}" y="{(1 - box.y1) * y:.2f}" '
+                f'width="{box.width * x:.2f}" height="{box.height * y:.2f}"'
             )
-            for walk in own[:MAX_PATHS]:
-                _draw_things(axes, walk.things, len(own), np.zeros(2), np.eye(2))
-            placed = [
-                (finite(walk.path), np.asarray(walk.goal[:2]) if len(walk.goal) else None)
-                for walk in own[:MAX_PATHS]
-            ]
-            _draw(axes, own, placed, marker(shade[controller]), terrain.label, faint=0.6)
-        panels[0].set_xlim(view.x_min, view.x_max)
-        panels[0].set_ylim(view.y_min, view.y_max)
-        _label(figure, "x (mm)", "y (mm)")
-        boxes = seen_from_above(terrain, ground, view)
-        symbol = ground_symbol(boxes, view, f"{name}-ground")
-        return _over(svg_text(figure, name), name, panels, symbol)
+            start = f'<g id="{name}-{axes.get_gid()}">'
+            svg = svg.replace(start, f'{start}<use href="#{name}-ground" {place}/>', 1)
+    head, rest = svg.split(">", 1)
+    symbol = ground_symbol(seen_from_above(terrain, ground, view), view, f"{name}-ground")
+    return f"{head}>{symbol}{rest}"
 
 
-def shown(walks: Walks, ground: Bounds) -> Bounds:
+def view_of(walks: Walks, ground: Bounds) -> Bounds:
     """Where paths and goals are, with a margin, as far as there is ground."""
     points = np.concatenate(
         [
@@ -226,22 +222,9 @@ def shown(walks: Walks, ground: Bounds) -> Bounds:
     return Bounds(x_min, x_max, y_min, y_max)
 
 
-def aligned(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray | None]:
-    """Path (T, 2) and goal (2,) moved to the origin and turned to the right.
-
-    Turned by the goal's direction from the start, or by the heading at the start without a goal.
-    Samples that are not finite are left out.
-    """
-    start, rotation = _frame(trajectory, goal)
-    placed = (finite(trajectory) - start) @ rotation
-    return placed, (np.asarray(goal[:2], dtype=np.float64) - start) @ rotation if len(
-        goal
-    ) else None
-
-
-def _frame(trajectory: Trajectory, goal: Sequence[float]) -> tuple[FloatArray, FloatArray]:
-    """Start (2,), and what turns rows that are points, less that, to the right, (2, 2)."""
-    start = finite(trajectory)[0].copy()
+def start_frame(trajectory: Trajectory, goal: Sequence[float]) -> Frame:
+    """Frame at the start of a path, its x axis to the goal, or ahead without one."""
+    start = finite(trajectory)[0]
     angle = float(trajectory.yaw[0])
     if len(goal):
         x, y = np.asarray(goal[:2], dtype=np.float64) - start
@@ -256,93 +239,143 @@ def finite(trajectory: Trajectory) -> FloatArray:
     return path[np.isfinite(path).all(axis=1)]
 
 
-def _drawn(walks: Walks) -> Walks:
-    return {controller: own for controller, own in walks.items() if own}
+@contextmanager
+def _panels(
+    walks: Walks, height: float, labels: tuple[str, str]
+) -> Iterator[tuple[Figure, list[tuple[Axes, Sequence[Walk], str]]]]:
+    """A figure with a titled panel per controller that walked, each so high, in inches.
 
-
-def _panels(walks: Walks, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure with a titled panel per controller, each so high, in inches."""
-    lines = -(-len(walks) // COLUMNS)
-    figure = Figure(figsize=(WIDTH_IN, 0.4 + height * lines), layout="constrained")
-    grid = figure.subplots(lines, COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
-    for axes, (controller, own) in zip(grid, walks.items(), strict=False):
-        axes.set_title(f"{controller}  ", loc="left", fontweight="bold")
-        reached = sum(walk.outcome == SUCCESS for walk in own)
-        text = f"{reached}/{len(own)}" if len(own) > 1 else outcome_name(own[0].outcome)
-        axes.set_title(text, loc="right", color=marker("muted"))
-        axes.set_aspect("equal")
-    for axes in grid[max(0, len(walks) - COLUMNS) : len(walks)]:
-        axes.tick_params(labelbottom=True)  # a last line that is not full has none below
-    for axes in grid[len(walks) :]:
-        axes.set_visible(False)
-    return figure, list(grid[: len(walks)])
-
-
-def _label(figure: Figure, x: str, y: str) -> None:
-    shown = sum(axes.get_visible() for axes in figure.axes)
-    middle = min(shown, COLUMNS) / COLUMNS / 2
-    figure.supxlabel(x, x=middle, color=marker("muted"), fontsize=10)
-    figure.supylabel(y, color=marker("muted"), fontsize=10)
+    Of each the panel, the walks and the colour.
+    """
+    shade = colours(walks)
+    drawn = [(name, own) for name, own in walks.items() if own]
+    lines = -(-len(drawn) // COLUMNS)
+    with panels(lines, COLUMNS, 0.4 + height * lines, sharex=True, sharey=True) as (figure, grid):
+        for axes, (controller, own) in zip(grid, drawn, strict=False):
+            axes.set_title(f"{controller}  ", loc="left", fontweight="bold")
+            reached = sum(walk.outcome == SUCCESS for walk in own)
+            text = f"{reached}/{len(own)}" if len(own) > 1 else outcome_name(own[0].outcome)
+            axes.set_title(text, loc="right", color=MUTED)
+            axes.set_aspect("equal")
+        for axes in grid[max(0, len(drawn) - COLUMNS) : len(drawn)]:
+            axes.tick_params(labelbottom=True)  # a last line that is not full has none below
+        for axes in grid[len(drawn) :]:
+            axes.set_visible(False)
+        middle = min(len(drawn), COLUMNS) / COLUMNS / 2
+        figure.supxlabel(labels[0], x=middle, color=MUTED, fontsize=10)
+        figure.supylabel(labels[1], color=MUTED, fontsize=10)
+        triples = [(axes, own, shade[name]) for axes, (name, own) in zip(grid, drawn, strict=False)]
+        yield figure, triples
 
 
 def _draw(
     axes: Axes,
     walks: Sequence[Walk],
-    placed: Sequence[tuple[FloatArray, FloatArray | None]],
+    frames: Sequence[Frame],
     shade: str,
     terrain: str,
     faint: float = 0.35,
 ) -> None:
-    """Paths as placed, how they ended and their goals; those without success are `faint`."""
+    """Things, paths, how they ended and their goals, each in its frame; failures are `faint`."""
     ends: dict[str, list[tuple[FloatArray, str]]] = {}
-    for walk, (path, _) in zip(walks, placed, strict=False):
+    goals = []
+    for walk, (origin, rotation) in list(zip(walks, frames, strict=True))[:MAX_PATHS]:
+        for thing in walk.things:
+            x, y = (np.array([thing.x, thing.y]) - origin) @ rotation
+            disc = Circle((x, y), thing.radius, color=thing.rgb, lw=0, zorder=1)
+            disc.set_alpha(max(0.1, 0.6 / len(walks)))  # the fainter, the more walks there are
+            axes.add_patch(disc)
+        path = (finite(walk.path) - origin) @ rotation
         alpha = 0.8 if walk.outcome == SUCCESS else faint
         axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=alpha)
         end = (path[-1], episode_url(terrain, walk.episode))
         ends.setdefault(walk.outcome, []).append(end)
+        if len(walk.goal):
+            goals.append((np.asarray(walk.goal[:2], dtype=np.float64) - origin) @ rotation)
     for outcome, own in ends.items():
         points, urls = zip(*own, strict=True)
-        x, y = np.transpose(points)
-        dots = axes.scatter(x, y, zorder=3, **outcome_dot(outcome, shade))
+        dots = axes.scatter(*np.transpose(points), zorder=3, **outcome_dot(outcome, shade))
         dots.set_urls(urls)
-    if goals := [goal for _, goal in placed if goal is not None]:
-        x, y = np.transpose(goals)
-        axes.scatter(
-            x,
-            y,
-            marker="o",
-            s=26,
-            facecolors="none",
-            edgecolors=marker("ink"),
-            linewidths=0.7,
-            alpha=0.55,
-            zorder=2,
-        )
+    if goals:
+        ring: Any = {"marker": "o", "s": 26, "facecolors": "none", "edgecolors": INK}
+        axes.scatter(*np.transpose(goals), linewidths=0.7, alpha=0.55, zorder=2, **ring)
 
 
-def _draw_things(
-    axes: Axes, things: Sequence[Thing], num_walks: int, start: FloatArray, rotation: FloatArray
-) -> None:
-    """Discs where things stand, in the frame of a walk; the fainter, the more walks there are."""
-    for thing in things:
-        centre = (np.array([thing.x, thing.y]) - start) @ rotation
-        disc = Circle(tuple(centre), thing.radius, color=thing.rgb, lw=0, zorder=1)
-        disc.set_alpha(max(0.1, 0.6 / num_walks))
-        axes.add_patch(disc)
+def levels(tops: FloatArray) -> FloatArray:
+    """Heights from which on ground is shaded as of a level, mm, the lowest first.
+
+    Parameters
+    ----------
+    tops
+        Heights of the boxes' upper faces, (n,) mm, at least one.
+    """
+    heights = np.unique(tops.round(6))
+    if len(heights) <= MAX_LEVELS:
+        return heights
+    return np.linspace(heights[0], heights[-1], MAX_LEVELS, endpoint=False)
 
 
-def _over(svg: str, name: str, panels: Sequence[Axes], symbol: str) -> str:
-    """Lay a symbol under each panel of a figure that has been drawn; it stands there but once."""
-    for panel in panels:
-        figure = panel.get_figure(root=True)
-        assert figure is not None
-        width, height = 72 * figure.get_size_inches()
-        box = panel.get_position()
-        place = (
-            f'x="{box.x0 * width:.2f}" y="{(1 - box.y1) * height:.2f}" '
-            f'width="{box.width * width:.2f}" height="{box.height * height:.2f}"'
-        )
-        start = f'<g id="{name}-{panel.get_gid()}">'
-        svg = svg.replace(start, f'{start}<use href="#{name}-ground" {place}/>', 1)
-    head, rest = svg.split(">", 1)
-    return f"{head}>{symbol}{rest}"
+def seen_from_above(terrain: Terrain, ground: Ground, view: Bounds) -> Boxes:
+    """The ground within `view` as boxes; a height field is made of some that are 1 mm wide."""
+    heights, (left, forth, up) = terrain.heights(), ground.shift
+    if heights is None:
+        return ground.boxes
+    x, y = np.meshgrid(
+        np.arange(np.floor(view.x_min), view.x_max) + 0.5,
+        np.arange(np.floor(view.y_min), view.y_max) + 0.5,
+    )
+    tops = up + heights.at(x - left, y - forth)
+    centres = np.stack([x, y, tops - 0.5], axis=-1).reshape(-1, 3)
+    return Boxes(
+        np.concatenate([ground.boxes.centres, centres]),
+        np.concatenate([ground.boxes.half_sizes, np.full_like(centres, 0.5)]),
+    )
+
+
+def ground_symbol(boxes: Boxes, view: Bounds, name: str) -> str:
+    """SVG symbol of the ground within `view`; a `use` element of that shape shows it.
+
+    Its units are mm, its x axis is the world's, its y axis points the other way, as SVG has it. A
+    level is laid over the ones below it, so that where boxes overlap, the highest shows.
+
+    Parameters
+    ----------
+    boxes
+        At least one.
+    view
+        What is shown; only boxes in it are drawn.
+    name
+        Id of the symbol.
+    """
+    heights = levels(boxes.tops)
+    low, high = GROUND_SHADES if len(heights) > 1 else (LEVEL_SHADE, LEVEL_SHADE)
+    # one more layer lets the same share of the ground below it through
+    step = 1 - ((1 - high) / (1 - low)) ** (1 / max(len(heights) - 1, 1))
+    layers = [
+        f'<path fill="{themed(INK)}" fill-opacity="{low if i == 0 else step:.3f}" '
+        f'd="{_outlines(boxes, boxes.tops > height - 1e-6, view)}"/>'
+        for i, height in enumerate(heights)
+    ]
+    box = _numbers(view.x_min, -view.y_max, view.x_max - view.x_min, view.y_max - view.y_min)
+    return (
+        f'<symbol id="{name}" viewBox="{" ".join(box)}" preserveAspectRatio="none">'
+        f"{''.join(layers)}</symbol>"
+    )
+
+
+def _outlines(boxes: Boxes, chosen: NDArray[np.bool_], view: Bounds) -> str:
+    """Path data of the chosen boxes, each a rectangle cut to the view."""
+    centres, half_sizes = boxes.centres[chosen, :2], boxes.half_sizes[chosen, :2]
+    low = np.maximum(centres - half_sizes, (view.x_min, view.y_min))
+    high = np.minimum(centres + half_sizes, (view.x_max, view.y_max))
+    seen = (high > low).all(axis=1)
+    rectangles = []
+    for (left, bottom), (right, top) in zip(low[seen], high[seen], strict=True):
+        x, y, width, height, back = _numbers(left, -top, right - left, top - bottom, left - right)
+        rectangles.append(f"M{x} {y}h{width}v{height}h{back}z")
+    return "".join(rectangles)
+
+
+def _numbers(*values: float) -> list[str]:
+    """As short as they can be, to a micrometre."""
+    return [f"{round(float(value), 3) + 0.0:g}" for value in values]

@@ -1,35 +1,46 @@
-"""What stands in the sections of a report, for its template."""
+"""Contents of a report's sections, for its template: figures, rows of tables, videos, origin."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import base64
+import gzip
+import json
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from markupsafe import Markup
-from numpy.typing import NDArray
+import pandas as pd
 
-from flyrl.evaluation.conditions import QUANTITIES, Condition, compared_conditions
-from flyrl.evaluation.drive_map import DriveMap
+from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Json, Results
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.evaluation.summary import Leader, find_leaders
-from flyrl.evaluation.trainings import PROFILE_AT, seed_groups
-from flyrl.report.close_up import drive_map_figure, gait_figure
-from flyrl.report.episodes import players
-from flyrl.report.figures import (
-    MAX_DOTS,
-    distributions_figure,
-    doses_figure,
-    paired_figure,
-    profiles_figure,
-)
-from flyrl.report.paths import Walk, Walks, paths_section, things_of
-from flyrl.report.video import Video
+from flyrl.evaluation.trainings import seed_groups
+from flyrl.report.figures import MAX_DOTS
+from flyrl.report.paths import Walk, Walks, things_of
+from flyrl.report.video import FLY_PACE, FPS, Video
 from flyrl.report.wording import interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
+from flyrl.simulation.marks import LEG_COLOURS
 from flyrl.tasks.task import LEFT_ARENA
 from flyrl.terrains import terrain_on_record
+
+DIGITS: Final = 5
+"""Significant digits of a number in the table of all episodes; episodes.csv has them all."""
+
+_LONGEST: Final = 400
+"""Characters of a text from a policy file that are shown."""
+
+_LIBRARY: Final = {"script": "html/dt_bundle.js", "style": "html/dt_bundle.css"}
+"""DataTables (https://datatables.net, MIT licence), in the package itables."""
+
+_LEGEND: Final = {
+    "grips": "tarsi while the leg grips",
+    "retracts": "tibia while the retraction reflex corrects it",
+    "stumbles": "femur while the stumbling reflex does",
+}
 
 
 def spread_metrics(protocol: Json) -> list[str]:
@@ -58,83 +69,79 @@ def all_leaders(results: Results) -> list[Leader]:
 def table_row(row: Json) -> Json:
     """A row of the summary, with its failures counted and named."""
     failures = {
-        name: count
+        outcome_name(name): count
         for name, count in row["outcomes"].items()
         if count and name not in ("success", "timeout")
     }
     return {
         **row,
         "failures": sum(failures.values()),
-        "failure_text": ", ".join(f"{n} {outcome_name(name)}" for name, n in failures.items()),
+        "failure_text": ", ".join(f"{count} {name}" for name, count in failures.items()),
         "rate_text": interval_text(row["success_rate"]) if row["episodes"] else "",
     }
 
 
-def drive_map_section(results: Results, drive_map: DriveMap | None) -> str:
-    """Figure of a drive map, with the drives that learned policies chose; empty without one."""
-    if drive_map is None:
-        return ""
-    learned = [entrant["name"] for entrant in results.protocol["entrants"] if _is_learned(entrant)]
-    chosen: dict[str, list[NDArray[np.float32]]] = {name: [] for name in learned}
-    names = results.episodes["controller"]
-    for row, path in results.trajectories.items():
-        if names[row] in chosen:
-            chosen[names[row]].append(path.drive[1:])
-    visited = {name: np.concatenate(drives) for name, drives in chosen.items() if drives}
-    return drive_map_figure(drive_map, visited, "drive-map")
-
-
-def _is_learned(entrant: Json) -> bool:
-    return entrant.get("kind") in ("learned", "own")
-
-
 def terrain_section(
-    results: Results, terrain: str, videos: Sequence[Video], examples: Sequence[EpisodeRecord]
+    results: Results, terrain: Json, videos: Sequence[Video], examples: Sequence[EpisodeRecord]
 ) -> Json:
-    """Figures, tables and videos of a terrain; where quantities were varied, their doses."""
-    horizon_s = results.protocol["horizon_s"]
-    summary = [row for row in results.summaries if row["terrain"] == terrain]
-    walked = results.episodes["controller"][results.episodes["terrain"] == terrain]
-    if results.protocol["vary"]:
-        return {
-            "name": terrain,
-            "doses": _doses(results, terrain),
-            "rows": [table_row(row) for row in summary],
-            "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
-        }
+    """Tables and videos of a terrain; where quantities were varied, what their doses are.
+
+    Parameters
+    ----------
+    terrain
+        Entry of the protocol.
+    videos, examples
+        Of all terrains.
+    """
+    name = terrain["name"]
+    summary = [row for row in results.summaries if row["terrain"] == name]
+    walked = results.episodes[results.episodes["terrain"] == name]
+    filmed = by_episode(videos, examples, name)
+    logs = [record.gait for record in gait_examples(examples, name) if record.gait]
     return {
-        "name": terrain,
-        "doses": [],
+        "name": name,
+        "doses": [
+            {"name": quantity, "text": QUANTITIES[quantity].text}
+            for quantity in results.protocol["vary"]
+        ],
         "rows": [table_row(row) for row in summary],
-        "edge": _edge(results, terrain),
-        "distributions": Markup(
-            distributions_figure(
-                results.episodes, terrain, horizon_s, spread_metrics(results.protocol)
-            )
-        ),
-        "is_outlined": walked.value_counts().max() > MAX_DOTS,
-        "paths": paths_section(
-            _walks(results, terrain),
-            next(each for each in results.protocol["terrains"] if each["name"] == terrain),
-            results.drawn.get(terrain, ()),
-        ),
-        **_gait(terrain, examples),
-        "paired": Markup(paired_figure(results.episodes, results.summaries, terrain, horizon_s)),
-        "differences": _differences(summary),
+        "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
+        "edge": _edge(walked, terrain),
+        "is_outlined": walked["controller"].value_counts().max() > MAX_DOTS,
+        "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
+        "differences": [
+            {"controller": row["controller"], **row["paired"]["differences"]}
+            for row in summary
+            if row["paired"]
+        ],
         "reasons": _reasons(summary),
-        "players": players(videos, examples, terrain),
+        "players": [player(name, episode, *shown) for episode, shown in filmed.items()],
     }
 
 
-def _edge(results: Results, terrain: str) -> str:
+def gait_examples(examples: Sequence[EpisodeRecord], terrain: str) -> list[EpisodeRecord]:
+    """Records of everyone on the first episode on a terrain that has a log of the gait."""
+    walked = [record for record in examples if record.terrain == terrain and record.gait]
+    return [record for record in walked if record.index == walked[0].index]
+
+
+def present_metrics(results: Results) -> set[str]:
+    """Metrics that somebody has a value of."""
+    return {
+        metric
+        for row in results.summaries
+        for metric, spread in row["metrics"].items()
+        if spread["n"]
+    }
+
+
+def _edge(rows: pd.DataFrame, terrain: Json) -> str:
     """What it means that flies left the arena; empty where none did."""
-    rows = results.episodes[results.episodes["terrain"] == terrain]
     left = int((rows["outcome"] == LEFT_ARENA).sum())
     if not left:
         return ""
-    record = next(each for each in results.protocol["terrains"] if each["name"] == terrain)
     extent = ""
-    if (known := terrain_on_record(record["config"])) is not None:
+    if (known := terrain_on_record(terrain["config"])) is not None:
         at = known.bounds
         extent = f", x {at.x_min:g} to {at.x_max:g} and y {at.y_min:g} to {at.y_max:g} mm"
     return (
@@ -144,7 +151,7 @@ def _edge(results: Results, terrain: str) -> str:
     )
 
 
-def _walks(results: Results, terrain: str) -> Walks:
+def walks_on(results: Results, terrain: str) -> Walks:
     """Paths on a terrain by controller, where they were kept."""
     drawn = results.drawn.get(terrain, ())
     rows = results.episodes
@@ -178,12 +185,7 @@ def study_section(results: Results) -> Json | None:
                 "body": figures.body,
                 "metric": metric_label(figures.metric),
                 "rows": [
-                    {
-                        "terrain": terrain,
-                        "controller": controller,
-                        "theirs": values,
-                        "ours": ours[terrain, controller][figures.metric],
-                    }
+                    (terrain, controller, values, ours[terrain, controller][figures.metric])
                     for (terrain, controller), values in figures.values.items()
                     if (terrain, controller) in ours
                 ],
@@ -191,50 +193,6 @@ def study_section(results: Results) -> Json | None:
             for figures in study.figures
         ],
     }
-
-
-def _doses(results: Results, terrain: str) -> list[Json]:
-    """What each quantity that was varied does on a terrain."""
-    metrics = [
-        metric
-        for metric in spread_metrics(results.protocol)
-        if any(row["metrics"][metric]["n"] for row in results.summaries)
-    ]
-    return [
-        {
-            "name": name,
-            "text": f"{QUANTITIES[name].text[0].upper()}{QUANTITIES[name].text[1:]}",
-            "figure": Markup(
-                doses_figure(
-                    results.summaries,
-                    terrain,
-                    name,
-                    [Condition(name, value).label for value in values],
-                    ["success", *metrics],
-                )
-            ),
-        }
-        for name, values in results.protocol["vary"].items()
-    ]
-
-
-def _gait(terrain: str, examples: Sequence[EpisodeRecord]) -> Json:
-    """Gait diagram of the first episode, and whether reflexes are drawn in it."""
-    walked = [record for record in examples if record.terrain == terrain and record.gait]
-    first = [record for record in walked if record.index == walked[0].index]
-    logs = [record.gait for record in first if record.gait]
-    return {
-        "gait": Markup(gait_figure(first, f"gait-{terrain}") if first else ""),
-        "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
-    }
-
-
-def _differences(summary: Sequence[Json]) -> list[Json]:
-    return [
-        {"controller": row["controller"], **row["paired"]["differences"]}
-        for row in summary
-        if row["paired"]
-    ]
 
 
 def _reasons(summary: Sequence[Json]) -> list[str]:
@@ -256,15 +214,183 @@ def seeds_section(results: Results) -> Json | None:
     return {
         "terrains": groups[0].terrains,
         "rows": [
-            {
-                "label": group.label,
-                "names": group.names,
-                "cells": group.on_each(rng),
-                "overall": group.overall(rng),
-            }
-            for group in groups
+            {"label": each.label, "names": each.names, "cells": each.on_each(rng)}
+            | {"overall": each.overall(rng)}
+            for each in groups
         ],
-        "profiles": Markup(
-            profiles_figure({group.label: group.profile(rng) for group in groups}, PROFILE_AT)
-        ),
+        "profiles": {each.label: each.profile(rng) for each in groups},
     }
+
+
+class Part(NamedTuple):
+    """A part of the control loop, and what it sends to the next.
+
+    Attributes
+    ----------
+    name, lines
+        Title, and lines of text below it.
+    sends
+        Lines of text beside the arrow to the next part; none from the last.
+    is_learned
+        Whether training changes it.
+    """
+
+    name: str
+    lines: tuple[str, ...]
+    sends: tuple[str, ...] = ()
+    is_learned: bool = False
+
+
+def control_loop(protocol: Json) -> list[Part]:
+    """Parts of the control loop from the policy to the ground; the last one's senses close it."""
+    policy, world = ("“brain”: learned,", "or fixed by hand"), Part("body and ground", ("MuJoCo",))
+    if protocol["table"]["actions"] == "neurons":
+        return [
+            Part("policy", policy, ("motor", "neurons"), is_learned=True),
+            Part("muscles", ("motor pools",), ("tensions",)),
+            world,
+        ]
+    has_muscles = bool((protocol.get("body") or {}).get("muscles"))
+    return [
+        Part("policy", policy, ("drive", "left, right"), is_learned=True),
+        Part("leg controller", ("in place of the", "ventral nerve cord"), ("angles,", "adhesion")),
+        Part("muscles" if has_muscles else "servos", ("of 42 joints",), ("torques",)),
+        world,
+    ]
+
+
+def trainings_section(entrants: Sequence[Json]) -> list[dict[str, str]]:
+    """Algorithm, decisions, seed and settings of each learned entrant, as its file tells them."""
+    rows = []
+    for entrant in entrants:
+        if entrant.get("kind") == "learned":
+            training = _mapping(entrant.get("training"))
+            settings = _mapping(training.get("settings"))
+            num_envs = _mapping(settings.get("training")).get("num_envs")
+            told = {key: training.get(key) for key in ("algo", "decisions", "seed")}
+            told["settings"] = {**_mapping(settings.get("algo")), "num_envs": num_envs}
+            rows.append(
+                {"name": entrant["name"], **{key: _text(value) for key, value in told.items()}}
+            )
+    return rows
+
+
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _text(value: Any) -> str:
+    """A value of a policy file; "not recorded" without one, settings with commas in between."""
+    if isinstance(value, Mapping):
+        value = ", ".join(
+            f"{key} {each}" for key, each in value.items() if key != "name" and each is not None
+        )
+    text = "not recorded" if value in (None, "") else str(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]} …"
+
+
+def episodes_section(results: Results, metrics: Sequence[str]) -> Json:
+    """Columns of the table of all episodes, and what draws it; both are unpacked when it is shown.
+
+    A page with 100,000 episodes opens at once that way.
+
+    Parameters
+    ----------
+    metrics
+        Columns of numbers to show.
+    """
+    package = resources.files("itables")
+    return {
+        "count": len(results.episodes),
+        "data": packed(json.dumps(episode_columns(results, metrics), separators=(",", ":"))),
+        **{
+            key: packed(package.joinpath(file).read_text(encoding="utf-8"))
+            for key, file in _LIBRARY.items()
+        },
+    }
+
+
+def episode_columns(results: Results, metrics: Sequence[str]) -> list[Json]:
+    """Columns of the table: `key`, `label`, `values`; for text, `names` that the values index."""
+    texts = ["terrain", "episode", "controller", "outcome"]
+    if results.protocol["vary"]:
+        texts.insert(1, "condition")
+    columns = []
+    for key in (*texts, *metrics, "seed"):
+        column: Json = {"key": key, "label": metric_label(key) if key in metrics else key}
+        values = results.episodes[key]
+        if key in ("episode", "seed"):
+            column["values"] = values.tolist()
+        elif key in metrics:
+            column["values"] = [
+                None if np.isnan(value) else float(f"{value:.{DIGITS}g}")
+                for value in values.to_numpy()
+            ]
+        else:
+            codes, names = pd.factorize(values.map(outcome_name) if key == "outcome" else values)
+            column |= {"names": list(names), "values": codes.tolist()}
+        columns.append(column)
+    return columns
+
+
+def packed(text: str) -> str:
+    """Text as gzip in base64; the same text gives the same bits."""
+    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+
+
+def by_episode(
+    videos: Sequence[Video], examples: Sequence[EpisodeRecord], terrain: str
+) -> dict[int, tuple[list[Video], list[EpisodeRecord]]]:
+    """Videos and walks of each episode on a terrain that was filmed, or walked again."""
+    found: dict[int, tuple[list[Video], list[EpisodeRecord]]] = {}
+    for video in videos:
+        if video.terrain == terrain:
+            found.setdefault(video.episode, ([], []))[0].append(video)
+    for record in examples:
+        if record.terrain == terrain:
+            found.setdefault(record.index, ([], []))[1].append(record)
+    return dict(sorted(found.items()))
+
+
+def player(
+    terrain: str, episode: int, videos: Sequence[Video], walked: Sequence[EpisodeRecord]
+) -> Json:
+    """Videos of an episode, their common clock, and until when curves run along, s."""
+    end_s = max((video.shown_s for video in videos), default=None)
+    frame_s = videos[0].frame_s if videos else FLY_PACE.frame_s
+    is_fly = all(record.creature == "fly" for record in walked)
+    return {
+        "name": f"{terrain}-{episode}",
+        "episode": episode,
+        "videos": [
+            {
+                "controller": video.controller,
+                "outcome": outcome_name(video.outcome),
+                "frames": video.num_frames,
+                "source": _data_url("video/mp4", video.mp4),
+                "poster": _data_url("image/jpeg", video.poster),
+            }
+            for video in videos
+        ],
+        "legend": [(_css(LEG_COLOURS[name]), text) for name, text in _LEGEND.items() if is_fly],
+        "fps": FPS,
+        "slowdown": 1 / (FPS * frame_s),
+        "frame_s": frame_s,
+        "frames": max((video.num_frames for video in videos), default=0),
+        "end_s": end_s,
+        "until_s": curves_end_s(videos, walked),
+    }
+
+
+def curves_end_s(videos: Sequence[Video], walked: Sequence[EpisodeRecord]) -> float:
+    """Time at the right end of the curves beside videos; without any, the end of all walks, s."""
+    filmed = [video.shown_s for video in videos]
+    return max(filmed or [record.duration_s for record in walked])
+
+
+def _css(rgb: tuple[float, float, float]) -> str:
+    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
+
+
+def _data_url(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

@@ -1,13 +1,16 @@
-"""Style of figures: colours for light and dark, and SVG that stands inside a page."""
+"""Style of figures: one look for all, colours for light and dark, SVG that stands inside a page."""
 
 from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any, Final, NamedTuple
 
+import matplotlib as mpl
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
@@ -29,30 +32,35 @@ THEME: Final[dict[str, tuple[str, str]]] = {
     "c6": ("#0e7f9c", "#4cc7e6"),
     "c7": ("#7a828c", "#99a3af"),
 }
-"""Variable name: (light, dark). c0 to c7 are the controllers' colours."""
+"""CSS variable: (light, dark). Figures are drawn in light; `themed` makes variables of that."""
 
-_MARKERS: Final = {name: f"#01fe{index:02x}" for index, name in enumerate(THEME)}
-_FIXED: Final = {"cpg": "c5", "rule_based": "c2", "hybrid": "c4", "pursuit": "c3", "zero": "c7"}
-_FREE: Final = ("c0", "c1", "c6")
+INK: Final = THEME["ink"][0]
+MUTED: Final = THEME["muted"][0]
+LINE: Final = THEME["line"][0]
+SHADES: Final = tuple(values[0] for name, values in THEME.items() if name.startswith("c"))
+"""The controllers' colours, c0 to c7."""
 
+LEG_SHADES: Final = tuple(SHADES[index] for index in (0, 4, 3, 1, 5, 2))
+"""Colours of the legs, ordered as `anatomy.LEGS`."""
 
-def marker(name: str) -> str:
-    """Colour that stands for the theme colour `name` while a figure is drawn."""
-    return _MARKERS[name]
-
-
-def colours(controllers: Sequence[str]) -> dict[str, str]:
-    """Theme colour of every controller: the same in every report for the fixed ones."""
-    free = [name for name in controllers if name not in _FIXED]
-    chosen = {name: _FREE[index % len(_FREE)] for index, name in enumerate(free)}
-    return {name: _FIXED.get(name) or chosen[name] for name in controllers}
+_FIXED: Final = {"cpg": 5, "rule_based": 2, "hybrid": 4, "pursuit": 3, "zero": 7}
+_FREE: Final = (0, 1, 6)
+_VARIABLES: Final = {light: name for name, (light, _) in THEME.items() if name != "panel"}
 
 
-def themed(svg: str) -> str:
-    """Replace the marker colours of `svg` by CSS variables with the light colour as fallback."""
-    for name, colour in _MARKERS.items():
-        svg = re.sub(colour, f"var(--{name}, {THEME[name][0]})", svg, flags=re.IGNORECASE)
-    return svg
+def colours(controllers: Iterable[str]) -> dict[str, str]:
+    """Colour of every controller: the same in every report for the fixed ones."""
+    names = list(dict.fromkeys(controllers))
+    free = [name for name in names if name not in _FIXED]
+    places = {name: _FREE[index % len(_FREE)] for index, name in enumerate(free)} | _FIXED
+    return {name: SHADES[places[name]] for name in names}
+
+
+def themed(text: str) -> str:
+    """Replace colours of the theme by CSS variables with the light colour as fallback."""
+    return re.sub(
+        "|".join(_VARIABLES), lambda found: f"var(--{_VARIABLES[found[0]]}, {found[0]})", text
+    )
 
 
 def stylesheet() -> str:
@@ -69,68 +77,103 @@ def stylesheet() -> str:
 WIDTH_IN: Final = 9.6
 """Width of a figure, inches; pages scale it."""
 
-FIGURE_STYLE: Final[Any] = {
+STYLE: Final[Any] = {
     "text.parse_math": False,
     "svg.fonttype": "none",
     "svg.hashsalt": "flyrl",
     "font.size": 10,
-    "text.color": marker("ink"),
-    "axes.edgecolor": marker("line"),
-    "axes.labelcolor": marker("muted"),
+    "text.color": INK,
+    "axes.edgecolor": LINE,
+    "axes.labelcolor": MUTED,
     "axes.titlesize": 10,
     "axes.facecolor": "none",
     "figure.facecolor": "none",
     "axes.linewidth": 1,
-    "xtick.color": marker("line"),
-    "xtick.labelcolor": marker("muted"),
-    "ytick.color": marker("line"),
-    "ytick.labelcolor": marker("ink"),
-    "grid.color": marker("line"),
+    "xtick.color": LINE,
+    "xtick.labelcolor": MUTED,
+    "ytick.color": LINE,
+    "ytick.labelcolor": MUTED,
+    "grid.color": LINE,
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.spines.left": False,
     "legend.frameon": False,
     "ytick.major.size": 0,
     "xtick.major.size": 0,
 }
-FRAMED_STYLE: Final[Any] = {
-    **FIGURE_STYLE,
-    "axes.spines.left": True,
-    "ytick.labelcolor": marker("muted"),
-}
-"""Of figures whose vertical axis is a scale, not a list of names."""
+LIST_STYLE: Final[Any] = {**STYLE, "axes.spines.left": False, "ytick.labelcolor": INK}
+"""Of figures whose vertical axis is a list of names."""
 
-_DOTS: Final[dict[str, dict[str, Any]]] = {
-    SUCCESS: {"marker": "o", "s": 14, "linewidths": 0},
-    TIMEOUT: {"marker": "o", "s": 14, "linewidths": 0.9, "facecolors": "none"},
-    "fall": {"marker": "x", "s": 16, "linewidths": 1.1},
-    "left_arena": {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"},
-    "unstable": {"marker": "+", "s": 22, "linewidths": 1.1},
+PAPER_STYLE: Final[Any] = {
+    **STYLE,
+    "axes.facecolor": "white",
+    "figure.facecolor": "white",
+    "axes.grid": True,
+    # the first labels of both axes keep apart
+    "xtick.major.pad": 6,
 }
-"""How an episode's dot shows its outcome; one of a user's own is a diamond."""
+"""Of figures that stand alone."""
 
 
-_SHAPES: Final = {
-    SUCCESS: "filled dot",
-    TIMEOUT: "ring",
-    "fall": "cross",
-    "left_arena": "triangle",
-    "unstable": "plus",
+@contextmanager
+def panels(
+    rows: int,
+    columns: int,
+    height: float,
+    style: Any = STYLE,
+    *,
+    width: float = WIDTH_IN,
+    **options: Any,
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure and its panels, row by row; it must be drawn on, and saved as SVG, inside `with`.
+
+    Parameters
+    ----------
+    rows, columns
+        Of panels.
+    height, width
+        Of the figure, inches.
+    style
+        Settings of matplotlib.
+    options
+        As for `Figure.subplots`.
+    """
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure, list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+
+
+def add_legend(figure: Figure, **options: Any) -> None:
+    """Say below the panels what lines of the first one stand for, if it has any with a name."""
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    if handles:
+        figure.legend(handles, labels, **{"loc": "outside lower left", "ncols": 6, **options})
+
+
+_DOTS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
+    SUCCESS: ("filled dot", {"marker": "o", "s": 14, "linewidths": 0}),
+    TIMEOUT: ("ring", {"marker": "o", "s": 14, "linewidths": 0.9, "facecolors": "none"}),
+    "fall": ("cross", {"marker": "x", "s": 16, "linewidths": 1.1}),
+    "left_arena": ("triangle", {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"}),
+    "unstable": ("plus", {"marker": "+", "s": 22, "linewidths": 1.1}),
 }
+"""How an episode's dot shows its outcome, in words and for matplotlib."""
+
+_OWN_DOT: Final[tuple[str, dict[str, Any]]] = ("diamond", {"marker": "D", "s": 12, "linewidths": 0})
+"""The same for an outcome of a user's own task."""
 
 
 def outcome_shapes(outcomes: Iterable[str]) -> str:
     """Shape of the dot of each outcome, in words."""
     return "; ".join(
-        f"{_SHAPES.get(outcome, 'diamond')}: {outcome_name(outcome)}" for outcome in outcomes
+        f"{_DOTS.get(outcome, _OWN_DOT)[0]}: {outcome_name(outcome)}" for outcome in outcomes
     )
 
 
 def outcome_dot(outcome: str, shade: str) -> dict[str, Any]:
     """Arguments of `Axes.scatter` for episodes that ended so, in a colour."""
-    style = _DOTS.get(outcome, {"marker": "D", "s": 12, "linewidths": 0})
+    style = _DOTS.get(outcome, _OWN_DOT)[1]
     return {**style, "edgecolors" if "facecolors" in style else "color": shade}
 
 
@@ -141,67 +184,27 @@ def episode_url(terrain: str, episode: int) -> str:
 
 def svg_text(figure: Figure, name: str) -> str:
     """SVG of `figure` without header and metadata; ids carry `name`, since pages hold many."""
-    buffer = io.StringIO()
+    buffer, name = io.StringIO(), plain_name(name)
     FigureCanvasSVG(figure)
     figure.savefig(
         buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type"))
     )
-    svg = buffer.getvalue()
-    return themed(_inline(svg[svg.index("<svg") :], plain_name(name)))
-
-
-def _inline(svg: str, name: str) -> str:
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
     # A hundredth of a point is finer than any screen.
-    svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number.group()):.2f}", svg)
+    svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
     svg = svg.replace("url(#", f"url(#{name}-")
     svg = svg.replace('<use xlink:href="#', f'<use href="#{name}-')
     # links lead to other parts of the page, not to figures
     svg = svg.replace("<a xlink:href", "<a href").replace(' target="_blank"', "")
-    head, rest = svg.split(">", 1)
-    view = re.search(r'viewBox="[^"]*"', head)
+    head, rest = svg[svg.index("<svg") :].split(">", 1)
     # Scales with the page: only the view box gives its shape.
-    box = view.group() if view else ""
-    return f'<svg {box} xmlns="http://www.w3.org/2000/svg" role="img">{rest}'
-
-
-def light(name: str) -> str:
-    """Light value of a theme colour."""
-    return THEME[name][0]
-
-
-PAPER_STYLE: Final[Any] = {
-    **FRAMED_STYLE,
-    "text.color": light("ink"),
-    "axes.edgecolor": light("line"),
-    "axes.labelcolor": light("muted"),
-    "axes.facecolor": "white",
-    "figure.facecolor": "white",
-    "xtick.color": light("line"),
-    "xtick.labelcolor": light("muted"),
-    "ytick.color": light("line"),
-    "ytick.labelcolor": light("muted"),
-    "grid.color": light("line"),
-    "axes.grid": True,
-    # the first labels of both axes keep apart
-    "xtick.major.pad": 6,
-}
-
-LEG_COLOURS: Final = ("c0", "c4", "c3", "c1", "c5", "c2")
-"""Theme colours of the legs, ordered as `anatomy.LEGS`."""
+    box = re.findall(r'viewBox="[^"]*"', head)[0]
+    return themed(f'<svg {box} xmlns="http://www.w3.org/2000/svg" role="img">{rest}')
 
 
 class Plot(NamedTuple):
-    """A figure, and the numbers that it shows.
-
-    Attributes
-    ----------
-    figure
-        Of matplotlib.
-    table
-        A row per point, or per whatever else it shows.
-    """
+    """A figure of matplotlib, and the numbers that it shows: a row per point, say."""
 
     figure: Figure
     table: pd.DataFrame

@@ -15,7 +15,6 @@ import imageio_ffmpeg
 import numpy as np
 
 from flyrl.envs.bodies import Bodies
-from flyrl.envs.config import EnvConfig
 from flyrl.envs.core import BatchedEnv
 from flyrl.envs.rendering import View, make_renderer
 from flyrl.evaluation import Entrant, EvaluationConfig
@@ -24,11 +23,11 @@ from flyrl.report.captions import (
     Picture,
     clock_text,
     ending_text,
+    jpeg,
     tension_bars,
     titled,
     with_scale_bar,
 )
-from flyrl.report.film import jpeg
 from flyrl.simulation.batch import Batch
 from flyrl.simulation.marks import FORCE_PER_MM, Overlay
 from flyrl.simulation.rendering import RenderingUnavailableError
@@ -76,7 +75,12 @@ _KEYFRAME_EVERY: Final = 20
 """Pictures; a browser that jumps into a video has no more than these to decode."""
 
 MAX_BYTES: Final = 2 * 10**6
-_CRFS: Final = (25, 31, 37)
+"""Of one video."""
+
+ALL_BYTES: Final = 4 * 10**6
+"""Of all videos of a report together; in the page a third more, which leaves room below 8 MB."""
+
+_CRFS: Final = (25, 31, 37, 43, 49)
 """x264's quality, finest first; a video that is too large is tried again with the next."""
 
 
@@ -125,6 +129,8 @@ def record_videos(
 ) -> tuple[list[Video], str | None]:
     """Film every entrant on every terrain, on the episodes that the evaluation names.
 
+    All videos together have at most `ALL_BYTES`, as far as the coarsest quality allows.
+
     Parameters
     ----------
     config
@@ -148,7 +154,8 @@ def record_videos(
         for index in config.film
         if (entrant.name, terrain.label) not in missing
     ]
-    videos = []
+    videos: list[Video] = []
+    max_bytes = min(MAX_BYTES, ALL_BYTES // max(len(jobs), 1))
     try:
         imageio_ffmpeg.get_ffmpeg_exe()
         with progress_bar(
@@ -156,7 +163,8 @@ def record_videos(
         ) as bar:
             for terrain, index, entrant in jobs:
                 drawn = config.draw_episodes(terrain)[index]
-                videos.append(record_video(config, entrant, terrain, drawn, index, view))
+                film = record_video(config, entrant, terrain, drawn, index, view, max_bytes)
+                videos.append(film)
                 bar.update()
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
         note = f"Videos are left out: {' '.join(str(error).split())}"
@@ -172,6 +180,7 @@ def record_video(
     episode: Episode,
     index: int = 0,
     view: View = FILMED,
+    max_bytes: int = MAX_BYTES,
 ) -> Video:
     """Film one entrant on one episode: its beginning (see `Pace`), and how it ends.
 
@@ -181,18 +190,22 @@ def record_video(
         If no GL context can be made.
     """
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
+    is_fly = env.config.creature == "fly"
+    pace = FLY_PACE if is_fly else WORM_PACE
+    # a worm has no feet whose forces are drawn
+    overlay = view.drawn if is_fly else replace(view.drawn, forces=False)
     pictures: list[Picture] = []
-    ending = (0.0, RUNNING)
-    camera = _Camera(env.config, view)
-    with closing(camera):
-        for body, time_s, outcome in _walk(env, entrant, episode, camera.pace.frame_s):
-            ending = (time_s, outcome)
-            if time_s <= camera.pace.longest_s + 1e-9:
-                picture = camera.take(body, episode)
-                shown = clock_text(time_s, camera.pace.frame_s * FPS) if view.drawn.clock else ""
+    with closing(make_renderer(env.config, view)) as renderer:
+        for body, time_s, outcome in _walk(env, entrant, episode, pace.frame_s):
+            text = ending_text(outcome, time_s, pace.longest_s)
+            if time_s <= pace.longest_s + 1e-9:
+                picture = renderer.render(body, 0, episode.goal)
+                picture = measured(picture, renderer.pixels_per_mm, overlay)
+                if not body.has_legs:
+                    tensions = body.state().actuation[0]
+                    picture = tension_bars(picture, tensions, BAR_WIDTH, BAR_HEIGHT)
+                shown = clock_text(time_s, pace.frame_s * FPS) if overlay.clock else ""
                 pictures.append(titled(picture, entrant.name, shown))
-    time_s, outcome = ending
-    text = ending_text(outcome, time_s, camera.pace.longest_s)
     pictures += [titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
     return Video(
         entrant.name,
@@ -200,33 +213,10 @@ def record_video(
         index,
         outcome,
         len(pictures),
-        camera.pace.frame_s,
-        encode(pictures),
+        pace.frame_s,
+        encode(pictures, max_bytes=max_bytes),
         jpeg(pictures[-1]),
     )
-
-
-class _Camera:
-    """What takes the pictures of a body: of a fly its legs' doings too, of a worm its tensions."""
-
-    def __init__(self, config: EnvConfig, view: View) -> None:
-        self._overlay = view.drawn
-        if config.creature != "fly":  # whose feet are not drawn with their forces
-            self._overlay = replace(view.drawn, forces=False)
-        self._renderer = make_renderer(config, view)
-        self.pace = FLY_PACE if config.creature == "fly" else WORM_PACE
-
-    def take(self, body: Batch, episode: Episode) -> Picture:
-        """Take a picture of the first body of a batch."""
-        picture = self._renderer.render(body, 0, episode.goal)
-        picture = measured(picture, self._renderer.pixels_per_mm, self._overlay)
-        if body.has_legs:
-            return picture
-        return tension_bars(picture, body.state().actuation[0], BAR_WIDTH, BAR_HEIGHT)
-
-    def close(self) -> None:
-        """Free the renderer."""
-        self._renderer.close()
 
 
 def measured(picture: Picture, pixels_per_mm: float, overlay: Overlay) -> Picture:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final
 
 import mujoco
@@ -18,15 +19,16 @@ from flyrl.anatomy import LEGS
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.files import write_bytes, write_text
 from flyrl.muscles import load_creature
 from flyrl.muscles.attachment import STEP, Moment, recruit_stepwise
-from flyrl.report.captions import Picture, clock_text, tension_bars, titled, with_legend
-from flyrl.report.film import Film, jpeg
+from flyrl.report.captions import Picture, clock_text, jpeg, tension_bars, titled, with_legend
 from flyrl.report.video import FLY_PACE, FPS, HOLD_FRAMES, encode, measured
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer, Offscreen
 from flyrl.simulation.worms import add_surroundings, side_view
+from flyrl.text import csv_table
 
 WIDTH: Final = 640
 HEIGHT: Final = 480
@@ -39,6 +41,39 @@ _MEANINGS: Final = {
     "retracts": "retraction (tibia)",
     "stumbles": "stumbling (femur)",
 }
+
+
+@dataclass(frozen=True)
+class Film:
+    """A video on its own.
+
+    Attributes
+    ----------
+    mp4
+        The file: H.264, yuv420p.
+    poster
+        A picture of it, a JPEG file, to be shown until it plays.
+    table
+        The numbers that it shows.
+    """
+
+    mp4: bytes
+    poster: bytes
+    table: pd.DataFrame
+
+
+def write_film(film: Film, folder: Path, name: str) -> None:
+    """Write name.mp4, name.jpg and name.csv to a folder, made if missing.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_bytes(folder / f"{name}.mp4", film.mp4)
+    write_bytes(folder / f"{name}.jpg", film.poster)
+    write_text(folder / f"{name}.csv", csv_table(film.table, float_format="%.6g"))
 
 
 @dataclass(frozen=True)

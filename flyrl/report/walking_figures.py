@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, get_args
+from typing import Any, Final, get_args
 
 import matplotlib as mpl
 import numpy as np
@@ -17,16 +17,25 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from flyrl.anatomy import LEGS
 from flyrl.controllers import CPG
 from flyrl.controllers.cpg_controller import Gait
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.evaluation.metrics import counted_stance, episode_metrics, metric_label
 from flyrl.policies import ConstantDrive
-from flyrl.report.close_up import spans
+from flyrl.report.close_up import leg_bars
 from flyrl.report.figures import swarm
-from flyrl.report.style import PAPER_STYLE, WIDTH_IN, Plot, colours, light, outcome_dot
+from flyrl.report.style import (
+    INK,
+    MUTED,
+    PAPER_STYLE,
+    SHADES,
+    WIDTH_IN,
+    Plot,
+    colours,
+    outcome_dot,
+    panels,
+)
 from flyrl.report.wording import outcome_name
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.randomisation import Randomisation
@@ -70,22 +79,20 @@ def draw_comparison(episodes: pd.DataFrame) -> Plot:
         Of results of an evaluation.
     """
     table = episodes[list(COLUMNS)]
-    names = list(table["controller"].unique())
+    shades = colours(table["controller"].unique())
     terrains = list(table["terrain"].unique())
     highest = float(table[METRIC].max())
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
-        panels = figure.subplots(1, len(terrains), sharey=True, squeeze=False).ravel()
-        for axes, terrain in zip(panels, terrains, strict=True):
-            for place, (name, shade) in enumerate(colours(names).items()):
+    with panels(1, len(terrains), 3.6, PAPER_STYLE, sharey=True) as (figure, every):
+        for axes, terrain in zip(every, terrains, strict=True):
+            for place, (name, shade) in enumerate(shades.items()):
                 chosen = (table["terrain"] == terrain) & (table["controller"] == name)
-                _dots(axes, table[chosen], place, light(shade), highest)
+                _dots(axes, table[chosen], place, shade, highest)
             axes.set_title(terrain, loc="left")
-            axes.set_xticks(range(len(names)), [name.replace("_", "-") for name in names])
-            axes.set_xlim(-0.6, len(names) - 0.4)
+            axes.set_xticks(range(len(shades)), [name.replace("_", "-") for name in shades])
+            axes.set_xlim(-0.6, len(shades) - 0.4)
             axes.grid(visible=False, axis="x")
-        panels[0].set_ylabel(metric_label(METRIC))
-        panels[0].set_ylim(bottom=min(0.0, table[METRIC].min()))
+        every[0].set_ylabel(metric_label(METRIC))
+        every[0].set_ylim(bottom=min(0.0, table[METRIC].min()))
         figure.legend(handles=_legend(table), loc="outside lower center", ncols=4)
     return Plot(figure, table)
 
@@ -101,27 +108,18 @@ def _dots(axes: Axes, rows: pd.DataFrame, place: int, shade: str, highest: float
         dot = outcome_dot(outcome, shade)
         axes.scatter(aside[chosen], values[chosen], zorder=3, **dot)
     mean = float(np.mean(values))
-    axes.plot([place - 0.36, place + 0.36], [mean, mean], color=light("ink"), linewidth=2)
+    axes.plot([place - 0.36, place + 0.36], [mean, mean], color=INK, linewidth=2)
 
 
 def _legend(rows: pd.DataFrame) -> list[Line2D]:
     """What dots and lines mean."""
-    handles = []
+    handles = [Line2D([], [], color=INK, linewidth=2, label="mean")]
     for outcome in rows["outcome"].unique():
-        dot = outcome_dot(outcome, light("muted"))
-        handles.append(
-            Line2D(
-                [],
-                [],
-                linestyle="",
-                marker=dot["marker"],
-                markersize=5,
-                color=light("muted"),
-                markerfacecolor=dot.get("facecolors", light("muted")),
-                label=f"an episode: {outcome_name(outcome)}",
-            )
-        )
-    return [*handles, Line2D([], [], color=light("ink"), linewidth=2, label="mean")]
+        dot = outcome_dot(outcome, MUTED)
+        look: Any = {"linestyle": "", "marker": dot["marker"], "markersize": 5, "color": MUTED}
+        look["markerfacecolor"] = dot.get("facecolors", MUTED)
+        handles.insert(-1, Line2D([], [], label=f"an episode: {outcome_name(outcome)}", **look))
+    return handles
 
 
 PUBLISHED: Final = {
@@ -150,41 +148,38 @@ def slopes_plot() -> Plot:
     The figure, and a table with a row per fly: "controller", "adhesion_uN", "start" and
     "falls_at_deg" (beyond 180: it holds on to a ceiling); the published medians have no start.
     """
-    tables = []
-    for controller in CONTROLLERS:
-        falls_at = falling_slopes(controller)
-        tables.append(
-            pd.DataFrame(
-                {
-                    "controller": controller,
-                    "adhesion_uN": np.repeat(list(PUBLISHED), STARTS),
-                    "start": np.tile(range(STARTS), len(PUBLISHED)),
-                    "falls_at_deg": falls_at.ravel(),
-                }
-            )
-        )
     published = {"adhesion_uN": list(PUBLISHED), "falls_at_deg": list(PUBLISHED.values())}
-    table = pd.concat([*tables, pd.DataFrame({"controller": "published median", **published})])
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(0.7 * WIDTH_IN, 3.6), layout="constrained")
-        axes = figure.subplots()
-        for place, controller in enumerate(CONTROLLERS):
+    table = pd.concat(
+        [
+            *(_slopes_table(controller) for controller in CONTROLLERS),
+            pd.DataFrame({"controller": "published median", **published}),
+        ]
+    )
+    with panels(1, 1, 3.6, PAPER_STYLE, width=0.7 * WIDTH_IN) as (figure, (axes,)):
+        for controller, shade in zip(CONTROLLERS, SHADES, strict=False):
             own = table[table["controller"] == controller]
-            shade = light(f"c{place}")
             axes.plot(own["adhesion_uN"], own["falls_at_deg"], "o", color=shade, ms=3, alpha=0.4)
             medians = own.groupby("adhesion_uN")["falls_at_deg"].median()
             axes.plot(medians.index, medians, color=shade, label=controller)
-        axes.plot(
-            *zip(*PUBLISHED.items(), strict=True), "k--", lw=1, label="published median (NMF v2)"
-        )
-        axes.axhline(90, color=light("muted"), lw=0.7)
-        axes.text(1, 93, "wall", ha="left", fontsize=8, color=light("muted"))
+        axes.plot(*published.values(), "k--", lw=1, label="published median (NMF v2)")
+        axes.axhline(90, color=MUTED, lw=0.7)
+        axes.text(1, 93, "wall", ha="left", fontsize=8, color=MUTED)
         axes.set_xlabel("adhesion of a gripping leg (µN); the fly weighs 10")
         axes.set_ylabel("slope at which it falls (deg)")
         axes.set_ylim(0, 190)
         axes.set_yticks(range(0, 181, 30))
         axes.legend(loc="upper left")
     return Plot(figure, table)
+
+
+def _slopes_table(controller: str) -> pd.DataFrame:
+    """A row per fly, see `slopes_plot`."""
+    columns = {
+        "adhesion_uN": np.repeat(list(PUBLISHED), STARTS),
+        "start": np.tile(range(STARTS), len(PUBLISHED)),
+        "falls_at_deg": falling_slopes(controller).ravel(),
+    }
+    return pd.DataFrame({"controller": controller, **columns})
 
 
 def falling_slopes(controller: str) -> NDArray[np.float64]:
@@ -254,34 +249,36 @@ def gaits_plot() -> Plot:
     The figure, and a table with a row per fly: "gait", "episode" and "speed_mm_s".
     """
     walks = {gait: _walks(gait) for gait in GAITS}
-    speeds = {
-        gait: np.array([float(episode_metrics(each)[METRIC] or 0.0) for each in records])
-        for gait, records in walks.items()
-    }
+    table = pd.DataFrame(
+        [
+            {"gait": gait, "episode": episode, METRIC: episode_metrics(record)[METRIC] or 0.0}
+            for gait, records in walks.items()
+            for episode, record in enumerate(records)
+        ]
+    )
     with mpl.rc_context(PAPER_STYLE):
         figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
         grid = figure.add_gridspec(len(GAITS), 2, width_ratios=(2, 1))
-        for row, (gait, records) in enumerate(walks.items()):
-            axes = figure.add_subplot(grid[row, 0])
-            _raster(axes, records[0], light(f"c{row}"))
+        speed = figure.add_subplot(grid[:, 1])
+        for place, (gait, records) in enumerate(walks.items()):
+            axes, record = figure.add_subplot(grid[place, 0]), records[0]
+            assert record.gait is not None
+            interval_s = record.gait.interval_s
+            shown = counted_stance(record)[-round(SHOWN_S / interval_s) :]
+            leg_bars(axes, shown, interval_s, SHADES[place])
+            axes.tick_params(axis="y", labelsize=6)
+            axes.set_xlim(0, SHOWN_S)
+            axes.grid(visible=False)
             axes.set_title(gait, loc="left")
-            axes.tick_params(labelbottom=row == len(GAITS) - 1)
+            axes.tick_params(labelbottom=place == len(GAITS) - 1)
+            values = table[METRIC][table["gait"] == gait].to_numpy()
+            speed.plot(place + swarm(values, 12), values, "o", color=SHADES[place], ms=4)
         axes.set_xlabel("time (s); bars: the leg stands")
-        panel = figure.add_subplot(grid[:, 1])
-        for place, values in enumerate(speeds.values()):
-            panel.plot(place + swarm(values, 12), values, "o", color=light(f"c{place}"), ms=4)
-        panel.set_xticks(range(len(GAITS)), GAITS)
-        panel.set_xlim(-0.6, len(GAITS) - 0.4)
-        panel.set_ylim(bottom=0.0)
-        panel.set_ylabel(metric_label(METRIC))
-        panel.grid(visible=False, axis="x")
-    table = pd.DataFrame(
-        [
-            {"gait": gait, "episode": episode, METRIC: value}
-            for gait, values in speeds.items()
-            for episode, value in enumerate(values.tolist())
-        ]
-    )
+        speed.set_xticks(range(len(GAITS)), GAITS)
+        speed.set_xlim(-0.6, len(GAITS) - 0.4)
+        speed.set_ylim(bottom=0.0)
+        speed.set_ylabel(metric_label(METRIC))
+        speed.grid(visible=False, axis="x")
     return Plot(figure, table)
 
 
@@ -291,18 +288,3 @@ def _walks(gait: Gait) -> list[EpisodeRecord]:
     ahead = ConstantDrive(1.0, 1.0, env.task.actions.of)
     episodes = [config.sample_episode(seed) for seed in range(FLIES)]
     return list(run_episodes(env, ahead, episodes, horizon_s=DURATION_S))
-
-
-def _raster(axes: Axes, record: EpisodeRecord, shade: str) -> None:
-    """Bars where a leg stands, over the end of a walk."""
-    assert record.gait is not None
-    stance, interval_s = counted_stance(record), record.gait.interval_s
-    shown = stance[-round(SHOWN_S / interval_s) :]
-    for leg in range(len(LEGS)):
-        axes.broken_barh(
-            spans(shown[:, leg], interval_s), (leg - 0.32, 0.64), facecolor=shade, linewidth=0
-        )
-    axes.set_yticks(range(len(LEGS)), LEGS, fontsize=6)
-    axes.set_ylim(len(LEGS) - 0.4, -0.6)
-    axes.set_xlim(0, SHOWN_S)
-    axes.grid(visible=False)

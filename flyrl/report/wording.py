@@ -64,7 +64,7 @@ def condition_text(condition: Condition) -> str:
     return condition.label
 
 
-def changes_text(leaders: Sequence[Leader], usual: str) -> str:
+def changes_text(leaders: Sequence[Leader], usual: Sequence[Leader]) -> str:
     """Sentence on how often other conditions have the same leaders; empty without others.
 
     Parameters
@@ -72,13 +72,14 @@ def changes_text(leaders: Sequence[Leader], usual: str) -> str:
     leaders
         The best on each terrain under each condition.
     usual
-        Label of the usual condition.
+        Those under the usual one.
     """
     same: dict[str, list[bool]] = {}
-    best = {each.terrain: set(each.names) for each in leaders if each.condition == usual}
+    best = {each.terrain: each for each in usual}
     for each in leaders:
-        if each.condition != usual and each.terrain in best:
-            same.setdefault(each.terrain, []).append(set(each.names) == best[each.terrain])
+        if each.terrain in best and each.condition != best[each.terrain].condition:
+            is_same = set(each.names) == set(best[each.terrain].names)
+            same.setdefault(each.terrain, []).append(is_same)
     if not same:
         return ""
     counts = [f"{sum(found)} of {len(found)} on {terrain}" for terrain, found in same.items()]
@@ -228,9 +229,9 @@ def _listed(parts: Sequence[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def percent(share: float) -> str:
-    """A share in per cent, as a whole number."""
-    return str(round(100 * share))
+def percent(share: float | None) -> str:
+    """A share in per cent, as a whole number; a dash for None."""
+    return format_number(None) if share is None else str(round(100 * share))
 
 
 def interval_text(interval: Mapping[str, Any]) -> str:
@@ -253,12 +254,6 @@ def format_number(value: float | None, digits: int = 3) -> str:
     if exponent >= 0:
         shown = digits
     return f"{value:.{max(0, shown - 1 - exponent)}f}".replace("-", "\u2212")
-
-
-def title(protocol: Json, summary: Sequence[Json]) -> str:
-    """Task and terrains."""
-    terrains = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
-    return f"{protocol['task']} on {terrains}"
 
 
 def parameters_text(protocol: Json) -> str:

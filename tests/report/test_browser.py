@@ -9,63 +9,20 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
-from flyrl.evaluation.drive_map import DriveMap
-from flyrl.report import Video, write_report
-from flyrl.report.video import FPS, HOLD_FRAMES, encode
+from flyrl.report import write_report
+from flyrl.report.video import FPS
 from tests.chromium import chromium
+from tests.report.conftest import BRIGHTER, DARKEST, FILMED, NAMES, TERRAINS
 from tests.report.hostile import HOSTILE, hostile_results
-from tests.report.test_close_up import walked
-from tests.synthetic import make_results
 
-NAMES = ("target-ppo", "cpg", "hybrid")
-TERRAINS = ("flat", "gapped")
 WIDE, NARROW = {"width": 1200, "height": 900}, {"width": 400, "height": 800}
+ROWS = len(NAMES) * len(TERRAINS) * 8
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser():
     with chromium() as browser:
         yield browser
-
-
-FILMED = 20
-"""Pictures of an episode's film, before its end stands still."""
-
-DARKEST, BRIGHTER = 40, 8
-
-
-def film(name, terrain):
-    """A video whose pictures get brighter one by one, until its end."""
-    pictures = [
-        np.full((48, 64, 3), DARKEST + BRIGHTER * min(number, FILMED - 1), np.uint8)
-        for number in range(FILMED + HOLD_FRAMES)
-    ]
-    poster = io.BytesIO()
-    Image.fromarray(pictures[-1]).save(poster, "JPEG")
-    return Video(
-        controller=name,
-        terrain=terrain,
-        episode=0,
-        outcome="timeout",
-        num_frames=len(pictures),
-        frame_s=0.01,
-        mp4=encode(pictures),
-        poster=poster.getvalue(),
-    )
-
-
-@pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    """A report with all that one can have."""
-    drives = np.linspace(-0.5, 1.5, 3)
-    left, right = np.meshgrid(drives, drives, indexing="ij")
-    return write_report(
-        make_results(NAMES, TERRAINS, episodes=5),
-        tmp_path_factory.mktemp("report"),
-        videos=[film(name, "flat") for name in NAMES],
-        examples=[walked("cpg")],
-        drive_map=DriveMap(drives, left + right, right - left),
-    )
 
 
 @dataclass
@@ -94,11 +51,12 @@ def visit(browser, report):
     """
     contexts, heard = [], Heard()
 
-    def open_page(path=report, **options):
-        contexts.append(browser.new_context(**{"viewport": WIDE, "offline": True, **options}))
+    def open_page(address="", path=report, **options):
+        usual = {"viewport": WIDE, "offline": True, "reduced_motion": "reduce"}
+        contexts.append(browser.new_context(**{**usual, **options}))
         page = contexts[-1].new_page()
         heard.listen(page)
-        page.goto(path.as_uri())
+        page.goto(f"{path.as_uri()}{address}")
         return page
 
     yield open_page
@@ -147,11 +105,6 @@ def style(page, selector, key):
     return page.eval_on_selector(selector, "(one, key) => getComputedStyle(one)[key]", key)
 
 
-def test_contrast_is_that_of_wcag():
-    assert contrast("rgb(0, 0, 0)", "rgb(255, 255, 255)") == pytest.approx(21)
-    assert contrast("rgb(119, 119, 119)", "rgb(255, 255, 255)") == pytest.approx(4.48, abs=0.01)
-
-
 def test_a_page_that_complains_is_heard(browser, tmp_path):
     bad = tmp_path / "bad.html"
     bad.write_text("<script>console.warn('one'); missing()</script><img src='http://a.invalid/b'>")
@@ -165,34 +118,16 @@ def test_a_page_that_complains_is_heard(browser, tmp_path):
     assert "http://a.invalid/b" in heard.requests
 
 
-def test_it_opens_offline_without_a_word(visit):
+def test_a_click_on_a_heading_sorts_and_another_turns_it_round_missing_values_last(visit):
     page = visit()
-    assert page.title() == "target on flat, gapped · flyrl report"
-    expect(page.locator("h1")).to_be_visible()
-    # visit() checks that nothing was said
-
-
-def test_a_click_on_a_heading_sorts_and_another_turns_it_round(visit):
-    page = visit()
-    heading = page.locator("table.rates th", has_text="speed")
-    heading.locator("button").click()
-    down = [float(value) for value in column(page, "table.rates", "speed")]
-    assert down == sorted(down, reverse=True)
-    assert heading.get_attribute("aria-sort") == "descending"
-    heading.locator("button").click()
-    up = [float(value) for value in column(page, "table.rates", "speed")]
-    assert up == sorted(down) != down
-    assert heading.get_attribute("aria-sort") == "ascending"
-
-
-def test_missing_values_stand_last_either_way(visit):
-    page = visit()
-    for _ in range(2):
-        page.locator("table.rates th", has_text="time to goal").locator("button").click()
+    heading = page.locator("table.rates th", has_text="time to goal")
+    for direction, sign in (("descending", -1), ("ascending", 1)):
+        heading.locator("button").click()
         values = column(page, "table.rates", "time to goal")
-        missing = [value == "" for value in values]
-        assert any(missing)
-        assert missing == sorted(missing)
+        given = [float(value) for value in values if value]
+        assert values[len(given) :] == [""] * (len(values) - len(given)) != []
+        assert given == sorted(given, key=lambda value: sign * value) != given[::-1]
+        assert heading.get_attribute("aria-sort") == direction
 
 
 def test_every_link_of_the_navigation_shows_its_page_alone(visit):
@@ -207,24 +142,18 @@ def test_every_link_of_the_navigation_shows_its_page_alone(visit):
         assert link.get_attribute("aria-current") == "page"
 
 
-def test_a_link_from_the_summary_leads_to_the_page_of_a_terrain(visit):
-    page = visit()
+def test_a_section_of_a_page_can_be_addressed_and_left_again(visit):
+    page = visit("#provenance")
+    expect(page.locator("#provenance")).to_be_visible()
+    page.locator("nav a", has_text="Summary").click()
     page.locator("#leaders a", has_text="gapped").click()
     expect(page.locator("#gapped h2")).to_be_visible()
     page.go_back()
     expect(page.locator("#leaders")).to_be_visible()
 
 
-def test_a_section_of_a_page_can_be_addressed(visit, report):
-    page = visit()
-    page.goto(f"{report.as_uri()}#provenance")
-    expect(page.locator("#provenance")).to_be_visible()
-    expect(page.locator("#summary")).to_be_hidden()
-
-
 def test_the_navigation_stays_in_sight_and_leads_to_the_top_of_a_page(visit):
-    page = visit(reduced_motion="reduce")
-    page.locator("nav a", has_text="Flat").click()
+    page = visit("#flat")
     page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
     page.locator("nav a", has_text="Gapped").click(no_wait_after=True)
     top = page.locator("#gapped h2").bounding_box()["y"]
@@ -282,43 +211,18 @@ def test_text_is_readable_by_day_and_by_night(visit):
 
 
 def test_paper_has_no_controls_and_is_white(visit):
-    page = visit(color_scheme="dark")
-    page.locator("nav a", has_text="Flat").click()
+    page = visit("#flat", color_scheme="dark")
     controls = page.locator("nav, #flat .clock")
     expect(controls.last).to_be_visible()
-    assert all(control.is_visible() for control in controls.all())
     page.emulate_media(media="print")
     assert not any(control.is_visible() for control in controls.all())
     assert style(page, "html", "backgroundColor") == "rgb(255, 255, 255)"
     assert all(each.is_visible() for each in page.locator("main > .page").all())
 
 
-def on_flat(page):
-    page.locator("nav a", has_text="Flat").click()
-    return page.locator("#flat .player").first
-
-
-def times(page):
-    return page.eval_on_selector_all("#flat video", "videos => videos.map((v) => v.currentTime)")
-
-
-def test_videos_play_together(visit):
-    page = visit()
-    on_flat(page).get_by_role("button", name="Play").click()
-    wait_until(
-        page,
-        """(count) => {
-            const videos = [...document.querySelectorAll("#flat video")];
-            return videos.length === count && videos.every((video) => video.currentTime > 0);
-        }""",
-        len(NAMES),
-    )
-
-
-def test_videos_stand_still_once_their_page_is_left(visit):
-    page = visit()
-    on_flat(page)
-    are_paused, button, frame, last = page.evaluate(
+def test_videos_play_together_and_stand_still_once_their_page_is_left(visit):
+    page = visit("#flat")
+    count, are_paused, button, frame, last = page.evaluate(
         """async () => {
             const [button, slider] = document.querySelector("#flat .clock").children;
             const videos = [...document.querySelectorAll("#flat video")];
@@ -329,34 +233,47 @@ def test_videos_stand_still_once_their_page_is_left(visit):
             while (!document.getElementById("flat").hidden) await frames();
             await frames();
             const arePaused = videos.every((video) => video.paused);
-            return [arePaused, button.textContent, Number(slider.value), Number(slider.max)];
+            const shown = [Number(slider.value), Number(slider.max)];
+            return [videos.length, arePaused, button.textContent, ...shown];
         }"""
     )
-    assert are_paused
-    assert button == "Play"
+    assert (count, are_paused, button) == (len(NAMES), True, "Play")
     assert frame < last  # else they would have stopped anyway
 
 
-def test_the_slider_moves_all_videos_and_the_line_in_the_curves(visit):
-    page = visit()
-    player = on_flat(page)
-    slider = player.get_by_role("slider")
+def test_slider_and_curves_move_all_videos_and_the_line_in_the_curves(visit):
+    page = visit("#flat")
+    player = page.locator("#flat .player").first
+    slider, curves = player.get_by_role("slider"), player.locator(".run-along svg")
     slider.focus()
     slider.press("Home")
     places = []
     for _ in range(2):
         for _ in range(3):
             slider.press("ArrowRight")
-        frame = int(slider.input_value())
         wait_until(
             page,
             """(time) => [...document.querySelectorAll("#flat video")].every(
                 (video) => Math.abs(video.currentTime - time) < 0.021)""",
-            (frame + 0.5) / FPS,
+            (int(slider.input_value()) + 0.5) / FPS,
         )
         places.append(player.locator(".run-along .cursor").first.bounding_box()["x"])
-    assert frame == 6
+    assert slider.input_value() == "6"
     assert places[0] < places[1]
+    curves.scroll_into_view_if_needed()
+    box = curves.bounding_box()
+    x, y = box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    clicked = int(slider.input_value())
+    line = player.locator(".run-along .cursor").first.bounding_box()
+    assert line["x"] == pytest.approx(x, abs=box["width"] / 40)  # one of 20 pictures in a half
+    assert line["y"] <= y <= line["y"] + line["height"]
+    page.mouse.move(x - 0.1 * box["width"], y)
+    page.mouse.up()
+    assert int(slider.input_value()) < clicked
+    page.mouse.move(x, y)  # no longer held
+    assert int(slider.input_value()) < clicked
 
 
 def shown_number(page):
@@ -377,8 +294,8 @@ def told_number(page):
 
 
 def test_the_time_told_is_that_of_the_picture(visit):
-    page = visit(reduced_motion="reduce")
-    player = on_flat(page)
+    page = visit("#flat")
+    player = page.locator("#flat .player").first
     assert told_number(page) == shown_number(page) == FILMED - 1  # the posters
     player.get_by_role("button", name="Play").click()
     wait_until(
@@ -400,24 +317,13 @@ def test_the_time_told_is_that_of_the_picture(visit):
     assert told_number(page) == shown_number(page) == FILMED - 1
 
 
-def test_a_click_in_the_curves_moves_the_slider(visit):
-    page = visit(reduced_motion="reduce")
-    player = on_flat(page)
-    player.locator(".run-along svg").scroll_into_view_if_needed()
-    box = player.locator(".run-along svg").bounding_box()
-    page.mouse.click(box["x"] + 0.3 * box["width"], box["y"] + 0.3 * box["height"])
-    assert int(player.get_by_role("slider").input_value()) > 0
-
-
 def rows_shown(page):
     page.locator("#rows tbody tr").first.wait_for()
     return [row.split("\t") for row in page.locator("#rows tbody tr").all_inner_texts()]
 
 
 def test_a_dot_leads_to_what_everybody_did_in_its_episode(visit):
-    page = visit(reduced_motion="reduce")
-    page.locator("nav a", has_text="Gapped").click()
-    page.locator("#gapped").wait_for()
+    page = visit("#gapped")
     # one that no other lies upon
     dot = page.evaluate(
         """() => {
@@ -442,49 +348,52 @@ def test_a_dot_leads_to_what_everybody_did_in_its_episode(visit):
     expect(page.locator("#episode")).to_be_hidden()
 
 
-def test_an_episode_that_was_filmed_leads_to_its_videos(visit, report):
-    page = visit()
-    page.goto(f"{report.as_uri()}#episode=flat/0")
-    page.get_by_role("link", name="Watch it").click()
-    expect(page.locator("#videos-flat-0")).to_be_visible()
-    page.goto(f"{report.as_uri()}#episode=flat/1")
-    page.locator("#episode", has_text="film=[1]").wait_for()
+@pytest.mark.parametrize(
+    ("episode", "note"), [(0, "Watch it"), (1, "film=[1]"), (99, "no episode 99 on flat")]
+)
+def test_an_episode_leads_to_its_videos_or_says_why_not(visit, episode, note):
+    page = visit(f"#episode=flat/{episode}")
+    page.locator("#episode", has_text=note).wait_for()
+    if episode == 0:
+        page.get_by_role("link", name="Watch it").click()
+        expect(page.locator("#videos-flat-0")).to_be_visible()
 
 
-def test_an_episode_that_is_not_there_is_told(visit, report):
-    page = visit()
-    page.goto(f"{report.as_uri()}#episode=flat/99")
-    page.locator("#episode", has_text="no episode 99 on flat").wait_for()
-
-
-def test_a_long_table_is_filled_bit_by_bit(visit, report, tmp_path):
-    text = report.read_text(encoding="utf-8")
+def test_a_long_table_is_filled_bit_by_bit(visit, text, tmp_path):
     assert "rowsAtOnce = 10000" in text
     short = tmp_path / "report.html"
     short.write_text(text.replace("rowsAtOnce = 10000", "rowsAtOnce = 7"), encoding="utf-8")
-    page = visit(short, bypass_csp=True)  # its script is no longer the one that was hashed
-    page.goto(f"{short.as_uri()}#episodes")
-    rows = len(NAMES) * len(TERRAINS) * 5
-    page.locator("#episodes", has_text=f"Showing 1 to 25 of {rows} entries").wait_for()
-    page.goto(f"{short.as_uri()}#episode=gapped/4")  # the last ones
+    # its script is no longer the one that was hashed
+    page = visit("#episodes", short, bypass_csp=True)
+    page.locator("#episodes", has_text=f"Showing 1 to 25 of {ROWS} entries").wait_for()
+    page.goto(f"{short.as_uri()}#episode=gapped/7")  # the last ones
     wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 3")
-    assert [row[:3] for row in rows_shown(page)] == [["gapped", "4", name] for name in NAMES]
+    assert [row[:3] for row in rows_shown(page)] == [["gapped", "7", name] for name in NAMES]
 
 
-def test_rows_are_filtered_by_a_column(visit, report):
-    page = visit()
-    page.goto(f"{report.as_uri()}#episodes")
+def test_rows_are_filtered_by_a_column_and_sorted_with_missing_values_last(visit):
+    page = visit("#episodes")
     assert {row[2] for row in rows_shown(page)} > {"cpg"}
     page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
     page.locator(".dtcc-dropdown").get_by_role("button", name="cpg").click()
-    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 10")
+    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 16")
     assert {row[2] for row in rows_shown(page)} == {"cpg"}
+    page.locator("#rows th", has_text="time to goal").locator(".dt-column-title").click()
+    wait_until(
+        page,
+        """() => {
+            const cells = [...document.querySelectorAll("#rows tbody td:nth-child(5)")];
+            const values = cells.map((cell) =>
+                cell.innerText === "\u2013" ? Infinity : Number(cell.innerText));
+            const isSorted = values.every((value, i) => i === 0 || values[i - 1] <= value);
+            return isSorted && values.includes(Infinity);
+        }""",
+    )
 
 
 def test_texts_of_strangers_run_no_script(visit, tmp_path):
     path = write_report(hostile_results(), tmp_path)
-    page = visit(path, bypass_csp=True)  # the text alone must be harmless
-    page.goto(f"{path.as_uri()}#episodes")
+    page = visit("#episodes", path, bypass_csp=True)  # the text alone must be harmless
     hostile = HOSTILE[0]
     assert hostile in {row[2] for row in rows_shown(page)}
     page.locator("#rows th", has_text="controller").locator(".dt-column-title").click()
@@ -504,10 +413,9 @@ def test_texts_of_strangers_run_no_script(visit, tmp_path):
     assert page.locator("img").count() == 0
 
 
-def test_a_script_that_got_into_the_page_does_not_run(browser, report, tmp_path):
+def test_a_script_that_got_into_the_page_does_not_run(browser, text, tmp_path):
     bad = tmp_path / "report.html"
     inline = "<script>document.title = 666</script><img src=x onerror='document.title = 666'>"
-    text = report.read_text(encoding="utf-8")
     bad.write_text(text.replace("</footer>", f"</footer>{inline}"), encoding="utf-8")
     titles, complaints = {}, []
     for bypass_csp in (False, True):
@@ -523,26 +431,9 @@ def test_a_script_that_got_into_the_page_does_not_run(browser, report, tmp_path)
     assert sum("Content Security Policy" in each for each in complaints[0]) == 3
 
 
-def test_rows_are_sorted_with_missing_values_last(visit, report):
-    page = visit()
-    page.goto(f"{report.as_uri()}#episodes")
-    rows_shown(page)
-    page.locator("#rows th", has_text="time to goal").locator(".dt-column-title").click()
-    wait_until(
-        page,
-        """() => {
-            const cells = [...document.querySelectorAll("#rows tbody td:nth-child(5)")];
-            const values = cells.map((cell) =>
-                cell.innerText === "\u2013" ? Infinity : Number(cell.innerText));
-            const isSorted = values.every((value, i) => i === 0 || values[i - 1] <= value);
-            return isSorted && values.includes(Infinity);
-        }""",
-    )
-
-
 def test_figures_open_on_their_own(visit, report):
     figures = sorted((report.parent / "figures").iterdir())
-    page = visit(figures[0])
+    page = visit(path=figures[0])
     for figure in figures:
         page.goto(figure.as_uri())
         assert page.locator("svg").bounding_box()["width"] > 600, figure.name

@@ -7,6 +7,7 @@ from flyrl.report.captions import (
     clock_text,
     ending_text,
     scale_length,
+    tension_bars,
     titled,
     with_legend,
     with_scale_bar,
@@ -68,3 +69,26 @@ def test_the_font_knows_what_is_written():
     signs = [titled(GREY, sign) for sign in ("\N{MULTIPLICATION SIGN}", "µ", "°", "\ue000")]
     for sign in signs[:-1]:
         assert (sign != signs[-1]).any()
+
+
+def red(picture):
+    red, green, blue = (picture[..., i].astype(int) for i in range(3))
+    return (red > 150) & (green < 90) & (blue < 90)
+
+
+@pytest.mark.parametrize(("tension", "filled"), [(0, 0), (0.01, 3), (0.5, 150), (1, 300)])
+def test_a_bar_fills_with_red_in_proportion_to_tension(tension, filled):
+    picture = tension_bars(np.full((480, 640, 3), 128, np.uint8), [tension])
+    rows, columns = np.nonzero(red(picture))
+    assert rows.size == 20 * filled
+    if filled:
+        assert (np.ptp(rows) + 1, np.ptp(columns) + 1) == (20, filled)
+        # in the lower right corner, from the left
+        assert rows.max() == 480 - 17
+        assert columns.min() == 640 - 16 - 300
+
+
+def test_bars_of_several_muscles_stand_one_below_the_other():
+    picture = tension_bars(np.full((480, 640, 3), 128, np.uint8), [0.1, 0.4])
+    filled = red(picture).sum(axis=1)
+    assert filled[filled > 0].tolist() == [30] * 20 + [120] * 20

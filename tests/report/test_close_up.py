@@ -1,29 +1,29 @@
 import dataclasses
-import xml.etree.ElementTree as ET
+import re
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from flyrl.evaluation.drive_map import DriveMap
-from flyrl.report.close_up import drive_map_figure, gait_figure, spans
-from flyrl.rollouts import Gait
+from flyrl.anatomy import JOINTS, LEGS
+from flyrl.report.close_up import (
+    courses,
+    drive_map_figure,
+    gait_figure,
+    held_drive,
+    spans,
+    speed_mm_s,
+    time_figure,
+    walk_figure,
+)
+from tests.report.conftest import drive_map, gaited, texts
 from tests.synthetic import make_record
 
 
-def walked(controller, way=10):
-    """An episode of 1 s and `way` mm with strides of 100 ms, of which legs stand for 60."""
-    stance = np.repeat(((np.arange(1000) // 10) % 10 < 6)[:, np.newaxis], 6, axis=1)
-    none = np.zeros_like(stance)
-    return make_record(
-        [(0, 0), (way, 0)],
-        controller=controller,
-        interval_s=1.0,
-        gait=Gait(1e-3, stance, stance, none, none, 0.0, np.zeros(6)),
-    )
-
-
-def texts(svg):
-    return [element.text for element in ET.fromstring(svg).iter() if element.text]
+def straight(samples=51, speed=10.0, **kwargs):
+    """Straight ahead from (2, 1), a sample every 20 ms."""
+    x = 2 + speed * 0.02 * np.arange(samples)
+    return make_record(np.column_stack([x, np.ones(samples)]), **kwargs)
 
 
 def test_spans_of_a_raster():
@@ -33,48 +33,121 @@ def test_spans_of_a_raster():
     assert spans(np.ones(3, bool), 0.5) == [(0.0, 1.5)]
 
 
-def test_a_gait_diagram_has_a_row_per_leg_of_everyone():
-    svg = gait_figure([walked("cpg"), walked("hybrid")], "gait")
-    found = texts(svg)
-    assert {"cpg", "hybrid", "LF", "RH"} <= set(found)
-    assert found.count("LM") == 2
-
-
-def test_bars_are_where_legs_stand():
-    few, many = (gait_figure([walked(name)] * n, "gait") for name, n in (("cpg", 1), ("cpg", 2)))
-    # 10 strides of 6 legs
-    assert many.count("<path") - few.count("<path") >= 60
-
-
-def test_a_body_that_stands_is_drawn_in_stance():
-    walking, standing = (gait_figure([walked("cpg", way)], "gait") for way in (10, 1))
+def test_a_gait_diagram_has_a_bar_per_stride_of_every_leg_and_one_where_the_body_stands():
+    walking = gait_figure([gaited("cpg")], "gait")
+    assert {"cpg", *LEGS} <= set(texts(walking))
+    standing = gait_figure([gaited("cpg", way=1)], "gait")
     # a bar per leg instead of 10
     assert walking.count("<path") - standing.count("<path") == 9 * 6
 
 
-@pytest.fixture
-def drive_map():
-    drives = np.linspace(-0.5, 1.5, 5)
-    left, right = np.meshgrid(drives, drives, indexing="ij")
-    speed = 10 * (left + right) / 2
-    speed[0, 4] = np.nan
-    return DriveMap(drives, speed, 100 * (right - left))
-
-
-def test_a_drive_map_names_whose_drives_are_on_top(drive_map):
-    found = texts(drive_map_figure(drive_map, {"mine": np.ones((30, 2))}, "map"))
-    assert {"mine", "right drive", "left drive", "speed (mm/s)"} <= set(found)
-
-
-def test_nobody_has_to_be_on_top(drive_map):
-    assert "left drive" in texts(drive_map_figure(drive_map, {}, "map"))
-
-
-def test_a_map_of_noise_has_no_contours(drive_map):
+def test_a_map_of_noise_has_no_contours_and_a_policy_is_named():
+    clear = drive_map()
     noise = dataclasses.replace(
-        drive_map,
+        clear,
         speed_error_mm_s=np.full((5, 5), 100.0),
         yaw_rate_error_deg_s=np.full((5, 5), 1000.0),
     )
-    clear, noisy = (drive_map_figure(each, {}, "map") for each in (drive_map, noise))
-    assert len(texts(noisy)) < len(texts(clear))  # no labels of contours
+    shown, noisy = (
+        texts(drive_map_figure(each, {"mine": np.ones((30, 2))}, "map")) for each in (clear, noise)
+    )
+    assert {"mine", "right drive", "left drive", "speed (mm/s)"} <= set(shown)
+    assert len(noisy) < len(shown)  # no labels of contours
+
+
+@pytest.mark.parametrize(
+    ("goal", "title", "way"),
+    [
+        ((), "way along +x (mm)", [0, 3, 10]),
+        # 3 mm ahead and 4 mm aside; after 3 mm of way, 4 mm
+        ((5.0, 5.0), "distance to the goal (mm)", [5, 4, np.hypot(7, 4)]),
+    ],
+)
+def test_the_task_decides_which_way_is_shown(goal, title, way):
+    shown = courses(straight(goal=goal))
+    assert [*shown][2:] == ["left drive", "right drive"]
+    np.testing.assert_allclose(shown[title][[0, 15, 50]], way)
+
+
+def test_of_a_worm_tensions_are_shown():
+    worm = dataclasses.replace(straight(), creature="worm", drive=np.full((51, 8), 0.5))
+    assert [*courses(worm)][2:] == ["tension of the first muscle", "mean tension"]
+
+
+def test_speed_is_not_drawn_where_its_window_leaves_the_episode():
+    # 0.1 s around a sample every 20 ms: the first three and the last three lack a part of it
+    speed = speed_mm_s(straight())
+    assert np.isnan(speed[[0, 1, 2, -3, -2, -1]]).all()
+    np.testing.assert_allclose(speed[3:-3], 10.0)
+
+
+def test_speed_is_that_over_a_stride():
+    # Stands, then is 0.5 mm further from one sample to the next: 0.5 mm in 0.1 s while it sees it.
+    x = np.repeat([0.0, 0.5], 10)
+    record = make_record(np.column_stack([x, 0 * x]))
+    # samples 9 and 10 are before and after; 0.05 s are two samples and a half
+    np.testing.assert_allclose(speed_mm_s(record)[6:14], [0, 2.5, 5, 5, 5, 5, 2.5, 0], atol=1e-9)
+
+
+def test_one_sample_alone_has_no_speed():
+    assert np.isnan(speed_mm_s(straight(1, duration_s=0.02))).all()
+    time_figure([straight(1, duration_s=0.02)], "time", 0.02)
+
+
+def test_a_drive_is_held_from_the_start():
+    drive = [(0, 0), (1, 0.5), (0.2, 0.3)]
+    np.testing.assert_array_equal(
+        held_drive(straight(3, drive=drive)), [(1, 0.5), (1, 0.5), (0.2, 0.3)]
+    )
+
+
+def test_a_line_ends_at_its_time():
+    """A steady walk of 0.4 of 1 s ends at 0.4 of its panel, with a dot; as the player finds it."""
+    svg = time_figure([straight(21)], "time", 1.0)
+    panels = re.findall(r'<g id="time-axes_\d+">.*?<path d="(.*?)z', svg, re.DOTALL)
+    assert len(panels) == 4
+    left, bottom, right, again, _, top, *_ = map(float, re.findall(r"[\d.]+", panels[0]))
+    assert left < right and top < bottom == again
+    assert f"{left + 0.4 * (right - left):.2f}" in re.findall(r'<use [^>]*x="([\d.]+)"', svg)
+
+
+def test_what_goes_on_has_no_dot():
+    going, ending = (time_figure([straight(n)], "time", 0.5) for n in (51, 21))
+    assert ending.count("<use ") - going.count("<use ") == 4
+
+
+@pytest.fixture(scope="module")
+def table():
+    """0.5 s at 100 Hz, 3-4-5 mm/s; the left front leg stands in the first half."""
+    time_s = np.arange(50) / 100
+    columns = {"time_s": time_s, "vx_mm_s": np.full(50, 3.0), "vy_mm_s": np.full(50, 4.0)}
+    columns |= {joint: np.full(50, i / 10) for i, joint in enumerate(JOINTS)}
+    names = ("stance", "retracts", "stumbles")
+    columns |= {f"{name}_{leg}": np.zeros(50) for name in names for leg in LEGS}
+    columns["stumbles_RH"] = (time_s > 0.395).astype(float)
+    columns["stance_LF"] = (time_s < 0.25).astype(float)
+    return pd.DataFrame(columns)
+
+
+def test_a_walk_is_drawn_with_its_speed_and_the_chosen_joints_in_degrees(table):
+    figure = walk_figure(table, joints=JOINTS[1:3])
+    speed, angles, _ = figure.axes
+    for line in speed.lines:
+        np.testing.assert_allclose(line.get_ydata(), 5.0)
+    shown = [line.get_ydata()[0] for line in angles.lines]
+    np.testing.assert_allclose(shown, np.degrees([0.1, 0.2]))
+    assert figure._repr_png_().startswith(b"\x89PNG")  # a notebook shows it
+
+
+def test_a_leg_has_a_bar_while_it_stands_and_while_a_reflex_corrects_it(table):
+    _, gait = walk_figure(table, joints=[]).axes
+    bars = [
+        [(path.get_extents().x0, path.get_extents().x1) for path in each.get_paths()]
+        for each in gait.collections
+    ]
+    assert bars == [[pytest.approx((0.0, 0.25))], *[[]] * 10, [pytest.approx((0.4, 0.5))]]
+
+
+def test_a_joint_that_is_none_is_refused(table):
+    with pytest.raises(ValueError, match="did you mean 'joint_LFTibia'"):
+        walk_figure(table, joints=["joint_LFTibi"])

@@ -1,23 +1,30 @@
 import dataclasses
 import re
 from dataclasses import asdict
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 from flyrl.evaluation.results import Trajectory
 from flyrl.report.paths import (
+    GROUND_SHADES,
+    MAX_LEVELS,
     Thing,
     Walk,
-    aligned,
     aligned_figure,
+    finite,
     ground_figure,
-    paths_section,
-    shown,
+    ground_symbol,
+    levels,
+    paths_figure,
+    start_frame,
     things_of,
+    view_of,
 )
 from flyrl.tasks import Episode
-from flyrl.terrains import NOWHERE, Bounds, Flat, Gapped
+from flyrl.terrains import NOWHERE, Blocks, Bounds, Flat, Gapped, Mixed
+from tests.report.conftest import texts
 
 GAPPED = Gapped()
 RANDOM = Gapped(gap_range=(0.1, 0.5), random=True)
@@ -34,22 +41,21 @@ def path(points, yaw=0.0):
     )
 
 
-def test_a_path_is_turned_until_its_goal_lies_ahead():
-    walked, goal = aligned(path([(1, 1), (1, 3)]), (1, 5))
-    np.testing.assert_allclose(goal, [4, 0], atol=1e-12)
-    np.testing.assert_allclose(walked, [(0, 0), (2, 0)], atol=1e-12)
-
-
-def test_left_of_the_goal_stays_left():
-    # The goal is north; west of the way there is to the left, so y is positive.
-    walked, _ = aligned(path([(0, 0), (-1, 2)]), (0, 4))
-    np.testing.assert_allclose(walked[1], [2, 1], atol=1e-12)
-
-
-def test_without_a_goal_the_heading_lies_ahead():
-    walked, goal = aligned(path([(2, 2), (2, 5)], yaw=np.pi / 2), ())
-    assert goal is None
-    np.testing.assert_allclose(walked, [(0, 0), (3, 0)], atol=1e-6)
+@pytest.mark.parametrize(
+    ("walked", "yaw", "goal", "end"),
+    [
+        # the goal lies ahead
+        ([(1, 1), (1, 3)], 0.0, (1, 5), (2, 0)),
+        # the goal is north; west of the way there is to the left, so y is positive
+        ([(0, 0), (-1, 2)], 0.0, (0, 4), (2, 1)),
+        # without a goal the heading lies ahead
+        ([(2, 2), (2, 5)], np.pi / 2, (), (3, 0)),
+    ],
+)
+def test_a_path_is_turned_until_its_goal_or_heading_lies_ahead(walked, yaw, goal, end):
+    walked = path(walked, yaw)
+    origin, rotation = start_frame(walked, goal)
+    np.testing.assert_allclose((finite(walked) - origin) @ rotation, [(0, 0), end], atol=1e-6)
 
 
 def walks(*points, goal=()):
@@ -59,39 +65,35 @@ def walks(*points, goal=()):
 
 
 def section(config, given, episodes=EPISODES):
-    terrain = {
-        "name": config.label,
-        "config": asdict(config),
-    }
-    return paths_section(given, terrain, [asdict(episode) for episode in episodes])
+    terrain = {"name": config.label, "config": asdict(config)}
+    return paths_figure(given, terrain, [asdict(episode) for episode in episodes])
 
 
 def attributes(text):
     return {key: float(value) for key, value in re.findall(r'\b(\w+)="(-?[\d.]+)"', text)}
 
 
-def test_the_view_holds_paths_and_goals():
-    given = walks((0, 0), (10, 4), goal=(12, 7))
-    assert shown(given, GAPPED.bounds) == Bounds(-2, 14, -2, 9)
-
-
-def test_the_view_ends_where_the_ground_ends():
-    given = walks((0, 0), (80, -90))
-    assert shown(given, GAPPED.bounds) == Bounds(-2, 27, -22, 2)
-
-
-def test_a_fly_that_stays_is_shown_with_its_surroundings():
-    given = walks((1, 1), (1, 1))
-    assert shown(given, GAPPED.bounds) == Bounds(-3, 5, -3, 5)
+@pytest.mark.parametrize(
+    ("given", "view"),
+    [
+        (walks((0, 0), (10, 4), goal=(12, 7)), Bounds(-2, 14, -2, 9)),
+        # the view ends where the ground ends
+        (walks((0, 0), (80, -90)), Bounds(-2, 27, -22, 2)),
+        # a fly that stays is shown with its surroundings
+        (walks((1, 1), (1, 1)), Bounds(-3, 5, -3, 5)),
+    ],
+)
+def test_the_view_holds_paths_and_goals(given, view):
+    assert view_of(given, GAPPED.bounds) == view
 
 
 def test_ground_and_paths_lie_on_one_another():
     svg = ground_figure(walks((0, 0), (10, 4)), GAPPED, GAPPED.compiled())
     x_min, y_min, width, height = map(float, re.search(r'viewBox="(-[^"]*)"', svg)[1].split())
-    panels = svg.split('<g id="trajectories-gapped-panel-')[1:]
+    panels = svg.split('<g id="paths-gapped-panel-')[1:]
     assert len(panels) == 2
     for panel in panels:
-        place = attributes(re.search(r'<use href="#trajectories-gapped-ground" [^>]*>', panel)[0])
+        place = attributes(re.search(r'<use href="#paths-gapped-ground" [^>]*>', panel)[0])
         scale = place["width"] / width
         assert place["height"] / height == pytest.approx(scale, rel=1e-3)  # equal axes
         start, end = re.search(r'd="M ([\d.]+ [\d.]+) \nL ([\d.]+ [\d.]+) \n" clip', panel).groups()
@@ -101,42 +103,47 @@ def test_ground_and_paths_lie_on_one_another():
 
 
 def test_the_ground_stands_once_in_a_figure_of_many_panels():
-    svg = section(GAPPED, walks((0, 0), (10, 4)))["figure"]
+    svg, ground = section(GAPPED, walks((0, 0), (10, 4)))
+    assert ground == "same"
     assert svg.count("<symbol") == 1
-    assert svg.count('<use href="#trajectories-gapped-ground"') == 2
+    assert svg.count('<use href="#paths-gapped-ground"') == 2
 
 
 def test_random_ground_is_that_of_the_first_episode():
-    found = section(RANDOM, walks((-9.5, 0), (-6, 0)))
-    assert found["ground"] == "random"
+    svg, ground = section(RANDOM, walks((-9.5, 0), (-6, 0)))
+    assert ground == "random"
     # The grounds of episodes have seeds from 2**32 on; gaps keep their middles.
     gap = np.random.default_rng(2**32 + 7).uniform(0.1, 0.5, size=26)[0]
-    left, width = map(float, re.search(r' d="M(\S+) \S+h([\d.]+)', found["figure"]).groups())
+    left, width = map(float, re.search(r' d="M(\S+) \S+h([\d.]+)', svg).groups())
     assert left + width == pytest.approx(-8.85 - gap / 2, abs=2e-3)
 
 
 def test_on_random_ground_only_the_first_path_is_drawn():
     lines = [
-        section(config, walks((0, 0), (10, 4)))["figure"].count("stroke-width: 0.9")
+        section(config, walks((0, 0), (10, 4)))[0].count("stroke-width: 0.9")
         for config in (GAPPED, RANDOM)
     ]
     assert lines[0] == lines[1] + 2  # one path less of each of two controllers
 
 
-def test_random_ground_without_its_episodes_is_not_drawn():
-    assert section(RANDOM, walks((0, 0), (10, 4)), episodes=())["ground"] == "none"
-
-
-def test_flat_ground_has_nothing_to_draw():
-    found = section(Flat(), walks((0, 0), (10, 4)))
-    assert found["ground"] == "none"
-    assert "<symbol" not in found["figure"]
+@pytest.mark.parametrize(("config", "episodes"), [(RANDOM, ()), (Flat(), EPISODES)])
+def test_flat_ground_and_one_that_is_not_known_are_not_drawn(config, episodes):
+    svg, ground = section(config, walks((0, 0), (10, 4)), episodes)
+    assert ground == "none"
+    assert "<symbol" not in svg
 
 
 def test_who_did_not_walk_has_no_panel():
-    given = {"zero": [], **walks((0, 0), (10, 4))}
-    assert "zero" not in section(GAPPED, given)["figure"]
-    assert section(GAPPED, {"zero": []}) is None
+    svg, _ = section(GAPPED, {"zero": [], **walks((0, 0), (10, 4))})
+    assert {"cpg", "hybrid"} <= set(texts(svg))
+    assert "zero" not in texts(svg)
+    assert section(GAPPED, {"zero": []}) == ("", "none")
+
+
+def test_titles_of_paths_are_not_cut_off():
+    svg = ET.fromstring(aligned_figure(walks((0, 0), (10, 4)), "flat"))
+    (title,) = (node for node in svg.findall(".//{*}text") if node.text.strip() == "cpg")
+    assert float(title.get("y")) > 9  # its baseline; a line has 10 points
 
 
 PROTOCOL = {
@@ -176,3 +183,46 @@ def test_things_are_drawn_on_the_map():
         # 0.2, 0.4, 0.6 as hexadecimal
         assert "#336699" in draw(with_things(thing))
         assert "#336699" not in draw(with_things())
+
+
+def layers(config, view):
+    """Opacity and path data of each level, the lowest first."""
+    symbol = ground_symbol(config.compiled().boxes, view, "g")
+    return re.findall(r'fill-opacity="([\d.]+)" d="([^"]*)"', symbol)
+
+
+def test_gaps_are_bare():
+    # Slabs of 1 mm start at -10 mm, with 0.3 mm between them; y points down, as SVG has it.
+    ((_, slabs),) = layers(Gapped(), Bounds(-10, -7, 0, 5))
+    assert slabs == "M-10 -5h1v5h-1zM-8.7 -5h1v5h-1zM-7.4 -5h0.4v5h-0.4z"
+
+
+def test_high_blocks_are_laid_over_the_low_ground():
+    # Blocks of 1.1 * 1.3 mm at a pitch of 1.3 mm; the first stands out, its neighbours do not.
+    (_, low), (_, high) = layers(Blocks(), Bounds(-11, -8.8, -21, -18.8))
+    corner = "M-10.065 18.8h1.265v1.265h-1.265z"
+    assert (low, high) == (corner + corner, corner)  # the low ground goes on below the block
+    (_, low), (_, high) = layers(Blocks(), Bounds(-8.6, -7.5, -20, -18.8))
+    assert low == "M-8.6 18.8h1.1v1.2h-1.1z"
+    assert high == ""  # between two high blocks there is a low one: 1.17 mm wide
+
+
+def test_what_is_out_of_view_is_not_drawn():
+    ((_, slabs),) = layers(Gapped(), Bounds(-8.9, -8.8, 0, 5))
+    assert slabs == ""
+
+
+def test_the_layers_of_the_highest_ground_come_to_its_shade():
+    shades = [float(shade) for shade, _ in layers(Mixed(), Bounds(-4, 23, -5, 5))]
+    assert shades[0] == GROUND_SHADES[0]
+    assert 1 - np.prod(1 - np.array(shades)) == pytest.approx(GROUND_SHADES[1], abs=1e-3)
+
+
+def test_a_few_heights_are_told_apart():
+    np.testing.assert_array_equal(levels(np.array([0.45, 0.1, 0.1 + 1e-9, 0.45])), [0.1, 0.45])
+
+
+def test_many_heights_are_put_together():
+    heights = levels(np.linspace(0.0, 1.2, 100))
+    assert MAX_LEVELS == 6
+    np.testing.assert_allclose(heights, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])

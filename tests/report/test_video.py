@@ -10,6 +10,7 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
+from flyrl.report import video as video_module
 from flyrl.report.video import (
     BAR_WIDTH,
     FLY_PACE,
@@ -198,6 +199,19 @@ def test_everyone_is_filmed_on_the_episodes_that_are_asked_for_but_where_missing
     if note is not None:
         pytest.skip(note)
     assert [(video.controller, video.episode) for video in videos] == [("cpg", 1), ("cpg", 0)]
+
+
+def test_many_videos_share_the_bytes_of_a_report(monkeypatch):
+    config = dataclasses.replace(CONFIG, controllers=("cpg", "zero"), film=(0,))
+    sizes = []
+    for all_bytes in (10**6, 40_000):
+        monkeypatch.setattr(video_module, "ALL_BYTES", all_bytes)
+        videos, note = record_videos(config, make_entrants(config))
+        if note is not None:
+            pytest.skip(note)
+        sizes.append([len(video.mp4) for video in videos])
+    assert min(sizes[0]) > 20_000
+    assert max(sizes[1]) <= 20_000
 
 
 def test_without_gl_one_line_says_so_and_work_goes_on():

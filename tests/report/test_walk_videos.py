@@ -1,14 +1,18 @@
-"""The literature's videos of walks: what is in the table beside them."""
+"""The literature's videos, and what is in the tables beside them."""
 
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
+from PIL import Image
 
 from flyrl.anatomy import LEGS
+from flyrl.bodies.worm import DEMONSTRATION, WormConfig
 from flyrl.report.video import HOLD_FRAMES
-from flyrl.report.walk_videos import WALKS, film_walk
+from flyrl.report.walk_videos import WALKS, film_walk, film_worm, write_film
 from flyrl.simulation.rendering import RenderingUnavailableError
+from tests.report.test_captions import red
 from tests.report.test_video import read
 
 
@@ -38,3 +42,44 @@ def test_the_table_tells_what_was_driven_and_what_came_of_it(film):
     forces = table[[f"force_uN_{leg}" for leg in LEGS]].to_numpy()
     assert forces.min() > -1e-6
     assert 1 < forces.sum(axis=1).mean() < 40
+
+
+@pytest.fixture(scope="module")
+def worm():
+    try:
+        return film_worm(dataclasses.replace(DEMONSTRATION, segments=4), step=150, hold_s=0.2)
+    except RenderingUnavailableError as error:
+        pytest.skip(str(error))
+
+
+def test_the_video_shows_the_bar_and_the_worm_that_bends(worm, tmp_path):
+    _, frames = read(worm.mp4, tmp_path)
+    assert len(frames) == 3 * 5 + HOLD_FRAMES
+    # the bar's own pixels, but for its rim, which compression blurs
+    bar = np.s_[480 - 33 : 480 - 19, 640 - 313 : 640 - 19]
+    shares = [red(frame[bar]).mean() for frame in (frames[0], frames[9], frames[-1])]
+    assert shares == pytest.approx(worm.table["tension"], abs=0.03)
+    above = np.s_[100:400]
+    changed = np.abs(frames[-1][above].astype(int) - frames[0][above]).max(axis=2) > 40
+    assert changed.mean() > 0.01
+
+
+def test_the_table_holds_what_every_step_came_to(worm):
+    assert worm.table["n"].tolist() == [0, 150, 300]
+    assert worm.table["tension"].iloc[[0, 2]].tolist() == [0, 1]
+    assert worm.table["bend_deg"].iloc[0] == pytest.approx(0, abs=1e-6)
+    assert (np.diff(worm.table["bend_deg"]) > 0).all()
+
+
+def test_video_and_table_are_written(worm, tmp_path):
+    write_film(worm, tmp_path / "new", "worm")
+    assert (tmp_path / "new" / "worm.mp4").read_bytes() == worm.mp4
+    with Image.open(tmp_path / "new" / "worm.jpg") as poster:
+        assert poster.size == (640, 480)
+    table = pd.read_csv(tmp_path / "new" / "worm.csv")
+    pd.testing.assert_frame_equal(table, worm.table, rtol=1e-5, check_dtype=False)
+
+
+def test_a_worm_with_more_muscles_is_not_filmed():
+    with pytest.raises(ValueError, match="must have muscles='one', got 'pairs'"):
+        film_worm(WormConfig())

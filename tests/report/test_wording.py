@@ -1,67 +1,172 @@
 """Texts of reports: they say no more than is known of the task, its body and the entrants."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
 from flyrl.evaluation import EvaluationConfig, evaluate
+from flyrl.evaluation.metrics import metric_label
+from flyrl.evaluation.statistics import Interval
+from flyrl.evaluation.summary import Leader
 from flyrl.report.html import format_report
-from flyrl.report.wording import parameters_text
+from flyrl.report.wording import (
+    changes_text,
+    effects_text,
+    format_number,
+    headline,
+    held_out_text,
+    leader_cells,
+    level_text,
+    parameters_text,
+    rates,
+    shared_text,
+    signed,
+    training_note,
+)
 from tests.evaluation.test_worms import CRAWL, HANG
-from tests.report.test_close_up import walked
-from tests.report.test_html import Page
+from tests.report.conftest import Page
 from tests.synthetic import make_results
 
 OF_FLIES = re.compile(r"\b(walk\w*|legs?|gait|falls?|fly|flies|fallen|reflexes|servos)\b", re.I)
-
-
-def shown(text):
-    """What a reader sees of a page, without the names of controllers and files."""
-    text = re.sub(r"<(script|style|pre|code)\b.*?</\1>", "", text, flags=re.DOTALL)
-    return " ".join(" ".join(Page(text).texts).split())
 
 
 @pytest.mark.parametrize("task", [CRAWL, HANG], ids=["crawl", "hang"])
 def test_a_report_on_worms_does_not_speak_of_legs(task):
     config = EvaluationConfig(task=task, episodes=2, num_threads=1)
     results = evaluate(config)
-    text = shown(format_report(results, examples=results.examples))
-    assert OF_FLIES.findall(text) == []
-    assert "Failures: unstable" in text
-    assert "change of drive" not in text
-    assert "goal" not in text.replace("time to goal", "")
+    text = format_report(results, examples=results.examples)
+    # without the names of controllers and files
+    text = re.sub(r"<(script|style|pre|code)\b.*?</\1>", "", text, flags=re.DOTALL)
+    words = Page(text).words
+    assert OF_FLIES.findall(words) == []
+    assert "Failures: unstable" in words
+    assert "change of drive" not in words
+    assert "goal" not in words.replace("time to goal", "")
 
 
-def test_each_outcome_is_named_by_its_shape():
-    text = shown(format_report(make_results(("cpg", "zero"), episodes=2, reference="cpg")))
-    assert "filled dot: success; ring: time out; cross: fall; triangle: left arena" in text
-    assert "Dark rings: goals." in text
+def lead(terrain, *names):
+    return Leader(terrain, names, "success", 1.0)
 
 
-def test_reflexes_are_explained_where_they_are_drawn():
-    results = make_results(("cpg",), episodes=2, reference="cpg")
-    without = walked("cpg")
-    with_reflexes = walked("cpg")
-    with_reflexes.gait.retraction[10:20, 2] = True
-    for record, count in ((without, 0), (with_reflexes, 1)):
-        text = shown(format_report(results, examples=[record]))
-        assert text.count("its retraction reflex") == count
-        assert "bars are stance" in text
+@pytest.mark.parametrize(
+    ("leaders", "sentence"),
+    [
+        ([lead("flat", "a"), lead("mixed", "b")], "a is best on flat; b is best on mixed."),
+        (
+            [lead("flat", "a", "b"), lead("blocks", "a"), lead("mixed", "a")],
+            "a and b are level at the top on flat; a is best on blocks and mixed.",
+        ),
+        (
+            [lead("flat", "a", "b"), lead("mixed", "b", "a")],
+            "a and b are level at the top on flat and mixed.",
+        ),
+        ([lead("flat", "a", "b", "c")], "No meaningful difference between controllers on flat."),
+    ],
+)
+def test_the_headline_says_who_wins_where(leaders, sentence):
+    assert headline(leaders, 3) == sentence
 
 
-def test_metrics_are_explained_that_somebody_has():
-    text = shown(format_report(make_results(("cpg",), episodes=2, reference="cpg")))
-    assert "displacement ÷ path length" in text  # path_efficiency
-    assert "share of a stride that the leg stands" not in text  # duty_factor
+def test_a_controller_alone_wins_nothing():
+    assert headline([lead("flat", "a")], 1) == "a on flat."
 
 
-def test_a_headline_starts_its_sentences_with_capitals():
-    results = make_results(("target-ppo", "cpg"), episodes=6, reference="cpg")
-    results.protocol["entrants"][0] |= {
-        "policy": "learned with ppo on flat", "training": {"settings": {}}
-    }  # fmt: skip
-    text = shown(format_report(results))
-    assert "Learned with ppo on flat: 1 training seed (" in text
+def test_the_headline_says_how_often_other_conditions_agree():
+    leaders = [
+        replace(lead(terrain, *names), condition=condition)
+        for terrain, condition, *names in (
+            ("blocks", "push=8", "a", "b"), ("blocks", "push=0", "a"), ("blocks", "push=4", "a"),
+            ("flat", "push=0", "a", "b"), ("flat", "push=8", "b", "a"),
+        )
+    ]  # fmt: skip
+    usual = [each for each in leaders if each.condition == "push=0"]
+    assert changes_text(leaders, usual) == (
+        "Of the other conditions, the leaders are the same under 1 of 2 on blocks and 1 of 1 on "
+        "flat."
+    )
+    assert changes_text(usual, usual) == ""
+
+
+def test_the_headline_names_the_smallest_effects_in_force():
+    protocol = {"smallest_effects": {"success": 0.05, "time_to_goal_s": 0.1, "recruited_share": 0}}
+    labels = {metric: metric_label(metric) for metric in protocol["smallest_effects"]}
+    assert level_text(effects_text(list(labels), labels, protocol)) == (
+        "Differences under 5\u00a0% in success or 0.1\u00a0s in time to goal count as none."
+    )
+    assert level_text("") == ""
+
+
+def test_training_seeds_are_counted_with_a_caution_at_one():
+    entrant = {"kind": "learned", "policy": "learned with ppo", "training": {"settings": {}}}
+    both = [{**entrant, "name": name} for name in ("a", "b")]
+    assert training_note({"entrants": both}) == "Learned with ppo: 2 training seeds."
+    assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
+
+
+def test_nothing_is_claimed_of_an_unknown_training():
+    known = {"name": "a", "kind": "learned", "training": {"settings": {"seed": 1}}}
+    unknown = {"name": "b", "kind": "own"}
+    assert held_out_text({"entrants": [known, unknown]}) == (
+        "As recorded, a trained in flyrl, on episodes of other seeds. Nothing is recorded of the "
+        "episodes that b may know."
+    )
+
+
+def test_a_task_without_a_target_has_no_same_target():
+    drawn = {"flat": [{"goal": [], "command": [1, 2]}]}
+    assert shared_text({}, drawn) == "same start, same command"
+
+
+@pytest.mark.parametrize(
+    ("metric", "difference", "cells"),
+    [
+        ("time_to_goal_s", (-0.25, -0.5, -0.125), "0.50|0.25|-0.25 [-0.50, -0.12]"),
+        ("success", (0.25, 0.125, 0.5), "50.0\u00a0%|25.0\u00a0%|+25.0 [+12.5, +50.0]"),
+    ],
+)
+def test_a_lead_is_shown_with_its_interval(metric, difference, cells):
+    leader = Leader("flat", ("a",), metric, 0.5, "b", 0.25, Interval(*difference, 9))
+    assert "|".join(leader_cells(leader).values()) == cells.replace("-", "\u2212")
+
+
+def test_rates_count_episodes_of_the_learned_policy_first(results):
+    text = rates(results.summaries, results.protocol)
+    flat, gapped = (
+        row["successes"] for row in results.summaries if row["controller"] == "target-ppo"
+    )
+    first, second = text.split(" and ", 1)
+    assert first.startswith(f"target-ppo succeeds in {flat} of 8 episodes on flat (")
+    assert second.startswith(f"{gapped} of 8 episodes on gapped (")
+    assert text.count("95\u00a0% interval") == 4
+    assert "Best of the others is " in text
+    fixed = make_results(("cpg", "pursuit"), episodes=4, reference="cpg")
+    assert rates(fixed.summaries, fixed.protocol).startswith("pursuit succeeds")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, "\u2013"),
+        (0, "0"),
+        (1.23456, "1.23"),
+        (-12.3456, "\u221212.3"),
+        (0.5, "0.50"),
+        (0.04567, "0.046"),
+        (-0.0042, "\u22120.0042"),
+        (-3e-17, "0"),
+        (0.999, "1.00"),
+        (9.996, "10.0"),
+        (1234.5, "1234"),
+    ],
+)
+def test_numbers_are_short(value, text):
+    assert format_number(value) == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.25, "+25.0"), (-0.25, "\u221225.0"), (1e-17, "0")])
+def test_only_what_is_above_zero_has_a_plus(value, text):
+    assert signed(value, 100) == text
 
 
 def test_parameters_stand_as_one_would_type_them():

@@ -1,17 +1,18 @@
-"""The comparison of controllers, from made-up walks."""
+"""Figures of walks: the comparison from made-up ones, gaits and slopes from few short ones."""
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
 
+from flyrl.report import walking_figures
 from flyrl.report.walking_figures import STUDY, draw_comparison
 from flyrl.resources import configs_folder
 
 
 def episodes(speeds):
     """Rows of results: speeds by controller and terrain, the last of each a fall."""
-    rows = [
+    return pd.DataFrame(
         {
             "terrain": terrain,
             "controller": controller,
@@ -24,8 +25,7 @@ def episodes(speeds):
         }
         for (terrain, controller), values in speeds.items()
         for episode, value in enumerate(values)
-    ]
-    return pd.DataFrame(rows)
+    )
 
 
 def test_every_episode_is_a_dot_and_the_line_their_mean():
@@ -57,3 +57,25 @@ def test_the_setting_is_that_of_the_experiment():
     assert (*experiment["controllers"],) == STUDY.controllers
     assert (*experiment["terrains"],) == STUDY.terrains
     assert experiment["episodes"] == STUDY.episodes
+
+
+def test_every_gait_carries_every_fly(monkeypatch):
+    monkeypatch.setattr(walking_figures, "FLIES", 2)
+    monkeypatch.setattr(walking_figures, "DURATION_S", 0.6)
+    plot = walking_figures.gaits_plot()
+    rows = list(plot.table[["gait", "episode"]].itertuples(index=False, name=None))
+    assert rows == [(gait, fly) for gait in ("tripod", "tetrapod", "wave") for fly in range(2)]
+    assert plot.table["speed_mm_s"].min() > 5.0  # a fly that is not driven stays where it is
+    rasters = plot.figure.axes[1:]
+    assert [axes.get_title(loc="left") for axes in rasters] == ["tripod", "tetrapod", "wave"]
+    assert all(len(axes.collections) == 6 for axes in rasters)
+
+
+def test_feet_that_hold_on_carry_the_fly_up_steeper_slopes(monkeypatch):
+    monkeypatch.setattr(walking_figures, "PUBLISHED", {0: 30, 20: 60})
+    monkeypatch.setattr(walking_figures, "STARTS", 2)
+    monkeypatch.setattr(walking_figures, "STEP_DEG", 15)
+    (slippery, sticky) = walking_figures.falling_slopes("hybrid")
+    assert ((slippery >= 15) & (slippery <= 45)).all()
+    assert (sticky > slippery).all()
+    assert np.median(sticky) >= 60
