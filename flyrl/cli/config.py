@@ -128,12 +128,18 @@ class EvaluationSettings:
         if self.folder is not None:
             file_path("folder", self.folder)
 
+    @property
+    def shown(self) -> dict[str, Any]:
+        """Parts of the report, as in `flyrl.front.results.Shown`."""
+        return {name: getattr(self, name) for name in _OPTIONS if name not in _NOT_SHOWN}
+
     def record(self) -> dict[str, Any]:
         """The group as it was composed, plain values."""
         return {**self.given, **{name: getattr(self, name) for name in _OPTIONS}}
 
 
 _OPTIONS: Final = tuple(each.name for each in fields(EvaluationSettings))[1:]
+_NOT_SHOWN: Final = ("progress_bar", "folder")
 _OF_EVALUATION: Final = tuple(
     each.name
     for each in fields(EvaluationConfig)

@@ -96,28 +96,27 @@ def run_command(
         here, process = Path.cwd(), os.getpid()
         full_errors = os.environ.get(_FULL_ERRORS)
 
-        def run_with(config: DictConfig, start: Start) -> Path:
-            values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
-            return run(cast(dict[str, Any], values), start)
-
         def job(config: DictConfig) -> None:
             settings = HydraConfig.get()
             overrides = own_overrides(settings.overrides.task)
-            with _variable(_FULL_ERRORS, full_errors):
-                if settings.mode is not RunMode.MULTIRUN:
+            title, label = names.get(overrides, ("", ""))
+            start = Start((*command, *arguments), overrides)
+            if settings.mode is RunMode.MULTIRUN:
+                start = Start((*command, *overrides), overrides, Path(settings.sweep.dir), label)
+
+            def run_here() -> None:
+                values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
+                run(cast(dict[str, Any], values), start)
+
+            # of a job in another process, its folder may be another
+            with contextlib.chdir(here), _variable(_FULL_ERRORS, full_errors):
+                if start.sweep is None:
                     with reported():
-                        run_with(config, Start((*command, *arguments), overrides))
-                    return
-                title, label = names.get(overrides, ("", ""))
-                folder = Path(settings.sweep.dir)
-                start = Start((*command, *overrides), overrides, folder, label)
-                with contextlib.chdir(here):  # which a remote process may not be in
+                        run_here()
+                else:
                     print(title, file=sys.stderr)
-                    run_job(
-                        note_of(folder, overrides),
-                        lambda: run_with(config, start),
-                        is_here=os.getpid() == process,
-                    )
+                    note = note_of(start.sweep, overrides)
+                    run_job(note, run_here, is_here=os.getpid() == process)
 
         start_hydra = hydra.main(
             version_base=HYDRA_VERSION,

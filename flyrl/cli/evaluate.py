@@ -53,7 +53,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
 
     settings = own_settings(record)
     config, entrants = comparison(record, settings, start.command)
-    from flyrl.front.results import results_folder  # noqa: PLC0415
+    from flyrl.front.results import compare, results_folder  # noqa: PLC0415
 
     if settings.folder is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
@@ -63,12 +63,12 @@ def run(record: dict[str, Any], start: Start) -> Path:
     else:
         folder = results_folder(settings.folder)
     try:
-        report, is_complete = compare(config, entrants, folder, settings)
+        results = compare(config, folder, entrants)
+        print(f"report: {results.write(folder, **settings.shown)}")
     except KeyboardInterrupt:
         print(f"resume with: folder={folder}", file=sys.stderr)
         raise
-    print(f"report: {report}")
-    if not is_complete and start.sweep is None:
+    if not results.is_complete and start.sweep is None:
         raise SystemExit(LEFT_OUT)
     return folder
 
@@ -97,27 +97,3 @@ def comparison(
                 file=sys.stderr,
             )
     return config, entrants
-
-
-def compare(
-    config: EvaluationConfig, entrants: list[Entrant], folder: Path, settings: EvaluationSettings
-) -> tuple[Path, bool]:
-    """Evaluate, and write results and report to `folder`.
-
-    Where the same evaluation was interrupted in that folder, it goes on.
-
-    Returns
-    -------
-    The report's path, and whether everyone is in it: who crashes on a terrain is not.
-    """
-    from flyrl.front.results import compare  # noqa: PLC0415
-
-    results = compare(config, folder, entrants)
-    report = results.write(
-        folder,
-        videos=settings.videos,
-        camera=settings.camera,
-        close_ups=settings.close_ups,
-        drive_map=settings.drive_map,
-    )
-    return report, results.is_complete

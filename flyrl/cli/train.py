@@ -49,7 +49,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, group, training_config  # noqa: PLC0415
-    from flyrl.cli.evaluate import compare, comparison  # noqa: PLC0415
+    from flyrl.cli.evaluate import comparison  # noqa: PLC0415
     from flyrl.progress import whole_job  # noqa: PLC0415
     from flyrl.validation import file_path, one_of  # noqa: PLC0415
 
@@ -67,7 +67,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     compared = comparison(record, settings, start.command) if record["evaluate_after"] else None
     # a wrong value has been reported by now, without torch
     from flyrl.front.comparison import earlier_run  # noqa: PLC0415
-    from flyrl.front.results import results_folder  # noqa: PLC0415
+    from flyrl.front.results import compare, results_folder  # noqa: PLC0415
     from flyrl.front.runs import learn, simulated_shares  # noqa: PLC0415
 
     if compared and settings.folder is not None:
@@ -96,9 +96,10 @@ def run(record: dict[str, Any], start: Start) -> Path:
         if finished.interrupted_by is None and compared:
             policies = [str(run), *settings.given["policies"]]
             with_run = replace(settings, given={**settings.given, "policies": policies})
-            compared = comparison(record, with_run, start.command)
             folder = Path(settings.folder or run / "evaluation")
-            report, is_complete = compare(*compared, folder, settings)
+            with_policy, entrants = comparison(record, with_run, start.command)
+            results = compare(with_policy, folder, entrants)
+            report, is_complete = results.write(folder, **settings.shown), results.is_complete
     if report is not None:
         print(f"report: {report}")
     # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict, Unpack
 
 from flyrl.controllers import Controller
 from flyrl.entry_points import is_entry_point, load_module
@@ -47,6 +47,27 @@ _MAX_LISTED: Final = 5
 """Episodes that differ from a report's which are listed one by one."""
 
 
+class Shown(TypedDict, total=False):
+    """Parts of a report beside its tables and figures; all of them, unless they are turned off.
+
+    Attributes
+    ----------
+    videos
+        Whether to film everyone, where a GL library can be used.
+    camera
+        From where they are filmed: "goal" (from the start towards it), "follow" or "top".
+    close_ups
+        Whether to show gait diagrams, curves over time, and what drives do.
+    drive_map
+        Whether these close-ups hold what each drive makes of a fly.
+    """
+
+    videos: bool
+    camera: Camera
+    close_ups: bool
+    drive_map: bool
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison(Results):
     """Results of an evaluation that was walked in this process, and can be filmed.
@@ -67,29 +88,15 @@ class Comparison(Results):
         """Whether everyone is in it: who crashed on a terrain is excluded there."""
         return not self.protocol["crashes"]
 
-    def report(
-        self,
-        path: str | Path = "report.html",
-        *,
-        videos: bool = True,
-        camera: Camera = "goal",
-        close_ups: bool = True,
-        drive_map: bool = True,
-    ) -> Path:
+    def report(self, path: str | Path = "report.html", **shown: Unpack[Shown]) -> Path:
         """Write the report to one HTML file that needs no other; return its path.
 
         Parameters
         ----------
         path
             Of the file.
-        videos
-            Whether to film everyone, where a GL library can be used.
-        camera
-            From where they are filmed: "goal", "follow" or "top".
-        close_ups
-            Whether to show gait diagrams, curves over time, and what drives do.
-        drive_map
-            Whether these close-ups hold what each drive makes of a fly.
+        shown
+            See `Shown`.
 
         Raises
         ------
@@ -99,19 +106,10 @@ class Comparison(Results):
             The file cannot be written.
         """
         path = Path(path)
-        shown = self._additions(videos, camera, close_ups, drive_map)
-        write_text(path, format_report(self, **shown))
+        write_text(path, format_report(self, **self._additions(**shown)))
         return path
 
-    def write(
-        self,
-        folder: str | Path,
-        *,
-        videos: bool = True,
-        camera: Camera = "goal",
-        close_ups: bool = True,
-        drive_map: bool = True,
-    ) -> Path:
+    def write(self, folder: str | Path, **shown: Unpack[Shown]) -> Path:
         """Write all that `python evaluate.py` writes to a folder; return the report's path.
 
         That is results.json, episodes.csv and trajectories.npz, report.html, and the report's
@@ -121,8 +119,8 @@ class Comparison(Results):
         ----------
         folder
             Made if missing.
-        videos, camera, close_ups, drive_map
-            As in `report`.
+        shown
+            See `Shown`.
 
         Raises
         ------
@@ -133,13 +131,17 @@ class Comparison(Results):
         OutputFolder(folder).check_free(REPORT_FILE)
         write_results(self, folder)
         drop_parts(folder)
-        shown = self._additions(videos, camera, close_ups, drive_map)
-        return write_report(self, folder, **shown)
+        return write_report(self, folder, **self._additions(**shown))
 
     def _additions(
-        self, videos: bool, camera: Camera, close_ups: bool, drive_map: bool
+        self,
+        *,
+        videos: bool = True,
+        camera: Camera = "goal",
+        close_ups: bool = True,
+        drive_map: bool = True,
     ) -> Additions:
-        """What the report shows beside the results."""
+        """Make what the report shows beside the results."""
         config, entrants = self.config, self.entrants
         missing = {(crash["controller"], crash["terrain"]) for crash in self.protocol["crashes"]}
         view = replace(FILMED, camera=camera)

@@ -27,17 +27,14 @@ from flyrl.cli.config import (
 )
 from flyrl.cli.groups import composed
 from flyrl.envs.core import EnvConfig
-from flyrl.evaluation import make_entrants
 from flyrl.resources import configs_folder
-from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASK_NAMES, TASKS
 from flyrl.terrains import TERRAINS
-from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
+from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import CurriculumConfig, TrainingConfig, training_record
 from flyrl.training.loggers import LOGGERS
 from flyrl.training.runs import flat
-from tests.tasks.test_worm import WORM_TASKS
 
 
 def _composed(*overrides, name="train"):
@@ -91,22 +88,7 @@ def test_tasks(name):
     limit = {"time_limit": 3.0} if name == "hybrid_turning" else {}
     config = training_config(_composed(f"task={name}"))
     assert config.env.resolved_task == TASKS[name](**limit).flattened()
-
-
-@pytest.mark.parametrize("command", ["train", "evaluate"])
-@pytest.mark.parametrize("name", WORM_TASKS)
-def test_a_task_for_worms_brings_a_worm_without_a_controller(name, command):
-    composed = _composed(f"task={name}", name=command)
-    assert composed["controller"] is None
-    env = (
-        training_config(composed).env
-        if command == "train"
-        else evaluation_config(composed, own_settings(composed), "").env("flat")
-    )
-    assert env.scene == EnvConfig(name).scene
-    assert env.scene.body == TASKS[name].worm
-    assert env.scene.physics == PHYSICS_PRESETS["worm"]
-    assert env.scene.controller is None
+    assert config.env.scene == EnvConfig(name).scene  # a worm's brings one without a controller
 
 
 def test_another_worm_has_the_task_made_to_measure():
@@ -133,40 +115,6 @@ def test_a_users_own_profile_is_found_from_another_folder(tmp_path, monkeypatch)
     monkeypatch.chdir(tmp_path)
     body = training_config(record).env.scene.body
     assert body.profile_path == tmp_path / "here" / "own.png"
-
-
-def test_the_experiment_with_hindsight_is_one():
-    config = training_config(_composed("experiment=her"))
-    assert config.env.resolved_task == TASKS["target_goal"]()
-    assert config.algo == AlgorithmConfig(
-        "sac", her=True, learning_starts=4800, hidden_layers=(128, 128), gamma=0.98, tau=0.01
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "quantities"),
-    [
-        ("controller_comparison", set()),
-        ("weak_side", {"left_muscles"}),
-        ("robustness", {"friction", "mass", "sensor_noise", "drive_latency", "push"}),
-        (
-            "lesions",
-            {
-                "missing_legs",
-                "senses_contact",
-                "coupling",
-                "fixed_joints",
-                "retraction",
-                "stumbling",
-            },
-        ),
-    ],
-)
-def test_experiments_of_evaluations_can_be_walked(name, quantities):
-    composed = _composed(f"experiment={name}", name="evaluate")
-    config = evaluation_config(composed, own_settings(composed), "")
-    assert set(config.vary) == quantities
-    assert {entrant.name for entrant in make_entrants(config)} >= set(config.controllers)
 
 
 @pytest.mark.parametrize("name", LOGGERS)

@@ -163,7 +163,7 @@ def _compared(sweep, key):
 def test_a_job_that_fails_in_another_process_takes_no_other_down(tmp_path):
     result = _train(tmp_path, "launcher=submitit", "algo.gamma=2,0.9", "seed=0")
     assert result.returncode == 1, result.stderr
-    message = "algo.gamma must be a finite number from 0 to 1, got 2.0\n"
+    message = "algo.gamma must be a finite number from 0 to 1, got 2\n"
     assert f"failed: job 1 of 2: algo.gamma=2: {message}" in result.stderr
     sweep = _only_sweep(tmp_path)
     assert result.stdout.splitlines()[-1] == f"sweep: {sweep.relative_to(tmp_path)}"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from flyrl.cli.terminal import Ended, Failure, reported
+from flyrl.cli.terminal import Failure, reported
 
 ROOT = Path(__file__).parents[2]
 
@@ -50,22 +50,11 @@ def test_an_error_of_a_config_file_is_a_message(capsys):
     assert capsys.readouterr().err.startswith("error: Interpolation key 'b' not found")
 
 
-def test_a_bug_keeps_its_traceback():
-    with pytest.raises(ZeroDivisionError), reported():
-        raise ZeroDivisionError
-
-
-def test_every_error_keeps_its_traceback_if_asked(monkeypatch):
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-    with pytest.raises(ValueError, match="wrong"), reported():
-        raise ValueError("wrong")
-
-
-def test_ctrl_c_ends_with_130(capsys):
-    with pytest.raises(Ended) as end, reported():
-        raise KeyboardInterrupt
-    assert end.value.code == 130
-    assert capsys.readouterr().err == "interrupted\n"
+@pytest.mark.parametrize(("error", "asked"), [(ZeroDivisionError, ""), (ValueError, "1")])
+def test_a_bug_keeps_its_traceback_and_every_error_if_asked(monkeypatch, error, asked):
+    monkeypatch.setenv("HYDRA_FULL_ERROR", asked)
+    with pytest.raises(error), reported():
+        raise error
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])

@@ -5,7 +5,6 @@ import signal
 
 import pytest
 
-from flyrl.cli.arguments import UsageError, check_arguments
 from flyrl.evaluation import load_results
 from flyrl.policies import load_policy
 from flyrl.training.runs import read_run
@@ -22,13 +21,6 @@ SHORT = ("task.time_limit=0.2", "episodes=2", "num_threads=1", "progress_bar=fal
 
 def walked(folder):
     return load_results(folder).episodes["controller"].tolist()
-
-
-def test_a_controller_of_legs_is_an_error():
-    with pytest.raises(UsageError, match="controller=cpg has no effect with task=worm_crawl"):
-        check_arguments("train", ["task=worm_crawl", "controller=cpg"])
-    with pytest.raises(UsageError, match="there is no key 'controller'"):
-        check_arguments("evaluate", ["task=worm_crawl", "controller=cpg"])
 
 
 @pytest.mark.parametrize("program", ["train.py", "evaluate.py"])
