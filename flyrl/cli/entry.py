@@ -292,10 +292,10 @@ def _run_sweep(
         code = code or 2
     failures = 0
     for note, title in notes.items():
-        told = note.read_text() if note.exists() else "not started, killed, or still running"
-        if told:
+        ending = note.read_text() if note.exists() else "not started, killed, or still running"
+        if ending:
             failures += 1
-            print(printable(f"failed: {title}: {told}"), file=sys.stderr)
+            print(printable(f"failed: {title}: {ending}"), file=sys.stderr)
     if failures:
         print(
             f"go on with what is missing: the same command with hydra.sweep.dir={folder}",

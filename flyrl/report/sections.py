@@ -267,10 +267,10 @@ def trainings_section(entrants: Sequence[Json]) -> list[dict[str, str]]:
             training = _mapping(entrant.get("training"))
             settings = _mapping(training.get("settings"))
             num_envs = _mapping(settings.get("training")).get("num_envs")
-            told = {key: training.get(key) for key in ("algo", "decisions", "seed")}
-            told["settings"] = {**_mapping(settings.get("algo")), "num_envs": num_envs}
+            shown = {key: training.get(key) for key in ("algo", "decisions", "seed")}
+            shown["settings"] = {**_mapping(settings.get("algo")), "num_envs": num_envs}
             rows.append(
-                {"name": entrant["name"], **{key: _text(value) for key, value in told.items()}}
+                {"name": entrant["name"], **{key: _text(value) for key, value in shown.items()}}
             )
     return rows
 

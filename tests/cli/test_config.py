@@ -27,6 +27,7 @@ from flyrl.cli.config import (
 )
 from flyrl.cli.groups import composed
 from flyrl.envs.core import EnvConfig
+from flyrl.evaluation import make_entrants
 from flyrl.resources import configs_folder
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASK_NAMES, TASKS
@@ -250,3 +251,23 @@ def test_every_key_takes_an_odd_value_or_refuses_it(name):
                     evaluation_settings(group(changed, "evaluation"))
                 else:
                     evaluation_config(changed, own_settings(changed), "")
+
+
+@pytest.mark.parametrize(
+    ("name", "quantities"),
+    [
+        ("controller_comparison", set()),
+        ("weak_side", {"left_muscles"}),
+        ("robustness", {"friction", "mass", "sensor_noise", "drive_latency", "push"}),
+        (
+            "lesions",
+            {"missing_legs", "senses_contact", "coupling", "fixed_joints"}
+            | {"retraction", "stumbling"},
+        ),
+    ],
+)
+def test_experiments_of_evaluations_can_be_walked(name, quantities):
+    composed = _composed(f"experiment={name}", name="evaluate")
+    config = evaluation_config(composed, own_settings(composed), "")
+    assert set(config.vary) == quantities
+    assert {entrant.name for entrant in make_entrants(config)} >= set(config.controllers)
