@@ -114,7 +114,7 @@ WHOLE = {"learning_starts": 32 * 150, "buffer_size": 2 * 32 * 150}
                 {"task": "worm_crawl", "algo": name},
                 rf"one of ppo, a2c, trpo, recurrent_ppo .* 'worm_crawl', got '{name}'",
             )
-            for name in ALGORITHMS.keys() - ON_POLICY
+            for name in sorted(ALGORITHMS.keys() - ON_POLICY)
         ],
         (
             {"task": "traverse", "curriculum": True},
