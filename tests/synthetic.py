@@ -5,8 +5,9 @@ from dataclasses import asdict
 
 import numpy as np
 
+from flyrl.evaluation.episodes import episode_row, episode_table, trajectory
 from flyrl.evaluation.metrics import compared_metrics, decisive_metrics, smallest_effects
-from flyrl.evaluation.results import Results, episode_row, episode_table, trajectory
+from flyrl.evaluation.results import Results
 from flyrl.evaluation.summary import summarise
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import OUTCOMES, TASKS, Episode, task_table

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-import hashlib
 import itertools
 import json
 import platform
@@ -12,7 +11,7 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NoReturn
+from typing import TYPE_CHECKING, Final, NoReturn
 
 import numpy as np
 import pandas as pd
@@ -22,21 +21,19 @@ from flyrl.envs.record import plain
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig, LazySequence
 from flyrl.evaluation.entrants import Entrant, make_entrants
-from flyrl.evaluation.metrics import compared_metrics, decisive_metrics, smallest_effects
-from flyrl.evaluation.results import (
+from flyrl.evaluation.episodes import (
     Json,
-    Results,
+    Part,
+    Parts,
     Trajectory,
     episode_row,
     episode_table,
-    pack_trajectories,
-    read_episodes,
     trajectory,
     typed,
-    unpack_trajectories,
 )
+from flyrl.evaluation.metrics import compared_metrics, decisive_metrics, smallest_effects
+from flyrl.evaluation.results import Results
 from flyrl.evaluation.summary import best_reference, summarise
-from flyrl.files import OutputFolder, load_arrays
 from flyrl.progress import progress_bar
 from flyrl.resources import version
 from flyrl.rollouts import EpisodeRecord, run_episodes
@@ -50,69 +47,6 @@ if TYPE_CHECKING:
 
 PACKAGES: Final = ("flyrl", "mujoco", "numba", "numpy", "scipy")
 """Packages whose versions the results name."""
-
-PARTS_FOLDER: Final = "parts"
-
-Part = tuple[pd.DataFrame, dict[int, Trajectory]]
-"""Rows of a batch, and the paths of the first of them by the number of their row."""
-
-
-class Parts:
-    """Batches of episodes in a folder, of an evaluation of certain settings.
-
-    Parameters
-    ----------
-    folder
-        Of the results. None keeps nothing.
-    settings
-        Plain JSON values; what was walked with others does not count.
-    """
-
-    def __init__(self, folder: str | Path | None, settings: Any) -> None:
-        self._folder = None if folder is None else OutputFolder(folder)
-        self._settings = hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
-
-    def read(self, walk: int, start: int) -> Part | None:
-        """Rows and paths of a batch; None where there are none, or not whole.
-
-        Parameters
-        ----------
-        walk
-            Number of the entrant, terrain and condition.
-        start
-            First episode of the batch.
-        """
-        if self._folder is None:
-            return None
-        try:
-            arrays = load_arrays(self._folder.path / self._name(walk, start))
-            return read_episodes(arrays["table"].tobytes()), unpack_trajectories(arrays)
-        except (OSError, KeyError, OverflowError, TypeError, ValueError):
-            return None
-
-    def write(self, walk: int, start: int, part: Part) -> None:
-        """Keep a batch.
-
-        Raises
-        ------
-        OSError
-            The folder cannot be written to.
-        """
-        if self._folder is None:
-            return
-        rows, paths = part
-        table = np.frombuffer(rows.to_csv(index=False).encode(), dtype=np.uint8)
-        with self._folder.replacing(self._name(walk, start)) as partial:
-            np.savez_compressed(partial, table=table, **pack_trajectories(paths))
-
-    def _name(self, walk: int, start: int) -> str:
-        return f"{PARTS_FOLDER}/{walk}-{start}-{self._settings[:16]}.npz"
-
-
-def drop_parts(folder: Path) -> None:
-    """Drop the batches in a folder of results, once these hold them."""
-    output = OutputFolder(folder)
-    output.remove(*output.files(PARTS_FOLDER))
 
 
 def evaluate(

@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flyrl.evaluation.conditions import compared_conditions
+from flyrl.evaluation.episodes import Json, metric_columns
 from flyrl.evaluation.metrics import metric_named
-from flyrl.evaluation.results import Json, metric_columns
 from flyrl.evaluation.statistics import (
     MIN_PAIRS,
     Interval,

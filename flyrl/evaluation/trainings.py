@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.entry_points import is_entry_point
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.statistics import (
     MIN_RUNS,
     Interval,

@@ -26,8 +26,8 @@ from flyrl.evaluation import (
     write_results,
 )
 from flyrl.evaluation import evaluate as walk_episodes
-from flyrl.evaluation.results import RESULTS_FILES, episodes_digest
-from flyrl.evaluation.run import drop_parts
+from flyrl.evaluation.episodes import drop_parts, episodes_digest
+from flyrl.evaluation.results import RESULTS_FILES
 from flyrl.files import OutputFolder, usable_folder, write_text
 from flyrl.policies.laws import is_law
 from flyrl.progress import progress_bar as make_bar

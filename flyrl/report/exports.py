@@ -11,8 +11,9 @@ from typing import Any, Final
 
 import pandas as pd
 
+from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
-from flyrl.evaluation.results import Json, Results, paired, place_of
+from flyrl.evaluation.results import Results, paired, place_of
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader
 from flyrl.report.wording import format_number, leader_cells, percent

@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
-from flyrl.evaluation.results import Json
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import metric_values, paired_values
 from flyrl.report.style import (

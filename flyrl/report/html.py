@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from flyrl.envs.record import randomisation_text
 from flyrl.evaluation.conditions import Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap, Steering
+from flyrl.evaluation.episodes import Json, episodes_digest
 from flyrl.evaluation.metrics import descriptions, metric_label, metric_named
-from flyrl.evaluation.results import Json, Results, episodes_digest
+from flyrl.evaluation.results import Results
 from flyrl.evaluation.trainings import PROFILE_AT, generalisation, trainings
 from flyrl.files import OutputFolder
 from flyrl.report import close_up, figures, sections

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from flyrl.evaluation.results import Json, Trajectory
+from flyrl.evaluation.episodes import Json, Trajectory
 from flyrl.report.style import (
     INK,
     MUTED,

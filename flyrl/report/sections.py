@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
+from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
-from flyrl.evaluation.results import Json, Results
+from flyrl.evaluation.results import Results
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.evaluation.summary import Leader, find_leaders
 from flyrl.evaluation.trainings import seed_groups

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from flyrl.evaluation.conditions import Condition
-from flyrl.evaluation.results import Json
+from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.summary import Leader
 from flyrl.evaluation.trainings import trainings
 

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from pandas.testing import assert_frame_equal
 
+from flyrl.evaluation.episodes import episode_row, episode_table, episodes_digest
 from flyrl.evaluation.results import (
     EPISODES_FILE,
     RESULTS_FILE,
     TRAJECTORIES_FILE,
     ResultsError,
-    episode_row,
-    episode_table,
-    episodes_digest,
     load_results,
     write_results,
 )

@@ -10,8 +10,8 @@ from pandas.testing import assert_frame_equal
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
 from flyrl.evaluation.entrants import make_entrants
-from flyrl.evaluation.results import episode_row, episode_table, trajectory
-from flyrl.evaluation.run import Parts, drop_parts, walk_examples
+from flyrl.evaluation.episodes import Parts, drop_parts, episode_row, episode_table, trajectory
+from flyrl.evaluation.run import walk_examples
 from flyrl.files import MANIFEST
 from flyrl.report import write_report
 from flyrl.simulation.physics import PRESET_VERSIONS

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyrl.evaluation.results import episode_row, episode_table
+from flyrl.evaluation.episodes import episode_row, episode_table
 from flyrl.evaluation.summary import best_reference, find_leaders, paired_values, summarise
 from tests.synthetic import TASK, judged_by, make_record
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import flyrl
-from flyrl.evaluation.results import episodes_digest
+from flyrl.evaluation.episodes import episodes_digest
 from flyrl.front.results import training_evaluations
 from flyrl.policies import ConstantDrive
 from flyrl.report import read_origin

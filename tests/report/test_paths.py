@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from flyrl.evaluation.results import Trajectory
+from flyrl.evaluation.episodes import Trajectory
 from flyrl.report.paths import (
     GROUND_SHADES,
     MAX_LEVELS,
