@@ -23,7 +23,7 @@ from flyrl.tasks import (
     TaskSettings,
     task_from,
 )
-from flyrl.tasks.function import ALWAYS, named_function
+from flyrl.tasks.function import ALWAYS, task_function
 from flyrl.terrains import Terrain, terrain_from, terrain_named
 from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
 
@@ -49,7 +49,7 @@ class EnvConfig:
     Parameters
     ----------
     task
-        A name in `flyrl.tasks.TASK_NAMES` or of a task function of your own, module:attribute; a
+        A name in `flyrl.tasks.TASKS` or of a task function of your own, module:attribute; a
         mapping with the name and settings, as `flyrl.tasks.task_from` takes it; a task function; or
         a table, a `Task`.
     body, terrain, controller
@@ -221,7 +221,7 @@ def config_for(
     task = given.get("task", config.task)
     if not isinstance(task, Task):  # whose settings are keywords, too
         settings = task if isinstance(task, Mapping) else {"name": task}
-        of_task = dict.fromkeys([*named_function(settings).parameters, *ALWAYS[2:]])
+        of_task = dict.fromkeys([*task_function(settings).parameters, *ALWAYS[2:]])
         more = {name: given[name] for name in given if name in of_task and name not in known}
         known += of_task
         if more:
@@ -322,7 +322,7 @@ def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:
 
 def usual_body(task: TaskSettings | Task) -> BodyConfig:
     """Body that a task is for, unless another is asked for."""
-    worm = task.worm if isinstance(task, Task) else named_function(task).worm
+    worm = task.worm if isinstance(task, Task) else task_function(task).worm
     return worm or FLIES["current"]
 
 

@@ -24,11 +24,10 @@ from flyrl.tasks import (
     DESIRED_GOAL,
     DRIVE_HIGH,
     DRIVE_LOW,
-    TASK_NAMES,
+    TASKS,
     Drives,
     Neurons,
     Task,
-    task_named,
 )
 from flyrl.validation import within
 
@@ -167,7 +166,7 @@ def fixed_policy(name: str, law: FixedLaw, task: Task | None = None) -> FixedPol
         The task does not show what the law needs.
     """
     if task is None:
-        task = next(each for each in map(task_named, TASK_NAMES) if law.goes_with(each))
+        task = next(each for each in (make() for make in TASKS.values()) if law.goes_with(each))
     if not law.goes_with(task):
         creature = "a worm" if law.legs is None else "flies"
         needed = " or ".join(", ".join(terms) for terms in law.sees) or "anything"

@@ -156,7 +156,7 @@ def load_policy(
         environment has.
     task
         What it is to act in, which a learned policy must fit. None takes it as it was trained, and
-        of a fixed law the first of `flyrl.tasks.TASK_NAMES` that shows what the law needs.
+        of a fixed law the first of `flyrl.tasks.TASKS` that shows what the law needs.
 
     Raises
     ------

@@ -1,7 +1,5 @@
 """Decision problems: observation, reward, termination and reset of each task, as tables."""
 
-from typing import Final
-
 from flyrl.tasks import heading, hybrid_turning, path, target, traverse, velocity, worm
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets, Neurons
 from flyrl.tasks.episode import Episode
@@ -13,13 +11,7 @@ from flyrl.tasks.extension import (
     task_record,
     task_table,
 )
-from flyrl.tasks.function import (
-    TASKS,
-    TaskFunction,
-    TaskSettings,
-    task_from,
-    task_named,
-)
+from flyrl.tasks.function import TASKS, TaskFunction, TaskSettings, task_from
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -57,9 +49,6 @@ TASKS.update(
     worm_crawl_box=worm.worm_crawl_box,
 )
 
-TASK_NAMES: Final = tuple(TASKS)
-"""Of the built-in tasks."""
-
 __all__ = [
     "ACHIEVED_GOAL",
     "DECISIONS_LOST",
@@ -73,7 +62,6 @@ __all__ = [
     "RUNNING",
     "SUCCESS",
     "TASKS",
-    "TASK_NAMES",
     "TIMEOUT",
     "UNSTABLE",
     "Drives",
@@ -95,7 +83,6 @@ __all__ = [
     "extended",
     "load_terms",
     "task_from",
-    "task_named",
     "task_record",
     "task_table",
 ]

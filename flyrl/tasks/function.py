@@ -127,14 +127,16 @@ TaskSettings = str | Mapping[str, Any] | Callable[..., Task]
 """What names a task: its name, a mapping with the name and settings, or a task function."""
 
 
-def task_function(given: str | Callable[..., Task]) -> TaskFunction:
-    """Task function of a name, built-in or module:attribute, or of a plain function.
+def task_function(given: TaskSettings) -> TaskFunction:
+    """Task function that settings name, or that makes a task of a plain function.
 
     Raises
     ------
     ValueError
         If there is no such task.
     """
+    if isinstance(given, Mapping):
+        given = given.get("name", "")
     if isinstance(given, str):
         given = look_up("task", given, TASKS, _may_be_one, "task function")
     if not _may_be_one(given):
@@ -166,9 +168,9 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     ValueError
         There is no such task or setting, or a value that is not allowed.
     """
+    function = task_function(settings)
     if not isinstance(settings, Mapping):
-        settings = {"name": settings}
-    function = named_function(settings)
+        settings = {}
     known_keys("task", settings, (*function.parameters, *ALWAYS))
     given = {key: settings[key] for key in function.parameters if key in settings}
     limit = settings.get("time_limit")
@@ -185,17 +187,6 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     return extended(task, load_terms(changes.terms), changes.weights, changes.without)
 
 
-def named_function(settings: TaskSettings) -> TaskFunction:
-    """Task function that settings name.
-
-    Raises
-    ------
-    ValueError
-        If they name none.
-    """
-    return task_function(settings.get("name", "") if isinstance(settings, Mapping) else settings)
-
-
 @dataclass(frozen=True)
 class _Changes:
     terms: tuple[str, ...] = ()
@@ -204,14 +195,3 @@ class _Changes:
 
     def __post_init__(self) -> None:
         check_fields(self, "task")
-
-
-def task_named(name: str, **parameters: Any) -> Task:
-    """Task of a name, built-in or module:attribute, with parameters.
-
-    Raises
-    ------
-    ValueError
-        If there is no such task, parameter or value.
-    """
-    return task_function(name)(**parameters)

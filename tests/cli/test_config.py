@@ -30,7 +30,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.evaluation import make_entrants
 from flyrl.resources import configs_folder
 from flyrl.simulation.randomisation import RandomisationConfig
-from flyrl.tasks import TASK_NAMES, TASKS
+from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.config import CurriculumConfig, TrainingConfig, training_record
@@ -129,7 +129,7 @@ def test_loggers(name):
 @pytest.mark.parametrize("name", sorted(_names("tuned")))
 def test_tuned_settings_hold_for_their_task_and_algorithm_alone(name):
     task, algo = next(
-        (task, algo) for task in TASK_NAMES for algo in ALGORITHMS if f"{task}_{algo}" == name
+        (task, algo) for task in TASKS for algo in ALGORITHMS if f"{task}_{algo}" == name
     )
     choices = [f"task={task}", f"algo={algo}"]
     tuned, plain = _composed(*choices), _composed(*choices, "~tuned")

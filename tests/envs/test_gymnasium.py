@@ -20,7 +20,7 @@ from flyrl.envs.registration import ENV_IDS
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.envs.single import FlyrlEnv, FlyrlGoalEnv
 from flyrl.envs.vector import FlyrlVectorEnv
-from flyrl.tasks import Task, task_named
+from flyrl.tasks import TASKS, Task
 
 
 def warnings_of(check: object, env: gymnasium.Env) -> list[str]:
@@ -114,7 +114,7 @@ def test_resets_without_a_seed_go_on_in_the_seeds_own_order() -> None:
 
 
 def short(name: str) -> Task:
-    return replace(task_named(name), time_limit_s=0.15)
+    return replace(TASKS[name](), time_limit_s=0.15)
 
 
 @pytest.mark.parametrize(

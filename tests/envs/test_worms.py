@@ -11,11 +11,11 @@ from flyrl.bodies.worm import CRAWLER, HANGER
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.randomisation import Randomisation, RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
-from flyrl.tasks import RewardTerm, Termination, extended, task_named
+from flyrl.tasks import TASKS, RewardTerm, Termination, extended
 
 
 def short(task, decisions=4):
-    return replace(task_named(task), time_limit_s=decisions * 0.05)
+    return replace(TASKS[task](), time_limit_s=decisions * 0.05)
 
 
 def test_a_picture_shows_the_worm():
@@ -72,7 +72,7 @@ def test_the_reward_of_crawling_is_a_fifth_of_the_way_along_x():
 def test_terms_of_a_users_own_see_the_worm():
     tail = RewardTerm("tail", 2.0, lambda state: state.worm.joint_angles[:, -1], "rad")
     curled = Termination("curled", lambda state: np.abs(state.worm.bend) > 0.5)
-    task = extended(task_named("worm_hang"), {"mine:TAIL": tail, "mine:CURLED": curled}, {})
+    task = extended(TASKS["worm_hang"](), {"mine:TAIL": tail, "mine:CURLED": curled}, {})
     env = BatchedEnv(EnvConfig(task), 1)
     env.reset(seeds=[0])
     outcomes = [str(env.step(np.array([[15, 0] * 4])).outcome[0]) for _ in range(20)]

@@ -7,7 +7,7 @@ import pytest
 
 from flyrl.evaluation.metrics import METRICS, decisive_metrics, episode_metrics, metric_named
 from flyrl.rollouts import Gait
-from flyrl.tasks import TASK_NAMES
+from flyrl.tasks import TASKS
 from tests.synthetic import make_record
 
 LINE = [(0, 0), (6, 0)]
@@ -17,7 +17,7 @@ def test_every_metric_is_there_in_order():
     assert list(episode_metrics(make_record(LINE))) == list(METRICS)
 
 
-@pytest.mark.parametrize("task", TASK_NAMES)
+@pytest.mark.parametrize("task", TASKS)
 def test_what_decides_a_task_has_a_smallest_effect(task):
     assert all(metric_named(metric).smallest_effect > 0 for metric in decisive_metrics(task))
 

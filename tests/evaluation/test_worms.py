@@ -23,11 +23,11 @@ from flyrl.policies import PolicyBundle, PolicyFileError, observation_layout
 from flyrl.policies.bundle import action_bounds, save_bundle
 from flyrl.policies.networks import MLP, Layer
 from flyrl.rollouts import run_episodes
-from flyrl.tasks import TASKS, task_named
+from flyrl.tasks import TASKS
 from tests.tasks.test_worm import WORM_TASKS
 
-CRAWL = dataclasses.replace(task_named("worm_crawl"), time_limit_s=0.3)
-HANG = dataclasses.replace(task_named("worm_hang"), time_limit_s=0.3)
+CRAWL = dataclasses.replace(TASKS["worm_crawl"](), time_limit_s=0.3)
+HANG = dataclasses.replace(TASKS["worm_hang"](), time_limit_s=0.3)
 FLY = dataclasses.replace(TASKS["target"](), time_limit_s=0.2)
 FIXED_OF = {"worm_crawl": ("worm_cpg", "relaxed"), "worm_hang": ("worm_reflex", "relaxed")}
 

@@ -16,7 +16,7 @@ from flyrl.policies import (
     WormReflex,
 )
 from flyrl.policies.fixed import FunctionPolicy, takes
-from flyrl.tasks import TASKS, Neurons, task_named
+from flyrl.tasks import TASKS, Neurons
 
 
 def _normalised(drive):
@@ -130,7 +130,7 @@ def test_goals_are_observations_like_others():
 
 
 def test_of_a_worm_a_function_returns_the_action():
-    task = task_named("worm_crawl_box")
+    task = TASKS["worm_crawl_box"]()
     size = task.actions.size
     policy = FunctionPolicy(lambda time_s, seen: np.full(size, 0.5), task)
     action, _ = policy.predict(np.zeros(sum(term.size for term in task.observation)))

@@ -6,7 +6,7 @@ from flyrl.policies import PolicyFileError, load_policy, named_policies, save_bu
 from flyrl.policies.bundle import policies_folder, policy_name
 from flyrl.policies.laws import FIXED
 from flyrl.resources import assets_folder
-from flyrl.tasks import TASK_NAMES, TASKS, task_named
+from flyrl.tasks import TASKS
 
 
 def test_names_are_those_of_the_files():
@@ -26,7 +26,7 @@ def test_an_unknown_name_lists_what_there_is():
 
 @pytest.mark.parametrize("name", FIXED)
 def test_a_fixed_law_is_loaded_by_name_for_the_first_task_that_shows_what_it_needs(name):
-    env = EnvConfig(next(task for task in TASK_NAMES if FIXED[name].goes_with(task_named(task))))
+    env = EnvConfig(next(task for task in TASKS if FIXED[name].goes_with(TASKS[task]())))
     task = env.resolved_task
     observations = np.zeros((3, sum(term.size for term in task.observation)), np.float32)
     actions, _ = load_policy(name).predict(observations)

@@ -28,7 +28,7 @@ from flyrl.report.video import (
 from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
-from flyrl.tasks import TASKS, task_named
+from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS
 
 CONFIG = EvaluationConfig(
@@ -147,7 +147,7 @@ def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
 
 def test_a_worm_is_filmed_between_decisions_as_it_crawls():
     """25 frames a second in real time, of decisions that are held for 50 ms each."""
-    task = dataclasses.replace(task_named("worm_crawl"), time_limit_s=0.2)
+    task = dataclasses.replace(TASKS["worm_crawl"](), time_limit_s=0.2)
     config = EvaluationConfig(task=task, controllers=("worm_cpg",), episodes=1, num_threads=1)
     (entrant,) = make_entrants(config)
     (terrain,) = config.terrain_configs
@@ -175,7 +175,7 @@ def test_a_worm_is_filmed_between_decisions_as_it_crawls():
 
 
 def test_a_video_of_a_worm_shows_its_tensions(tmp_path):
-    task = dataclasses.replace(task_named("worm_hang"), time_limit_s=0.2)
+    task = dataclasses.replace(TASKS["worm_hang"](), time_limit_s=0.2)
     config = EvaluationConfig(task=task, controllers=("worm_reflex",), episodes=1, num_threads=1)
     videos, note = record_videos(config, make_entrants(config))
     if note is not None:

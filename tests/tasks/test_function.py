@@ -10,7 +10,7 @@ import pytest
 
 from flyrl.bodies.worm import CRAWLER
 from flyrl.envs.config import EnvConfig
-from flyrl.tasks import TASKS, Task, TaskFunction, task_from, task_named, task_record
+from flyrl.tasks import TASKS, Task, TaskFunction, task_from, task_record
 from flyrl.tasks.function import variant_of
 from flyrl.validation import Within
 
@@ -176,7 +176,7 @@ def test_a_variant_of_a_users_own():
 def test_an_environment_takes_a_task_in_every_form():
     given = ["target", {"name": "target"}, TARGET, TARGET(), {"name": TARGET}]
     assert {EnvConfig(each).resolved_task for each in given} == {TARGET()}
-    assert task_named("target", reach=2) == EnvConfig({"name": "target", "reach": 2}).resolved_task
+    assert TASKS["target"](reach=2) == EnvConfig({"name": "target", "reach": 2}).resolved_task
 
 
 def test_a_mapping_brings_the_decision_interval_of_its_record():

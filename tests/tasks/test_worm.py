@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from flyrl.bodies.worm import HANGER
-from flyrl.tasks import TASKS, Neurons, task_named
+from flyrl.tasks import TASKS, Neurons
 from flyrl.terrains import Flat
 
 FLAT = Flat()
@@ -18,17 +18,17 @@ NAMES = pytest.mark.parametrize("name", WORM_TASKS)
 
 def test_a_task_by_its_name_is_for_its_usual_worm() -> None:
     # two muscles per joint, of the 16 neurons of small.png
-    assert task_named("worm_crawl").actions == Neurons((16,) * 10)
-    assert task_named("worm_crawl_box").actions == Neurons((16,) * 10, is_integer=False)
-    assert task_named("worm_hang").actions == Neurons((16,) * 8)
-    assert task_named("worm_hang_box").actions == Neurons((16,) * 8, is_integer=False)
-    assert {name: task_named(name).name for name in WORM_TASKS} == {n: n for n in WORM_TASKS}
+    assert TASKS["worm_crawl"]().actions == Neurons((16,) * 10)
+    assert TASKS["worm_crawl_box"]().actions == Neurons((16,) * 10, is_integer=False)
+    assert TASKS["worm_hang"]().actions == Neurons((16,) * 8)
+    assert TASKS["worm_hang_box"]().actions == Neurons((16,) * 8, is_integer=False)
+    assert {name: TASKS[name]().name for name in WORM_TASKS} == {n: n for n in WORM_TASKS}
 
 
 @NAMES
 def test_a_task_is_made_to_measure_for_another_worm(name: str) -> None:
     worm = replace(TASKS[name].worm, segments=4)
-    task = task_named(name, worm=worm)
+    task = TASKS[name](worm=worm)
     assert task.actions.size == 6
     sizes = {term.name: term.size for term in task.observation}
     assert (sizes["joint_angles"], sizes["joint_velocities"], sizes["tensions"]) == (3, 3, 6)
@@ -38,13 +38,13 @@ def test_a_task_is_made_to_measure_for_another_worm(name: str) -> None:
 @NAMES
 def test_tasks_of_equal_worms_are_equal(name: str) -> None:
     worm = TASKS[name].worm
-    assert task_named(name, worm=replace(worm)) == task_named(name)
-    assert task_named(name, worm=replace(worm, segments=3)) != task_named(name)
+    assert TASKS[name](worm=replace(worm)) == TASKS[name]()
+    assert TASKS[name](worm=replace(worm, segments=3)) != TASKS[name]()
 
 
 @pytest.mark.parametrize("pair", [("worm_crawl", "worm_crawl_box"), ("worm_hang", "worm_hang_box")])
 def test_the_continuous_variant_differs_in_its_actions_alone(pair: tuple[str, str]) -> None:
-    whole, box = map(task_named, pair)
+    whole, box = (TASKS[name]() for name in pair)
     assert whole.sample_episode(FLAT, 3) == box.sample_episode(FLAT, 3)
     assert [t.name for t in whole.observation] == [t.name for t in box.observation]
     assert [(t.name, t.weight) for t in whole.reward] == [(t.name, t.weight) for t in box.reward]
@@ -53,7 +53,7 @@ def test_the_continuous_variant_differs_in_its_actions_alone(pair: tuple[str, st
 
 
 def test_worms_start_a_little_bent_and_turned() -> None:
-    episodes = [task_named("worm_crawl").sample_episode(FLAT, seed) for seed in range(300)]
+    episodes = [TASKS["worm_crawl"]().sample_episode(FLAT, seed) for seed in range(300)]
     angles = np.array([(episode.spawn_yaw, *episode.joint_angles) for episode in episodes])
     assert angles.shape == (300, 6)
     for column in angles.T:
@@ -64,7 +64,7 @@ def test_worms_start_a_little_bent_and_turned() -> None:
 
 
 def test_bends_are_asked_for_to_either_side() -> None:
-    episodes = [task_named("worm_hang").sample_episode(FLAT, seed) for seed in range(300)]
+    episodes = [TASKS["worm_hang"]().sample_episode(FLAT, seed) for seed in range(300)]
     bends = np.array([episode.command for episode in episodes])
     assert bends.shape == (300, 1)
     assert -1.5 <= bends.min() < -1.45
@@ -81,10 +81,10 @@ def test_a_profile_that_does_not_exist_is_refused() -> None:
 
 def test_a_worm_of_a_users_own_profile_has_as_many_neurons_as_the_image_pixels(tmp_path) -> None:
     Image.new("RGB", (7, 1), (200, 0, 0)).save(tmp_path / "mine.png")
-    task = task_named("worm_hang", worm=replace(HANGER, profile=str(tmp_path / "mine.png")))
+    task = TASKS["worm_hang"](worm=replace(HANGER, profile=str(tmp_path / "mine.png")))
     assert task.actions.pools == (7,) * 8  # two muscles at each of four joints
 
 
 @pytest.mark.parametrize("name", WORM_TASKS)
 def test_a_task_can_be_pickled(name: str) -> None:
-    assert pickle.loads(pickle.dumps(task_named(name))).name == name
+    assert pickle.loads(pickle.dumps(TASKS[name]())).name == name

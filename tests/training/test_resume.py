@@ -11,7 +11,7 @@ import yaml
 
 from flyrl.envs.core import EnvConfig
 from flyrl.policies import load_policy
-from flyrl.tasks import task_named
+from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import RunCallback
 from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
@@ -71,9 +71,7 @@ CURRICULUM_CONFIG = replace(
         curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0),
     ),
 )
-WORM_CONFIG = replace(
-    PPO_CONFIG, env=EnvConfig(replace(task_named("worm_crawl"), time_limit_s=0.5))
-)
+WORM_CONFIG = replace(PPO_CONFIG, env=EnvConfig(replace(TASKS["worm_crawl"](), time_limit_s=0.5)))
 CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 
