@@ -266,12 +266,12 @@ class _Path:
 
     def add(self, env: BatchedEnv, sim: int, time_s: float) -> None:
         """Sample simulation `sim` as it is now."""
-        body, drive = env.state, env.drive[sim].copy()
+        body, drive = env.state, env.state.actuation[sim].copy()
         self.samples.append((time_s, body.position_w[sim].copy(), float(body.yaw[sim]), drive))
 
     def add_gait(self, env: BatchedEnv, sim: int) -> None:
         """Take what simulation `sim` has logged of its gait since the last time."""
-        logs = env.gait_logs
+        logs = env.batch.gait_logs
         if logs is None or env.state.is_unstable[sim]:
             return
         samples = env.flies.gait_samples(sim, self.num_gait_samples)
@@ -291,7 +291,7 @@ class _Path:
 
     def gait(self, env: BatchedEnv) -> Gait | None:
         """How the fly walked."""
-        if env.gait_logs is None:
+        if env.batch.gait_logs is None:
             return None
         return Gait(
             interval_s=env.config.fly_scene.gait_sampling_s,

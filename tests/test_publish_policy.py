@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from markdown_it import MarkdownIt
 
+from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record
 from flyrl.policies import load_bundle, named_policies
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.training.algorithms import AlgorithmConfig

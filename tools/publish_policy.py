@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from flyrl.cli.config import training_config  # noqa: E402
-from flyrl.envs.record import randomisation_text  # noqa: E402
+from flyrl.envs.config import randomisation_text  # noqa: E402
 from flyrl.evaluation import EvaluationConfig, evaluate  # noqa: E402
 from flyrl.evaluation.metrics import compared_metrics  # noqa: E402
 from flyrl.files import write_bytes, write_text  # noqa: E402

@@ -92,17 +92,8 @@ class Adapter:
             **self.core.failure_info(),
         }
         if self.config.scene.terrain.random:
-            grounds = [-1 if each is None else each.ground_seed for each in self.core.episodes]
-            facts["ground"] = np.array(grounds)
+            facts["ground"] = self.core.grounds()
         return facts
-
-
-def action_vectors(actions: Any) -> NDArray[np.float64]:
-    """Actions as the action space has them, as vectors, (…, size)."""
-    if not isinstance(actions, Mapping):
-        return np.asarray(actions, dtype=np.float64)
-    parts = (np.asarray(actions[name], dtype=np.float64) for name in ("joints", "adhesion"))
-    return np.concatenate([*parts], axis=-1)
 
 
 def row_of(observation: Any, i: Any) -> Any:

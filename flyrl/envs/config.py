@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -22,6 +22,7 @@ from flyrl.tasks import (
     Task,
     TaskSettings,
     task_from,
+    task_record,
 )
 from flyrl.tasks.function import ALWAYS, task_function
 from flyrl.terrains import Terrain, terrain_from, terrain_named
@@ -339,3 +340,32 @@ def _check_body(task: Task, body: BodyConfig) -> None:
             f"body must have {task.actions.size} muscles in the task {task.name!r}, got "
             f"{2 * body.joints}"
         )
+
+
+def env_record(env: EnvConfig) -> dict[str, Any]:
+    """Everything about an environment as plain JSON values, keyed like the groups of `configs/`."""
+    scene = env.scene
+    return {
+        "task": {
+            **task_record(env.resolved_task),
+            "decision_interval": env.decision_interval_s,
+        },
+        **{part: plain(asdict(getattr(scene, part))) for part in ("body", "terrain", "physics")},
+        "controller": None if scene.controller is None else plain(asdict(scene.controller)),
+        "randomisation": plain(asdict(env.resolved_randomisation)),
+    }
+
+
+def randomisation_text(record: Any) -> str:
+    """What is randomised, as one would type it, from the "randomisation" of a record."""
+    given = record.items() if isinstance(record, dict) else ()
+    return ", ".join(f"{name}={value}" for name, value in given if value) or "none"
+
+
+def plain(value: Any) -> Any:
+    """`value` with lists in place of tuples, as JSON and YAML know them."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return value

@@ -98,17 +98,6 @@ class BatchedEnv:
         """The compiled scene."""
         return self.batch.scene
 
-    @property
-    def drive(self) -> NDArray[np.float64]:
-        """What the bodies do by command: drives (n, 2) of flies, tensions (n, M) of worms."""
-        actuation: NDArray[np.float64] = self.state.actuation
-        return actuation
-
-    @property
-    def gait_logs(self) -> NDArray[np.void] | None:
-        """Logs of how flies walk, (n,); None where none are kept, and of worms."""
-        return self.batch.gait_logs
-
     def reset(
         self,
         seeds: Sequence[int | None] | None = None,

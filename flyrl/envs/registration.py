@@ -46,7 +46,7 @@ def own_spec(task: Any, has_goals: bool) -> EnvSpec:
     """What Gymnasium makes a task of one's own from, of which it has no id."""
     return EnvSpec(
         id="flyrl/Task-v0",
-        entry_point=f"flyrl.envs.single:{'FlyrlGoalEnv' if has_goals else 'FlyrlEnv'}",
-        vector_entry_point="flyrl.envs.vector:FlyrlVectorEnv",
+        entry_point=f"flyrl.envs.gym:{'FlyrlGoalEnv' if has_goals else 'FlyrlEnv'}",
+        vector_entry_point="flyrl.envs.gym:FlyrlVectorEnv",
         kwargs={"task": task},
     )

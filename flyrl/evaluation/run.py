@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final, NoReturn
 import numpy as np
 import pandas as pd
 
+from flyrl.envs.config import plain
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.record import plain
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig, LazySequence
 from flyrl.evaluation.entrants import Entrant, make_entrants

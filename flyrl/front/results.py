@@ -11,8 +11,7 @@ from typing import Any, Final, TypedDict, Unpack
 
 from flyrl.controllers import Controller
 from flyrl.entry_points import is_entry_point, load_module
-from flyrl.envs.config import UnexpectedArgumentError
-from flyrl.envs.record import env_record, plain
+from flyrl.envs.config import UnexpectedArgumentError, env_record, plain
 from flyrl.evaluation import (
     Entrant,
     EvaluationConfig,

@@ -29,8 +29,8 @@ from flyrl.rollouts import Policy
 from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.simulation.scene import build_scene
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
-from flyrl.tasks.target import draw_target, is_inside
-from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
+from flyrl.tasks.target import draw_target
+from flyrl.tasks.terms import CORRECTION_CAP, EDGE_MARGIN, goal_distance, is_inside
 from flyrl.terrains import FLAT_GROUND, Bounds, Flat
 from flyrl.validation import FloatArray, one_of, random_seed, within
 
@@ -198,7 +198,7 @@ class PlayedFly(Playable):
 
     def point(self, x_w: float, y_w: float) -> None:
         """Move the target, mm; nothing happens beside the terrain, or too close to its edge."""
-        if is_inside(x_w, y_w, self._bounds):
+        if is_inside(x_w, y_w, self._bounds, EDGE_MARGIN):
             self.env.set_goals(np.array([[x_w, y_w]]))
             self._pose()
 

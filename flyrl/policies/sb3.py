@@ -27,8 +27,8 @@ from stable_baselines3.td3.policies import TD3Policy
 from torch import Tensor, nn
 
 from flyrl.entry_points import is_entry_point
+from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record
 from flyrl.policies.bundle import (
     PolicyBundle,
     PolicyFileError,

@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from flyrl.envs.record import randomisation_text
+from flyrl.envs.config import randomisation_text
 from flyrl.evaluation.conditions import Condition, compared_conditions
 from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.episodes import Json, episodes_digest

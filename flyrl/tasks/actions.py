@@ -1,5 +1,6 @@
 """What an action of a task is, and what it commands the body to do."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -192,6 +193,14 @@ class Neurons:
             return given
         last = np.maximum(np.array(self.pools) - 1.0, 1.0)
         return self.low + given / last * (self.high - self.low)
+
+
+def action_vectors(actions: Any) -> Array:
+    """Actions as an action space has them, as vectors, (…, size)."""
+    if not isinstance(actions, Mapping):
+        return np.asarray(actions, dtype=np.float64)
+    parts = (np.asarray(actions[name], dtype=np.float64) for name in ("joints", "adhesion"))
+    return np.concatenate([*parts], axis=-1)
 
 
 def _box(low: Array, high: Array) -> spaces.Box:

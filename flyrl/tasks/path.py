@@ -11,7 +11,6 @@ from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.target import is_inside
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -22,7 +21,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, error, lost_time
+from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, error, is_inside, success_in_time
 from flyrl.terrains import TARGET_MARKER, Terrain
 from flyrl.validation import Within
 
@@ -74,7 +73,7 @@ def sample_episode(
     x, y, _ = episode.spawn_position_w
     for _ in range(MOST_DRAWS):
         path = draw_path((x, y), rng, difficulty, length, radius, smoothness)
-        if is_inside(path[:, 0], path[:, 1], terrain.bounds).all():
+        if is_inside(path[:, 0], path[:, 1], terrain.bounds, EDGE_MARGIN).all():
             break
     else:
         raise ValueError(
@@ -144,12 +143,7 @@ def path(
         reward=(
             RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
             RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
-            RewardTerm(
-                "success", 2.0, followed, "the path was followed to its end"
-            ),
-            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-            # no failure may save the time that it cuts off
-            lost_time(-0.5),
+            *success_in_time(followed, "the path was followed to its end"),
         ),
         terminations=(Termination(SUCCESS, followed), *FAILURES),
         time_limit_s=time_limit,

@@ -21,28 +21,22 @@ from flyrl.tasks.task import (
     Array,
     Mask,
     ObservationTerm,
+    OfGoals,
     RewardTerm,
     Task,
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, decisions_lost, error, lost_time
+from flyrl.tasks.terms import (
+    EDGE_MARGIN,
+    FAILURES,
+    decisions_lost,
+    error,
+    is_inside,
+    success_in_time,
+)
 from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
 from flyrl.validation import Within, ordered
-
-BOUNDS_MARGIN: Final = 1.5
-"""mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
-
-
-def is_inside(x: Any, y: Any, bounds: Bounds) -> Any:
-    """Whether places (...) lie on the terrain, and not too close to its edge."""
-    margin = BOUNDS_MARGIN
-    return (
-        (bounds.x_min + margin <= x)
-        & (x <= bounds.x_max - margin)
-        & (bounds.y_min + margin <= y)
-        & (y <= bounds.y_max - margin)
-    )
 
 
 def sample_episode(
@@ -103,7 +97,7 @@ def draw_target(
         distance, bearing = rng.uniform(*distances), rng.uniform(-widest, widest)
         x = start[0] + distance * np.cos(bearing)
         y = start[1] + distance * np.sin(bearing)
-        if is_inside(x, y, bounds):
+        if is_inside(x, y, bounds, EDGE_MARGIN):
             return float(x), float(y)
     raise ValueError(
         f"task.distance must leave a target room on the terrain, of x from {bounds.x_min:g} to "
@@ -150,10 +144,7 @@ def target(
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
-            RewardTerm("success", 2.0, at_target, "the target is reached"),
-            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-            # no failure may save the time that it cuts off
-            lost_time(-0.5),
+            *success_in_time(at_target, "the target is reached"),
         ),
         terminations=(Termination(SUCCESS, at_target), *FAILURES),
         time_limit_s=time_limit,
@@ -212,7 +203,7 @@ def distances(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike
     return np.asarray(distance(achieved_goal, desired_goal) * (1.0 + np.asarray(lost)))
 
 
-def is_lost(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
+def decisions(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
     """Decisions that are lost, whatever the goals, (...)."""
     return np.asarray(lost, dtype=np.float64)
 
@@ -227,14 +218,14 @@ def at_goal(state: TaskState, reach: float) -> Mask:
     return is_reached(*_goals(state), reach)
 
 
-def away(state: TaskState, reach: float) -> Array:
-    """1 where the goal is not reached, as the goals are observed, (n,)."""
-    return is_away(*_goals(state), 0.0, reach)
+def _now(state: TaskState, of_goals: OfGoals) -> Array:
+    """Reward of the goals as they are observed and of the decisions that are lost, (n,)."""
+    return of_goals(*_goals(state), decisions_lost(state))
 
 
-def goal_distances(state: TaskState) -> Array:
-    """Distance to the goal as observed, mm, for this decision and each that is lost, (n,)."""
-    return distances(*_goals(state), decisions_lost(state))
+def goal_reward(name: str, weight: float, of_goals: OfGoals, description: str) -> RewardTerm:
+    """Row of the reward table of a task with goals."""
+    return RewardTerm(name, weight, partial(_now, of_goals=of_goals), description, of_goals)
 
 
 def compute_reward(
@@ -318,18 +309,15 @@ def target_goal(task: Task) -> Task:
         ),
         is_flat=False,
         reward=(
-            RewardTerm(
-                "away", -1.0, partial(away, reach=reach), "1 where the target is not reached",
-                partial(is_away, reach=reach),
+            goal_reward(
+                "away", -1.0, partial(is_away, reach=reach), "1 where the target is not reached"
             ),
-            RewardTerm(
-                "distance", 0.0, goal_distances,
-                "mm to the target, for this decision and each that a failure cuts off", distances,
+            goal_reward(
+                "distance", 0.0, distances,
+                "mm to the target, for this decision and each that a failure cuts off",
             ),
             # no failure may save the decisions that it cuts off
-            RewardTerm(
-                "lost_time", -1.0, decisions_lost, "decisions left when the fly fails", is_lost
-            ),
+            goal_reward("lost_time", -1.0, decisions, "decisions left when the fly fails"),
         ),
         terminations=(Termination(SUCCESS, partial(at_goal, reach=reach)), *FAILURES),
         is_reached=partial(is_reached, reach=reach),

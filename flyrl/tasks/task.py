@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Compute = Callable[[Any], Array]
 """From a `TaskState` to values (n, …)."""
+OfGoals = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
+"""From achieved and desired goals, and the decisions that a failure cut off, to rewards."""
 
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
@@ -166,7 +168,7 @@ class RewardTerm:
     weight: float
     compute: Callable[[Any], Array | Mask]
     description: str
-    of_goals: Callable[[ArrayLike, ArrayLike, ArrayLike], Array] | None = None
+    of_goals: OfGoals | None = None
 
     def __post_init__(self) -> None:
         number(f"weight of {self.name!r}", self.weight)

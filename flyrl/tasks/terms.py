@@ -4,7 +4,8 @@ The first axis of every result is the simulation. What ends in `_b` is in the fl
 x forward along the heading's horizontal direction, y to the left.
 """
 
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
+from flyrl.terrains import Bounds
 
 FALL_TILT = np.deg2rad(75.0)
 """rad; a thorax tilted further than this from level has fallen over."""
@@ -35,6 +37,9 @@ STRIDE_S = 1 / 12
 
 PATH_SPACING = 0.5
 """mm between two points of a path."""
+
+EDGE_MARGIN: Final = 1.5
+"""mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
 
 Pair = tuple[float, float]
 
@@ -50,6 +55,22 @@ def to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
     vector_b[:, 0] = cos * x + sin * y
     vector_b[:, 1] = cos * y - sin * x
     return vector_b
+
+
+def direction_b(state: TaskState, place_w: Array) -> Array:
+    """Unit vector to a place (n, 2), mm: (cos, sin) of its bearing, left positive, (n, 2)."""
+    offset_b = to_yaw_frame(place_w - state.fly.position_w[:, :2], state.fly.yaw)
+    return np.asarray(offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9))
+
+
+def is_inside(x: Any, y: Any, bounds: Bounds, margin: float = 0.0) -> Any:
+    """Whether places (...) lie on the terrain, at least `margin`, mm, from its edge, (...)."""
+    return (
+        (bounds.x_min + margin <= x)
+        & (x <= bounds.x_max - margin)
+        & (bounds.y_min + margin <= y)
+        & (y <= bounds.y_max - margin)
+    )
 
 
 def goal_distance(position_w: Array, goal: Array) -> Array:
@@ -113,10 +134,7 @@ def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[n
 
 def target_direction_b(state: TaskState) -> Array:
     """Unit vector to the target: (cos, sin) of its bearing, left positive, (n, 2)."""
-    offset_w = state.goal - state.fly.position_w[:, :2]
-    offset_b = to_yaw_frame(offset_w, state.fly.yaw)
-    length = np.linalg.norm(offset_b, axis=1, keepdims=True)
-    return np.asarray(offset_b / np.maximum(length, 1e-9))
+    return direction_b(state, state.goal)
 
 
 def target_distance(state: TaskState) -> Array:
@@ -141,12 +159,10 @@ def finish_distance(state: TaskState, finish_line: float) -> Array:
 
 def path_direction_b(state: TaskState, look_ahead: float) -> Array:
     """Unit vector to the path's point that is `look_ahead`, mm, beyond the nearest one, (n, 2)."""
-    position_w = state.fly.position_w
-    _, nearest = path_position(state, position_w)
+    _, nearest = path_position(state, state.fly.position_w)
     path = state.command.reshape(len(nearest), -1, 2)
     ahead = np.minimum(nearest + round(look_ahead / PATH_SPACING), path.shape[1] - 1)
-    offset_b = to_yaw_frame(path[np.arange(len(nearest)), ahead] - position_w[:, :2], state.fly.yaw)
-    return np.asarray(offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9))
+    return direction_b(state, path[np.arange(len(nearest)), ahead])
 
 
 def path_distance(state: TaskState) -> Array:
@@ -350,11 +366,7 @@ def has_fallen(state: TaskState) -> Mask:
 def has_left(state: TaskState) -> Mask:
     """Whether the thorax is outside the terrain or below it, (n,)."""
     x, y, z = state.fly.position_w.T
-    bounds = state.bounds
-    is_inside = (
-        (x >= bounds.x_min) & (x <= bounds.x_max) & (y >= bounds.y_min) & (y <= bounds.y_max)
-    )
-    return np.asarray(~is_inside | (z < bounds.z_min))
+    return np.asarray(~is_inside(x, y, state.bounds) | (z < state.bounds.z_min))
 
 
 # --- failures, the rows that every table shares ---------------------------------------------
@@ -391,3 +403,15 @@ def failure_info(state: TaskState) -> dict[str, Array | Mask]:
 def lost_time(weight: float) -> RewardTerm:
     """Row of a reward table: a failure costs what the time that it cuts off could have cost."""
     return RewardTerm("lost_time", weight, time_lost, "s left when the fly fails")
+
+
+def success_in_time(holds: Callable[[Any], Mask], description: str) -> tuple[RewardTerm, ...]:
+    """Rows of a reward table: a bonus for success, and a cost of time, of which no failure saves.
+
+    `holds` says where the task is solved, (n,).
+    """
+    return (
+        RewardTerm("success", 2.0, holds, description),
+        RewardTerm("time", -0.5, elapsed, "s gone by"),
+        lost_time(-0.5),
+    )

@@ -9,7 +9,7 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
-from flyrl.tasks.terms import FAILURES, error, lost_time
+from flyrl.tasks.terms import FAILURES, error, success_in_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within
 
@@ -63,12 +63,7 @@ def traverse(
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
-            RewardTerm(
-                "success", 2.0, crossed, "the ground is crossed"
-            ),
-            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-            # no failure may save the time that it cuts off
-            lost_time(-0.5),
+            *success_in_time(crossed, "the ground is crossed"),
         ),
         terminations=(Termination(SUCCESS, crossed), *FAILURES),
         time_limit_s=time_limit,

@@ -14,8 +14,8 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 
+from flyrl.envs.config import env_record
 from flyrl.envs.core import BatchedEnv
-from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.files import replacing, write_text
 from flyrl.policies import LearnedPolicy, observation_layout

@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
-from flyrl.envs.config import UnexpectedArgumentError, config_for
+from flyrl.envs.config import UnexpectedArgumentError, config_for, env_record, plain
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record, plain
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, tuned_name
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS

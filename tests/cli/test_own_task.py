@@ -9,7 +9,7 @@ import yaml
 
 from flyrl.cli.config import env_config, training_config
 from flyrl.cli.tune import compose_training
-from flyrl.envs.record import env_record
+from flyrl.envs.config import env_record
 from flyrl.policies import load_bundle, load_policy, save_bundle
 from flyrl.policies.bundle import PolicyFileError
 from flyrl.policies.sb3 import export_sb3

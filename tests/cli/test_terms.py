@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flyrl.cli.config import evaluation_config, evaluation_settings, training_config
+from flyrl.envs.config import env_record
 from flyrl.envs.core import BatchedEnv
-from flyrl.envs.record import env_record
 from flyrl.tasks import load_terms
 from flyrl.training.config import training_record
 from flyrl.training.run_folder import create_folder, note_resumption

@@ -10,9 +10,8 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import ClosedEnvironmentError
 
 from flyrl.envs.core import EnvConfig
+from flyrl.envs.gym import FlyrlEnv, FlyrlVectorEnv
 from flyrl.envs.sb3 import FlyrlVecEnv
-from flyrl.envs.single import FlyrlEnv
-from flyrl.envs.vector import FlyrlVectorEnv
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.simulation.randomisation import RANDOMISATIONS
 

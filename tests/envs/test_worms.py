@@ -129,7 +129,7 @@ def test_what_flies_alone_have_is_refused_by_name():
         _ = env.config.fly_scene
     with pytest.raises(TypeError, match="the bodies of the task 'worm_crawl' are no flies"):
         _ = env.flies
-    assert env.gait_logs is None
+    assert env.batch.gait_logs is None
     assert env.config.creature == "worm"
 
 

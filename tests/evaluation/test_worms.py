@@ -7,9 +7,8 @@ import pytest
 from pandas.testing import assert_frame_equal
 
 from flyrl.bodies.worm import CRAWLER
-from flyrl.envs.config import EnvConfig
+from flyrl.envs.config import EnvConfig, env_record
 from flyrl.envs.core import BatchedEnv
-from flyrl.envs.record import env_record
 from flyrl.evaluation import (
     EvaluationConfig,
     evaluate,

@@ -17,8 +17,8 @@ from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
 from flyrl.bodies.worm import CRAWLER
+from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import (
     LearnedPolicy,

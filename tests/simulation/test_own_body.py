@@ -29,7 +29,7 @@ def test_it_moves_as_it_is_pushed_and_is_rewarded():
     env.reset(seeds=[0, 1])
     np.testing.assert_allclose(env.state.position_w[:, 0], [0.0, 0.1])
     transition = env.step(np.array([[1.0, 0.0], [-1.0, 0.0]]))
-    np.testing.assert_array_equal(env.drive, [[5.0, 0.0], [-5.0, 0.0]])
+    np.testing.assert_array_equal(env.state.actuation, [[5.0, 0.0], [-5.0, 0.0]])
     assert transition.reward[0] > 0.0 > transition.reward[1]
 
 

@@ -4,8 +4,8 @@ from dataclasses import fields, replace
 
 import pytest
 
+from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Termination, extended
 from flyrl.training.algorithms import ALGORITHMS, ON_POLICY, AlgorithmConfig
 from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig, training_record

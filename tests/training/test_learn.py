@@ -7,8 +7,8 @@ import pytest
 from pandas.testing import assert_frame_equal
 from stable_baselines3 import PPO, SAC
 
+from flyrl.envs.config import env_record, plain
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.record import env_record, plain
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import load_policy, observation_layout
