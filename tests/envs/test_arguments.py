@@ -22,21 +22,13 @@ WORM = {"task": "worm_crawl"}
     ("settings", "message"),
     [
         ({"terrain": 5}, "terrain must be a Terrain or the name of one, got 5"),
-        ({"terrain": None}, "terrain must be a Terrain or the name of one, got None"),
-        ({"terrain": {}}, "terrain.name must be text, got None"),
         ({"terrain": {"name": "gapped", "gap_rang": (0, 1)}}, "no 'gap_rang'; did you mean"),
         ({"terrain": "gaped"}, "terrain must be one of .* did you mean 'gapped'"),
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
         ({"body": "worm"}, "body must be one of .*'worm_crawler'.*'worm'"),
-        ({"body": ""}, "body must be one of .*, got ''"),
         ({"body": "classic", "controller": Hybrid("untethered")}, "tethered"),
         ({"body": "worm_crawler"}, r"body must be a fly .* \(current, .*, tethered\), got Worm"),
-        ({"physics": 5}, "physics must be a PhysicsConfig or one of .* got 5"),
-        ({"physics": "balancd"}, "physics must be one of .* did you mean 'balanced'"),
         ({"physics": "worm"}, "physics must be one of .*, got 'worm'"),
-        ({"physics": ""}, "physics must be one of .*, got ''"),
-        ({"randomisation": 5}, "randomisation must be a RandomisationConfig or one of .* got 5"),
-        ({"randomisation": "defualt"}, "randomisation must be one of .* did you mean 'default'"),
         (
             {
                 "task": replace(TARGET, observation=SENSELESS),
@@ -44,12 +36,8 @@ WORM = {"task": "worm_crawl"}
             },
             r"sensor_noise is 0\.2; it must be 0 in the task 'target'",
         ),
-        ({"controller": 5}, "controller must be a Controller or the name of one, got 5"),
-        ({"controller": "cpq"}, "controller must be one of .* did you mean 'cpg'"),
         ({"task": "joints", "controller": "cpg"}, "controller must be 'joints' .* got 'cpg'"),
         ({"task": 5}, "task must be a Task, a task function or the name of one, got 5"),
-        ({"task": "targt"}, "task must be one of .* did you mean 'target'"),
-        ({"decision_interval": "2"}, "decision_interval must be a finite number .* got '2'"),
         ({"decision_interval": 1e308}, "decision_interval must lie within 0 and 10.0"),
         ({"decision_interval": 0.0203}, "must be a positive multiple of the physics time step"),
         ({"task": replace(TARGET, time_limit_s=0.005)}, "at least one decision, 0.02 s"),
@@ -82,18 +70,14 @@ def test_settings_that_do_not_fit_are_refused(settings, message):
     ("arguments", "message"),
     [
         ({"terain": "flat"}, "unexpected keyword argument 'terain'; did you mean 'terrain'"),
-        ({"render_mod": "rgb_array"}, "argument 'render_mod'; did you mean 'render_mode'"),
         ({"distnce": (3, 30)}, "unexpected keyword argument 'distnce'; did you mean 'distance'"),
         ({"distance": (30, 3)}, r"task\.distance must be \(least, greatest\), got \(30"),
-        ({"distance": 5}, r"task\.distance must be a tuple, got 5"),
         ({"reach": 6}, r"task\.reach must be below the least task\.distance, 5\.0, got 6\.0"),
         ({"without": ["tlit"]}, r"task\.without must be one of .* did you mean 'tilt'"),
         ({"camera": "topp"}, "camera must be one of .* did you mean 'top'"),
-        ({"overlay": ["forcs"]}, "overlay must be one of .* did you mean 'forces'"),
         ({"overlay": ["clock"]}, "overlay must be one of 'target', 'leg_colours', 'trace'"),
         ({"overlay": "forces"}, "overlay must be an Overlay, or a list of target"),
         ({"width": 0}, "width must be a whole number from 1 to 4096"),
-        ({"camra": "top"}, "did you mean 'camera'"),
     ],
 )
 def test_a_keyword_that_is_not_allowed_is_named(arguments, message):
@@ -107,12 +91,8 @@ def test_a_keyword_that_is_not_allowed_is_named(arguments, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        *(
-            ({"num_envs": number}, "num_envs must be a whole number from 1 to 100000, got")
-            for number in (1.5, "2", True, 0, 10**9)
-        ),
+        ({"num_envs": 0}, "num_envs must be a whole number from 1 to 100000, got"),
         ({"num_threads": 100_000}, "num_threads must be a whole number from 0 to 1024"),
-        ({"num_thread": 1}, "argument 'num_thread'; did you mean 'num_threads'"),
         ({"render_mode": "human"}, "render_mode is 'human'; it must be None or 'rgb_array'"),
         ({"max_episode_steps": 0}, "max_episode_steps must be a whole number from 1"),
     ],
@@ -133,7 +113,7 @@ def envs():
     }
 
 
-@pytest.mark.parametrize("seed", ["abc", 1.5, True, -1, 2**32])
+@pytest.mark.parametrize("seed", [1.5, -1, 2**32])
 def test_a_seed_that_is_not_allowed_is_named(envs, seed):
     many = gymnasium.make_vec("flyrl/Target-v0", num_envs=3, num_threads=1)
     for env in (envs["target"].unwrapped, many):
@@ -150,34 +130,18 @@ def test_a_seed_that_is_not_allowed_is_named(envs, seed):
         ("target", {"init_phases": [0, 1]}, "6 finite numbers"),
         ("target", {"init_magnitudes": [-1] * 6}, r"init_magnitudes\[0\] must be .* to 100, got"),
         ("target", {"spawn_yaw": float("nan")}, "spawn_yaw must be a finite number .*, got nan"),
-        ("target", {"spawn_yaw": "north"}, "spawn_yaw must be a finite number .*, got 'north'"),
         ("target", {"spawn_position": [0, 0, -1]}, "spawn_position must lie on the ground"),
-        ("target", {"spawn_position": [500, 0, 1]}, "must lie on .* with x from "),
         ("target", {"goal": [1e308, 0]}, r"goal\[0\] must be .*, got 1e\+308"),
         ("target", {"goall": [1, 0]}, "has no 'goall'; did you mean 'goal'"),
-        ("target", {"goal": [1, 2, 3]}, "'goal' must be 2 finite numbers"),
-        ("target", {"command": [1]}, "'command' must be 0 finite numbers"),
-        ("target", {"phases": [0] * 6}, "init_phases"),
         ("target", {"episode": 3}, "'episode' must be an Episode; got 3"),
-        *(
-            ("target", {"ground": ground}, "ground must be a whole number from 0")
-            for ground in (-1, 1.5, True, "rough", 2**63)
-        ),
+        ("target", {"ground": -1}, "ground must be a whole number from 0"),
         ("target", {"randomisation": {"frictoin": 1.0}}, "did you mean 'friction'"),
         ("target", {"randomisation": {"mass": 0.0}}, r"mass must be .* from 0\.01 to 100, got 0"),
         ("target", {"randomisation": 0.5}, "'randomisation' must be a dict of numbers by name"),
-        (
-            "target",
-            {"randomisation": {"drive_latency": 0.03}},
-            r"drive_latency is 0\.03 s; .* at most 0\.02 s",
-        ),
-        ("velocity", {"command": [10, np.inf] * 4}, "'command' must be 8 finite numbers"),
         ("velocity", {"ground": 3}, r"ground of the episode is 3; .*terrain\.random is false"),
         ("worm_hang", {"init_phases": [1] * 6}, "init_phases of an episode of a worm must be"),
-        ("worm_hang", {"pushes": [1.0, 5.0]}, "'pushes' must be 0 finite numbers"),
         ("worm_hang", {"ground": 3}, "ground of an episode of a worm must be None, got 3"),
         ("worm_hang", {"randomisation": {"mass": 2.0}}, "of a worm must be of its senses alone"),
-        ("worm_hang", {"joint_angles": [0.1]}, "'joint_angles' must be 4 finite numbers"),
         ("worm_hang", {"spawn_position": [1.0, 0, 0]}, "spawn_position of a hanging worm must be"),
         ("worm_hang", {"spawn_yaw": 0.5}, "spawn_yaw of a hanging worm must be 0, got 0.5"),
     ],

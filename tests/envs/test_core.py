@@ -20,8 +20,6 @@ from flyrl.tasks import (
     ObservationTerm,
     RewardTerm,
     Task,
-    Termination,
-    extended,
 )
 from flyrl.tasks.target import compute_reward, compute_terminated
 from flyrl.terrains import LITERATURE
@@ -101,9 +99,14 @@ def test_a_restored_environment_goes_on_with_the_same_bits(name: str) -> None:
 FLY_TASKS = [name for name, task in TASKS.items() if not task.worm]
 
 
-@pytest.mark.parametrize("terrain", LITERATURE)
-@pytest.mark.parametrize("task", FLY_TASKS)
-def test_every_task_runs_on_every_terrain_with_finite_numbers(task: str, terrain: str) -> None:
+@pytest.mark.parametrize(
+    ("task", "terrain"),
+    [
+        *((task, "mixed") for task in FLY_TASKS),
+        *(("target", terrain) for terrain in LITERATURE if terrain != "mixed"),
+    ],
+)
+def test_every_task_and_every_terrain_give_finite_numbers(task: str, terrain: str) -> None:
     env = BatchedEnv(EnvConfig(task=task, terrain=terrain, physics=FAST, decision_interval=0.02), 3)
     env.reset(seeds=[0, 1, 2])
     rng = np.random.default_rng(0)
@@ -117,16 +120,6 @@ def test_every_task_runs_on_every_terrain_with_finite_numbers(task: str, terrain
         assert all(np.isfinite(array).all() for array in arrays)
         assert np.isfinite(transition.reward).all()
         assert "unstable" not in transition.outcome
-
-
-def test_the_drive_steers() -> None:
-    """A strong left drive turns right, as compared with none."""
-    env = BatchedEnv(EnvConfig(task="hybrid_turning", physics=FAST, decision_interval=0.02), 2)
-    env.reset(seeds=[4, 4])
-    for _ in range(25):
-        env.step(np.array([[1.2, 0.2], [0.0, 0.0]]))
-    turning, still = np.rad2deg(env.state.yaw)
-    assert turning < still - 45
 
 
 def walk_to(goal: tuple[float, float]) -> Episode:
@@ -246,21 +239,10 @@ def test_a_term_of_the_wrong_shape_is_refused_before_the_first_step(
         env.reset(seeds=[0, 1, 2])
 
 
-def test_a_termination_of_a_users_own_gives_its_whole_name() -> None:
-    late = Termination("walked_for_long_enough", lambda state: state.fly.time > 0.03)
-    env = BatchedEnv(EnvConfig(task=target_with(terminations=(late,)), physics=FAST), 1)
-    env.reset(seeds=[0])
-    assert env.step(np.zeros((1, 2))).outcome.tolist() == ["running"]
-    last = env.step(np.zeros((1, 2)))
-    assert last.outcome.tolist() == ["walked_for_long_enough"]
-    assert last.terminated.tolist() == [True]
-    assert last.is_success.tolist() == [False]
-
-
 def test_commands_can_be_followed_and_standing_still_does_not_follow_them() -> None:
-    env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 8)
+    env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 5)
     follow = OpenLoop(env.task.slices()["command"], env.task.actions.of)
-    observation = env.reset(seeds=[0, 1, 2, 3, 0, 1, 2, 3])
+    observation = env.reset(seeds=[0, 1, 2, 3, 0])
     assert isinstance(observation, np.ndarray)
     for _ in range(200):
         action = follow.predict(observation)[0]
@@ -342,6 +324,7 @@ def test_a_failure_ends_and_saves_nothing_in_a_task_with_goals(interval: float) 
     assert transition.outcome.tolist() == ["fall", "unstable", "left_arena", "running"]
     assert transition.terminated.tolist() == [True, True, True, False]
     assert not transition.truncated.any()
+    check_goals(env, transition)
     # as many as without the failure, but for the first
     decisions = round(3.0 / interval)
     assert transition.reward.tolist() == 3 * [-(decisions - 1)] + [-1]
@@ -354,6 +337,7 @@ def test_reaching_a_goal_in_a_failure_saves_nothing_either() -> None:
     env = BatchedEnv(EnvConfig("target_goal", physics=FAST), 4)
     env.reset(episodes=4 * [walk_to((0.0, 0.0))])
     transition = fail(env)
+    check_goals(env, transition)
     assert transition.outcome.tolist() == ["success", "unstable", "left_arena", "success"]
     assert transition.reward.tolist() == [-149, -149, -150, 0]
     assert transition.terminated.all()
@@ -368,14 +352,6 @@ def test_a_failure_at_the_time_limit_terminates() -> None:
     assert transition.truncated.tolist() == [False, False, False, True]
     assert transition.reward.tolist() == 4 * [-1]
     check_goals(env, transition)
-
-
-@pytest.mark.parametrize("is_reached", [False, True])
-def test_what_fails_is_rewarded_as_its_goals_and_info_tell(is_reached: bool) -> None:
-    task = extended(TASKS["target_goal"](), {}, {"distance": -0.1})
-    env = BatchedEnv(EnvConfig(task, physics=FAST), 4)
-    env.reset(episodes=4 * [walk_to((0.0, 0.0) if is_reached else (8.0, 3.0))])
-    check_goals(env, fail(env))
 
 
 def test_episodes_are_drawn_at_the_difficulty_of_the_batch() -> None:

@@ -42,13 +42,11 @@ def test_a_dict_and_a_vector_do_the_same() -> None:
     np.testing.assert_array_equal(one.adhesion[0], adhesion)
 
 
+TERRAINS = (*LITERATURE, "hills", "slope")
+# every pair of two of them; where it tips over (docs/terrains.md) is none of these
 GROUNDS = [
-    (body, physics, terrain)
-    for body, physics, terrain in itertools.product(
-        FLIES, FLY_PRESETS, (*LITERATURE, "hills", "slope")
-    )
-    # there it tips over, see docs/terrains.md
-    if (body, physics, terrain) != ("classic", "reference", "hills")
+    (body, FLY_PRESETS[(i + j) % len(FLY_PRESETS)], terrain)
+    for (i, body), (j, terrain) in itertools.product(enumerate(FLIES), enumerate(TERRAINS))
 ]
 
 

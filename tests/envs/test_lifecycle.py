@@ -49,8 +49,11 @@ def test_an_environment_made_from_the_spec_is_truncated_at_the_same_step():
     [
         {"randomisation": RANDOMISATIONS["default"], "physics": PHYSICS_PRESETS["fast"]},
         {"body": EnvConfig(body="fly_muscles").scene.body, "decision_interval": 0.1},
-        {"terrain": EnvConfig(terrain="mixed").scene.terrain, "controller": "cpg"},
-        {"controller": EnvConfig(controller="rule_based").scene.controller, "log_gait": True},
+        {
+            "terrain": EnvConfig(terrain="mixed").scene.terrain,
+            "controller": EnvConfig(controller="rule_based").scene.controller,
+            "log_gait": True,
+        },
         {"task": "worm_hang", "body": EnvConfig("worm_hang").scene.body},
     ],
 )

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.task_batch import SensorNoise
 from flyrl.simulation.randomisation import RandomisationConfig
 
 NOISY = RandomisationConfig(sensor_noise=0.2)
@@ -65,11 +64,3 @@ def test_noisy_values_keep_to_their_bounds() -> None:
     assert np.abs(observation).max() <= 5.0
     assert np.abs(tilt).max() <= 1.0
     assert np.abs(observation[3:8]).max() == 5.0
-
-
-def test_without_noise_no_generator_is_made() -> None:
-    config = EnvConfig()
-    noise = SensorNoise(config.resolved_task.observation, 1)
-    noise.start(np.array([0]), [config.sample_episode(0)])
-    assert not noise.is_on
-    assert noise.snapshot()["generators"] == [None]

@@ -1,10 +1,7 @@
-import dataclasses
-
 import pytest
 
 from flyrl.evaluation import EvaluationConfig
 from flyrl.evaluation.config import FIRST_SEED, MAX_EPISODES, MAX_SEED
-from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS, Blocks, Flat
 
 
@@ -44,27 +41,15 @@ def test_terrains_by_name_and_by_config():
         ({"policies": (), "controllers": ()}, "policies or controllers"),
         ({"terrains": ()}, "terrains"),
         ({"terrains": ("flat", Flat(seed=1))}, "terrains must not hold 'flat' twice"),
-        ({"terrains": ("lava",)}, "lava"),
-        ({"episodes": 0}, "episodes"),
         ({"episodes": MAX_EPISODES + 1}, "episodes"),
-        ({"seed": -1}, "seed"),
         ({"seed": MAX_SEED + 1}, "seed"),
         ({"episodes": 3, "film": (0, 3)}, r"film\[1\].* 2"),
         ({"film": (4, 4)}, "film must"),
-        ({"num_envs": 0}, "num_envs"),
         ({"num_envs": 10**9}, "num_envs"),
         ({"num_threads": 10**9}, "num_threads"),
-        ({"num_threads": -1}, "num_threads"),
-        ({"task": "targt"}, "target"),
         ({"task": "hybrid_turning"}, "time_limit must be a time in 'hybrid_turning'"),
-        ({"task": dataclasses.replace(TASKS["target"](), time_limit_s=None)}, "time_limit"),
-        ({"physics": "balancd"}, "balanced"),
-        ({"episodes": 2.5}, "episodes must be a whole number"),
-        ({"controllers": "hybrid"}, "controllers must be a tuple"),
         ({"policies": (5,)}, r"policies\[0\] must be text"),
         ({"terrains": (5,)}, r"terrains\[0\] must be text or a Terrain"),
-        ({"film": (0.5,)}, r"film\[0\] must be a whole number"),
-        ({"trust_pickles": "no"}, "trust_pickles must be True or False"),
         ({"vary": ["push"]}, "vary must be a Mapping"),
     ],
 )

@@ -113,17 +113,6 @@ def test_a_failure_is_scored_over_the_full_horizon(outcome, duration_s, speed, t
     assert metrics["time_to_goal_s"] == time_to_goal
 
 
-def test_falling_early_never_raises_the_speed():
-    # The same walk at 10 mm/s, cut short by a fall at every possible sample.
-    path = np.column_stack([np.linspace(0, 30, 151), np.zeros(151)])
-    walked = episode_metrics(make_record(path))["speed_mm_s"]
-    fallen = [
-        episode_metrics(make_record(path[:end], outcome="fall"))["speed_mm_s"]
-        for end in range(2, 151)
-    ]
-    assert max(fallen) < walked
-
-
 def test_distance_and_progress_to_a_goal():
     path = [(0, 0), (7, 4)]
     metrics = episode_metrics(make_record(path, goal=(10, 0)))

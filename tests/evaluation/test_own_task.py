@@ -9,8 +9,6 @@ from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_res
 from flyrl.evaluation.metrics import (
     METRICS,
     check_metrics,
-    compared_metrics,
-    decisive_metrics,
 )
 from flyrl.evaluation.summary import find_leaders
 from flyrl.report import write_report
@@ -82,14 +80,6 @@ def test_results_and_report_hold_it(results, tmp_path):
     assert "way_off_mm_mean" in (tmp_path / "tables" / "summary.csv").read_text()
 
 
-def test_a_task_says_by_what_it_is_compared():
-    assert decisive_metrics("traverse") == ("advance_mm",)
-    expected = ("success", "time_to_goal_s", "advance_mm", "speed_mm_s", "return")
-    assert compared_metrics(TASKS["traverse"]()) == expected
-    # of a task that is not at hand: as most tasks
-    assert decisive_metrics("my_lab:forage") == ("success", "time_to_goal_s")
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -100,11 +90,6 @@ def test_a_task_says_by_what_it_is_compared():
 def test_metrics_that_do_not_fit_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         check_metrics(dataclasses.replace(crawl_back(), **changes))
-
-
-def test_a_smallest_effect_of_its_own_error_can_be_set():
-    config = EvaluationConfig(task=crawl_back, smallest_effects={"way_off_mm": 2.0})
-    assert config.smallest_effects == {"way_off_mm": 2.0}
 
 
 @pytest.mark.parametrize("name", ["way off", "", "1st", 5])

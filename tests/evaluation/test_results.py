@@ -141,7 +141,6 @@ def test_no_file(folder, name):
     [
         ("[]", "a list; expected an object"),
         ('{"schema": "flyrl.results/3"}', r"schema: 'flyrl\.results/3'; this version reads .*/4"),
-        ('{"schema"', "Expecting"),
         ("[" * 100_000, "recursion"),
     ],
 )
@@ -157,7 +156,6 @@ def test_what_is_no_file_of_results(tmp_path, text, message):
         (lambda c: c.pop("summary"), r"results\.summary: missing"),
         (lambda c: c.update(drawn=[]), r"results\.drawn: \[\]; expected dict"),
         (lambda c: c["protocol"].pop("seed"), r"protocol\.seed: missing"),
-        (lambda c: c["protocol"].update(seed="1"), r"protocol\.seed: '1'; expected int"),
         (lambda c: c["protocol"].update(seed=True), r"protocol\.seed: True; expected int"),
         (lambda c: c["summary"][1].pop("paired"), r"summary\[1\]\.paired: missing"),
         (
@@ -180,7 +178,6 @@ def test_what_breaks_the_schema_is_named(folder, change, message):
         ("return", "retrun", "column 'return' is missing"),
         (",drive_variation", ",drive_variation,way off", "a metric must be a word"),
         ("cpg,target,flat", "cpg,target,\u202etalf", r"terrain: '.u202etalf'; expected printable"),
-        ("cpg,target,flat,0,", "cpg,target,flat,zero,", "zero"),
         ("cpg,target,flat,0,", "cpg,target,flat,9999999999999999999,", ""),
         (",False,", ",no,", "success must be"),
         (",False,,", ",False,,inf,", ""),

@@ -1,6 +1,6 @@
 import pytest
 
-from flyrl.evaluation.studies import EQUAL_WITHIN, STUDIES, Claim, Figures, Study, judge
+from flyrl.evaluation.studies import EQUAL_WITHIN, Claim, Study, judge
 
 FURTHER = Claim("hybrid", "cpg", "mixed")
 AS_FAR = Claim("hybrid", "cpg", "mixed", is_equal=True)
@@ -54,15 +54,3 @@ def test_without_the_terrain_a_claim_is_not_tested():
 
 def test_a_fly_that_was_changed_says_nothing():
     assert verdict(FURTHER, summary(1.0, 2.0, condition="friction=0.5")) == "not tested"
-
-
-def test_claims_name_who_and_where():
-    assert FURTHER.text == "hybrid walks further than cpg on mixed"
-    assert AS_FAR.text == "hybrid walks as far as cpg on mixed"
-
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_studies_have_sources(name):
-    study = STUDIES[name]
-    assert "doi" in study.source
-    assert all(isinstance(figures, Figures) and figures.source for figures in study.figures)

@@ -109,21 +109,6 @@ def test_the_quicker_one_is_the_better_one():
     assert time["improvement"]["value"] == 0
 
 
-def test_p_values_are_corrected_over_all_terrains_and_controllers():
-    given = [
-        row
-        for terrain in ("flat", "gapped")
-        for name, gain in (("cpg", 0), ("hybrid", 1), ("rule_based", 0.1))
-        for row in rows([1 + gain, 2, 3 + gain, 4 - gain, 5, 6 + gain], name, terrain)
-    ]
-    summary = summary_of(given)
-    family = [row["paired"]["differences"]["speed_mm_s"] for row in summary if row["paired"]]
-    assert len(family) == 4
-    # all four alike in signs: 16 sets of 4 signs, of which 2 + 8 have a mean as far from 0
-    assert {entry["p_value"] for entry in family} == {family[0]["p_value"]}
-    assert all(entry["p_adjusted"] == entry["p_value"] for entry in family)
-
-
 def test_an_interaction_is_the_difference_of_differences():
     """Episode by episode, in mm along +x: (own changed - own usual) - (the same of the other)."""
     ways = {

@@ -189,11 +189,6 @@ def test_groups_of_the_same_name_are_told_apart():
     assert labels == ["learned with ppo on flat (a)", "learned with ppo on flat (b)", "other"]
 
 
-def test_where_it_was_trained_makes_another_group():
-    entrants = [member("a", 0), member("b", 1, terrain=BLOCKS)]
-    assert len(seed_groups(entrants, summary(RATES))) == 2
-
-
 def test_fixed_controllers_and_policies_of_unknown_training_stand_alone():
     unknown = [{**member(name, 0), "training": {"algo": "ppo"}} for name in "ab"]
     fixed = {"name": "c", "kind": "fixed", "policy": "constant drive (1, 1)"}

@@ -40,10 +40,8 @@ def my_lab(monkeypatch):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"distnce": (3, 30)}, "task has no 'distnce'; did you mean 'distance'"),
         ({"distance": (-1, 30)}, r"task\.distance\[0\] must be .* from 0 to 1000, got -1"),
         ({"distance": (3, 30, 40)}, r"task\.distance must be a tuple of 2, got \(3, 30, 40\)"),
-        ({"distance": (30, 3)}, r"task\.distance must be \(least, greatest\), got \(30\.0, 3\.0\)"),
         ({"reach": "far"}, r"task\.reach must be a finite number .* got 'far'"),
         ({"time_limit": 0}, r"task\.time_limit must be .* got 0"),
     ],
@@ -72,6 +70,7 @@ def test_the_record_of_a_task_gives_it_back(name):
     task = TASKS[name](time_limit=7)
     assert task.time_limit_s == 7.0
     assert pickle.loads(pickle.dumps(TASKS[name])) is TASKS[name]
+    assert pickle.loads(pickle.dumps(task)).parameters == task.parameters
     for each in (usual, task):
         assert task_from(task_record(each)) == each
 

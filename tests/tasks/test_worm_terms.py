@@ -6,7 +6,7 @@ import numpy as np
 
 from flyrl.simulation.worms import WormState
 from flyrl.tasks import worm as terms
-from flyrl.tasks.terms import compass, velocity_b
+from flyrl.tasks.terms import compass
 from tests.tasks.test_terms import task_state
 
 
@@ -30,15 +30,6 @@ def worm_state(n: int = 1, joints: int = 2, **changes: object) -> WormState:
 def test_the_heading_is_a_cosine_and_a_sine() -> None:
     state = task_state(worm_state(2, yaw=[np.pi / 6, -np.pi / 2]))
     np.testing.assert_allclose(compass(state), [[np.sqrt(0.75), 0.5], [0.0, -1.0]], atol=1e-12)
-
-
-def test_the_velocity_is_seen_along_the_heading() -> None:
-    """A worm that heads along +y and moves along +x moves to its right."""
-    velocity = [[10.0, 0.0, 3.0], [0.0, 10.0, 3.0], [4.0, -6.0, 0.0]]
-    state = task_state(worm_state(3, yaw=[np.pi / 2, np.pi / 2, 0.0], velocity_w=velocity))
-    np.testing.assert_allclose(
-        velocity_b(state), [[0.0, -0.5], [0.5, 0.0], [0.2, -0.3]], atol=1e-12
-    )
 
 
 def test_the_bend_error_is_the_sum_of_the_angles_less_the_command() -> None:
