@@ -180,10 +180,14 @@ class Condition:
         return self._quantity.episode(episode, self.value) if self.name else episode
 
 
+UNCHANGED: Final = Condition()
+"""The condition that changes nothing."""
+
+
 def all_conditions(vary: Mapping[str, Sequence[Any]]) -> tuple[Condition, ...]:
     """Conditions of quantities and their values; without quantities, one that changes nothing."""
     if not vary:
-        return (Condition(),)
+        return (UNCHANGED,)
     return tuple(Condition(name, value) for name, values in vary.items() for value in values)
 
 

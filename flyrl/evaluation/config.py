@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final
 
 from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
-from flyrl.evaluation.conditions import Condition, all_conditions
+from flyrl.evaluation.conditions import UNCHANGED, Condition, all_conditions
 from flyrl.evaluation.metrics import check_metrics, smallest_effects
 from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
@@ -17,8 +17,6 @@ from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode, Task, TaskSettings
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, check_fields, distinct, not_negative, one_of, within
-
-T = TypeVar("T")
 
 FIRST_SEED: Final = 3 * 2**30
 """Seeds of evaluation episodes start here.
@@ -30,22 +28,6 @@ below this. So no policy was trained or chosen on an episode that it is compared
 MAX_EPISODES: Final = 2**16
 MAX_SEED: Final = 2**14 - 1
 """Together they reach the largest seed there is, 2**32 - 1."""
-
-
-class LazySequence(Sequence[T]):
-    """What a function makes of each item of a sequence, anew whenever it is asked for."""
-
-    def __init__(self, items: Sequence[Any], make: Callable[[Any], T]) -> None:
-        self._items = items
-        self._make = make
-
-    def __len__(self) -> int:
-        return len(self._items)
-
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self._make(item) for item in self._items[index]]
-        return self._make(self._items[index])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,13 +191,7 @@ class EvaluationConfig:
         """What everyone walks under, one after the other."""
         return all_conditions(self.vary)
 
-    def draw_episodes(
-        self, terrain: Terrain, condition: Condition | None = None
-    ) -> Sequence[Episode]:
-        """Episodes on `terrain` under a condition, the same ones for every entrant.
-
-        Each is drawn whenever it is asked for, so that it does not matter how many there are.
-        """
-        condition = condition or Condition()
+    def draw_episodes(self, terrain: Terrain, condition: Condition = UNCHANGED) -> list[Episode]:
+        """Episodes on `terrain` under a condition, the same ones for every entrant."""
         env = condition.env(self.env(terrain))
-        return LazySequence(self.seeds(), lambda seed: condition.episode(env.sample_episode(seed)))
+        return [condition.episode(env.sample_episode(seed)) for seed in self.seeds()]

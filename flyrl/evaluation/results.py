@@ -199,7 +199,6 @@ def write_results(results: Results, folder: str | Path) -> Path:
     ):
         episodes.write_text(csv_table(results.episodes), encoding="utf-8", newline="")
         np.savez_compressed(trajectories, **pack_trajectories(results.trajectories))
-        encoder = json.JSONEncoder(indent=1, allow_nan=False, default=list)
         parts = {
             "schema": SCHEMA,
             "files": {
@@ -211,7 +210,7 @@ def write_results(results: Results, folder: str | Path) -> Path:
             "summary": results.summaries,
         }
         with contents.open("w", encoding="utf-8", newline="") as file:
-            file.writelines(encoder.iterencode(parts))
+            json.dump(parts, file, indent=1, allow_nan=False)
     return output.path / RESULTS_FILE
 
 

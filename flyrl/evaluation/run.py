@@ -19,7 +19,7 @@ import pandas as pd
 from flyrl.envs.config import plain
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.conditions import Condition
-from flyrl.evaluation.config import EvaluationConfig, LazySequence
+from flyrl.evaluation.config import EvaluationConfig
 from flyrl.evaluation.entrants import Entrant, make_entrants
 from flyrl.evaluation.episodes import (
     Json,
@@ -81,23 +81,26 @@ def evaluate(
         entrants = make_entrants(config)
     # Every environment's config is made, and with that checked, before the first one runs.
     walks = [
-        _Walk(entrant, terrain, condition, condition.env(entrant.env(config, terrain)), config)
+        _Walk(entrant, terrain, condition, episodes, condition.env(entrant.env(config, terrain)))
         for terrain in config.terrain_configs
         for condition in config.conditions
+        for episodes in [config.draw_episodes(terrain, condition)]
         for entrant in entrants
     ]
     protocol = _protocol(config, entrants)
-    first = [
-        plain(dataclasses.asdict(config.draw_episodes(terrain)[0]))
+    drawn = {
+        terrain.label: [plain(dataclasses.asdict(each)) for each in config.draw_episodes(terrain)]
         for terrain in config.terrain_configs
-    ]  # tells episodes from those that another version would draw from the same seeds
+    }
+    # the first tells episodes from those that another version would draw from the same seeds
+    first = [episodes[0] for episodes in drawn.values()]
     parts = Parts(folder, [protocol, config.num_envs, config.paths, _versions(), first])
     tables: list[pd.DataFrame] = []
     examples: list[EpisodeRecord] = []
     trajectories: dict[int, Trajectory] = {}
     crashes: list[Json] = []
     num_rows = 0
-    walk_ms = config.episodes * _episode_ms(config)
+    walk_ms = config.episodes * round(1000 * config.horizon_s)
     with progress_bar(
         # whole ms, shown in s: a sum of many small floats could pass the total
         len(walks) * walk_ms,
@@ -109,14 +112,11 @@ def evaluate(
         "[{elapsed}<{remaining}, {rate_fmt}]{postfix}",
     ) as bar:
         for number, walk in enumerate(walks):
-            bar.set_postfix_str(walk.text)
+            bar.set_postfix_str(", ".join(filter(None, walk.place.values())))
             due = bar.n + walk_ms
-            try:
-                found, filmed = walk.batches(parts, number, bar)
-            except _CrashError as crash:
-                crashes.append(walk.crash(crash))
-                bar.update(due - bar.n)
-                continue
+            found, filmed, crash = _walk(walk, config, parts, number, bar)
+            bar.update(due - bar.n)
+            crashes += crash
             examples += filmed
             for table, paths in found:
                 trajectories |= {num_rows + row: path for row, path in paths.items()}
@@ -138,98 +138,74 @@ def evaluate(
         protocol,
         rows,
         summarise(rows, protocol, np.random.default_rng(config.seed)),
-        drawn={
-            terrain.label: LazySequence(
-                config.draw_episodes(terrain), lambda episode: plain(dataclasses.asdict(episode))
-            )
-            for terrain in config.terrain_configs
-        },
+        drawn=drawn,
         trajectories=trajectories,
         examples=examples,
     )
 
 
-class _CrashError(Exception):
-    """An entrant raised an error, which is the cause."""
-
-
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Walk:
     """One entrant's episodes on one terrain, under one condition."""
 
     entrant: Entrant
     terrain: Terrain
     condition: Condition
-    env_config: EnvConfig
-    config: EvaluationConfig
+    episodes: Sequence[Episode]
+    env: EnvConfig
 
     @property
-    def text(self) -> str:
-        """Who, where and how."""
-        parts = (self.entrant.name, self.terrain.label, self.condition.label)
-        return ", ".join(filter(None, parts))
-
-    def batches(
-        self, parts: Parts, number: int, bar: tqdm[NoReturn]
-    ) -> tuple[list[Part], list[EpisodeRecord]]:
-        """Walk the batches that `parts` does not hold yet, keep them there, and return all.
-
-        Where nothing is varied, records of the episodes to film that were walked are returned, too.
-        """
-        episodes = self.config.draw_episodes(self.terrain, self.condition)
-        size = min(self.config.num_envs, len(episodes))
-        env: BatchedEnv | None = None
-        found: list[Part] = []
-        filmed: list[EpisodeRecord] = []
-        for start in range(0, len(episodes), size):
-            batch = episodes[start : start + size]
-            part = parts.read(number, start)
-            if part is None:
-                if env is None:
-                    env = BatchedEnv(self.env_config, size, self.config.num_threads)
-                records = self._walk(env, batch, start, bar)
-                rows = [episode_row(record, self.condition.label) for record in records]
-                kept = records[: max(0, self.config.paths - start)]
-                part = episode_table(rows), dict(enumerate(map(trajectory, kept)))
-                parts.write(number, start, part)
-                if not self.condition.name:
-                    filmed += [each for each in records if each.index in self.config.film]
-            else:
-                bar.update(len(batch) * _episode_ms(self.config))
-            found.append(part)
-        return found, filmed
-
-    def _walk(
-        self, env: BatchedEnv, batch: Sequence[Episode], start: int, bar: tqdm[NoReturn]
-    ) -> list[EpisodeRecord]:
-        interval_ms = 1000 * self.env_config.decision_interval_s
-        try:
-            return run_episodes(
-                env,
-                self.entrant.policy,
-                batch,
-                controller=self.entrant.name,
-                first_index=start,
-                on_progress=lambda decisions: bar.update(round(decisions * interval_ms)),
-            )
-        except Exception as error:
-            # a policy may be anybody's code, and raise anything
-            raise _CrashError from error
-
-    def crash(self, crash: _CrashError) -> Json:
-        """What is put on record of an entrant that raised an error."""
-        error = crash.__cause__
+    def place(self) -> dict[str, str]:
+        """Who, where and how, as a crash is recorded."""
         return {
             "controller": self.entrant.name,
             "terrain": self.terrain.label,
             "condition": self.condition.label,
-            "error": printable(f"{type(error).__name__}: {error!s:.1000}"),
-            "traceback": "".join(traceback.format_exception(error)),
         }
 
 
-def _episode_ms(config: EvaluationConfig) -> int:
-    return round(1000 * config.horizon_s)
+def _walk(
+    walk: _Walk, config: EvaluationConfig, parts: Parts, number: int, bar: tqdm[NoReturn]
+) -> tuple[list[Part], list[EpisodeRecord], list[Json]]:
+    """Walk the batches that `parts` does not hold yet, and keep them there.
+
+    Returns
+    -------
+    All batches; where nothing is varied, records of the episodes to film that were walked; and, if
+    the entrant raised an error, that alone, as it goes on record.
+    """
+    size = min(config.num_envs, len(walk.episodes))
+    env: BatchedEnv | None = None
+    found: list[Part] = []
+    filmed: list[EpisodeRecord] = []
+    interval_ms = 1000 * walk.env.decision_interval_s
+    for start in range(0, len(walk.episodes), size):
+        batch = walk.episodes[start : start + size]
+        part = parts.read(number, start)
+        if part is None:
+            env = env or BatchedEnv(walk.env, size, config.num_threads)
+            try:
+                records = run_episodes(
+                    env,
+                    walk.entrant.policy,
+                    batch,
+                    controller=walk.entrant.name,
+                    first_index=start,
+                    on_progress=lambda decisions: bar.update(round(decisions * interval_ms)),
+                )
+            except Exception as error:
+                # a policy may be anybody's code, and raise anything
+                text = printable(f"{type(error).__name__}: {error!s:.1000}")
+                lines = "".join(traceback.format_exception(error))
+                return [], [], [{**walk.place, "error": text, "traceback": lines}]
+            rows = [episode_row(record, walk.condition.label) for record in records]
+            kept = records[: max(0, config.paths - start)]
+            part = episode_table(rows), dict(enumerate(map(trajectory, kept)))
+            parts.write(number, start, part)
+            if not walk.condition.name:
+                filmed += [each for each in records if each.index in config.film]
+        found.append(part)
+    return found, filmed, []
 
 
 def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:

@@ -82,6 +82,7 @@ def results():
         controllers=("hybrid", "zero"),
         episodes=3,
         num_threads=1,
+        physics="fast",
         vary={"missing_legs": ((), ("LM", "RM")), "friction": (0.1,)},
     )
     return evaluate(config)
@@ -99,9 +100,8 @@ def test_everyone_walks_under_every_condition(results):
 
 
 def test_a_condition_without_a_change_is_the_usual_walk(results):
-    plain = evaluate(
-        EvaluationConfig(task=SHORT, controllers=("hybrid",), episodes=3, num_threads=1)
-    )
+    settings = {"physics": "fast", "episodes": 3, "num_threads": 1}
+    plain = evaluate(EvaluationConfig(task=SHORT, controllers=("hybrid",), **settings))
     own = results.episodes[results.episodes["controller"] == "hybrid"]
     ways = list(own["displacement_mm"])
     assert ways[:3] == list(plain.episodes["displacement_mm"])

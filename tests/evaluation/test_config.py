@@ -26,7 +26,7 @@ def test_the_last_seed_is_still_a_seed():
 
 def test_more_episodes_begin_with_the_same_ones():
     few = EvaluationConfig(episodes=3).draw_episodes(Flat())
-    assert EvaluationConfig(episodes=5).draw_episodes(Flat())[:3] == list(few)
+    assert EvaluationConfig(episodes=5).draw_episodes(Flat())[:3] == few
 
 
 def test_terrains_by_name_and_by_config():

@@ -22,6 +22,7 @@ CONFIG = EvaluationConfig(
     episodes=3,
     film=(2, 0),
     reference="zero",
+    physics="fast",
     num_threads=1,
     command="flyrl-evaluate episodes=3",
 )
@@ -49,7 +50,7 @@ def test_the_reference_is_the_one_that_was_asked_for(results):
 
 
 def test_the_protocol_says_which_preset_of_the_physics_and_what_was_typed(results):
-    expected = {"name": "balanced", "version": PRESET_VERSIONS["balanced"]}
+    expected = {"name": "fast", "version": PRESET_VERSIONS["fast"]}
     assert results.protocol["physics_preset"] == expected
     assert results.protocol["command"] == "flyrl-evaluate episodes=3"
 

@@ -26,7 +26,7 @@ def test_oscillators_are_drawn_phases_first() -> None:
 def test_paths_are_smooth_start_at_the_fly_and_stay_on_the_terrain(terrain: str) -> None:
     config = TERRAINS[terrain]
     bounds = config.bounds
-    for seed in range(50):
+    for seed in range(20):
         episode = PATH.sample_episode(config, seed)
         path = np.array(episode.command).reshape(-1, 2)
         np.testing.assert_allclose(path[0], episode.spawn_position_w[:2])
@@ -60,7 +60,7 @@ def test_a_path_counts_only_if_it_was_kept_to() -> None:
 @pytest.mark.parametrize("terrain", LITERATURE)
 def test_the_easiest_episodes_lead_straight_ahead(terrain: str) -> None:
     config = TERRAINS[terrain]
-    for seed in range(30):
+    for seed in range(10):
         target = TARGET.sample_episode(config, seed, 0.0)
         x, y, _ = target.spawn_position_w
         np.testing.assert_allclose(target.goal, [x + 5, y])
@@ -212,9 +212,7 @@ def test_an_episode_follows_from_its_seed_and_difficulty(name: str) -> None:
     easy, usual = (task.sample_episode(Flat(), 5, difficulty) for difficulty in (0.0, 1.0))
     assert (replace(easy, difficulty=1.0) != usual) == bool(task.difficulty)
     for terrain in LITERATURE:
-        for difficulty in np.linspace(0, 1, 11):
-            episodes = [task.sample_episode(TERRAINS[terrain], s, difficulty) for s in range(10)]
-            assert {episode.difficulty for episode in episodes} == {difficulty}
+        assert task.sample_episode(TERRAINS[terrain], 3, 0.3).difficulty == 0.3
 
 
 @pytest.mark.parametrize(
@@ -225,6 +223,7 @@ def test_an_episode_follows_from_its_seed_and_difficulty(name: str) -> None:
         ("traverse", {"finish_line": 300}, r"task\.finish_line must lie on the terrain, below x ="),
     ],
 )
-def test_a_terrain_that_is_too_small_is_refused(name, parameters, message) -> None:
+def test_a_terrain_that_is_too_small_is_refused(name, parameters, message, monkeypatch) -> None:
+    monkeypatch.setattr("flyrl.tasks.path.MOST_DRAWS", 100)
     with pytest.raises(ValueError, match=message):
         TASKS[name](**parameters).sample_episode(TERRAINS["blocks"], 0)
