@@ -30,12 +30,8 @@ from flyrl.evaluation import EvaluationConfig, evaluate  # noqa: E402
 from flyrl.evaluation.metrics import compared_metrics  # noqa: E402
 from flyrl.files import write_bytes, write_text  # noqa: E402
 from flyrl.policies import PolicyBundle, load_bundle, named_policies, save_bundle  # noqa: E402
-from flyrl.policies.bundle import (  # noqa: E402
-    SUFFIX,
-    policies_folder,
-    policy_file,
-    trained_with_preset,
-)
+from flyrl.policies.bundle import SUFFIX, policies_folder, policy_file  # noqa: E402
+from flyrl.simulation.physics import preset_version  # noqa: E402
 from flyrl.terrains import terrain_label  # noqa: E402
 from flyrl.text import printable  # noqa: E402
 from flyrl.training.runs import read_record  # noqa: E402
@@ -219,7 +215,7 @@ def _action(bundle: PolicyBundle) -> str:
 def _setting(bundle: PolicyBundle) -> list[tuple[str, Any]]:
     env = bundle.env
     interval = _mapping(env.get("task")).get("decision_interval", _UNKNOWN)
-    preset = trained_with_preset(bundle)
+    preset = preset_version(env.get("physics", {}))
     drawn = randomisation_text(env["randomisation"]) if "randomisation" in env else _UNKNOWN
     return [
         ("task", _name(env, "task")),

@@ -25,7 +25,7 @@ from safetensors.numpy import load, save
 from flyrl.files import write_bytes
 from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser, Weights
 from flyrl.resources import assets_folder
-from flyrl.simulation.physics import PRESET_VERSIONS, PresetVersion, preset_version
+from flyrl.simulation.physics import PRESET_VERSIONS, preset_version
 from flyrl.tasks import Task
 from flyrl.text import printable
 from flyrl.validation import Within, check_fields, did_you_mean, one_of, plain_record
@@ -182,18 +182,22 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
     path
         File to write; an existing one is replaced.
     """
-    tensors = {
+    record = {"sha256": _NO_DIGEST, **bundle_record(bundle)}
+    data = save(bundle_tensors(bundle), {_METADATA_KEY: json.dumps(record, allow_nan=False)})
+    digest = hashlib.sha256(data).hexdigest()
+    # The digest is the first value of the header, so the first match is the field itself.
+    data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
+    write_bytes(path, data)
+
+
+def bundle_tensors(bundle: PolicyBundle) -> dict[str, Weights]:
+    """The weights by their names in the file."""
+    return {
         f"{prefix}{i}.{part}": np.ascontiguousarray(values, np.float32)
         for prefix, network in (("", bundle.network), ("lstm.", bundle.lstm))
         for i, layer in enumerate(network.layers if network else ())
         for part, values in vars(layer).items()
     }
-    record = {"sha256": _NO_DIGEST, **bundle_record(bundle)}
-    data = save(tensors, {_METADATA_KEY: json.dumps(record, allow_nan=False)})
-    digest = hashlib.sha256(data).hexdigest()
-    # The digest is the first value of the header, so the first match is the field itself.
-    data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
-    write_bytes(path, data)
 
 
 def bundle_record(bundle: PolicyBundle) -> dict[str, Any]:
@@ -296,7 +300,7 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
         bundle = _bundle(record, tensors)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
-    preset = trained_with_preset(bundle)
+    preset = preset_version(bundle.env.get("physics", {}))
     if preset is not None and preset.version != (now := PRESET_VERSIONS[preset.name]):
         warnings.warn(
             f"{printable(str(file))} was trained with version {preset.version} of the physics "
@@ -377,14 +381,3 @@ def _layers(
     return tuple(
         kind(*(tensors.pop(f"{prefix}{i}.{part}") for part in parts)) for i in range(len(sizes) - 1)
     )
-
-
-def trained_with_preset(bundle: PolicyBundle) -> PresetVersion | None:
-    """Preset of the physics that a policy was trained with; None: of none, or not known."""
-    noted = bundle.training.get("physics_preset")
-    if isinstance(noted, dict):
-        name, version = noted.get("name"), noted.get("version")
-        if name in tuple(PRESET_VERSIONS) and type(version) is int:
-            return PresetVersion(name, version)
-    settings = bundle.env.get("physics")
-    return preset_version(settings) if isinstance(settings, dict) else None

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Final
 
 import numba
+import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.files import file_digest
-from flyrl.policies.bundle import PolicyBundle, bundle_record, load_bundle
+from flyrl.policies.bundle import PolicyBundle, bundle_record, bundle_tensors, load_bundle
 from flyrl.resources import version
 from flyrl.tasks import code_digests
 from flyrl.text import printable
@@ -49,13 +50,14 @@ def provenance(code: Sequence[str] = ()) -> dict[str, Any]:
         Names of a user's own task and terms, `module:attribute` each; the SHA-256 of the modules
         is noted.
     """
+    cpu_info = Path("/proc/cpuinfo")
     return {
         "git": _git(),
         "terms": code_digests(code),
         "python": platform.python_version(),
         "packages": {name: version(name) for name in _PACKAGES},
         "system": platform.platform(),
-        "cpu": cpu(_text(Path("/proc/cpuinfo"))),
+        "cpu": cpu(cpu_info.read_text() if cpu_info.is_file() else ""),
         # those that this process may use
         "num_cpus": numba.config.NUMBA_DEFAULT_NUM_THREADS,  # type: ignore[attr-defined]
     }
@@ -146,13 +148,6 @@ def _run(*command: str) -> bytes | None:
         return None
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text()
-    except OSError:
-        return ""
-
-
 def cpu(info: str) -> dict[str, Any]:
     """Model and instruction sets of the first CPU, from what Linux says in `/proc/cpuinfo`."""
     model, flags = None, None
@@ -219,45 +214,39 @@ def _last(run: RunSummary) -> Path:
 
 def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
     """Difference of two policies in what they make of an observation; None if in no bit."""
-    one, other = _architecture(first), _architecture(second)
+    one, other = _settings(first), _settings(second)
     for key in {**one, **other}:
         if one.get(key) != other.get(key):
             return f"{key} {one.get(key)}, in the repeat {other.get(key)}"
     differences = (
-        _arrays_differ("parameters", _parameters(first), _parameters(second)),
+        _arrays_differ("parameters", bundle_tensors(first), bundle_tensors(second)),
         _arrays_differ("statistics of the normaliser", _statistics(first), _statistics(second)),
     )
     return "; ".join(filter(None, differences)) or None
 
 
-def _architecture(bundle: PolicyBundle) -> dict[str, Any]:
+def _settings(bundle: PolicyBundle) -> dict[str, Any]:
     """All that decides how the policy acts, but for its arrays, by dotted key."""
     record = bundle_record(bundle)
-    values = flat({key: record[key] for key in ("architecture", "observation", "action")})
+    settings = flat({key: record[key] for key in ("architecture", "observation", "action")})
     normaliser = bundle.normaliser
-    return {**values, "normaliser": normaliser and (normaliser.epsilon, normaliser.clip)}
+    return {**settings, "normaliser": normaliser and (normaliser.epsilon, normaliser.clip)}
 
 
-def _parameters(bundle: PolicyBundle) -> list[NDArray[Any]]:
-    layers = (*bundle.network.layers, *(bundle.lstm.layers if bundle.lstm else ()))
-    return [array for layer in layers for array in vars(layer).values()]
-
-
-def _statistics(bundle: PolicyBundle) -> list[NDArray[Any]]:
-    return [bundle.normaliser.mean, bundle.normaliser.variance] if bundle.normaliser else []
+def _statistics(bundle: PolicyBundle) -> dict[str, NDArray[Any]]:
+    values = vars(bundle.normaliser) if bundle.normaliser else {}
+    return {key: values[key] for key in ("mean", "variance") if values}
 
 
 def _arrays_differ(
-    what: str, first: Sequence[NDArray[Any]], second: Sequence[NDArray[Any]]
+    what: str, first: Mapping[str, NDArray[Any]], second: Mapping[str, NDArray[Any]]
 ) -> str | None:
-    pairs = list(zip(first, second, strict=True))
-    bits = [[array.view(f"u{array.itemsize}") for array in pair] for pair in pairs]
-    changed = sum(int((one != other).sum()) for one, other in bits)
-    if not changed:
+    one, other = (np.concatenate([*map(np.ravel, each.values()), []]) for each in (first, second))
+    changed = one.view(np.int64) != other.view(np.int64)  # float64, which keeps every bit
+    if not changed.any():
         return None
-    largest = max(float(abs(one.astype("f8") - other).max()) for one, other in pairs)
-    total = sum(one.size for one, _ in pairs)
-    return f"{changed} of {total} {what} differ, by at most {largest:.3g}"
+    largest = abs(one - other).max()
+    return f"{changed.sum()} of {one.size} {what} differ, by at most {largest:.3g}"
 
 
 def _evaluations_differ(original: RunSummary, repeat: RunSummary) -> str | None:
