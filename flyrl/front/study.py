@@ -33,7 +33,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from flyrl.files import write_text
 from flyrl.front.runs import illustrate
 from flyrl.text import csv_table
-from flyrl.training.callback import GoesOn, Interruption, interruption
+from flyrl.training.callback import GoesOn, interruption
 from flyrl.training.config import TrainingConfig, training_record
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.runs import flat, held, read_run
@@ -269,11 +269,11 @@ def _note(study: optuna.Study, plan: Plan, command: str) -> None:
     study.set_user_attr("commands", [*study.user_attrs.get("commands", []), command])
 
 
-def _search(study: optuna.Study, plan: Plan, interrupted: Interruption) -> int | None:
+def _search(study: optuna.Study, plan: Plan, interrupted: Sequence[int]) -> int | None:
     """Run what is missing; return the number of the signal that ended it early, if one did."""
     for killed in study.get_trials(states=(TrialState.RUNNING,)):
         _repeat_later(study, killed.number)
-    while interrupted.signal is None:
+    while not interrupted:
         trials = study.get_trials(deepcopy=False)
         count = sum(_REPEATS not in trial.user_attrs for trial in trials)
         if count >= plan.trials and all(each.state != TrialState.WAITING for each in trials):
@@ -285,7 +285,7 @@ def _search(study: optuna.Study, plan: Plan, interrupted: Interruption) -> int |
         number = _run_trial(study, plan, study.ask(dict(plan.space)))
         if number is not None:
             return number
-    return interrupted.signal
+    return interrupted[0] if interrupted else None
 
 
 def _repeat_later(study: optuna.Study, number: int) -> None:

@@ -7,7 +7,7 @@ in the single and the batched environment.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from flyrl.validation import FloatArray, check_fields, float_array, positive
 Weights = NDArray[np.float32]
 
 Activation = Literal["tanh", "relu"]
-ACTIVATIONS: Final[tuple[Activation, ...]] = get_args(Activation)
 _ACTIVATION_FUNCTIONS: Final[Mapping[Activation, Callable[[FloatArray], FloatArray]]] = {
     "tanh": np.tanh,
     "relu": lambda sums: np.maximum(sums, 0.0),

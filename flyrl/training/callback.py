@@ -40,35 +40,23 @@ from flyrl.training.runs import STATUS_FILE, checkpoint_files
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
-class Interruption:
-    """Remembers the first signal that asked the run to end.
-
-    Attributes
-    ----------
-    signal
-        The signal, or None.
-    """
-
-    def __init__(self) -> None:
-        self.signal: signal.Signals | None = None
-
-    def __bool__(self) -> bool:
-        return self.signal is not None
-
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        if self.signal is not None:
-            raise KeyboardInterrupt  # asked twice: drop everything
-        self.signal = signal.Signals(number)
-
-
 @contextmanager
-def interruption() -> Iterator[Interruption]:
-    """Catch the signals inside the block; outside the main thread, nothing is caught."""
-    asked = Interruption()
+def interruption() -> Iterator[list[signal.Signals]]:
+    """Catch the signals inside the block; the first one stands in the list, a second one raises.
+
+    Outside the main thread, nothing is caught.
+    """
+    asked: list[signal.Signals] = []
+
+    def ask(number: int, frame: FrameType | None) -> None:
+        if asked:
+            raise KeyboardInterrupt  # asked twice: drop everything
+        asked.append(signal.Signals(number))
+
     if threading.current_thread() is not threading.main_thread():
         yield asked
         return
-    previous = {number: signal.signal(number, asked._ask) for number in _SIGNALS}
+    previous = {number: signal.signal(number, ask) for number in _SIGNALS}
     try:
         yield asked
     finally:
@@ -183,7 +171,7 @@ class RunCallback(BaseCallback):
         self,
         config: TrainingConfig,
         folder: Path,
-        interrupted: Interruption,
+        interrupted: Sequence[signal.Signals],
         goes_on: GoesOn | None = None,
     ) -> None:
         super().__init__()
@@ -276,7 +264,7 @@ class RunCallback(BaseCallback):
 
     def _on_training_end(self) -> None:
         # settled here: a signal during the last evaluation comes too late to interrupt the run
-        self.interrupted_by = self._interrupted.signal
+        self.interrupted_by = self._interrupted[0] if self._interrupted else None
         reason = self.interrupted_by and self.interrupted_by.name
         if self.interrupted_by is not None:
             if not self._is_ending:

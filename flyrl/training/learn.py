@@ -303,7 +303,8 @@ def _update(
             callback.close()
             model.logger.close()
             env.close()
-    return Run(folder, callback.interrupted_by, callback.is_pruned, interrupted.signal)
+    signal = interrupted[0] if interrupted else None
+    return Run(folder, callback.interrupted_by, callback.is_pruned, signal)
 
 
 def _restore(

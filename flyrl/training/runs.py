@@ -256,17 +256,9 @@ def find_runs(folder: Path, depth: int = 4) -> list[Path]:
         return [folder]
     if depth == 0:
         return []
-    inside = sorted(
-        entry for entry in folder.iterdir() if entry.is_dir() and not entry.name.startswith(".")
-    )
-    return [run for entry in inside for run in _find_inside(entry, depth - 1)]
-
-
-def _find_inside(folder: Path, depth: int) -> list[Path]:
-    try:
-        return find_runs(folder, depth)
-    except PermissionError:
-        return []
+    shown = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    inside = [path for path in shown if path.is_dir() and os.access(path, os.R_OK | os.X_OK)]
+    return [run for path in inside for run in find_runs(path, depth - 1)]
 
 
 def read_run(path: Path) -> RunSummary:

@@ -12,8 +12,7 @@ def test_a_signal_is_remembered(number):
     with interruption() as interrupted:
         assert not interrupted
         os.kill(os.getpid(), number)
-        assert interrupted
-        assert interrupted.signal == number
+        assert interrupted == [number]
 
 
 def test_asking_twice_interrupts_at_once():
@@ -35,9 +34,9 @@ def test_in_another_thread_signals_are_left_alone():
 
     def work():
         with interruption() as interrupted:
-            seen.append((bool(interrupted), signal.getsignal(signal.SIGTERM)))
+            seen.append((len(interrupted), signal.getsignal(signal.SIGTERM)))
 
     thread = threading.Thread(target=work)
     thread.start()
     thread.join()
-    assert seen == [(False, before)]
+    assert seen == [(0, before)]
