@@ -131,10 +131,6 @@ def _task(*terms: tuple[str, int]) -> Task:
     return replace(TASKS["target"](), name="other", observation=observation)
 
 
-def test_fitting_layout_passes(bundle):
-    LearnedPolicy(bundle).check_task(_task(("bearing", 2), ("speed", 1)))
-
-
 @pytest.mark.parametrize(
     ("kind", "actions", "message"),
     [
@@ -155,7 +151,6 @@ def test_other_actions_are_refused(kind, actions, message, request):
     ("terms", "message"),
     [
         ([("bearing", 2), ("height", 1)], r"term 1 was speed \(1 values\).*height \(1 values\)"),
-        ([("bearing", 2), ("speed", 3)], r"term 1 was speed \(1 values\).*speed \(3 values\)"),
         ([("bearing", 2)], r"of other: term 1 was speed \(1 values\), here it is missing"),
         ([("bearing", 2), ("speed", 1), ("tilt", 2)], r"term 2 was missing"),
     ],

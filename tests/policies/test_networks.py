@@ -129,9 +129,7 @@ def test_normalised_to_the_same_bits_as_in_training():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"mean": [0.0, float("nan")]}, r"normaliser\.mean must be finite"),
         ({"variance": [1.0, -1.0]}, r"normaliser\.variance must be at least 0"),
-        ({"variance": [1.0]}, r"normaliser\.variance must have shape \(2,\)"),
         ({"epsilon": 0.0}, r"normaliser\.epsilon must be a finite number above 0, got 0\.0"),
         ({"clip": -1.0}, r"normaliser\.clip must be a finite number above 0, got -1\.0"),
     ],

@@ -167,19 +167,6 @@ def test_name_of_a_run():
 def test_record_is_plain_json():
     record = training_record(TrainingConfig())
     assert json.loads(json.dumps(record)) == record
-    assert record["task"] == {
-        "name": "target",
-        "distance": [5.0, 15.0],
-        "bearing": 180.0,
-        "reach": 1.0,
-        "terms": [],
-        "without": [],
-        "weights": {"progress": 0.2, "success": 2.0, "time": -0.5, "lost_time": -0.5},
-        "time_limit": 3.0,
-        "decision_interval": 0.02,
-    }
-    assert record["algo"]["name"] == "ppo"
-    assert record["algo"]["hidden_layers"] == [64, 64]
 
 
 def test_record_tells_environments_apart():

@@ -21,30 +21,37 @@ from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, re
 from tests.tiny import TINY_ENV
 from tests.training.folders import make_run
 
-ENV = TINY_ENV
 SCHEDULE = ScheduleConfig(
-    total_timesteps=512,
+    total_timesteps=256,
     num_envs=4,
     num_threads=1,
-    evaluation_interval=128,
+    evaluation_interval=96,
     evaluation_episodes=2,
     checkpoint_interval=64,
     progress_bar=False,
 )
 PPO_CONFIG = TrainingConfig(
-    env=ENV,
+    env=TINY_ENV,
     algo=AlgorithmConfig("ppo", n_steps=8, batch_size=16, n_epochs=2, learning_rate_decay=True),
     training=SCHEDULE,
 )
-SAC_CONFIG = TrainingConfig(
-    env=ENV,
+SAC_CONFIG = replace(
+    PPO_CONFIG,
     algo=AlgorithmConfig(
         "sac", learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)
     ),
-    training=SCHEDULE,
 )
-RECURRENT_CONFIG = TrainingConfig(
-    env=ENV,
+# with two episodes in a row, whatever comes of them, it gets harder
+RANDOM_CONFIG = replace(
+    PPO_CONFIG,
+    env=replace(TINY_ENV, terrain="random_blocks", randomisation="default"),
+    training=replace(
+        SCHEDULE, curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0)
+    ),
+)
+WORM_CONFIG = replace(
+    PPO_CONFIG,
+    env=EnvConfig(replace(TASKS["worm_crawl"](), time_limit_s=0.5)),
     algo=AlgorithmConfig(
         "recurrent_ppo",
         n_steps=8,
@@ -54,25 +61,7 @@ RECURRENT_CONFIG = TrainingConfig(
         normalize_observation=True,
         normalize_reward=True,
     ),
-    training=SCHEDULE,
 )
-RANDOM_CONFIG = replace(
-    PPO_CONFIG,
-    env=replace(ENV, terrain="random_blocks", randomisation="default"),
-    training=replace(SCHEDULE, total_timesteps=256),
-)
-# of ten decisions, so that some end; and with two in a row, whatever comes of them, it gets harder
-CURRICULUM_CONFIG = replace(
-    PPO_CONFIG,
-    env=replace(ENV, terrain="random_blocks"),
-    training=replace(
-        SCHEDULE,
-        total_timesteps=256,
-        curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0),
-    ),
-)
-WORM_CONFIG = replace(PPO_CONFIG, env=EnvConfig(replace(TASKS["worm_crawl"](), time_limit_s=0.5)))
-CONFIGS = pytest.mark.parametrize("config", [PPO_CONFIG, SAC_CONFIG], ids=["ppo", "sac"])
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 
 
@@ -96,22 +85,15 @@ def _results(run):
 
 @pytest.fixture(
     scope="module",
-    params=[
-        PPO_CONFIG,
-        SAC_CONFIG,
-        RECURRENT_CONFIG,
-        RANDOM_CONFIG,
-        CURRICULUM_CONFIG,
-        WORM_CONFIG,
-    ],
-    ids=["ppo", "sac", "recurrent_ppo", "random_terrain_and_flies", "curriculum", "worm"],
+    params=[PPO_CONFIG, SAC_CONFIG, RANDOM_CONFIG, WORM_CONFIG],
+    ids=["ppo", "sac", "random_flies_in_a_curriculum", "recurrent_ppo_with_worms"],
 )
 def runs(request, tmp_path_factory):
     """A whole run, one of the same settings that was interrupted and resumed, and that before."""
     config, folder = request.param, tmp_path_factory.mktemp("runs")
     whole = train(config, folder / "whole")
     with pytest.MonkeyPatch.context() as patch:
-        InterruptedAt(patch, decision=43)
+        InterruptedAt(patch, decision=27)
         part = train(config, folder / "part")
     state = read_run(part.folder).state
     policy = load_policy(part.folder / "last.safetensors")
@@ -125,7 +107,7 @@ def test_an_interrupted_run_keeps_its_policy(runs):
     part, state, policy = runs[2]
     assert part.interrupted_by == signal.SIGTERM
     assert state == "interrupted"
-    assert 43 * 4 <= policy.bundle.training["decisions"] <= 52 * 4
+    assert 27 * 4 <= policy.bundle.training["decisions"] <= 36 * 4
 
 
 def test_a_resumed_run_ends_with_the_same_bits(runs):
@@ -181,9 +163,9 @@ def _run(config, runs, folder):
 
 
 @pytest.mark.slow
-@CONFIGS
-def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
-    config = replace(config, training=replace(SCHEDULE, checkpoint_interval=32))
+def test_ten_kills_at_random_moments_lose_nothing(tmp_path):
+    schedule = replace(SCHEDULE, total_timesteps=512, checkpoint_interval=32)
+    config = replace(SAC_CONFIG, training=schedule)
     context = multiprocessing.get_context("forkserver")
     # the second is what torch's optimisers import when the first is made
     context.set_forkserver_preload(["flyrl.training.learn", "torch._dynamo"])
@@ -191,7 +173,8 @@ def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
     rng = np.random.default_rng(0)
     part, folder, last, longest_wait = tmp_path / "part0", None, [], 1.0
     killed = stages = 0
-    while killed < 20:
+    # on a slow machine, it takes some kills until one comes after the first checkpoint
+    while killed < 10 or stages < 3:
         process = context.Process(target=_run, args=(config, part, folder))
         process.start()
         time.sleep(rng.uniform(0.0, longest_wait))
@@ -209,7 +192,6 @@ def test_twenty_kills_at_random_moments_lose_nothing(config, tmp_path):
             # a quick machine; the next kills are for another run
             assert _results(Run(folder, None)) == _results(whole)
             part, folder, longest_wait = tmp_path / f"part{killed}", None, longest_wait / 4
-    assert stages > 2
     resumed = resume(config, folder) if folder else train(config, part)
     assert _results(resumed) == _results(whole)
 
@@ -228,23 +210,10 @@ def folder(interrupted, tmp_path):
     return shutil.copytree(interrupted, tmp_path / "run")
 
 
-@pytest.mark.parametrize(
-    ("config", "message"),
-    [
-        (replace(PPO_CONFIG, seed=1), "seed was 0 when the run was interrupted, and is 1"),
-        (
-            replace(PPO_CONFIG, algo=PPO_CONFIG.algo.with_settings(learning_rate=0.1)),
-            r"algo\.learning_rate was .*, and is 0\.1 in its config\.yaml",
-        ),
-        (
-            replace(PPO_CONFIG, training=replace(PPO_CONFIG.training, num_envs=8)),
-            r"training\.num_envs was .*, and is 8",
-        ),
-    ],
-)
-def test_edited_settings_are_not_resumed(folder, config, message):
+def test_edited_settings_are_not_resumed(folder):
+    config = replace(PPO_CONFIG, algo=PPO_CONFIG.algo.with_settings(learning_rate=0.1))
     (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config)))
-    with pytest.raises(ResumeError, match=message):
+    with pytest.raises(ResumeError, match=r"algo\.learning_rate was .*, and is 0\.1 in its config"):
         resume(config, folder)
 
 

@@ -27,26 +27,6 @@ with held(Path(sys.argv[1])):
 """
 
 
-@pytest.fixture
-def elsewhere():
-    """Hold a folder in another process until the test ends or kills it."""
-    processes = []
-
-    def hold(folder):
-        process = subprocess.Popen(
-            [sys.executable, "-c", HOLD, str(folder)], stdout=subprocess.PIPE, text=True
-        )
-        processes.append(process)
-        assert process.stdout.readline() == "held\n"
-        return process
-
-    yield hold
-    for process in processes:
-        process.kill()
-        process.wait(60)
-        process.stdout.close()
-
-
 def test_a_finished_run(tmp_path):
     run = read_run(make_run(tmp_path / "a", evaluations=[(100, 0.5, 1.0), (200, 0.25, 2.0)]))
     assert run.state == "finished"
@@ -78,14 +58,16 @@ def test_a_run_without_a_status_was_killed_and_its_tables_say_how_far_it_came(tm
     assert (run.state, run.decisions, run.wall_time_s) == ("interrupted", 240, 9.0)
 
 
-def test_a_run_that_a_process_holds_is_running_until_that_is_killed(tmp_path, elsewhere):
+def test_a_run_that_a_process_holds_is_running_until_that_is_killed(tmp_path):
     folder = make_run(tmp_path / "a", interrupted_by="SIGTERM")
-    process = elsewhere(folder)
-    assert read_run(folder).state == "running"
-    with pytest.raises(RunIsHeldError, match="another process trains in"), held(folder):
-        pass
-    process.kill()
-    process.wait(60)
+    command = [sys.executable, "-c", HOLD, str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        state = read_run(folder).state
+        with pytest.raises(RunIsHeldError, match="another process trains in"), held(folder):
+            pass
+        process.kill()
+    assert state == "running"
     assert not is_running(folder)
     assert read_run(folder).state == "interrupted"
 
@@ -168,9 +150,9 @@ def test_dotted_keys():
     assert nested(tree, "a.b.c") is None
 
 
-def test_status_of_an_interruption_before_does_not_count_for_a_running_run(tmp_path, elsewhere):
+def test_status_of_an_interruption_before_does_not_count_for_a_running_run(tmp_path):
     folder = make_run(tmp_path / "a", interrupted_by="SIGINT", evaluations=[(300, 0.5, 1.0)])
     status = json.loads((folder / "status.json").read_text())
     (folder / "status.json").write_text(json.dumps({**status, "decisions": 100}))
-    elsewhere(folder)
-    assert read_run(folder).decisions == 300
+    with held(folder):
+        assert read_run(folder).decisions == 300
