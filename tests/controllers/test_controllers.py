@@ -39,10 +39,9 @@ def run(controller, num_steps, drive=(1.0, 1.0), observation=CALM, timestep=TIME
     return legs
 
 
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize(("name", "config"), [("current", CURRENT), ("classic", CLASSIC)])
-def test_hybrid_follows_the_specification(name, config, seed):
-    num_steps = 6000
+def test_hybrid_follows_the_specification(name, config):
+    num_steps, seed = 6000, 1
     expected = oracle.Hybrid(name, oracle.Steps(config.steps), oracle.Oscillators(TIMESTEP, seed))
     legs = Legs(config, TIMESTEP, seed=seed)
 
@@ -73,9 +72,8 @@ def test_hybrid_follows_the_specification(name, config, seed):
         assert events.capped > 20
 
 
-@pytest.mark.parametrize("steps", ["untethered", "tethered"])
-def test_cpg_alone_has_no_reflexes(steps):
-    config = CPG(steps)
+def test_cpg_alone_has_no_reflexes():
+    config = CPG()
     in_trouble = random_observations(1, 0)[0]
     in_trouble = in_trouble._replace(
         end_effector_z=np.array([-2.0, -1, -1, -1, -1, -1]),
@@ -86,14 +84,14 @@ def test_cpg_alone_has_no_reflexes(steps):
     np.testing.assert_array_equal(troubled["angles"], calm["angles"])
 
 
-def test_rule_based_follows_the_specification():
+def test_rule_based_follows_the_specification_and_ignores_the_drive():
     steps = oracle.Steps("untethered")
     expected = oracle.Walknet(TIMESTEP, 1 / 12, steps.swing_end, seed=2)
     legs = Legs(RuleBased(), TIMESTEP, seed=2)
     ours, theirs = [], []
-    for _ in range(5000):
+    for drive in random_drives(5000, 2):
         expected.step()
-        legs.step((1.0, 1.0))
+        legs.step(drive)
         ours.append(joined(legs["phases"], legs["adhesion"], legs["angles"]))
         targets = [steps.angles(i, expected.phases[i], 1.0) for i in range(6)]
         adhesion = [steps.adhesion(i, expected.phases[i]) for i in range(6)]
@@ -101,13 +99,6 @@ def test_rule_based_follows_the_specification():
     np.testing.assert_array_equal(np.array(ours)[:, :12], np.array(theirs)[:, :12])
     np.testing.assert_allclose(ours, theirs, **TOLERANCE)
     assert expected.num_random_choices > 0
-
-
-def test_rule_based_ignores_the_drive():
-    config = RuleBased()
-    walking, undriven = run(config, 3000), run(config, 3000, drive=(0.0, -0.5))
-    np.testing.assert_array_equal(walking["angles"], undriven["angles"])
-    assert len(set(walking["phases"])) > 1
 
 
 @pytest.mark.parametrize(
@@ -139,16 +130,6 @@ def test_rule_based_step_duration(steps, step_duration_s, expected):
 def test_reflexes_go_with_the_steps_unless_named(steps, reflexes, retraction_rate):
     parameters = Hybrid(steps, reflexes=reflexes).parameters(TIMESTEP)
     assert parameters["retraction_rates"][0] == retraction_rate
-
-
-@pytest.mark.parametrize(
-    ("controller", "extension"),
-    [(CURRENT, np.pi / 4), (CLASSIC, 0.0), (CPG("untethered"), 0.0), (RuleBased(), 0.0)],
-    ids=["current", "classic", "cpg", "rule_based"],
-)
-def test_only_current_hybrid_grips_later(controller, extension):
-    late = controller.parameters(TIMESTEP)["grip_start"] - controller.load_steps().swing_ends
-    np.testing.assert_allclose(late, extension, atol=1e-15)
 
 
 def test_zero_drive_settles_in_the_neutral_pose():

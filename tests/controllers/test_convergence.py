@@ -36,34 +36,30 @@ def observe(t: np.ndarray, course: int) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 @functools.cache
-def trajectory(reflexes: str, timestep: float) -> dict[str, np.ndarray]:
-    steps = {"current": "untethered", "classic": "tethered"}[reflexes]
-    controller = Hybrid(steps)
+def trajectory(timestep: float) -> dict[str, np.ndarray]:
     steps_per_sample = round(SAMPLE_INTERVAL / timestep)
     samples: dict[str, list[np.ndarray]] = {name: [] for name in FIELDS}
     times = np.arange(NUM_SAMPLES * steps_per_sample) * timestep
-    drives = drive(times)
+    initial = {"init_phases": np.arange(6.0), "init_magnitudes": np.linspace(0, 0.5, 6)}
     for course in range(NUM_COURSES):
-        initial = {"init_phases": np.arange(6.0), "init_magnitudes": np.linspace(0, 0.5, 6)}
-        legs = Legs(controller, timestep, **initial)
-        heights, forces, headings = observe(times, course)
-        for step in range(len(times)):
-            legs.step(drives[step], Observation(0.0, heights[step], forces[step], headings[step]))
-            if (step + 1) % steps_per_sample == 0:
+        legs = Legs(Hybrid(), timestep, **initial)
+        sensed = zip(drive(times), *observe(times, course), strict=True)
+        for step, (drives, *observed) in enumerate(sensed, start=1):
+            legs.step(drives, Observation(0.0, *observed))
+            if step % steps_per_sample == 0:
                 for name in FIELDS:
                     samples[name].append(legs[name].copy())
     return {name: np.array(values) for name, values in samples.items()}
 
 
-def errors(reflexes: str, name: str) -> np.ndarray:
+def errors(name: str) -> np.ndarray:
     """Mean distance from the fine solution at each of `TIMESTEPS`."""
-    fine = trajectory(reflexes, FINE)[name]
-    return np.array([np.abs(trajectory(reflexes, step)[name] - fine).mean() for step in TIMESTEPS])
+    fine = trajectory(FINE)[name]
+    return np.array([np.abs(trajectory(step)[name] - fine).mean() for step in TIMESTEPS])
 
 
-@pytest.mark.parametrize("reflexes", ["current", "classic"])
-def test_the_reflexes_are_at_work(reflexes):
-    fine = trajectory(reflexes, FINE)
+def test_the_reflexes_are_at_work():
+    fine = trajectory(FINE)
     for name in ("retraction", "stumbling"):
         assert np.all((fine[name] > 5).any(axis=0)), name
         assert np.all((fine[name] == 0).any(axis=0)), name
@@ -74,19 +70,17 @@ def test_the_reflexes_are_at_work(reflexes):
 EXPECTED = (np.array(TIMESTEPS) - FINE) / (TIMESTEPS[0] - FINE)
 
 
-@pytest.mark.parametrize("reflexes", ["current", "classic"])
 @pytest.mark.parametrize("name", ["phases", "magnitudes"])
-def test_oscillators_converge_with_the_time_step(reflexes, name):
-    found = errors(reflexes, name)
+def test_oscillators_converge_with_the_time_step(name):
+    found = errors(name)
     assert found[0] < 2e-3
     np.testing.assert_allclose(found / found[0], EXPECTED, rtol=0.03)
 
 
-@pytest.mark.parametrize("reflexes", ["current", "classic"])
 @pytest.mark.parametrize("name", ["retraction", "stumbling", "net_correction", "angles"])
-def test_corrections_converge_with_the_time_step(reflexes, name):
+def test_corrections_converge_with_the_time_step(name):
     """Less evenly: a reflex switches at the first step after its condition turns."""
-    found = errors(reflexes, name)
+    found = errors(name)
     np.testing.assert_allclose(found / found[0], EXPECTED, rtol=0.4)
-    scale = np.abs(trajectory(reflexes, FINE)[name]).mean()
+    scale = np.abs(trajectory(FINE)[name]).mean()
     assert found[0] < 0.02 * scale

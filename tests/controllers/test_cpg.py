@@ -5,8 +5,6 @@ import pytest
 
 from flyrl import CPGNetwork
 from flyrl.controllers.cpg import (
-    gait_coupling_weights,
-    gait_phase_biases,
     modulated,
     motor_neuron_activity,
     three_oscillators,
@@ -57,28 +55,6 @@ def test_three_oscillators_settle_a_third_of_a_cycle_apart():
     steps = np.diff(three.curr_phases)
     np.testing.assert_allclose(circular_distance(steps, np.deg2rad(120)), 0, atol=1e-3)
     np.testing.assert_allclose(three.curr_magnitudes, [1, 1.1, 1.2], atol=1e-3)
-
-
-def test_tripod_biases():
-    # Rows and columns LF LM LH RF RM RH; tripods LF LH RM and LM RF RH.
-    expected = [
-        [0, 1, 0, 1, 0, 1],
-        [1, 0, 1, 0, 1, 0],
-        [0, 1, 0, 1, 0, 1],
-        [1, 0, 1, 0, 1, 0],
-        [0, 1, 0, 1, 0, 1],
-        [1, 0, 1, 0, 1, 0],
-    ]
-    np.testing.assert_array_equal(gait_phase_biases() / np.pi, expected)
-    np.testing.assert_array_equal(gait_coupling_weights(), 10 * np.array(expected))
-
-
-def test_a_single_oscillator_runs_at_its_frequency():
-    one = network(1, intrinsic_freqs=[3.0], init_phases=[0.5], init_magnitudes=[0.0])
-    for _ in range(1000):
-        one.step()
-    assert one.curr_phases == pytest.approx([0.5 + TWO_PI * 3])
-    assert one.curr_magnitudes == pytest.approx([1 - (1 - 10 * 1e-3) ** 1000])
 
 
 def test_phases_then_magnitudes_are_drawn():
@@ -138,16 +114,11 @@ def test_each_side_follows_its_drive(drive, freqs, amps):
     [
         (lambda: network(timestep=np.inf), "timestep must be a finite number above 0, got inf"),
         (lambda: network(intrinsic_freqs=[]), "N of at least 1"),
-        (
-            lambda: network(intrinsic_amps=np.ones(3)),
-            r"amps must have shape \(2,\), got shape \(3,",
-        ),
         (lambda: network(coupling_weights=np.ones(2)), r"weights must have shape \(2, 2\)"),
         (lambda: network(convergence_coefs=[-1, 1]), "convergence_coefs must be at least 0"),
         (lambda: network(seed=-1), "seed must be an integer"),
         (lambda: network().reset(init_phases=[1.0]), r"init_phases must have shape \(2,\)"),
         (lambda: setattr(network(), "intrinsic_freqs", [1.0]), r"freqs must have shape \(2,\)"),
-        (lambda: modulated((1.0,), 12.0), r"drive must have shape \(2,\), got shape \(1,\)"),
         (lambda: modulated((1.0, 1.0), -12.0), "frequency_hz must be .* above 0, got -12.0"),
     ],
 )

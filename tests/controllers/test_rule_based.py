@@ -32,13 +32,11 @@ def coordinator(seed=0, steps="untethered", timestep=1e-4, **arguments):
     ],
 )
 def test_graph_has_the_edges_of_each_rule(rule, edges):
-    found = filter_edges(construct_rules_graph(), rule)
+    graph = construct_rules_graph()
+    assert graph.number_of_edges() == 4 + 4 + 6 + 4 + 6
+    found = filter_edges(graph, rule)
     assert len(found) == len(edges)
     assert {f"{source}-{target}" for source, target in found} == edges
-
-
-def test_graph_has_no_other_edges():
-    assert construct_rules_graph().number_of_edges() == 4 + 4 + 6 + 4 + 6
 
 
 def test_filter_by_source():
@@ -46,25 +44,26 @@ def test_filter_by_source():
 
 
 @pytest.mark.parametrize("steps", ["untethered", "tethered"])
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_decisions_are_those_of_the_specification(seed, steps):
-    recording = oracle.Steps(steps)
-    expected = oracle.Walknet(1e-4, oracle.DURATION[steps], recording.swing_end, seed)
-    actual = coordinator(seed, steps)
+def test_decisions_and_scores_are_those_of_the_specification(steps):
+    expected = oracle.Walknet(5e-4, oracle.DURATION[steps], oracle.Steps(steps).swing_end, 4)
+    actual = coordinator(4, steps, timestep=5e-4)
     ours, theirs = [], []  # compared at the end, which is quicker
-    for _ in range(30_000):
+    for _ in range(4000):
         expected.step()
         actual.step()
-        ours.append((actual.leg_phases.copy(), actual.mask_is_stepping.copy()))
-        theirs.append((np.array(expected.phases), np.array(expected.stepping)))
-    np.testing.assert_array_equal(ours, theirs)
+        scores = (actual.rule1_scores, actual.rule2_scores, actual.rule3_scores)
+        ours.append((actual.leg_phases, actual.mask_is_stepping, *scores))
+        theirs.append((expected.phases.copy(), expected.stepping.copy(), *expected.scores.copy()))
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(np.array(ours)[:, :2], np.array(theirs)[:, :2])
+    np.testing.assert_array_equal(actual.combined_scores, scores[0] + scores[1] + scores[2])
     assert expected.num_steps_started > 20
 
 
 def test_random_choices_are_those_of_the_specification():
     # Ties after the first step are rare: it takes a wide margin, long time steps and many seeds.
     recording, num_later_choices = oracle.Steps("untethered"), 0
-    for seed in range(40):
+    for seed in range(15):
         expected = oracle.Walknet(5e-3, 0.135, recording.swing_end, seed, margin=1.0)
         actual = coordinator(seed, timestep=5e-3, margin=1.0)
         for _ in range(400):
@@ -72,37 +71,7 @@ def test_random_choices_are_those_of_the_specification():
             actual.step()
             np.testing.assert_array_equal(actual.leg_phases, expected.phases)
         num_later_choices += expected.num_random_choices - 1
-    assert num_later_choices > 50
-
-
-def test_scores_are_those_of_the_specification():
-    expected = oracle.Walknet(1e-3, 0.135, oracle.Steps("untethered").swing_end, 4)
-    actual = coordinator(4, timestep=1e-3)
-    for _ in range(3000):
-        expected.step()
-        actual.step()
-        np.testing.assert_allclose(actual.rule1_scores, expected.scores[0], rtol=0, atol=1e-12)
-        np.testing.assert_allclose(actual.rule2_scores, expected.scores[1], rtol=0, atol=1e-12)
-        np.testing.assert_allclose(actual.rule3_scores, expected.scores[2], rtol=0, atol=1e-12)
-        total = actual.rule1_scores + actual.rule2_scores + actual.rule3_scores
-        np.testing.assert_array_equal(actual.combined_scores, total)
-    assert expected.scores.any()
-
-
-def test_first_step_is_never_a_hind_leg_and_can_be_any_other():
-    first = set()
-    for seed in range(40):
-        walk = coordinator(seed)
-        walk.step()
-        first.add(int(np.flatnonzero(walk.mask_is_stepping).item()))
-    assert first == {0, 1, 3, 4}
-
-
-def test_a_swinging_hind_leg_inhibits_the_middle_leg():
-    walk = coordinator()
-    while not 0 < walk.leg_phases[2] < 1.9:  # LH's swing ends at 1.95
-        walk.step()
-    assert walk.rule1_scores[1] == -10
+    assert num_later_choices > 15
 
 
 def test_phases_handed_out_before_do_not_change():
