@@ -2,7 +2,8 @@
 
 import importlib
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -117,6 +118,58 @@ def find(key: str, name: str, built_in: Mapping[str, type[T]], base: type[T]) ->
         return isinstance(value, type) and issubclass(value, base) and value is not base
 
     return look_up(key, name, built_in, is_derived, base.__name__)
+
+
+def name_of(settings: object, built_in: Mapping[str, type]) -> str:
+    """Name of the class of settings: a built-in one, or `module:attribute`."""
+    kind = type(settings)
+    names = (name for name, known in built_in.items() if known is kind)
+    return next(names, f"{kind.__module__}:{kind.__qualname__}")
+
+
+def from_record(
+    key: str,
+    record: object,
+    built_in: Mapping[str, type[T]],
+    base: type[T],
+    former: Collection[str],
+    usual: Mapping[str, T],
+) -> T:
+    """Settings of what `dataclasses.asdict` made of them.
+
+    Parameters
+    ----------
+    key
+        What the user set, for messages.
+    record
+        The fields by name; "name" is that of the class.
+    built_in, base
+        See `find`.
+    former
+        Settings that records of 0.1 hold of every class; where one has them not, they are ignored.
+    usual
+        Settings by further names, which a record may change.
+
+    Raises
+    ------
+    ValueError
+        If the record has no name, or there is no such class, setting or value.
+    """
+    from flyrl.validation import known_keys  # noqa: PLC0415 - completion does without NumPy
+
+    name = record.get("name") if isinstance(record, Mapping) else None
+    if not isinstance(record, Mapping) or not isinstance(name, str):
+        raise ValueError(f"{key}.name must be text, got {name!r}")
+    own = usual.get(name)
+    kind: Any = find(f"{key}.name", name, built_in, base) if own is None else type(own)
+    known = [each.name for each in fields(kind) if each.init]
+    settings = {
+        each: value
+        for each, value in record.items()
+        if each != "name" and (each in known or each not in former)
+    }
+    known_keys(key, settings, known)
+    return cast(T, kind(**settings) if own is None else replace(cast(Any, own), **settings))
 
 
 def look_up(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
 from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY, ContactConfig, SurfaceContact
-from flyrl.bodies.look import COLOURS, VISUAL_GROUP, add_cameras, add_light, set_look
+from flyrl.bodies.look import COLOURS, VISUAL_GROUP, add_light, set_look
 from flyrl.bodies.table import (
     REFLECTION,
     BodyName,
@@ -210,7 +210,6 @@ def build_fly(
     _fix_joints(spec, config)
     if config.tethered:
         spec.joint(ROOT_JOINT).armature = TETHER
-    add_cameras(spec, ROOT_BODY)
     add_light(spec, ROOT_BODY)
     return spec
 

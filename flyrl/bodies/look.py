@@ -1,10 +1,9 @@
-"""Look of the fly: colours, cameras, light."""
+"""Look of the fly: colours, light."""
 
 from typing import Final
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 _VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
 """Middle of the fly in the thorax frame, mm."""
@@ -40,23 +39,6 @@ COLOURS: Final[dict[str, Colour]] = {
 """Colour by the part of a body's name that it contains; the longest match wins."""
 
 
-def add_cameras(spec: mujoco.MjSpec, root: str) -> None:
-    """Cameras that follow the thorax without turning: "side" (from its right), "top", "track"."""
-    thorax = spec.body(root)
-    for name, offset in (
-        ("side", (0.0, -7.0, 0.6)),
-        ("top", (0.0, -0.001, 9.0)),
-        ("track", (3.6, -4.4, 2.8)),
-    ):
-        thorax.add_camera(
-            name=name,
-            mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-            pos=np.add(_VIEW_CENTRE, offset),
-            quat=_looking_along(-np.array(offset)),
-            fovy=40,
-        )
-
-
 def add_light(spec: mujoco.MjSpec, root: str) -> None:
     """A sun that moves with the fly, since MuJoCo draws shadows only near its aim.
 
@@ -74,16 +56,6 @@ def add_light(spec: mujoco.MjSpec, root: str) -> None:
         specular=(0.2, 0.2, 0.2),
         castshadow=True,
     )
-
-
-def _looking_along(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quaternion of a camera that looks along `direction` (3,) with the world's z upwards."""
-    back = -direction / np.linalg.norm(direction)
-    right = np.cross((0.0, 0.0, 1.0), back)
-    right /= np.linalg.norm(right)
-    quat = np.zeros(4)
-    mujoco.mju_mat2Quat(quat, np.stack([right, np.cross(back, right), back], axis=1).ravel())
-    return quat
 
 
 def set_look(spec: mujoco.MjSpec) -> None:

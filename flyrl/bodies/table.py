@@ -60,9 +60,6 @@ class BodyTable:
     (on the ground below the tail, x forward) to the thorax.
     """
 
-    name: str
-    coxa_joint_order: tuple[str, ...]
-    recorded_step: str
     thorax_in_spawn_frame: Vector
     kp: float
     force_range: tuple[float, float] | None
@@ -105,9 +102,6 @@ def body_table(name: BodyName) -> BodyTable:
     actuators = content["actuators"]
     limits = actuators["force_range"]
     return BodyTable(
-        name=content["name"],
-        coxa_joint_order=tuple(content["coxa_joint_order"]),
-        recorded_step=content["recorded_step"],
         thorax_in_spawn_frame=tuple(content["thorax_in_spawn_frame"]),
         kp=actuators["kp"],
         force_range=None if limits is None else (limits[0], limits[1]),

@@ -7,7 +7,7 @@ the engine runs at every physics step. The built-in ones use the same door as a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Final, NamedTuple, cast
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from flyrl.anatomy import CONTACT_SEGMENTS, JOINTS, LEGS
 from flyrl.controllers.compilation import entry_point, kernel
-from flyrl.entry_points import find
+from flyrl.entry_points import find, from_record, name_of
 from flyrl.validation import FloatArray, from_keys
 
 NUM_LEGS: Final = len(LEGS)
@@ -64,11 +64,7 @@ DRIVE: Final = Command(("left", "right"), (DRIVE_LOW,) * 2, (DRIVE_HIGH,) * 2)
 
 
 def _name(controller: Controller) -> str:
-    kind = type(controller)
-    for name, built_in in CONTROLLERS.items():
-        if kind is built_in:
-            return name
-    return f"{kind.__module__}:{kind.__qualname__}"
+    return name_of(controller, CONTROLLERS)
 
 
 @dataclass(frozen=True)
@@ -151,17 +147,7 @@ def controller_from(record: Mapping[str, Any]) -> Controller:
     ValueError
         As `controller_named`, or if there is no name.
     """
-    name = record.get("name") if isinstance(record, Mapping) else None
-    if not isinstance(name, str):
-        raise ValueError(f"controller.name must be text, got {name!r}")
-    kind = find("controller.name", name, CONTROLLERS, Controller)
-    known = {each.name for each in fields(kind) if each.init}
-    settings = {
-        key: value
-        for key, value in record.items()
-        if key != "name" and (key in known or key not in FORMER_FIELDS)
-    }
-    return from_keys("controller", settings, kind)
+    return from_record("controller", record, CONTROLLERS, Controller, FORMER_FIELDS, {})
 
 
 FORMER_FIELDS: Final = frozenset(

@@ -6,7 +6,7 @@ After cortex, Simulated Muscles, R. McIntyre (2012-14).
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Self, overload
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -144,11 +144,9 @@ class Muscle:
     def __post_init__(self) -> None:
         object.__setattr__(self, "strength", not_negative("strength", self.strength))
 
-    @overload
-    def tension(self, n: int) -> float: ...
-    @overload
-    def tension(self, n: ArrayLike) -> float | FloatArray: ...
-    def tension(self, n: ArrayLike) -> float | FloatArray:
+    # a number gives a number, an array an array; a type checker does not see which
+
+    def tension(self, n: ArrayLike) -> Any:
         """Share of its strength that it exerts: the sense of exertion.
 
         Parameters
@@ -167,19 +165,11 @@ class Muscle:
         tension = self.pool.recruitment[np.clip(whole_numbers("n", n), 0, len(self.pool) - 1)]
         return tension if tension.ndim else float(tension)
 
-    @overload
-    def force(self, n: int) -> float: ...
-    @overload
-    def force(self, n: ArrayLike) -> float | FloatArray: ...
-    def force(self, n: ArrayLike) -> float | FloatArray:
+    def force(self, n: ArrayLike) -> Any:
         """Force that it exerts, strength * tension; parameters and errors as of `tension`."""
         return self.strength * self.tension(n)
 
-    @overload
-    def recruit(self, tension: float) -> int: ...
-    @overload
-    def recruit(self, tension: ArrayLike) -> int | IntArray: ...
-    def recruit(self, tension: ArrayLike) -> int | IntArray:
+    def recruit(self, tension: ArrayLike) -> Any:
         """Return the smallest n whose tension is at least the given one: the inverse of `tension`.
 
         Parameters

@@ -158,11 +158,6 @@ def pack_model_data(engine: np.void, parameters: np.void, muscles: np.ndarray) -
     )
 
 
-def creature_userdata_size(num_muscles: int) -> int:
-    """How many numbers a creature carries: its muscles' neurons, then their tensions."""
-    return 2 * num_muscles
-
-
 def pack_creature_data(muscles: Sequence[Muscle]) -> np.ndarray:
     """Concatenate what a creature's model carries for the callback into one float64 array.
 

@@ -149,7 +149,10 @@ class FlyBatch(Batch):
         head = self.userdata["head"]
         self.controllers = self.userdata["controller"]
         self.senses, self.output, self._clock = head["senses"], head["output"], head["clock"]
-        self._legs = {name: self._of_controller(name, 6) for name in SHOWN}
+        names = self.controllers.dtype.names or ()
+        self._legs: dict[str, Array] = {
+            name: self.controllers[name] if name in names else np.zeros((n, 6)) for name in SHOWN
+        }
         names = scene.userdata.names or ()
         self._tensions = self.userdata["tensions"] if "tensions" in names else np.empty((n, 0))
         self.gait_logs: NDArray[np.void] | None = None
@@ -305,13 +308,6 @@ class FlyBatch(Batch):
             retracts=self._legs["retraction"][sim] > 0.0,
             stumbles=self._legs["stumbling"][sim] > 0.0,
         )
-
-    def _of_controller(self, name: str, size: int) -> NDArray[np.float64]:
-        """Live view of a field of the controllers' states, (n, size); zeros where it has none."""
-        if name in (self.controllers.dtype.names or ()):
-            shown: NDArray[np.float64] = self.controllers[name]
-            return shown
-        return np.zeros((self.num_sims, size))
 
     def rows_after(
         self, other: "FlyBatch", controller: np.void, kept: Sequence[str] = ()

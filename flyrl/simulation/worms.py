@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.bodies.worm import CRAWLING_ROOT, WormConfig, build_worm
 from flyrl.muscles import attach_muscles
 from flyrl.simulation.batch import Batch, Ids
-from flyrl.simulation.engine import creature_userdata_size, pack_creature_data
+from flyrl.simulation.engine import pack_creature_data
 from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.rendering import WormRenderer
 from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
@@ -158,7 +158,7 @@ class WormBatch(Batch):
         add_terrain(spec, config.terrain)
         pair_with_planes(spec, body.friction_across)
         apply_physics(spec, config.physics, config.terrain)
-        spec.nuserdata = creature_userdata_size(len(muscles))
+        spec.nuserdata = 2 * len(muscles)  # their neurons, then their tensions
         data = pack_creature_data([attached.muscle for attached in muscles])
         spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
         if visual:

@@ -7,15 +7,15 @@ a `Ground`. x points forward at spawn. All lengths in mm, world frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, cast
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.entry_points import find, is_entry_point, is_loaded
-from flyrl.validation import Within, check_fields, known_keys, one_of, ordered, within
+from flyrl.entry_points import find, from_record, is_entry_point, is_loaded, name_of
+from flyrl.validation import Within, check_fields, one_of, ordered, within
 
 Array = NDArray[np.float64]
 
@@ -122,11 +122,7 @@ class Ground:
 
 
 def _name(terrain: Terrain) -> str:
-    kind = type(terrain)
-    for name, built_in in KINDS.items():
-        if kind is built_in:
-            return name
-    return f"{kind.__module__}:{kind.__qualname__}"
+    return name_of(terrain, KINDS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -315,18 +311,7 @@ def terrain_from(record: Mapping[str, Any], key: str = "terrain") -> Terrain:
     ValueError
         If there is no such terrain, setting or value, or no name.
     """
-    name = record.get("name") if isinstance(record, Mapping) else None
-    if not isinstance(name, str):
-        raise ValueError(f"{key}.name must be text, got {name!r}")
-    base = TERRAINS[name] if name in TERRAINS else find(f"{key}.name", name, KINDS, Terrain)()
-    known = [each.name for each in fields(base) if each.init]
-    settings = {
-        each: value
-        for each, value in record.items()
-        if each != "name" and (each in known or each not in _FORMER_FIELDS)
-    }
-    known_keys(key, settings, known)
-    return replace(base, **settings)
+    return from_record(key, record, KINDS, Terrain, _FORMER_FIELDS, TERRAINS)
 
 
 def terrain_on_record(record: Any) -> Terrain | None:

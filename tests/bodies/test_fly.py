@@ -12,6 +12,7 @@ from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.fly import FlyConfig, build_fly, spawn_offset, stretch_pose
 from flyrl.bodies.table import BODY_NAMES, body_table, leg_collision
 from flyrl.resources import assets_folder
+from flyrl.simulation.fly_scene import STEPS_OF_BODY
 from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Flat, Mixed, add_terrain
 
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
@@ -43,7 +44,7 @@ PUBLISHED = {
 
 
 def recorded_step(name):
-    path = assets_folder() / "steps" / f"{body_table(name).recorded_step}.npz"
+    path = assets_folder() / "steps" / f"{STEPS_OF_BODY[name]}.npz"
     return np.load(path, allow_pickle=False)
 
 
