@@ -24,7 +24,6 @@ CHOOSING_SEEDS: Final = range(1000)
 """Presets are chosen with these starts and drives, and judged with others."""
 
 CREEP_S: Final = 0.5
-_SIZE: Final = 5
 _TURN_S: Final = 1.3
 
 
@@ -77,6 +76,8 @@ class Yardstick:
         0 takes one per CPU.
     preset
         Another to be measured against.
+    levels
+        Of the drive on each side, whose pairs are the drives of turns.
     """
 
     def __init__(
@@ -86,12 +87,13 @@ class Yardstick:
         turns: int,
         num_threads: int = 0,
         preset: str = "reference",
+        levels: int = 5,
     ) -> None:
         for name, count in (("walks", walks), ("steered", steered), ("turns", turns)):
             if count > len(CHOOSING_SEEDS):
                 raise ValueError(f"{name} is {count}; allowed: up to {len(CHOOSING_SEEDS)}")
         self.walks, self.steered, self.turns = walks, steered, turns
-        self.num_threads = num_threads
+        self.num_threads, self.levels = num_threads, levels
         self._rates = self._turn(preset) if turns else np.empty(0)
         kinds = (steering.PURSUIT, "abrupt") if steered else ()
         self._steered = {
@@ -138,7 +140,7 @@ class Yardstick:
         return figures, simulated / spent
 
     def _turn(self, physics: str | PhysicsConfig) -> steering.Array:
-        return yaw_rates(physics, _SIZE, self.turns, _TURN_S, self.num_threads)[0]
+        return yaw_rates(physics, self.levels, self.turns, _TURN_S, self.num_threads)[0]
 
     def _steer(
         self, physics: str | PhysicsConfig, terrain: str, kind: str

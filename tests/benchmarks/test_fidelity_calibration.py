@@ -89,7 +89,7 @@ def test_choosing_stops_short_of_what_is_judged_with() -> None:
 
 def test_a_preset_measured_against_itself_is_as_true_as_can_be() -> None:
     """Only falls are no figure where nobody falls."""
-    yardstick = Yardstick(walks=1, steered=1, turns=1, num_threads=1, preset="fast")
+    yardstick = Yardstick(walks=1, steered=1, turns=1, num_threads=1, preset="fast", levels=2)
     figures, speed = yardstick.measure(PHYSICS_PRESETS["fast"])
     assert figures["turning, rms"] == 0.0
     for terrain in ("gapped", "blocks", "mixed"):

@@ -26,6 +26,10 @@ def test_drives_fill_the_range_of_the_tasks_and_keep_within() -> None:
         drives = np.concatenate([sequence(kind, seed, 1.5) for seed in range(50)])
         assert LOW <= drives.min() < LOW + 0.05
         assert HIGH - 0.05 < drives.max() <= HIGH
+    turns = np.array([sequence("turn", seed, 0.1)[0] for seed in range(40)])
+    assert 10 < (turns[:, 0] < turns[:, 1]).sum() < 30
+    assert turns.max(axis=1).min() >= 0.9
+    assert turns.min(axis=1).max() <= 0.8
 
 
 def test_a_turn_is_held_a_smooth_drive_changes_little_at_a_time_and_an_abrupt_one_jumps() -> None:
@@ -34,11 +38,3 @@ def test_a_turn_is_held_a_smooth_drive_changes_little_at_a_time_and_an_abrupt_on
     assert jumps("abrupt") == pytest.approx((HIGH - LOW) / 3 / 5, rel=0.2)
     steps = np.abs(np.diff(sequence("smooth", 3, 1.5), axis=0))
     assert 0 < steps.max() < 4 * (HIGH - LOW) / 4 * 2 * np.pi * 2.0 * HOLD_S
-
-
-def test_turns_go_both_ways() -> None:
-    pairs = np.array([sequence("turn", seed, 0.1)[0] for seed in range(40)])
-    is_left = pairs[:, 0] < pairs[:, 1]
-    assert 10 < is_left.sum() < 30
-    assert pairs.max(axis=1).min() >= 0.9
-    assert pairs.min(axis=1).max() <= 0.8

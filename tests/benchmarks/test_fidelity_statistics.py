@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.fidelity import statistics
 from benchmarks.fidelity.statistics import Trajectory, walking_statistics
 
 
@@ -47,26 +46,18 @@ def swinging(walk: Trajectory, legs: list[int], *swings: tuple[int, int]) -> Tra
     return replace(walk, end_effectors_w=feet_w)
 
 
-def test_statistics_are_those_that_are_documented() -> None:
-    assert list(walking_statistics(standing(10))) == list(statistics.STATISTICS)
-
-
 def test_speed_and_straightness_of_a_right_angle() -> None:
-    """0.6 s along x and 0.8 s along y at 5 mm/s: 3 and 4 mm walked, 5 mm covered in 1.4 s."""
+    """0.6 s along x and 0.8 s along y at 5 mm/s: 3 and 4 mm walked, 5 mm covered in 1.4 s.
+
+    Height counts for neither.
+    """
     walk = standing(1401)
+    walk.position_w[:, 2] = np.linspace(2.0, 0.0, 1401)
     walk.position_w[:, 0] = np.minimum(0.005 * np.arange(1401), 3.0)
     walk.position_w[:, 1] = np.maximum(0.005 * np.arange(1401) - 3.0, 0.0)
     figures = walking_statistics(walk)
     assert figures["speed"] == pytest.approx(5.0 / 1.4)
     assert figures["straightness"] == pytest.approx(5.0 / 7.0)
-
-
-def test_height_counts_for_neither_speed_nor_path() -> None:
-    walk = walking()
-    walk.position_w[:, 2] = np.linspace(2.0, 0.0, 1001)
-    figures = walking_statistics(walk)
-    assert figures["speed"] == pytest.approx(10.0)
-    assert figures["straightness"] == pytest.approx(1.0)
 
 
 def test_a_sway_shorter_than_the_sampling_of_the_path_is_no_way() -> None:
@@ -151,17 +142,12 @@ def test_slip_is_the_way_of_feet_in_contact_per_way_of_the_fly() -> None:
     """From 0.2 s on the fly walks 8 mm; one foot slides 0.5 mm, and 3 mm more in the air."""
     walk = walking()
     walk.contact[500:600, 0] = False
+    walk.end_effectors_w[100:, 1, 0] = 0.5  # a slip while it lands
     walk.end_effectors_w[300:401, 0, 0] = 0.005 * np.arange(101)
     walk.end_effectors_w[401:, 0, 0] = 0.5
     walk.end_effectors_w[550:, 0, 0] = 3.5
     walk.end_effectors_w[700:, 0, 2] = 1.0  # up is no slip
     assert walking_statistics(walk)["slip"] == pytest.approx(0.5 / 8.0)
-
-
-def test_slip_while_landing_does_not_count() -> None:
-    walk = walking()
-    walk.end_effectors_w[100:, 0, 0] = 0.5
-    assert walking_statistics(walk)["slip"] == 0.0
 
 
 def test_energy_is_the_work_per_way_after_settling() -> None:

@@ -85,8 +85,3 @@ def test_runs_of_the_reference_are_sampled_as_flyrls_and_end_with_their_fall(tmp
     assert kept == runs[0]
     assert (row["physics"], row["terrain"], row["kind"]) == ("flygym", "blocks", "turn")
     assert (row["outcome"], row["seconds"], row["tilt_deg"]) == ("fall", 0.06, [0, 70])
-
-
-def test_a_folder_without_runs_is_refused(tmp_path) -> None:
-    with pytest.raises(ValueError, match="must hold steered runs"):
-        collect(tmp_path, {"machines": [], "runs": []})

@@ -24,10 +24,6 @@ FELL = [run(seed, "fall") for seed in range(30)] + [run(seed) for seed in range(
 FEWER = [run(seed, "fall") for seed in range(20)] + [run(seed) for seed in range(20, 100)]
 
 
-def test_falls_per_second() -> None:
-    assert fall_rate([run(0), run(1, "fall", seconds=0.5)]) == 0.5
-
-
 def test_the_difference_of_falls_is_paired() -> None:
     """Ten runs of a hundred differ: the error is that of a share of 0.1, 0.03, not of 0.3."""
     found = paired_falls(FELL, FEWER)
@@ -40,9 +36,7 @@ def test_ratio_of_falls() -> None:
     found = fall_ratio(FELL, FEWER)
     assert found.value == pytest.approx(1.5)
     assert 1.1 < found.low < 1.5 < found.high < 2.2
-
-
-def test_there_is_no_ratio_to_no_falls() -> None:
+    assert fall_rate([run(0), run(1, "fall", seconds=0.5)]) == 0.5
     assert np.isnan(fall_ratio(FELL, [run(seed) for seed in range(100)])).all()
 
 
@@ -52,16 +46,13 @@ def test_percentiles_of_counted_tilts(percent: float, degrees: int) -> None:
     assert percentile(np.array([2, 4, 0, 4]), percent) == degrees
 
 
-def test_tilts_of_all_runs_count_alike() -> None:
-    counts = tilt_counts([run(0), run(1, tilt_deg=[])])
-    assert counts.shape == (2, 181)
-    assert counts.sum(axis=0)[[1, 2, 9]].tolist() == [1, 1, 1]
-
-
 def test_ratio_of_tilts() -> None:
     steeper = [run(seed, tilt_deg=[20] * 10) for seed in range(5)]
     level = [run(seed, tilt_deg=[10] * 10) for seed in range(5)]
     assert tuple(tilt_ratio(steeper, level)) == (2.0, 2.0, 2.0)
+    counts = tilt_counts([run(0), run(1, tilt_deg=[])])
+    assert counts.shape == (2, 181)
+    assert counts.sum(axis=0)[[1, 2, 9]].tolist() == [1, 1, 1]
 
 
 def test_pairs_are_of_the_same_seeds() -> None:
@@ -73,13 +64,10 @@ def test_the_table_sets_presets_and_the_published_package_beside_reference() -> 
     reference = [{**row, "physics": "reference"} for row in FEWER]
     published = [{**row, "physics": "flygym"} for row in FEWER[:14]]
     _, first, second, third, fourth = table([*reference, *FELL], published).splitlines()
+    lost = table([run(0), run(1, "unstable")])
+    assert lost.splitlines()[-1] == "blew up: blocks turn balanced, seed 1"
     assert first.split()[:5] == ["blocks", "turn", "reference", "100", "20.0%"]
     assert second.split()[:5] == ["blocks", "turn", "balanced", "100", "30.0%"]
     assert "+10.0% [+" in second and "1.50 [1." in second and "1.00 [1.00, 1.00]" in second
     assert third.split()[2:5] == ["(reference)", "14", "100.0%"]
     assert fourth.split()[2:5] == ["flygym", "14", "100.0%"]
-
-
-def test_a_run_that_blew_up_is_named() -> None:
-    text = table([run(0), run(1, "unstable")])
-    assert text.splitlines()[-1] == "blew up: blocks turn balanced, seed 1"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.fidelity.verdict import compare_hybrid, reference_speed, speeds, verdict
+from benchmarks.fidelity.verdict import compare_hybrid, reference_speed, verdict
 
 
 def run(controller: str, seed: int, speed: float, outcome: str = "timeout", **about: str):
@@ -18,17 +18,12 @@ def test_earlier_runs_count_in_the_reference() -> None:
     assert reference_speed([run("cpg", 0, 8.0)], "blocks", "cpg") == 8.0
 
 
-def test_runs_that_blew_up_have_no_speed() -> None:
-    found = [run("cpg", 0, 1.0), run("cpg", 1, 9.0, outcome="unstable")]
-    assert speeds(found, "blocks", "cpg") == {0: 1.0}
-
-
 def test_the_hybrid_is_compared_seed_by_seed() -> None:
-    """Every fly is 2 mm/s faster with the hybrid, however fast it is; a seed alone is left out."""
+    """Every fly is 2 mm/s faster with the hybrid, however fast; a seed alone is left out."""
     flies = np.arange(1.0, 11.0)
     found = [run("cpg", seed, 2 * speed) for seed, speed in enumerate(flies)]
     found += [run("hybrid", seed, 2 * speed + 2) for seed, speed in enumerate(flies)]
-    found += [run("hybrid", 99, 1000.0)]
+    found += [run("hybrid", 99, 1000.0), run("cpg", 99, 1.0, outcome="unstable")]
     comparison = compare_hybrid(found, "blocks", "cpg")
     assert (comparison.low, comparison.high) == pytest.approx((2.0, 2.0))
     assert comparison.ratio == pytest.approx(11.0 / 13.0)

@@ -57,14 +57,6 @@ def test_engine_table_has_a_column_per_number_of_flies_and_marks_unstable_ones()
     assert one.split() == ["fast", "flat", "1", "1,500", "(1.50)", "4,000", "(4.00)!"]
     assert two.split() == ["fast", "flat", "2", "-", "9,000", "(9.00)"]
     assert note.strip().startswith("!")
-
-
-def test_tables_say_what_was_not_measured() -> None:
-    row = {"simulator": "flygym 2", "terrain": "flat", "steps_per_s": 1000.0, "ratio": 52.04}
-    missing = {"simulator": "flygym-gymnasium", "note": "not measured: pass --flygym PYTHON"}
-    _, measured, note = part_table("peers", [row, missing]).splitlines()
-    assert measured.split() == ["flygym", "2", "flat", "1,000", "52.04"]
-    assert note == "  flygym-gymnasium: not measured: pass --flygym PYTHON"
     assert part_table("rendering", [{"note": "not measured: no GL"}]) == (
         "  rendering: not measured: no GL"
     )
@@ -86,12 +78,6 @@ def test_show_prints_what_is_stored(tmp_path: Path, capsys: pytest.CaptureFixtur
     results.write(path, {"single": part(physics="fast", steps_per_s=1234.0)})
     main(["--show", "--output", str(path)])
     assert "1,234" in capsys.readouterr().out
-
-
-def test_a_part_that_does_not_exist_is_named(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["engin"])
-    assert "got 'engin'; did you mean 'engine'?" in capsys.readouterr().err
 
 
 def test_stopwatch_counts_inner_time_for_itself_alone() -> None:
