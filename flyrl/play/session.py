@@ -5,7 +5,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import mujoco
 
@@ -47,7 +47,7 @@ _RATE_S: Final = 0.5
 """Time over which the speed that is reached is measured."""
 
 
-class Playable:
+class Playable(Protocol):
     """A simulation that a person acts on while it runs; a subclass says what it is.
 
     Attributes
@@ -88,31 +88,24 @@ class Playable:
     @property
     def hint(self) -> str:
         """A line that stands in the picture: the keys that matter at the moment."""
-        raise NotImplementedError
 
     def step(self, number: int) -> None:
         """Simulate a number of steps."""
-        raise NotImplementedError
 
     def reset(self, seed: int) -> None:
         """Start again; the same seed starts the same."""
-        raise NotImplementedError
 
     def press(self, key: str) -> None:
         """Do what a key stands for, one of `keys`."""
-        raise NotImplementedError
 
     def relax(self) -> None:
         """Let go of all that a person holds, since nobody is there any more."""
-        raise NotImplementedError
 
     def draw(self, panel: "Panel") -> None:
         """Draw the panel's sections as they are at the moment."""
-        raise NotImplementedError
 
     def figures(self) -> Mapping[str, float | str | bool]:
         """Values for the log, rounded to what is worth a line."""
-        raise NotImplementedError
 
     def change(self, name: str, value: "Setting") -> None:
         """Set a control of the panel.
@@ -125,7 +118,8 @@ class Playable:
         raise ValueError(f"{self.title} has no {name!r} to set")
 
     def point(self, x_w: float, y_w: float) -> None:
-        """Do what a click on the ground stands for, mm in the world's frame."""
+        """Do what a click on the ground stands for, mm in the world's frame; by default nothing."""
+        return
 
 
 @dataclass

@@ -3,7 +3,7 @@ import sys
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.play.loopback import listen
+from flyrl.play.page import listen
 
 
 def test_help_has_an_example(capsys):
@@ -67,8 +67,8 @@ def test_a_log_that_cannot_be_written(tmp_path, capsys):
 
 
 def test_without_the_web_viewer(monkeypatch, capsys):
-    for name in ("loopback", "page"):
-        monkeypatch.delitem(sys.modules, f"flyrl.play.{name}", raising=False)
+    monkeypatch.delattr("flyrl.play.page")  # imported above
+    monkeypatch.delitem(sys.modules, "flyrl.play.page")
     monkeypatch.setitem(sys.modules, "mujoco.studio.web", None)
     assert main(["play", "worm", "--no-browser", "--port", "0"]) == 2
     line = only_line(capsys)

@@ -1,310 +1,202 @@
-"""The page, in a browser with real keys and a real mouse, checked on the loop's own log."""
+"""The page: served to this computer alone, and to no page but itself; what is drawn in it."""
 
-import io
+import contextlib
+import http.client
+import math
+import socket
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from urllib.parse import urlsplit
 
+import mujoco
 import numpy as np
 import pytest
-from PIL import Image
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
-from flyrl.muscles import MotorPool
-from flyrl.resources import assets_folder
-from tests.chromium import chromium
-from tests.play.commands import FLY, TOY, playing
+from flyrl.play.page import display_model, ground_point, listen, url
+from flyrl.play.worm import PlayedWorm
+from tests.play.commands import TOY, playing
 from tests.play.toy import Toy
 
-WIDTH, HEIGHT = 900, 440
-"""px; of a page, in which the panel is unfolded and shows its first two sections."""
-
-SCALE = 0.5
-"""Of the pixels that are drawn, since software takes its time for each."""
-
-COARSE = 0.2
-"""The same where no test looks at the picture."""
-
-SCENE_HEIGHT = HEIGHT - 32
-"""px; below is the viewer's own bar."""
-
-LEFT, RIGHT = 12, 342
-"""px; where the panel begins and ends."""
-
-# Places on the page, as the panel is laid out.
-PAUSE, STEP, RESET = ((LEFT + x, 100) for x in (28, 73, 117))
-SEED_PLUS = (LEFT + 296, 152)
-RECORD = (LEFT + 18, 178)
-SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 222, 234), (LEFT + 285, 234)
-SHAPE = (LEFT + 200, 260)
-SHAPES = {"box": (LEFT + 200, 285), "ball": (LEFT + 200, 305), "cube": (LEFT + 200, 325)}
-GROUND = (640, 300)
-
-
-def frames(page, number):
-    """Wait for pictures of the page, of which there may be few in a second."""
-    page.evaluate(
-        """(number) => new Promise((resolve) => {
-            const next = () => (number-- > 0 ? requestAnimationFrame(next) : resolve());
-            next();
-        })""",
-        number,
-    )
-
-
-def hover(page, place):
-    """Move the mouse somewhere, until the page knows whether that is the panel or the scene."""
-    page.mouse.move(*place)
-    frames(page, 5)
-
-
-def click(page, place):
-    """Click: the page reads the mouse once per picture."""
-    hover(page, place)
-    page.mouse.down()
-    frames(page, 2)
-    page.mouse.up()
-    frames(page, 2)
-
-
-def press(page, key, is_so, played):
-    """Press a key until the log says what it did."""
-    page.keyboard.down(key)
-    entry = played.until(is_so)
-    page.keyboard.up(key)
-    frames(page, 2)  # the page reads keys once per picture
-    return entry
-
-
-def picture(page):
-    """What the page shows above the viewer's bar."""
-    shot = page.screenshot(timeout=120_000, scale="device")
-    seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
-    return seen[: int(SCENE_HEIGHT * SCALE)]
-
-
-def scene_of(seen):
-    """What is seen beside the panel."""
-    return seen[:, int(RIGHT * SCALE) :]
-
-
-def strong(colours, channel):
-    """Where a channel stands out."""
-    others = [other for other in range(3) if other != channel]
-    return (colours[..., channel] > 90) & np.all(
-        colours[..., channel, None] > colours[..., others] + 50, axis=-1
-    )
-
-
-def await_picture(page, shows):
-    """Wait for a picture that shows something; a scene that has changed is not drawn at once."""
-    end = time.monotonic() + 90
-    while not shows(picture(page)):
-        assert time.monotonic() < end, "it is never seen"
+LISTENS = "0A"
 
 
 @pytest.fixture(scope="module")
-def browser():
-    with chromium() as browser:
-        yield browser
+def played(tmp_path_factory):
+    with playing(tmp_path_factory.mktemp("play") / "log.jsonl") as played:
+        yield played
 
 
-@pytest.fixture(scope="module")
-def toy(tmp_path_factory, browser):
-    """A toy in play, and its page."""
-    with playing(tmp_path_factory.mktemp("toy") / "log.jsonl", TOY) as played:
-        page = open_page(browser, played)
-        yield played, page
-        page.close()
-        played.until(lambda entry: not entry["is_watched"])
-        assert played.interrupt() == (0, "\n", "")
+@pytest.fixture
+def port(played):
+    return urlsplit(played.url).port
 
 
-def open_page(browser, played, scale=SCALE):
-    size = {"width": WIDTH, "height": HEIGHT}
-    page = browser.new_page(viewport=size, device_scale_factor=scale)
-    page.goto(played.url)
-    played.until(lambda entry: entry["is_watched"])
-    return page
+def addresses(pid):
+    """Local addresses, in hexadecimal, at which a process listens for TCP, from Linux's tables."""
+    sockets = set()
+    for link in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):
+            sockets.add(str(link.readlink()))
+    rows = []
+    for table in ("tcp", "tcp6"):
+        rows += [row.split() for row in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()]
+    return {
+        row[1].rsplit(":", 1)[0]
+        for row in rows
+        if row[3] == LISTENS and f"socket:[{row[9]}]" in sockets
+    }
 
 
-@pytest.mark.slow
-class TestToy:
-    """One page, in which one thing is done after the other."""
-
-    def test_keys(self, toy):
-        played, page = toy
-        entry = press(page, "ArrowUp", lambda e: e["speed_x"] != 0, played)
-        assert entry["speed_x"] == 0.5
-        played.until(lambda entry: entry["x"] > 0.2)
-        assert press(page, "h", lambda e: e["hops"] != 0, played)["hops"] == 1
-        assert press(page, "ArrowDown", lambda e: e["speed_x"] != 0.5, played)["speed_x"] == 0
-
-    def test_a_slider_is_dragged(self, toy):
-        played, page = toy
-        hover(page, SLIDER_MIDDLE)
-        page.mouse.down()
-        frames(page, 2)
-        page.mouse.move(*SLIDER_RIGHT, steps=3)
-        played.until(lambda entry: entry["speed_x"] > 0.9)
-        frames(page, 2)
-        page.mouse.up()
-        frames(page, 3)
-        # from -2 to 2 over 172 px, but for the grip's width
-        expected = (SLIDER_RIGHT[0] - SLIDER_MIDDLE[0]) / 156 * 4
-        assert played.entries()[-1]["speed_x"] == pytest.approx(expected, abs=0.2)
-
-    def test_pause_step_reset(self, toy):
-        played, page = toy
-        click(page, PAUSE)
-        paused = played.until(lambda entry: entry["is_paused"])
-        click(page, STEP)
-        step = played.until(lambda entry: entry["x"] != paused["x"])
-        assert step["time_s"] == pytest.approx(paused["time_s"] + Toy.interval_s)
-        click(page, SEED_PLUS)
-        click(page, RESET)
-        reset = played.until(lambda entry: entry["seed"] == 1)
-        assert (reset["time_s"], reset["x"]) == (0, 0)
-        press(page, "Space", lambda entry: not entry["is_paused"], played)
-
-    def test_a_choice_changes_the_scene(self, toy):
-        played, page = toy
-        click(page, SHAPE)
-        click(page, SHAPES["ball"])
-        played.until(lambda entry: entry["shape"] == "ball")
-
-    def test_what_is_refused_is_told(self, toy):
-        played, page = toy
-        click(page, SHAPE)
-        click(page, SHAPES["cube"])
-        entry = played.until(lambda entry: entry["message"])
-        assert entry["message"] == "shape must be one of 'box', 'ball', got 'cube'"
-        assert entry["shape"] == "ball"
-
-    def test_a_click_on_the_ground_moves_the_target_there(self, toy):
-        played, page = toy
-        page.keyboard.down("Shift")
-        click(page, GROUND)
-        page.keyboard.up("Shift")
-        played.until(lambda entry: entry["target_x"] != 3)
-
-        def shows(seen):
-            green, blue = (strong(scene_of(seen), channel) for channel in (1, 2))
-            if not green.any() or not blue.any():
-                return False  # the ball, which was a box, is not there yet
-            place = np.mean(np.nonzero(blue), axis=1)[::-1] / SCALE + (RIGHT, 0)
-            return np.abs(place - GROUND).max() < 12
-
-        await_picture(page, shows)
-
-    def test_a_video_is_recorded(self, toy):
-        played, page = toy
-        click(page, RECORD)
-        on = played.until(lambda entry: entry["recording"])
-        if not on["is_recording"]:
-            pytest.skip(on["recording"])
-        # the recorder's line has moved what is below, not the box
-        click(page, RECORD)
-        written = played.until(lambda entry: entry["recording"].startswith("Video: "))
-        path = Path(written["recording"].removeprefix("Video: "))
-        assert path.name == "toy_1.mp4"
-        assert 1_000 < path.stat().st_size < 2_000_000
-
-    def test_a_page_that_closes_with_a_key_held_leaves_nothing_pressed(self, toy, browser):
-        played, page = toy
-        page.keyboard.down("ArrowUp")
-        played.until(lambda entry: entry["speed_x"] == 0.5)
-        page.close()
-        left = played.until(lambda entry: not entry["is_watched"])
-        assert left["speed_x"] == 0
-        again = open_page(browser, played)
-        # what is pressed while a page is still loading counts as held from before
-        await_picture(again, lambda seen: strong(scene_of(seen), 2).any())
-        frames(again, 5)
-        assert played.entries()[-1]["speed_x"] == 0
-        entry = press(again, "ArrowUp", lambda entry: entry["speed_x"] != 0, played)
-        assert entry["speed_x"] == 0.5
-        again.close()
+def get(port, path="/", **headers):
+    """Status of the answer."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection.request("GET", path, headers=headers)
+    status = connection.getresponse().status
+    connection.close()
+    return status
 
 
-# Of the fly's panel.
-WHO_STEERS = (LEFT + 200, 303)
-TARGET_FLAT = (LEFT + 200, 368)
-DRIVE_LEFT, DRIVE_RIGHT = (LEFT + 180, 329), (LEFT + 180, 355)
+def handshake(port, path, origin):
+    """Status of the answer to a WebSocket that is to be opened."""
+    try:
+        with connect(f"ws://127.0.0.1:{port}{path}", origin=origin, open_timeout=20):
+            return 101
+    except InvalidStatus as error:
+        return error.response.status_code
 
 
-def drag(page, start, end):
-    hover(page, start)
-    page.mouse.down()
-    frames(page, 2)
-    page.mouse.move(*end, steps=3)
-    frames(page, 3)
-    page.mouse.up()
-    frames(page, 3)
+def test_the_page_comes_before_its_model_and_goes_at_once_though_somebody_is_silent(tmp_path):
+    (tmp_path / "wait").touch()
+    with playing(tmp_path / "log.jsonl", TOY) as toy, ThreadPoolExecutor(1) as pool:
+        port = urlsplit(toy.url).port
+        model = pool.submit(get, port, "/model")
+        assert get(port) == 200
+        with pytest.raises(TimeoutError):
+            model.result(timeout=0.3)
+        (tmp_path / "wait").unlink()
+        assert model.result(timeout=20) == 200
+        with silent(port):
+            toy.until(lambda entry: entry["is_watched"])
+            began_s = time.monotonic()
+            assert toy.interrupt() == (0, "\n", "")
+            assert time.monotonic() - began_s < 3.0
 
 
-def target_of(entry):
-    return entry["target_x_mm"], entry["target_y_mm"]
+@contextlib.contextmanager
+def silent(port):
+    """A browser that holds a WebSocket and never answers, as a tab that sleeps."""
+    with socket.create_connection(("127.0.0.1", port)) as client:
+        lines = (
+            "GET /state HTTP/1.1", f"Host: 127.0.0.1:{port}", f"Origin: http://127.0.0.1:{port}",
+            "Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
+            "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==",
+        )  # fmt: skip
+        client.sendall("\r\n".join([*lines, "", ""]).encode())
+        assert b" 101 " in client.recv(20)
+        yield
 
 
-def distance_to_target(entry):
-    return np.hypot(entry["x_mm"] - entry["target_x_mm"], entry["y_mm"] - entry["target_y_mm"])
+def test_every_socket_listens_on_127_0_0_1(played):
+    assert addresses(played.process.pid) == {"0100007F"}
 
 
-@pytest.mark.slow
-def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks(tmp_path, browser):
-    with playing(tmp_path / "log.jsonl", FLY) as played:
-        page = open_page(browser, played, COARSE)
-        stood = played.latest()
-        assert (stood["drive_left"], stood["drive_right"]) == (0, 0)
-        entry = press(page, "ArrowUp", lambda e: e["drive_left"] > 0, played)
-        assert (entry["drive_left"], entry["drive_right"]) == (0.1, 0.1)
-        drag(page, DRIVE_LEFT, (DRIVE_LEFT[0] + 60, DRIVE_LEFT[1]))
-        entry = played.until(lambda entry: entry["drive_left"] > 0.4)
-        assert entry["drive_right"] == 0.1
-        # a stronger left side turns it right
-        heading = entry["heading_deg"]
-        played.until(lambda entry: (entry["heading_deg"] - heading) % 360 > 180)
-        click(page, WHO_STEERS)
-        click(page, TARGET_FLAT)
-        played.until(lambda entry: entry["steering"] == "target-flat")
-        target = target_of(played.latest())
-        page.keyboard.down("Shift")
-        click(page, GROUND)
-        page.keyboard.up("Shift")
-        played.until(lambda entry: target_of(entry) != target)
-        # the fly may be there before anybody looks: when it was moved, it was away
-        moved = next(entry for entry in played.entries() if target_of(entry) != target)
-        assert distance_to_target(moved) > 1
-        put = target_of(moved)
-        arrived = played.until(lambda entry: target_of(entry) not in (target, put))
-        assert (arrived["outcome"], arrived["steering"]) == ("running", "target-flat")
-        press(page, "ArrowDown", lambda entry: entry["steering"] == "by hand", played)
-        page.close()
-        left = played.until(lambda entry: not entry["is_watched"])
-        assert (left["drive_left"], left["drive_right"], left["steering"]) == (0, 0, "by hand")
-        assert played.interrupt() == (0, "\n", "")
+def test_other_addresses_of_this_computer_are_refused(port):
+    assert get(port) == 200
+    for family, address in ((socket.AF_INET, "127.0.0.2"), (socket.AF_INET6, "::1")):
+        with socket.socket(family) as other, pytest.raises(OSError, match=r"refused|Cannot assign"):
+            other.connect((address, port))
 
 
-def tension(n):
-    pool = MotorPool.from_image(assets_folder() / "muscles" / "human.png")
-    return pytest.approx(pool.recruitment[n], abs=5e-5)
+@pytest.mark.parametrize("path", ["/ui", "/state", "/drop"])
+def test_a_websocket_opens_for_its_own_page_only(port, path):
+    foreign = ["http://evil.example", f"https://127.0.0.1:{port}", f"http://127.0.0.1:{port + 1}"]
+    for origin in [*foreign, "null", None]:
+        assert handshake(port, path, origin) == 403
+    for name in ("127.0.0.1", "localhost"):
+        assert handshake(port, path, f"http://{name}:{port}") == 101
 
 
-def red_rows(seen):
-    """In how many rows of the page the panel shows the bar's red."""
-    red, green, blue = np.moveaxis(seen[:, : int(RIGHT * SCALE)], -1, 0)
-    return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum() / SCALE
+def test_files_and_the_model_are_for_its_own_page_only(port):
+    for path in ("/", "/model", "/web_client.js"):
+        assert get(port, path, Origin="http://evil.example") == 403
+        # as after a name was made to point here
+        assert get(port, path, Host=f"evil.example:{port}") == 403
+        assert get(port, path, Host=f"localhost:{port}") == 200
 
 
-@pytest.mark.slow
-def test_keys_recruit_neurons_and_the_worm_bends(tmp_path, browser):
-    with playing(tmp_path / "log.jsonl") as played:
-        page = open_page(browser, played)
-        assert press(page, "h", lambda e: e["n"] == 20, played)["tension"] == tension(20)
-        played.until(lambda entry: entry["bend_deg"] >= 0.4)
-        assert press(page, "h", lambda e: e["n"] == 40, played)["tension"] == tension(40)
-        await_picture(page, lambda seen: red_rows(seen) >= 8)
-        assert press(page, "n", lambda e: e["n"] == 20, played)["tension"] == tension(20)
-        page.close()
-        left = played.until(lambda entry: not entry["is_watched"])
-        assert (left["n"], left["tension"]) == (0, 0)
-        assert played.interrupt() == (0, "\n", "")
+def test_a_port_that_is_taken_is_named():
+    with listen(0) as taken, pytest.raises(OSError, match=r"in use.*choose another with --port"):
+        listen(taken.getsockname()[1])
+
+
+def test_a_port_can_be_used_again_at_once():
+    with listen(0) as first:
+        port = first.getsockname()[1]
+        assert url(first) == f"http://127.0.0.1:{port}/"
+        with socket.create_connection(("127.0.0.1", port)):
+            first.accept()[0].close()
+    listen(port).close()
+
+
+SCENE = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="0 0 1"/>
+    <geom type="box" pos="50 0 1" size="1 1 1"/>
+    <body pos="-50 0 1"><geom type="box" size="1 1 1"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    ("lookat", "elevation", "place", "expected"),
+    [
+        ((1, 2, 0), -30, (0.5, 0.5), (1, 2)),
+        # MuJoCo's field of view is 45° high: from 10 mm above, 2 * 10 tan 22.5° of the ground
+        ((1, 2, 0), -90, (0.5, 0.0), (1, 2 + 10 * math.tan(math.radians(22.5)))),
+        ((1, 2, 0), -90, (1.0, 0.5), (1 + 20 * math.tan(math.radians(22.5)), 2)),
+        # the sky
+        ((1, 2, 0), -10, (0.5, 0.0), None),
+        # the side of a block that belongs to the ground, and a body in front of the ground
+        ((50, 0, 1), 0, (0.5, 0.5), (50, -1)),
+        ((-50, 0, 1), -30, (0.5, 0.5), None),
+    ],
+)
+def test_a_click_meets_the_ground_that_is_seen_there(lookat, elevation, place, expected):
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    camera = mujoco.MjvCamera()
+    camera.azimuth, camera.elevation, camera.distance = 90, elevation, 10
+    camera.lookat[:] = lookat
+    point = ground_point(model, mujoco.MjData(model), camera, *place, aspect=2.0)
+    assert point == (expected and pytest.approx(expected, abs=1e-3))
+
+
+def test_what_is_drawn_knows_no_forces():
+    worm = PlayedWorm()
+    forces, constraints = [], []
+    for model in (worm.model, display_model(worm.model)):
+        data = mujoco.MjData(model)
+        data.ctrl[:], data.qpos[:] = 100.0, 2.0  # beyond the joints' limits
+        mujoco.mj_forward(model, data)
+        forces.append(np.abs(data.qfrc_actuator).max())
+        constraints.append(data.nefc)
+    assert forces == [pytest.approx(100), 0]
+    assert constraints == [worm.model.njnt, 0]
+
+
+def test_mocap_bodies_are_drawn_where_they_are():
+    toy = Toy()
+    toy.point(5.0, -1.0)
+    toy.data.qpos[0] = 0.7
+    toy.data.mocap_quat[0] = (0.6, 0.8, 0, 0)
+    model = display_model(toy.model)
+    data = mujoco.MjData(model)
+    toy.copy_into(data)
+    mujoco.mj_forward(model, data)
+    assert data.body("target").xpos == pytest.approx((5, -1, 0.2))
+    assert data.body("target").xquat == pytest.approx((0.6, 0.8, 0, 0))
+    assert data.body("cart").xpos == pytest.approx((0.7, 0, 1))

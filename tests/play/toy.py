@@ -104,11 +104,11 @@ class Toy(Playable):
             panel.switch("bright", "bright lights", self.is_bright)
             panel.integer("number", "number", 7)
             panel.text("A line of text that is so long that it does not fit into the panel.")
+            panel.bars({"one": 0.3, "the other": 1.0})
         if panel.section("What it does"):
             panel.values({"place (mm)": float(self.data.qpos[0]), "hops": self.hops})
             panel.dials(legs, turns, np.linspace(0.3, 1, 6))
             panel.raster(legs, np.eye(6, 12, dtype=bool), 16, 1.0)
-            panel.bars({"one": 0.3, "the other": 1.0})
             panel.bars({f"muscle {number}": number / 13 for number in range(14)})
 
     def figures(self):
