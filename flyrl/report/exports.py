@@ -239,7 +239,7 @@ def standalone(svg: str) -> str:
     width, height = box.group(1).split()[2:]
     rest = re.sub(r"var\(--\w+, (#[0-9a-f]{6})\)", r"\1", rest)
     rest = re.sub(r"</?a\b[^>]*>", "", rest)
-    rest = rest.replace(' href="#', ' xlink:href="#')
+    rest = rest.replace(' href="', ' xlink:href="')
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
@@ -22,11 +23,10 @@ from flyrl.report.style import (
     outcome_dot,
     panels,
     svg_text,
-    themed,
 )
 from flyrl.report.wording import outcome_name
 from flyrl.tasks import SUCCESS, Episode
-from flyrl.terrains import NOWHERE, Bounds, Boxes, Ground, Terrain, terrain_on_record
+from flyrl.terrains import NOWHERE, Bounds, Ground, Terrain, terrain_on_record
 
 FloatArray = NDArray[np.float64]
 Frame = tuple[FloatArray, FloatArray]
@@ -49,14 +49,14 @@ LEAST_VIEW: Final = 8.0
 _PANEL_IN: Final = (2.8, 3.6)
 """Width of a panel, and its largest height, inches."""
 
-MAX_LEVELS: Final = 6
-"""Levels of height that are drawn; more are put together to as many, evenly spaced."""
+LEVELS: Final = 6
+"""Shades of ground from the lowest to the highest, evenly spaced; so few make small pictures."""
 
-LEVEL_SHADE: Final = 0.14
-"""Opacity of ground that is all of one height."""
+GROUND_SHADES: Final = (0.15, 0.5)
+"""Opacity of the lowest ground and of the highest; gaps are bare."""
 
-GROUND_SHADES: Final = (0.06, 0.22)
-"""Opacity of the lowest and of the highest of several levels; gaps are bare."""
+PIXELS: Final = 500
+"""Of a picture of the ground, along its longer side."""
 
 
 class Thing(NamedTuple):
@@ -178,32 +178,55 @@ def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
     terrain, ground
         The terrain, and its ground in these episodes.
     """
-    name, bounds = f"paths-{terrain.label}", terrain.bounds
+    bounds = terrain.bounds
     view = view_of(walks, bounds)
     width, height = view.x_max - view.x_min, view.y_max - view.y_min
     panel_height = min(_PANEL_IN[0] * height / width, _PANEL_IN[1]) + 0.4
     corner = bounds.x_min, bounds.y_min
     sides = bounds.x_max - bounds.x_min, bounds.y_max - bounds.y_min
+    picture = ground_picture(terrain, ground, view)
+    extent = (view.x_min, view.x_max, view.y_min, view.y_max)
     with _panels(walks, panel_height, ("x (mm)", "y (mm)")) as (figure, drawn):
         for i, (axes, own, shade) in enumerate(drawn):
-            axes.set_gid(f"panel-{i}")
+            seen = axes.imshow(picture, extent=extent, origin="lower", interpolation="none")
+            seen.set_gid(f"ground-{i}")
             axes.add_patch(Rectangle(corner, *sides, fill=False, edgecolor=MUTED))
             _draw(axes, own, [WORLD] * len(own), shade, terrain.label, faint=0.6)
         figure.axes[0].set_xlim(view.x_min, view.x_max)
         figure.axes[0].set_ylim(view.y_min, view.y_max)
-        svg = svg_text(figure, name)
-        # the ground stands in the figure once, and lies under each panel
-        for axes, *_ in drawn:
-            box, (x, y) = axes.get_position(), 72 * figure.get_size_inches()
-            place = (
-                f'x="{box.x0 * x:.2f}" y="{(1 - box.y1) * y:.2f}" '
-                f'width="{box.width * x:.2f}" height="{box.height * y:.2f}"'
-            )
-            start = f'<g id="{name}-{axes.get_gid()}">'
-            svg = svg.replace(start, f'{start}<use href="#{name}-ground" {place}/>', 1)
-    head, rest = svg.split(">", 1)
-    symbol = ground_symbol(seen_from_above(terrain, ground, view), view, f"{name}-ground")
-    return f"{head}>{symbol}{rest}"
+        return svg_text(figure, f"paths-{terrain.label}")
+
+
+def ground_picture(terrain: Terrain, ground: Ground, view: Bounds) -> FloatArray:
+    """The ground within `view` from above, (rows, columns, 4): the higher, the more opaque.
+
+    The first row lies at the least y, the first column at the least x.
+    """
+    x_side, y_side = view.x_max - view.x_min, view.y_max - view.y_min
+    grain = max(x_side, y_side) / PIXELS
+    x, y = (
+        start + grain * (np.arange(round(side / grain), dtype=np.float64) + 0.5)
+        for start, side in ((view.x_min, x_side), (view.y_min, y_side))
+    )
+    tops = np.full((len(y), len(x)), np.nan)
+    if (heights := terrain.heights()) is not None:
+        left, forth, up = ground.shift
+        tops = up + heights.at(x - left, y[:, np.newaxis] - forth)
+    boxes = ground.boxes
+    for centre, half_size, top in zip(boxes.centres, boxes.half_sizes, boxes.tops, strict=True):
+        rows, columns = (
+            np.flatnonzero(np.abs(along - centre[axis]) <= half_size[axis])
+            for axis, along in ((1, y), (0, x))
+        )
+        inside = np.ix_(rows, columns)
+        tops[inside] = np.fmax(tops[inside], top)
+    picture = np.empty((*tops.shape, 4))
+    picture[..., :3] = to_rgb(MUTED)
+    height = (tops - np.nanmin(tops)) / (np.ptp(tops[np.isfinite(tops)]) or 1.0)
+    low, high = GROUND_SHADES
+    shades = low + (high - low) * np.round(height * (LEVELS - 1)) / (LEVELS - 1)
+    picture[..., 3] = np.nan_to_num(shades)
+    return picture
 
 
 def view_of(walks: Walks, ground: Bounds) -> Bounds:
@@ -299,83 +322,3 @@ def _draw(
     if goals:
         ring: Any = {"marker": "o", "s": 26, "facecolors": "none", "edgecolors": INK}
         axes.scatter(*np.transpose(goals), linewidths=0.7, alpha=0.55, zorder=2, **ring)
-
-
-def levels(tops: FloatArray) -> FloatArray:
-    """Heights from which on ground is shaded as of a level, mm, the lowest first.
-
-    Parameters
-    ----------
-    tops
-        Heights of the boxes' upper faces, (n,) mm, at least one.
-    """
-    heights = np.unique(tops.round(6))
-    if len(heights) <= MAX_LEVELS:
-        return heights
-    return np.linspace(heights[0], heights[-1], MAX_LEVELS, endpoint=False)
-
-
-def seen_from_above(terrain: Terrain, ground: Ground, view: Bounds) -> Boxes:
-    """The ground within `view` as boxes; a height field is made of some that are 1 mm wide."""
-    heights, (left, forth, up) = terrain.heights(), ground.shift
-    if heights is None:
-        return ground.boxes
-    x, y = np.meshgrid(
-        np.arange(np.floor(view.x_min), view.x_max) + 0.5,
-        np.arange(np.floor(view.y_min), view.y_max) + 0.5,
-    )
-    tops = up + heights.at(x - left, y - forth)
-    centres = np.stack([x, y, tops - 0.5], axis=-1).reshape(-1, 3)
-    return Boxes(
-        np.concatenate([ground.boxes.centres, centres]),
-        np.concatenate([ground.boxes.half_sizes, np.full_like(centres, 0.5)]),
-    )
-
-
-def ground_symbol(boxes: Boxes, view: Bounds, name: str) -> str:
-    """SVG symbol of the ground within `view`; a `use` element of that shape shows it.
-
-    Its units are mm, its x axis is the world's, its y axis points the other way, as SVG has it. A
-    level is laid over the ones below it, so that where boxes overlap, the highest shows.
-
-    Parameters
-    ----------
-    boxes
-        At least one.
-    view
-        What is shown; only boxes in it are drawn.
-    name
-        Id of the symbol.
-    """
-    heights = levels(boxes.tops)
-    low, high = GROUND_SHADES if len(heights) > 1 else (LEVEL_SHADE, LEVEL_SHADE)
-    # one more layer lets the same share of the ground below it through
-    step = 1 - ((1 - high) / (1 - low)) ** (1 / max(len(heights) - 1, 1))
-    layers = [
-        f'<path fill="{themed(INK)}" fill-opacity="{low if i == 0 else step:.3f}" '
-        f'd="{_outlines(boxes, boxes.tops > height - 1e-6, view)}"/>'
-        for i, height in enumerate(heights)
-    ]
-    box = _numbers(view.x_min, -view.y_max, view.x_max - view.x_min, view.y_max - view.y_min)
-    return (
-        f'<symbol id="{name}" viewBox="{" ".join(box)}" preserveAspectRatio="none">'
-        f"{''.join(layers)}</symbol>"
-    )
-
-
-def _outlines(boxes: Boxes, chosen: NDArray[np.bool_], view: Bounds) -> str:
-    """Path data of the chosen boxes, each a rectangle cut to the view."""
-    centres, half_sizes = boxes.centres[chosen, :2], boxes.half_sizes[chosen, :2]
-    low = np.maximum(centres - half_sizes, (view.x_min, view.y_min))
-    high = np.minimum(centres + half_sizes, (view.x_max, view.y_max))
-    seen = (high > low).all(axis=1)
-    rectangles = []
-    for (left, bottom), (right, top) in zip(low[seen], high[seen], strict=True):
-        x, y, width, height, back = _numbers(left, -top, right - left, top - bottom, left - right)
-        rectangles.append(f"M{x} {y}h{width}v{height}h{back}z")
-    return "".join(rectangles)
-
-
-def _numbers(*values: float) -> list[str]:
-    """As short as they can be, to a micrometre."""
-    return [f"{round(float(value), 3) + 0.0:g}" for value in values]

@@ -191,12 +191,13 @@ def svg_text(figure: Figure, name: str) -> str:
     )
     svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
     svg = re.sub(r'\bid="', f'id="{name}-', svg)
-    # A hundredth of a point is finer than any screen.
-    svg = re.sub(r"\d+\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
+    # a hundredth of a point is finer than any screen; scales of pictures are below 1
+    svg = re.sub(r"\b0\.\d{5,}", lambda number: f"{float(number[0]):.4f}", svg)
+    svg = re.sub(r"[1-9]\d*\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
     svg = svg.replace("url(#", f"url(#{name}-")
-    svg = svg.replace('<use xlink:href="#', f'<use href="#{name}-')
     # links lead to other parts of the page, not to figures
-    svg = svg.replace("<a xlink:href", "<a href").replace(' target="_blank"', "")
+    svg = svg.replace("xlink:href", "href").replace(' target="_blank"', "")
+    svg = svg.replace('<use href="#', f'<use href="#{name}-')
     head, rest = svg[svg.index("<svg") :].split(">", 1)
     # Scales with the page: only the view box gives its shape.
     box = re.findall(r'viewBox="[^"]*"', head)[0]

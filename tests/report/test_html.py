@@ -191,8 +191,8 @@ def test_outcomes_and_colours_of_legs_are_explained(page):
 
 def test_rough_ground_is_drawn_below_the_paths(text):
     _, flat, gapped = text.split("<h3>Paths</h3>")
-    assert "<symbol" not in flat and "moved to start at the origin" in flat
-    assert "<symbol" in gapped and "gaps are bare" in gapped
+    assert "<image" not in flat and "moved to start at the origin" in flat
+    assert "<image" in gapped and "gaps are bare" in gapped
 
 
 def test_the_matrix_shows_where_a_policy_was_trained(results, page):

@@ -8,26 +8,26 @@ import pytest
 
 from flyrl.evaluation.episodes import Trajectory
 from flyrl.report.paths import (
-    GROUND_SHADES,
-    MAX_LEVELS,
+    LEVELS,
     Thing,
     Walk,
     aligned_figure,
     finite,
     ground_figure,
-    ground_symbol,
-    levels,
+    ground_picture,
     paths_figure,
     start_frame,
     things_of,
     view_of,
 )
 from flyrl.tasks import Episode
-from flyrl.terrains import NOWHERE, Blocks, Bounds, Flat, Gapped, Mixed
+from flyrl.terrains import NOWHERE, Blocks, Bounds, Flat, Gapped, Hills
 from tests.report.conftest import texts
 
 GAPPED = Gapped()
 RANDOM = Gapped(gap_range=(0.1, 0.5), random=True)
+HILLS = Hills()
+VIEW = Bounds(-11, 3, -20, 2)
 EPISODES = [Episode(seed, (0.0, 0.0, 1.5), 0.0, (), (0.0,) * 6, (0.0,) * 6) for seed in (7, 8)]
 
 
@@ -69,10 +69,6 @@ def section(config, given, episodes=EPISODES):
     return paths_figure(given, terrain, [asdict(episode) for episode in episodes])
 
 
-def attributes(text):
-    return {key: float(value) for key, value in re.findall(r'\b(\w+)="(-?[\d.]+)"', text)}
-
-
 @pytest.mark.parametrize(
     ("given", "view"),
     [
@@ -89,33 +85,34 @@ def test_the_view_holds_paths_and_goals(given, view):
 
 def test_ground_and_paths_lie_on_one_another():
     svg = ground_figure(walks((0, 0), (10, 4)), GAPPED, GAPPED.compiled())
-    x_min, y_min, width, height = map(float, re.search(r'viewBox="(-[^"]*)"', svg)[1].split())
-    panels = svg.split('<g id="paths-gapped-panel-')[1:]
+    panels = re.findall(r"<image .*?(?=<image |$)", svg, re.DOTALL)
     assert len(panels) == 2
+    view = view_of(walks((0, 0), (10, 4)), GAPPED.bounds)
     for panel in panels:
-        place = attributes(re.search(r'<use href="#paths-gapped-ground" [^>]*>', panel)[0])
-        scale = place["width"] / width
-        assert place["height"] / height == pytest.approx(scale, rel=1e-3)  # equal axes
-        start, end = re.search(r'd="M ([\d.]+ [\d.]+) \nL ([\d.]+ [\d.]+) \n" clip', panel).groups()
-        for text, (x, y) in ((start, (0, 0)), (end, (10, 4))):
-            expected = (place["x"] + scale * (x - x_min), place["y"] + scale * (-y - y_min))
-            np.testing.assert_allclose([float(n) for n in text.split()], expected, atol=0.05)
-
-
-def test_the_ground_stands_once_in_a_figure_of_many_panels():
-    svg, ground = section(GAPPED, walks((0, 0), (10, 4)))
-    assert ground == "same"
-    assert svg.count("<symbol") == 1
-    assert svg.count('<use href="#paths-gapped-ground"') == 2
+        width, height = (
+            float(re.search(rf'{key}="(\d+)"', panel)[1]) for key in ("width", "height")
+        )
+        across, up, left, bottom = map(
+            float, re.search(r"matrix\((\S+) 0 0 -(\S+) (\S+) (\S+)\)", panel).groups()
+        )
+        assert across == pytest.approx(up, rel=5e-3)  # equal axes
+        ends = re.search(r'd="M ([\d.]+ [\d.]+) \nL ([\d.]+ [\d.]+) \n" clip', panel).groups()
+        for text, (x, y) in zip(ends, ((0, 0), (10, 4)), strict=True):
+            column = width * (x - view.x_min) / (view.x_max - view.x_min)
+            row = height * (y - view.y_min) / (view.y_max - view.y_min)
+            expected = (left + across * column, bottom - up * row)
+            np.testing.assert_allclose([float(n) for n in text.split()], expected, atol=0.1)
 
 
 def test_random_ground_is_that_of_the_first_episode():
     svg, ground = section(RANDOM, walks((-9.5, 0), (-6, 0)))
     assert ground == "random"
-    # The grounds of episodes have seeds from 2**32 on; gaps keep their middles.
-    gap = np.random.default_rng(2**32 + 7).uniform(0.1, 0.5, size=26)[0]
-    left, width = map(float, re.search(r' d="M(\S+) \S+h([\d.]+)', svg).groups())
-    assert left + width == pytest.approx(-8.85 - gap / 2, abs=2e-3)
+    other, _ = section(RANDOM, walks((-9.5, 0), (-6, 0)), EPISODES[::-1])
+    assert picture_of(svg) != picture_of(other)
+
+
+def picture_of(svg):
+    return re.search(r'href="(data:image/png[^"]*)"', svg)[1]
 
 
 def test_on_random_ground_only_the_first_path_is_drawn():
@@ -130,7 +127,7 @@ def test_on_random_ground_only_the_first_path_is_drawn():
 def test_flat_ground_and_one_that_is_not_known_are_not_drawn(config, episodes):
     svg, ground = section(config, walks((0, 0), (10, 4)), episodes)
     assert ground == "none"
-    assert "<symbol" not in svg
+    assert "<image" not in svg
 
 
 def test_who_did_not_walk_has_no_panel():
@@ -185,44 +182,27 @@ def test_things_are_drawn_on_the_map():
         assert "#336699" not in draw(with_things())
 
 
-def layers(config, view):
-    """Opacity and path data of each level, the lowest first."""
-    symbol = ground_symbol(config.compiled().boxes, view, "g")
-    return re.findall(r'fill-opacity="([\d.]+)" d="([^"]*)"', symbol)
+def opacity(config, *places, view=VIEW):
+    """Of the picture of the ground at places, mm."""
+    picture = ground_picture(config, config.draw(config.seed), view)[..., 3]
+    rows, columns = picture.shape
+    return [
+        picture[
+            int(rows * (y - view.y_min) / (view.y_max - view.y_min)),
+            int(columns * (x - view.x_min) / (view.x_max - view.x_min)),
+        ]
+        for x, y in places
+    ]
 
 
 def test_gaps_are_bare():
-    # Slabs of 1 mm start at -10 mm, with 0.3 mm between them; y points down, as SVG has it.
-    ((_, slabs),) = layers(Gapped(), Bounds(-10, -7, 0, 5))
-    assert slabs == "M-10 -5h1v5h-1zM-8.7 -5h1v5h-1zM-7.4 -5h0.4v5h-0.4z"
+    # slabs of 1 mm start at -10 mm, with 0.3 mm between them
+    assert opacity(Gapped(), (-9.5, 0), (-8.85, 0), (-8.5, 0)) == [0.15, 0, 0.15]
 
 
-def test_high_blocks_are_laid_over_the_low_ground():
-    # Blocks of 1.1 * 1.3 mm at a pitch of 1.3 mm; the first stands out, its neighbours do not.
-    (_, low), (_, high) = layers(Blocks(), Bounds(-11, -8.8, -21, -18.8))
-    corner = "M-10.065 18.8h1.265v1.265h-1.265z"
-    assert (low, high) == (corner + corner, corner)  # the low ground goes on below the block
-    (_, low), (_, high) = layers(Blocks(), Bounds(-8.6, -7.5, -20, -18.8))
-    assert low == "M-8.6 18.8h1.1v1.2h-1.1z"
-    assert high == ""  # between two high blocks there is a low one: 1.17 mm wide
-
-
-def test_what_is_out_of_view_is_not_drawn():
-    ((_, slabs),) = layers(Gapped(), Bounds(-8.9, -8.8, 0, 5))
-    assert slabs == ""
-
-
-def test_the_layers_of_the_highest_ground_come_to_its_shade():
-    shades = [float(shade) for shade, _ in layers(Mixed(), Bounds(-4, 23, -5, 5))]
-    assert shades[0] == GROUND_SHADES[0]
-    assert 1 - np.prod(1 - np.array(shades)) == pytest.approx(GROUND_SHADES[1], abs=1e-3)
-
-
-def test_a_few_heights_are_told_apart():
-    np.testing.assert_array_equal(levels(np.array([0.45, 0.1, 0.1 + 1e-9, 0.45])), [0.1, 0.45])
-
-
-def test_many_heights_are_put_together():
-    heights = levels(np.linspace(0.0, 1.2, 100))
-    assert MAX_LEVELS == 6
-    np.testing.assert_allclose(heights, [0.0, 0.2, 0.4, 0.6, 0.8, 1.0])
+def test_the_higher_the_ground_the_stronger_its_shade():
+    # blocks of 1.1 * 1.3 mm at a pitch of 1.3 mm; the first stands out, its neighbours do not
+    assert opacity(Blocks(), (-9.4, -19.4), (-8.1, -19.4)) == [0.5, 0.15]
+    middle, slope = opacity(HILLS, (0, 0)), ground_picture(HILLS, HILLS.draw(0), VIEW)[..., 3]
+    assert 0.15 <= middle[0] <= 0.5
+    assert len(np.unique(slope)) == LEVELS
