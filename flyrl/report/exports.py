@@ -11,13 +11,12 @@ from typing import Any, Final
 
 import pandas as pd
 
-from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results, paired, place_of
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader
-from flyrl.report.wording import format_number, leader_cells, percent
-from flyrl.text import csv_table, plain_name
+from flyrl.report.wording import format_number, percent
+from flyrl.text import csv_table
 
 LEAST_P: Final = 0.001
 """p-values below are only said to be so."""
@@ -31,14 +30,6 @@ _DIFFERENCES: Final = (
     "sign-flip test, corrected after Benjamini and Hochberg; share of episodes in which it is the "
     "better one, ties counting half, with its interval; effect size d_z."
 )
-_INTERACTIONS: Final = (
-    "Differences of differences: the change from the usual condition, less that of the reference, "
-    "on the same episodes; mean with its 95 % bootstrap interval (BCa)."
-)
-_LEADS: Final = (
-    "Who wins where: means, and the mean difference to the next on the same episodes with its "
-    "95 % interval, success in %; several names where no difference is meaningful."
-)
 _NOT_IN_TEXT: Final = {"\u00a0": "~", "\u2212": "$-$", "\u2013": "--", "<": "$<$", ">": "$>$"}
 """Characters that LaTeX does not print, or not as they are, outside of formulas."""
 
@@ -46,20 +37,16 @@ _NOT_IN_TEXT: Final = {"\u00a0": "~", "\u2212": "$-$", "\u2013": "--", "<": "$<$
 def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]:
     """Name of each file -> its text.
 
-    `summary` has success rates, and means and quartiles; `leaders` who wins where; `differences`
-    the paired comparisons with the reference, where there are any; `interactions` what conditions
-    change in these, where quantities were varied. As CSV each is one file with all metrics and
-    terrains. In LaTeX `summary.tex` has the metrics that the task is compared by,
-    `metrics-<terrain>.tex` all of them, `differences-<terrain>.tex` and
-    `interactions-<terrain>.tex` the comparisons on a terrain.
+    As CSV `summary` has success rates, and means and quartiles of all metrics; `leaders` who wins
+    where; `differences` the paired comparisons with the reference, where there are any;
+    `interactions` what conditions change in these, where quantities were varied. In LaTeX `summary`
+    has the metrics that the task is compared by, `differences` the comparisons.
 
     Parameters
     ----------
     leaders
         The best on each terrain under each condition.
     """
-    summary = results.summaries
-    compared = results.protocol["compared"]
     tables = {
         "summary": results.summary,
         "leaders": leaders_table(leaders),
@@ -67,15 +54,9 @@ def format_tables(results: Results, leaders: Sequence[Leader]) -> dict[str, str]
         "interactions": results.interactions,
     }
     printed = {
-        "summary": (_printed_summary(summary, compared), _SPREADS),
-        "leaders": (_printed_leaders(leaders), _LEADS),
+        "summary": (_printed_summary(results), _SPREADS),
+        "differences": (_printed_differences(results), _DIFFERENCES),
     }
-    for terrain in dict.fromkeys(row["terrain"] for row in summary):
-        rows = [row for row in summary if row["terrain"] == terrain]
-        name = plain_name(terrain)
-        printed[f"metrics-{name}"] = _printed_metrics(rows), _SPREADS
-        printed[f"differences-{name}"] = _printed_differences(rows), _DIFFERENCES
-        printed[f"interactions-{name}"] = _printed_interactions(rows), _INTERACTIONS
     return {
         **{f"{name}.csv": csv_table(table) for name, table in tables.items() if len(table)},
         **{f"{name}.tex": _latex(*each) for name, each in printed.items() if len(each[0])},
@@ -107,77 +88,31 @@ def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
     )
 
 
-def _printed_summary(summary: Sequence[Json], compared: Sequence[str]) -> pd.DataFrame:
-    spreads = [metric for metric in compared if metric != "success"]
+def _printed_summary(results: Results) -> pd.DataFrame:
+    spreads = [metric for metric in results.protocol["compared"] if metric != "success"]
     return pd.DataFrame(
         {
             **place_of(row),
             "success (%)": _share(row["success_rate"]),
             **{metric_label(metric): _spread(row["metrics"][metric]) for metric in spreads},
         }
-        for row in summary
+        for row in results.summaries
     )
 
 
-def _printed_metrics(summary: Sequence[Json]) -> pd.DataFrame:
-    """A row per condition and metric, a column per controller; metrics that nobody has left out."""
-    metrics = summary[0]["metrics"]
-    present = [metric for metric in metrics if any(row["metrics"][metric]["n"] for row in summary)]
-    cells: dict[tuple[str, str], Json] = {}
-    for row in summary:
-        texts = {"success (%)": _share(row["success_rate"])}
-        texts |= {metric_label(metric): _spread(row["metrics"][metric]) for metric in present}
-        for label, text in texts.items():
-            place = {"condition": row["condition"], "metric": label}
-            cells.setdefault((row["condition"], label), place)[row["controller"]] = text
-    return pd.DataFrame(list(cells.values())).fillna("")
-
-
-def _printed_leaders(leaders: Sequence[Leader]) -> pd.DataFrame:
+def _printed_differences(results: Results) -> pd.DataFrame:
     return pd.DataFrame(
         {
-            "terrain": leader.terrain,
-            "condition": leader.condition,
-            "best": ", ".join(leader.names),
-            "by": metric_label(leader.metric),
-            "mean": cells["value"],
-            "next": leader.next_name or "",
-            "next mean": cells["next"],
-            "difference": cells["difference"],
-        }
-        for leader in leaders
-        for cells in [leader_cells(leader)]
-    )
-
-
-def _printed_differences(summary: Sequence[Json]) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            **_compared(row, metric),
-            "difference": _interval(difference),
+            **place_of(row),
+            "metric": metric_label(metric),
+            f"less {row['paired']['reference']}": _interval(difference),
             "p": _p(difference["p_value"]),
             "p corrected": _p(difference["p_adjusted"]),
             "better in (%)": _share(difference["improvement"]),
             "effect size": format_number(difference["effect_size"], 2),
         }
-        for row, metric, difference in paired(summary, "differences")
+        for row, metric, difference in paired(results.summaries, "differences")
     )
-
-
-def _printed_interactions(summary: Sequence[Json]) -> pd.DataFrame:
-    return pd.DataFrame(
-        {**_compared(row, metric), "difference of differences": _interval(interaction)}
-        for row, metric, interaction in paired(summary, "interactions")
-    )
-
-
-def _compared(row: Json, metric: str) -> Json:
-    """What is compared in a row of a table: under which condition, who, in which metric."""
-    return {
-        "condition": row["condition"],
-        f"controller, less {row['paired']['reference']}": row["controller"],
-        "metric": metric_label(metric),
-    }
 
 
 def _interval(

@@ -82,7 +82,7 @@ def test_what_has_no_size_is_no_figure():
 def test_tables_lie_beside_the_report(alone, tmp_path):
     write_report(alone, tmp_path / "new")
     assert {path.name for path in (tmp_path / "new" / "tables").iterdir()} == {
-        "summary.csv", "summary.tex", "leaders.csv", "leaders.tex", "metrics-flat.tex"
+        "summary.csv", "summary.tex", "leaders.csv"
     }  # fmt: skip
 
 
