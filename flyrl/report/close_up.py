@@ -223,15 +223,17 @@ def courses(record: EpisodeRecord) -> dict[str, FloatArray]:
     Of a fly what it is commanded, of a worm what its muscles exert.
     """
     held = held_drive(record)
-    has_goal = bool(record.episode.goal)
-    way = "distance to the goal (mm)" if has_goal else "way along +x (mm)"
+    way = {"way along +x (mm)": record.position_w[:, 0] - record.position_w[0, 0]}
+    if goal := record.episode.goal:
+        to_goal = np.linalg.norm(record.position_w[:, :2] - goal, axis=1)
+        way = {"distance to the goal (mm)": to_goal}
     commands = (
         {"left drive": held[:, 0], "right drive": held[:, 1]}
         if record.creature == "fly"
         else {"tension of the first muscle": held[:, 0], "mean tension": held.mean(axis=1)}
     )
     return {
-        way: goal_distance_mm(record) if has_goal else advance_mm(record),
+        **way,
         f"speed, {STRIDE_S:g} s mean (mm/s)": speed_mm_s(record),
         **commands,
     }
@@ -248,19 +250,6 @@ def _line(
     if record.duration_s <= until_s + 1e-9 and drawn.size:
         end = record.time_s[drawn[-1:]], values[drawn[-1:]]
         axes.plot(*end, "o", color=shade, markersize=4, clip_on=False)
-
-
-def advance_mm(record: EpisodeRecord) -> FloatArray:
-    """Way along +x since the start, mm, shape (T,)."""
-    way: FloatArray = record.position_w[:, 0] - record.position_w[0, 0]
-    return way
-
-
-def goal_distance_mm(record: EpisodeRecord) -> FloatArray:
-    """Horizontal distance from the thorax to the goal, mm, shape (T,)."""
-    x, y = (record.position_w[:, :2] - record.episode.goal).T
-    distance: FloatArray = np.hypot(x, y)
-    return distance
 
 
 def speed_mm_s(record: EpisodeRecord) -> FloatArray:

@@ -299,7 +299,6 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "drive_map_starts": drive_map.starts if drive_map else 0,
         "mdp": table,
         "parameters": parameters_text(protocol),
-        "loop_parts": sections.control_loop(protocol) if table else [],
         "failures": [outcome_name(each) for each in failures],
         "shapes": outcome_shapes([SUCCESS, TIMEOUT, *failures]),
         "has_goals": any(drawn and drawn[0]["goal"] for drawn in results.drawn.values()),

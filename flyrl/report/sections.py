@@ -7,7 +7,7 @@ import gzip
 import json
 from collections.abc import Mapping, Sequence
 from importlib import resources
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -221,43 +221,6 @@ def seeds_section(results: Results) -> Json | None:
         ],
         "profiles": {each.label: each.profile(rng) for each in groups},
     }
-
-
-class Part(NamedTuple):
-    """A part of the control loop, and what it sends to the next.
-
-    Attributes
-    ----------
-    name, lines
-        Title, and lines of text below it.
-    sends
-        Lines of text beside the arrow to the next part; none from the last.
-    is_learned
-        Whether training changes it.
-    """
-
-    name: str
-    lines: tuple[str, ...]
-    sends: tuple[str, ...] = ()
-    is_learned: bool = False
-
-
-def control_loop(protocol: Json) -> list[Part]:
-    """Parts of the control loop from the policy to the ground; the last one's senses close it."""
-    policy, world = ("“brain”: learned,", "or fixed by hand"), Part("body and ground", ("MuJoCo",))
-    if protocol["table"]["actions"] == "neurons":
-        return [
-            Part("policy", policy, ("motor", "neurons"), is_learned=True),
-            Part("muscles", ("motor pools",), ("tensions",)),
-            world,
-        ]
-    has_muscles = bool((protocol.get("body") or {}).get("muscles"))
-    return [
-        Part("policy", policy, ("drive", "left, right"), is_learned=True),
-        Part("leg controller", ("in place of the", "ventral nerve cord"), ("angles,", "adhesion")),
-        Part("muscles" if has_muscles else "servos", ("of 42 joints",), ("torques",)),
-        world,
-    ]
 
 
 def trainings_section(entrants: Sequence[Json]) -> list[dict[str, str]]:

@@ -5,8 +5,7 @@ After Wang-Chen et al. 2024 (doi 10.1038/s41592-024-02497-y).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -241,7 +240,8 @@ def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: floa
     creature = load_creature(spec, config.profile_path.parent)
     pictures: list[Picture] = []
     rows = []
-    with _offscreen(creature.model) as offscreen:
+    creature.model.vis.global_.offwidth, creature.model.vis.global_.offheight = WIDTH, HEIGHT
+    with closing(Offscreen(creature.model, WIDTH, HEIGHT)) as offscreen:
         camera = side_view(config)
         for moment in recruit_stepwise(creature, step, hold_s, 1 / FPS):
             mujoco.mj_camlight(creature.model, creature.data)
@@ -258,13 +258,3 @@ def _annotated(picture: Picture, moment: Moment) -> Picture:
     text = f"tension {moment.tension[0]:.2f}   bend {np.degrees(moment.bend):.0f}°   real time"
     picture = tension_bars(picture, moment.tension)
     return titled(picture, f"neurons up to {moment.n}", text)
-
-
-@contextmanager
-def _offscreen(model: mujoco.MjModel) -> Iterator[Offscreen]:
-    model.vis.global_.offwidth, model.vis.global_.offheight = WIDTH, HEIGHT
-    offscreen = Offscreen(model, WIDTH, HEIGHT)
-    try:
-        yield offscreen
-    finally:
-        offscreen.close()

@@ -171,6 +171,21 @@ def test_the_task_and_its_training_are_shown(page):
         assert words in page.words
 
 
+@pytest.mark.parametrize(
+    ("actions", "body", "parts"),
+    [
+        ("drives", {"muscles": {}}, "policy, leg controller, servos, body and ground"),
+        ("drives", {"muscles": {"force": 1}}, "policy, leg controller, muscles, body and ground"),
+        ("neurons", {}, "policy, muscles, body and ground"),
+    ],
+)
+def test_the_loop_has_the_parts_of_the_body(alone, actions, body, parts):
+    table = {**alone.protocol["table"], "actions": actions}
+    own = replace(alone, protocol={**alone.protocol, "table": table, "body": body})
+    text = format_report(own)
+    assert f'aria-label="Control loop: {parts}, and senses back to the policy"' in text
+
+
 def test_metrics_have_columns_and_meanings_where_somebody_has_them(page):
     headings = [attrs.get("title", "") for attrs in page.of("th")]
     assert any("work of the servos" in text for text in headings)

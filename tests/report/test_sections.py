@@ -6,15 +6,12 @@ import pytest
 from flyrl.report import Video
 from flyrl.report.sections import (
     by_episode,
-    control_loop,
     player,
     terrain_section,
     trainings_section,
 )
 from flyrl.report.video import HOLD_FRAMES
 from tests.report.test_close_up import straight
-
-LEGGED = ("policy", "leg controller")
 
 
 def video(frames, controller="cpg", frame_s=0.01):
@@ -63,20 +60,6 @@ def test_a_policy_file_without_settings_is_said_to_have_none(training):
 def test_long_settings_are_cut():
     (row,) = trainings_section([{"name": "a", "kind": "learned", "training": {"algo": "x" * 9999}}])
     assert len(row["algo"]) < 500
-
-
-@pytest.mark.parametrize(
-    ("actions", "body", "names"),
-    [
-        ("drives", {"muscles": {}}, [*LEGGED, "servos", "body and ground"]),
-        ("drives", {"muscles": {"strength": 1}}, [*LEGGED, "muscles", "body and ground"]),
-        ("neurons", {}, ["policy", "muscles", "body and ground"]),
-    ],
-)
-def test_the_loop_has_the_parts_of_the_body(actions, body, names):
-    loop = control_loop({"table": {"actions": actions}, "body": body})
-    assert [part.name for part in loop] == names
-    assert [part.name for part in loop if part.is_learned] == ["policy"]
 
 
 @pytest.mark.parametrize("left", [0, 3])
