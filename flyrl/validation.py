@@ -52,39 +52,43 @@ def float_array(
     return array
 
 
-def number(name: str, value: float) -> float:
-    """Return `value` as a float if it is a finite number, else raise ValueError."""
-    if not _is_number(value) or not -sys.float_info.max <= value <= sys.float_info.max:
-        raise ValueError(f"{name} must be a finite number, got {value!r:.60}")
+def number(
+    name: str,
+    value: float,
+    low: float = -sys.float_info.max,
+    high: float = sys.float_info.max,
+    kind: str = "be a finite number",
+) -> float:
+    """Return `value` as a float if it is a number from `low` to `high`, else raise ValueError.
+
+    Parameters
+    ----------
+    kind
+        What the message says that it must.
+    """
+    if not _is_number(value) or not low <= value <= high:
+        raise ValueError(f"{name} must {kind}, got {value!r:.60}")
     return float(value)
 
 
 def positive(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number above 0, else raise ValueError."""
-    if not _is_number(value) or not 0 < value <= sys.float_info.max:
-        raise ValueError(f"{name} must be a finite number above 0, got {value!r:.60}")
-    return float(value)
+    return number(name, value, math.ulp(0.0), kind="be a finite number above 0")
 
 
 def not_negative(name: str, value: float) -> float:
     """Return `value` as a float if it is a finite number of at least 0, else raise ValueError."""
-    if not _is_number(value) or not 0 <= value < math.inf:
-        raise ValueError(f"{name} must be a finite number of at least 0, got {value!r}")
-    return float(value)
+    return number(name, value, 0.0, kind="be a finite number of at least 0")
 
 
 def at_least(name: str, value: float, minimum: float) -> float:
-    """Return `value` if it is a finite number no smaller than `minimum`, else raise ValueError."""
-    if not _is_number(value) or not minimum <= value < math.inf:
-        raise ValueError(f"{name} must be at least {minimum}, got {value!r}")
-    return value
+    """Return `value` as a float if it is finite and at least `minimum`, else raise ValueError."""
+    return number(name, value, minimum, kind=f"be at least {minimum}")
 
 
 def within(name: str, value: float, low: float, high: float) -> float:
-    """Return `value` if it is a number from `low` to `high`, else raise ValueError."""
-    if not _is_number(value) or not low <= value <= high:
-        raise ValueError(f"{name} must lie within {low} and {high}, got {value!r}")
-    return value
+    """Return `value` as a float if it is a number from `low` to `high`, else raise ValueError."""
+    return number(name, value, low, high, f"lie within {low} and {high}")
 
 
 def ordered(name: str, given: tuple[float, float]) -> tuple[float, float]:
@@ -211,13 +215,8 @@ def check_fields(config: Any, group: str = "") -> None:
     prefix = f"{group}." if group else ""
     cls: Any = type(config)
     for name, hint in _checked_fields(cls):
-        value = _checked(f"{prefix}{name}", getattr(config, name), hint, None)
+        value = checked(f"{prefix}{name}", getattr(config, name), hint)
         object.__setattr__(config, name, value)
-
-
-def checked(name: str, value: Any, hint: Any) -> Any:
-    """Return `value` as its annotation asks for it, by the rules of `check_fields`."""
-    return _checked(name, value, hint, None)
 
 
 def checked_arguments(
@@ -256,13 +255,13 @@ def checked_arguments(
         value = given.get(name, parameter.default)
         if value is inspect.Parameter.empty:
             raise ValueError(f"{key} is missing")
-        is_hinted = name in hints
-        arguments[name] = _checked(key, value, hints[name], None) if is_hinted else _tuples(value)
+        arguments[name] = checked(key, value, hints[name]) if name in hints else tuples(value)
     return arguments
 
 
-def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
+def tuples(value: Any) -> Any:
+    """Return `value` with tuples in place of lists, at any depth."""
+    return tuple(map(tuples, value)) if isinstance(value, list | tuple) else value
 
 
 @functools.cache
@@ -280,21 +279,30 @@ _WORDS: typing.Final[Mapping[Any, str]] = {
 }
 
 
-def _checked(name: str, value: Any, hint: Any, within: Within | None) -> Any:  # noqa: PLR0911
+def checked(  # noqa: PLR0911
+    name: str, value: Any, hint: Any, within: Within | None = None
+) -> Any:
+    """Return `value` as its annotation asks for it, by the rules of `check_fields`.
+
+    Parameters
+    ----------
+    within
+        Range of its numbers; an annotation of `Annotated` brings its own.
+    """
     origin, options = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return _checked(name, value, options[0], options[1])
+        return checked(name, value, options[0], options[1])
     if origin in (typing.Union, types.UnionType):
         if value is None and types.NoneType in options:
             return None
         kinds = tuple(option for option in options if option is not types.NoneType)
         if len(kinds) == 1:
-            return _checked(name, value, kinds[0], within)
+            return checked(name, value, kinds[0], within)
         tuples = [kind for kind in kinds if get_origin(kind) is tuple]
         if tuples:  # a number, or one for each
             others = [kind for kind in kinds if kind not in tuples]
             chosen = tuples if isinstance(value, list | tuple) else others
-            return _checked(name, value, chosen[0], within)
+            return checked(name, value, chosen[0], within)
         return _one_of_kinds(name, value, kinds)
     if origin is Literal:
         return one_of(name, value, options)
@@ -326,13 +334,13 @@ def _checked_tuple(
     name: str, value: Any, hints: tuple[Any, ...], within: Within | None
 ) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
-        raise ValueError(f"{name} must be a tuple, got {value!r}")
+        raise ValueError(f"{name} must be a list, got {value!r}")
     if hints[-1] is Ellipsis:
         hints = hints[:1] * len(value)
     if len(value) != len(hints):
-        raise ValueError(f"{name} must be a tuple of {len(hints)}, got {value!r}")
+        raise ValueError(f"{name} must be a list of {len(hints)}, got {value!r}")
     return tuple(
-        _checked(f"{name}[{i}]", item, hint, within)
+        checked(f"{name}[{i}]", item, hint, within)
         for i, (item, hint) in enumerate(zip(value, hints, strict=True))
     )
 

@@ -43,8 +43,8 @@ class Settings:
         ({"count": 1.5}, "group.count must be a whole number, got 1.5"),
         ({"is_on": "no"}, "group.is_on must be True or False, got 'no'"),
         ({"kind": "slo"}, "group.kind must be one of .* got 'slo'; did you mean 'slow'"),
-        ({"pair": 3}, "group.pair must be a tuple, got 3"),
-        ({"pair": (0, 1, 1)}, "group.pair must be a tuple of 2, got"),
+        ({"pair": 3}, "group.pair must be a list, got 3"),
+        ({"pair": (0, 1, 1)}, "group.pair must be a list of 2, got"),
         ({"pair": (0, "1")}, r"group.pair\[1\] must be a finite number from 0 to 1, got '1'"),
         ({"inner": 3}, "group.inner must be a Inner, got 3"),
     ],
@@ -82,7 +82,7 @@ def test_arguments_of_a_function_are_checked_against_its_annotations():
     for given, message in (
         ({}, r"group\.size is missing"),
         ({"size": 2}, r"group\.size must be a finite number from 0 to 1, got 2"),
-        ({"size": 1, "pair": [1]}, r"group\.pair must be a tuple of 2"),
+        ({"size": 1, "pair": [1]}, r"group\.pair must be a list of 2"),
         ({"size": 1, "piar": [1]}, r"group has no 'piar'; did you mean 'pair'"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -70,14 +70,11 @@ class Sweep:
         Whether the command line named the folder, so that it may hold an earlier sweep.
     jobs
         The overrides of each, without those that say where it runs.
-    is_elsewhere
-        Whether they run in other processes, so that their own progress is not seen here.
     """
 
     folder: Path
     is_named: bool
     jobs: tuple[tuple[str, ...], ...]
-    is_elsewhere: bool
 
 
 def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
@@ -204,7 +201,6 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
         Path(ours.sweep.dir),
         any(each.key_or_group == "hydra.sweep.dir" for each in overrides),
         tuple(own_overrides(job) for job in jobs),
-        "basic_launcher" not in ours.launcher._target_,
     )
 
 

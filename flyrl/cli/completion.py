@@ -1,6 +1,7 @@
-"""flyrl completion: the shell completes commands, options, names, folders and files.
+"""Words that a shell completes: commands, options, names, folders and files.
 
-Hydra itself completes the settings of `train.py` and `evaluate.py`.
+argcomplete's own command, `register-python-argcomplete flyrl`, makes the shell ask; Hydra itself
+completes the settings of `train.py` and `evaluate.py`.
 """
 
 from __future__ import annotations
@@ -10,10 +11,6 @@ import importlib
 from collections.abc import Iterable
 from typing import Any, Final, cast
 
-from flyrl.cli.terminal import Subparsers
-
-SHELLS: Final = ("bash", "zsh", "fish")
-
 _TABLES: Final = {
     "body": "flyrl.envs.config:BODIES",
     "controller": "flyrl.controllers:CONTROLLERS",
@@ -22,30 +19,6 @@ _TABLES: Final = {
     "terrain": "flyrl.terrains:TERRAINS",
 }
 """Option -> the table of its values, imported when it is asked for."""
-
-
-def add_to(subparsers: Subparsers) -> None:
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "completion",
-        help="print what makes a shell complete flyrl's command lines",
-        description="Print code that makes the shell complete commands, options, names and files.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="once for every new shell:\n"
-        """  bash: echo 'eval "$(flyrl completion bash)"' >> ~/.bashrc\n"""
-        """  zsh:  echo 'eval "$(flyrl completion zsh)"' >> ~/.zshrc   (after compinit)\n"""
-        "  fish: flyrl completion fish > ~/.config/fish/completions/flyrl.fish",
-    )
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
-    parser.set_defaults(run=run)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Print the shell's code."""
-    from argcomplete.shell_integration import shellcode  # noqa: PLC0415
-
-    print(shellcode(["flyrl"], shell=options.shell))
-    return 0
 
 
 def answer(parser: argparse.ArgumentParser) -> None:

@@ -19,6 +19,7 @@ from flyrl.validation import (
     known_keys,
     number,
     one_of,
+    tuples,
     whole_number,
 )
 
@@ -178,13 +179,9 @@ def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
 def _varied(given: Any) -> dict[str, tuple[Any, ...]]:
     """Values of each quantity, with tuples in place of lists; one value is a list of one."""
     return {
-        name: _tuples(values if isinstance(values, list | tuple) else [values])
+        name: tuples(values if isinstance(values, list | tuple) else [values])
         for name, values in group({"vary": given or {}}, "vary").items()
     }
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(map(_tuples, value)) if isinstance(value, list | tuple) else value
 
 
 def evaluation_config(

@@ -34,7 +34,6 @@ _FULL_ERRORS: Final = "HYDRA_FULL_ERROR"
 _IN_NAMES: Final = ("task", "terrain", "algo", "seed")
 """Keys whose values stand in the name of every run folder."""
 _MAX_LABEL: Final = 80
-_LOOK_S: Final = 1.0
 _ESCAPED: Final = re.compile(r"\\([\\()\[\]{}:=, \t])")
 
 Job = tuple[str, ...]
@@ -278,9 +277,7 @@ def _run_sweep(
         note.unlink(missing_ok=True)
     code: int | str | None = 0
     try:
-        # jobs in this process draw their own progress
-        with _progress([*notes]) if asked.is_elsewhere else contextlib.nullcontext():
-            start()
+        start()
     except KeyboardInterrupt:
         code = 128 + (stopped_by[-1] if stopped_by else signal.SIGINT)
     except SystemExit as error:
@@ -303,26 +300,3 @@ def _run_sweep(
         )
     print(f"sweep: {folder}")
     sys.exit(code or int(failures > 0))
-
-
-@contextlib.contextmanager
-def _progress(notes: Sequence[Path]) -> Iterator[None]:
-    """Draw how many jobs have ended, as their notes tell."""
-    from flyrl.progress import progress_bar  # noqa: PLC0415
-
-    stop = threading.Event()
-    with progress_bar(len(notes), is_shown=True, unit=" jobs") as bar:
-
-        def look() -> None:
-            is_last = False
-            while not is_last:
-                is_last = stop.wait(_LOOK_S)
-                bar.update(sum(note.exists() for note in notes) - bar.n)
-
-        thread = threading.Thread(target=look, daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            stop.set()
-            thread.join()

@@ -12,27 +12,11 @@ import time
 from collections.abc import Sequence
 from typing import Any, Final
 
-from flyrl.cli import (
-    completion,
-    figures,
-    play,
-    reproduce,
-    runs,
-    tune,
-    walk,
-)
+from flyrl.cli import figures, play, reproduce, runs, tune, walk
 from flyrl.cli.terminal import UNUSABLE, Ended, reported
 from flyrl.resources import version
 
-_SUBCOMMANDS: Final = (
-    play,
-    walk,
-    figures,
-    runs,
-    reproduce,
-    tune,
-    completion,
-)
+_SUBCOMMANDS: Final = (play, walk, figures, runs, reproduce, tune)
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads
 anything heavy when it is imported."""
 
@@ -41,13 +25,6 @@ COMPOSED: Final = {
     "evaluate": "compare policies and controllers in a report",
 }
 """Subcommands whose arguments are Hydra's, and what each does."""
-
-_HYDRA_FLAGS: Final = {
-    "--help": "the settings, and what can be chosen for each",
-    "--multirun": "a run for every combination of the values that are given; or -m",
-    "--cfg": "print the settings: job, hydra or all",
-    "--resolve": "with --cfg: with what is interpolated",
-}
 
 _EXAMPLES: Final = """examples:
   flyrl train task=target terrain=flat algo=ppo seed=0
@@ -92,7 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "_ARGCOMPLETE" in os.environ:
-        completion.answer(command_parsers()[0])
+        from flyrl.cli.completion import answer  # noqa: PLC0415
+
+        answer(command_parsers()[0])
     try:
         with reported():
             if given and given[0] in COMPOSED:
@@ -124,8 +103,6 @@ def command_parsers() -> tuple[argparse.ArgumentParser, dict[str, argparse.Argum
     )
     for name, about in COMPOSED.items():  # listed and completed, never parsed
         composed = subparsers.add_parser(name, help=about, add_help=False)
-        for flag, text in _HYDRA_FLAGS.items():
-            composed.add_argument(flag, action="store_true", help=text)
         composed.add_argument("overrides", nargs=argparse.REMAINDER, metavar="KEY=VALUE")
     for module in _SUBCOMMANDS:
         module.add_to(subparsers)

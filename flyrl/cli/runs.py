@@ -1,4 +1,4 @@
-"""flyrl runs and flyrl sweep: list run folders, compare some, compare sweeps over their seeds."""
+"""flyrl runs and flyrl sweep: list run folders, compare them over their seeds."""
 
 from __future__ import annotations
 
@@ -37,9 +37,8 @@ def add_to(subparsers: Subparsers) -> None:
     """Add the subcommands."""
     parser = subparsers.add_parser(
         "runs",
-        help="list run folders, or compare some",
-        description="List the runs in a folder, with those of its sweeps. Name two or more run "
-        "folders to compare them: which settings differ, and what they came to.",
+        help="list run folders",
+        description="List the runs in a folder, with those of its sweeps; flyrl sweep compares.",
         epilog="best and last: success on the held-out episodes. A commit with + had changes. "
         "Example: flyrl runs --task target --sort best --reverse",
     )
@@ -84,27 +83,22 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """List or compare."""
+    """List the runs."""
     from flyrl.cli.terminal import print_table  # noqa: PLC0415
     from flyrl.text import csv_text  # noqa: PLC0415
-    from flyrl.training.runs import find_runs, is_run, read_run  # noqa: PLC0415
+    from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 
     missing = [str(path) for path in options.paths if not path.is_dir()]
     if missing:
         raise ValueError(f"there is no folder {missing[0]}")
     found = {run: folder for folder in options.paths for run in find_runs(folder)}
-    summaries = {name: read_run(path) for name, path in _named(found).items()}
-    rows = [{**row(summary), "name": name} for name, summary in summaries.items()]
+    rows = [{**row(read_run(path)), "name": name} for name, path in _named(found).items()]
     for key in _FILTERS:
         wanted = getattr(options, key)
         rows = [entry for entry in rows if wanted is None or str(entry[key]) in wanted]
     rows = sort(rows, options.sort, is_reversed=options.reverse)
-    if len(options.paths) > 1 and all(is_run(path) for path in options.paths):
-        chosen = [(entry["name"], summaries[entry["name"]]) for entry in rows]
-        columns, rows = ("", *(name for name, _ in chosen)), comparison(chosen)
-    else:
-        has_problems = any(entry["problems"] for entry in rows)
-        columns = (*COLUMNS, "problems") if has_problems else COLUMNS
+    has_problems = any(entry["problems"] for entry in rows)
+    columns = (*COLUMNS, "problems") if has_problems else COLUMNS
     if options.csv:
         sys.stdout.write(csv_text(columns, rows))
     elif rows:
@@ -158,57 +152,15 @@ def sort(rows: Sequence[Row], column: str, *, is_reversed: bool = False) -> list
     return sorted(known, key=lambda entry: entry[column], reverse=is_reversed) + unknown
 
 
-def comparison(runs: Sequence[tuple[str, RunSummary]]) -> list[Row]:
-    """Settings that differ between runs, then their figures.
-
-    Parameters
-    ----------
-    runs
-        Name and summary of each.
-
-    Returns
-    -------
-    A row per setting or figure: what it is at "", the values at the runs' names.
-    """
-    from flyrl.training.runs import flat  # noqa: PLC0415
-
-    settings = {name: flat(run.settings) for name, run in runs}
-    keys = dict.fromkeys(key for values in settings.values() for key in values)
-    rows = [{"": key, **{name: settings[name].get(key) for name in settings}} for key in keys]
-    differing = [entry for entry in rows if len({repr(entry[name]) for name in settings}) > 1]
-    figures = {name: _figures(run) for name, run in runs}
-    described = dict.fromkeys(key for values in figures.values() for key in values)
-    return differing + [
-        {"": key, **{name: figures[name].get(key) for name in figures}} for key in described
-    ]
-
-
-def _figures(run: RunSummary) -> Row:
-    figures: Row = {"state": run.state, "decisions": run.decisions, "time": run.wall_time_s}
-    for which, evaluation in (("best", run.best), ("last", run.last)):
-        figures[f"{which} success"] = evaluation and evaluation["success_rate"]
-        figures[f"{which} return"] = evaluation and evaluation["mean_return"]
-    figures["commit"] = commit(run)
-    return figures
-
-
 def _readable(entry: Row) -> Row:
     """The row with success in per cent and time in hours, minutes and seconds."""
-    kind = entry.get("")
-    return {
-        key: _readable_value(value, str(kind or key)) if key else value
-        for key, value in entry.items()
-    }
-
-
-def _readable_value(value: Any, kind: str) -> Any:
-    if value is None:
-        return None
-    if kind in {"best", "last", "best success", "last success"}:
-        return f"{value:.1%}"
-    if kind == "time":
-        return str(datetime.timedelta(seconds=round(value)))
-    return value
+    shown = dict(entry)
+    for key in ("best", "last"):
+        if shown[key] is not None:
+            shown[key] = f"{shown[key]:.1%}"
+    if shown["time"] is not None:
+        shown["time"] = str(datetime.timedelta(seconds=round(shown["time"])))
+    return shown
 
 
 def run_sweep(options: argparse.Namespace) -> int:

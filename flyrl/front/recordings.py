@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from flyrl.anatomy import JOINTS, LEGS
-from flyrl.files import replacing
+from flyrl.files import load_arrays, replacing
 from flyrl.resources import install_command, version
 from flyrl.text import csv_table
 from flyrl.validation import one_of
@@ -162,14 +162,10 @@ def load_recording(path: Path) -> dict[str, Any]:
         It is no such table.
     """
     if path.suffix == ".npz":
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                found = {name: file[name] for name in ("joints", "adhesion") if name in file}
-        except ValueError as error:
-            raise ValueError(f"{path} is no NPZ of arrays: {error}") from error
-        if "joints" not in found:
+        arrays = load_arrays(path)
+        if "joints" not in arrays:
             raise ValueError(f"{path} must hold the array joints, (T, 42)")
-        return found
+        return {name: arrays.get(name) for name in ("joints", "adhesion")}
     try:
         table = pd.read_csv(path)
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:

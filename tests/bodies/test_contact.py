@@ -6,7 +6,7 @@ from flyrl.bodies.contact import ContactConfig, SurfaceContact
 @pytest.mark.parametrize(
     ("kind", "arguments", "message"),
     [
-        (SurfaceContact, {"friction": (1.0, 0.1)}, "contact.friction must be a tuple of 3, got"),
+        (SurfaceContact, {"friction": (1.0, 0.1)}, "contact.friction must be a list of 3, got"),
         (SurfaceContact, {"solref": (2e-4, -1.0)}, "two positive numbers"),
         (SurfaceContact, {"condim": 2}, "1, 3, 4, 6"),
         (ContactConfig, {"plane_shape": "box"}, "plane_shape must be one of 'capsule', 'hull'"),

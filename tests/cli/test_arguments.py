@@ -91,7 +91,6 @@ def test_the_jobs_of_a_sweep():
         (f"seed={seed}", f"algo={algo}") for seed in (0, 1) for algo in ("ppo", "sac")
     )
     assert sweep.folder.parts[:2] == ("runs", "sweeps")
-    assert not sweep.is_elsewhere
 
 
 def test_a_launcher_makes_a_sweep_whose_jobs_do_not_name_it():
@@ -99,7 +98,7 @@ def test_a_launcher_makes_a_sweep_whose_jobs_do_not_name_it():
         "train", ["launcher=joblib", "hydra.launcher.n_jobs=2", "seed=1", "hydra.sweep.dir=x"]
     )
     assert sweep.jobs == (("seed=1",),)
-    assert (str(sweep.folder), sweep.is_named, sweep.is_elsewhere) == ("x", True, True)
+    assert (str(sweep.folder), sweep.is_named) == ("x", True)
 
 
 @pytest.mark.parametrize("arguments", [["seed=1"], ["launcher=joblib", "--cfg", "job"]])

@@ -1,23 +1,17 @@
 """Whatever is typed, and whatever a file holds: a documented status, and no traceback."""
 
-import contextlib
-import io
 import json
 import os
 import shutil
-import sys
 
 import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flyrl.cli import evaluate, train
-from flyrl.cli.main import main
 from flyrl.cli.tune import compose_training
 from flyrl.training.learn import train as train_here
 from flyrl.training.runs import flat
-from tests.cli.test_reproduce_report import ARGUMENTS
 from tests.tiny import TINY, TINY_ARGUMENTS
 
 STATUSES = {0, 1, 2}
@@ -68,42 +62,25 @@ def overrides(program):
     return st.lists(one, min_size=1, max_size=2)
 
 
-def run(program, arguments):
-    """Status and messages of a command that was run in this process."""
-    programs = {"train.py": train.main, "evaluate.py": evaluate.main, "flyrl": main}
-    errors = io.StringIO()
-    before, sys.argv = sys.argv, [program, *arguments]
-    try:
-        with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(io.StringIO()):
-            try:
-                status = programs[program]() or 0
-            except SystemExit as end:
-                status = end.code
-    finally:
-        sys.argv = before
-    return status, errors.getvalue()
+@pytest.fixture
+def check(run_here):
+    """Run a command: a documented status; and a short message where that is one of an error."""
 
+    def check(program, arguments):
+        result = run_here(program, *arguments)
+        assert result.returncode in STATUSES, result
+        assert "Traceback" not in result.stderr, result.stderr
+        if result.returncode == 2:
+            message = result.stderr[result.stderr.rindex("error: ") :]
+            assert len(message) < LONGEST_MESSAGE, message
+        return result.returncode
 
-def check(program, arguments):
-    """A documented status; and a short message where that is one of an error."""
-    status, errors = run(program, arguments)
-    assert status in STATUSES, (arguments, status, errors)
-    assert "Traceback" not in errors, errors
-    if status == 2:
-        message = errors[errors.rindex("error: ") :]
-        assert len(message) < LONGEST_MESSAGE, message
-    return status
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    """An empty current folder."""
-    monkeypatch.chdir(tmp_path)
+    return check
 
 
 @QUICK
 @given(overrides("train.py"))
-def test_whatever_is_typed_after_train(arguments):
+def test_whatever_is_typed_after_train(check, arguments):
     # the last is refused after all else was checked, so that nothing is trained
     stop = ["evaluate_after=true", "evaluation.folder=/dev/null/x"]
     assert check("train.py", [*TINY_ARGUMENTS, *arguments, *stop]) == 2
@@ -111,7 +88,7 @@ def test_whatever_is_typed_after_train(arguments):
 
 @QUICK
 @given(overrides("evaluate.py"))
-def test_whatever_is_typed_after_evaluate(arguments):
+def test_whatever_is_typed_after_evaluate(check, arguments):
     assert check("evaluate.py", [*arguments, "folder=/dev/null/x"]) == 2
 
 
@@ -147,7 +124,7 @@ def run_folder(tmp_path_factory):
 
 @QUICK
 @given(st.data())
-def test_whatever_the_files_of_a_run_hold(run_folder, tmp_path, data):
+def test_whatever_the_files_of_a_run_hold(check, run_folder, tmp_path, data):
     folder = tmp_path / "run"
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(run_folder, folder)
@@ -168,17 +145,9 @@ def test_whatever_the_files_of_a_run_hold(run_folder, tmp_path, data):
     check(program, commands[program])
 
 
-@pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    """A small report."""
-    folder = tmp_path_factory.mktemp("report")
-    assert check("evaluate.py", [*ARGUMENTS, f"folder={folder}"]) == 0
-    return folder / "report.html"
-
-
 @QUICK
 @given(st.data())
-def test_whatever_a_report_holds(report, tmp_path, data):
+def test_whatever_a_report_holds(check, report, tmp_path, data):
     before, start, rest = report.read_text().partition(
         '<script type="application/json" id="origin">'
     )

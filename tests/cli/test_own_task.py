@@ -7,9 +7,6 @@ from pathlib import Path
 import pytest
 import yaml
 
-from flyrl.cli.config import env_config, training_config
-from flyrl.cli.tune import compose_training
-from flyrl.envs.config import env_record
 from flyrl.policies import load_bundle, load_policy, save_bundle
 from flyrl.policies.bundle import PolicyFileError
 from flyrl.policies.sb3 import export_sb3
@@ -30,31 +27,6 @@ def my_lab(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "my_lab", raising=False)
     yield tmp_path
     sys.modules.pop("my_lab", None)
-
-
-@pytest.mark.usefixtures("my_lab")
-def test_the_record_of_an_environment_gives_it_back():
-    record = env_record(env_config({**_groups(), "task": {"name": "my_lab:forage", "sources": 2}}))
-    assert record["task"]["name"] == "my_lab:forage"
-    assert record["task"]["sources"] == 2
-    assert record["task"]["apart"] == 5.0
-    assert env_record(env_config(record)) == record
-
-
-@pytest.mark.usefixtures("my_lab")
-def test_it_can_be_tuned():
-    settings = compose_training(["task=my_lab:forage", "task.sources=2", "physics=fast"])
-    assert settings["task"]["sources"] == 2
-    assert training_config(settings).env.resolved_task.name == "my_lab:forage"
-
-
-def _groups():
-    return {
-        "body": {"name": "current"},
-        "terrain": {"name": "flat"},
-        "controller": {"name": "hybrid"},
-        "physics": {"timestep": 1e-3},
-    }
 
 
 def test_loading_a_policy_imports_nothing(tmp_path, monkeypatch):

@@ -6,13 +6,6 @@ from flyrl.cli.main import main
 from flyrl.play.page import listen
 
 
-def test_help_has_an_example(capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["play", "--help"])
-    assert end.value.code == 0
-    assert "Examples: flyrl play; flyrl play fly" in " ".join(capsys.readouterr().out.split())
-
-
 def only_line(capsys):
     captured = capsys.readouterr()
     assert captured.out == ""

@@ -2,32 +2,11 @@
 
 import json
 import shutil
-import sys
 
 import pytest
 
-from flyrl.cli import evaluate
 from flyrl.cli.main import main
 from flyrl.report import read_origin
-
-ARGUMENTS = [
-    "controllers=[cpg,zero]",
-    "episodes=5",
-    "task.time_limit=0.2",
-    "videos=false",
-    "close_ups=false",
-    "num_threads=1",
-]
-
-
-@pytest.fixture(scope="module")
-def report(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("report")
-    command = ["evaluate.py", *ARGUMENTS, f"folder={folder}"]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", command)
-        evaluate.main()
-    return folder / "report.html"
 
 
 def changed(report, folder, before, after):

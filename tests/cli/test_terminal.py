@@ -65,7 +65,7 @@ def test_output_that_was_closed_is_no_error(monkeypatch, stream):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
-@pytest.mark.parametrize("arguments", [("completion", "bash"), ("train", "--cfg", "all")])
+@pytest.mark.parametrize("arguments", [("runs", "docs"), ("train", "--cfg", "all")])
 def test_output_that_is_full_is_an_error_in_one_line(arguments):
     with Path("/dev/full").open("w") as full:
         ended = subprocess.run(

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyrl.cli.config import evaluation_config, evaluation_settings, training_config
+from flyrl.cli.config import training_config
 from flyrl.envs.config import env_record
 from flyrl.envs.core import BatchedEnv
 from flyrl.tasks import load_terms
@@ -82,20 +82,10 @@ def test_a_run_that_goes_on_with_other_terms_says_so(my_terms, tmp_path, capsys)
     assert "\n  terms.my_terms: " in capsys.readouterr().err
 
 
-@pytest.mark.usefixtures("my_terms")
-def test_an_evaluation_takes_the_same_terms():
-    config = evaluation_config(groups(terms=ADDED, weights=WEIGHTS), evaluation_settings({}), "")
-    assert tuple(config.resolved_task.added) == tuple(ADDED)
-    # a resumed run hands on its own decision interval, which is the task's
-    resumed = groups(terms=ADDED, decision_interval=0.02)
-    assert evaluation_config(resumed, evaluation_settings({}), "").resolved_task.name
-
-
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
         (["HEIGHT"], r"task\.terms\[0\] must be module:attribute, .*, got 'HEIGHT'"),
-        (["my_terms:"], r"must be module:attribute"),
         (["os.path.join('a'):x"], r"must be module:attribute"),
         (["my_term:HEIGHT"], r"my_term cannot be imported: ModuleNotFoundError: No module named"),
         (["my_terms:HIGHT"], r"task\.terms\[0\], of the terms in .*, got 'HIGHT'; did you mean"),
@@ -108,16 +98,3 @@ def test_terms_that_cannot_be_had(my_terms, terms, message):
     (my_terms / "broken.py").write_text("1 / 0\n")
     with pytest.raises(ValueError, match=message):
         load_terms(terms)
-
-
-@pytest.mark.parametrize(
-    ("weights", "message"),
-    [
-        ({"progress": "high"}, r"task\.weights\.progress must be a finite number, got 'high'"),
-        ({"slip": 0.1}, r"task\.weights .*'slip'"),
-        (3, r"task\.weights must be a Mapping, got 3"),
-    ],
-)
-def test_weights_that_cannot_be_given(weights, message):
-    with pytest.raises(ValueError, match=message):
-        training_config(groups(weights=weights))

@@ -48,7 +48,7 @@ def test_a_table_can_be_replayed(tmp_path, capsys):
     [
         ("own.csv", b"a,b\n1,2\n", "there is no 'joint_LFCoxa'"),
         ("own.csv", b"", "is no CSV"),
-        ("own.npz", b"no zip", "is no NPZ"),
+        ("own.npz", b"no zip", "is no whole file of arrays"),
     ],
 )
 def test_a_file_that_is_no_recording_is_refused(tmp_path, capsys, name, content, message):

@@ -22,7 +22,6 @@ def walked(folder):
     return load_results(folder).episodes["controller"].tolist()
 
 
-@pytest.mark.parametrize("program", ["train.py", "evaluate.py"])
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -51,8 +50,8 @@ def walked(folder):
         (["task=worm_crawl", "randomisation=default"], "of a worm must be of sensor_noise alone"),
     ],
 )
-def test_what_does_not_fit_a_worm_ends_in_one_line(tmp_path, run_here, program, arguments, message):
-    result = run_here(program, *arguments)
+def test_what_does_not_fit_a_worm_ends_in_one_line(tmp_path, run_here, arguments, message):
+    result = run_here("evaluate.py", *arguments)
     assert result.returncode == 2
     assert message in result.stderr
     assert len(result.stderr.splitlines()) == 1

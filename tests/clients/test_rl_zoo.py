@@ -27,30 +27,40 @@ flyrl/Target-v0:
 pytestmark = pytest.mark.slow
 
 
-def zoo(module, folder, *arguments):
-    common = ("--algo", "ppo", "--env", "flyrl/Target-v0", "--gym-packages", "flyrl", "-f", "logs")
-    return subprocess.run(
-        [sys.executable, "-m", f"rl_zoo3.{module}", *common, "--device", "cpu", *arguments],
+COMMON = "--algo ppo --env flyrl/Target-v0 --gym-packages flyrl -f logs --device cpu"
+TRAIN = f"train {COMMON} --conf-file ppo.yml --eval-freq -1 --seed 0"
+ENJOY = f"enjoy {COMMON} -n 150 --no-render"
+BOTH = f"""
+import sys
+from rl_zoo3.enjoy import enjoy
+from rl_zoo3.train import train
+
+for command, run in (("{TRAIN}", train), ("{ENJOY}", enjoy)):
+    sys.argv = command.split()
+    run()
+"""
+"""In one process, since it takes seconds to import."""
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Folder in which RL Zoo trained and played, and what it printed."""
+    folder = tmp_path_factory.mktemp("zoo")
+    (folder / "ppo.yml").write_text(SETTINGS)
+    done = subprocess.run(
+        [sys.executable, "-c", BOTH],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         check=True,
-    ).stdout
-
-
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """Folder in which RL Zoo trained."""
-    folder = tmp_path_factory.mktemp("zoo")
-    (folder / "ppo.yml").write_text(SETTINGS)
-    zoo("train", folder, "--conf-file", "ppo.yml", "--eval-freq", "-1", "--seed", "0")
-    return folder
+    )
+    return folder, done.stdout
 
 
 @pytest.fixture(scope="module")
 def model_file(trained):
-    return trained / "logs" / "ppo" / "flyrl-Target-v0_1" / "flyrl-Target-v0.zip"
+    return trained[0] / "logs" / "ppo" / "flyrl-Target-v0_1" / "flyrl-Target-v0.zip"
 
 
 def test_train_leaves_a_model_that_learned(model_file):
@@ -58,8 +68,8 @@ def test_train_leaves_a_model_that_learned(model_file):
 
 
 def test_enjoy_walks_an_episode(trained, model_file):
-    output = zoo("enjoy", trained, "-n", "150", "--no-render")
-    assert str(model_file.relative_to(trained)) in output
+    folder, output = trained
+    assert str(model_file.relative_to(folder)) in output
     assert re.search(r"^1 Episodes\nMean reward: -?\d+\.\d+", output, re.MULTILINE)
 
 

@@ -110,9 +110,6 @@ def test_a_run_has_its_learning_curve_as_a_table(run):
     assert list(curve.decisions) == [32, 64]
     assert curve.success_rate.between(0, 1).all()
     assert "unweighted_progress" in curve
-
-
-def test_a_run_shows_its_learning_curve_in_a_notebook(run):
     assert 'src="data:image/svg+xml;base64,' in run._repr_html_()
 
 
@@ -124,36 +121,26 @@ def test_a_run_loads_its_policy(run):
         run.policy("first")
 
 
-def interrupted(folder, **settings):
-    """Train in a folder until there is a checkpoint, then press Ctrl-C; return what is raised."""
+def test_ctrl_c_ends_a_training_in_order_and_it_is_resumed_to_the_same_bits(tmp_path):
+    longer = TINY | {"total_timesteps": 512, "evaluation_interval": 512}
 
     def interrupt():
-        while not any(folder.glob("*/checkpoints/[!.]*.pt")):
+        while not any((tmp_path / "part").glob("*/checkpoints/[!.]*.pt")):
             time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt, daemon=True).start()
-    with pytest.raises(KeyboardInterrupt) as caught:
-        flyrl.train(SHORT_TARGET, runs_folder=folder, **settings)
-    return caught.value
-
-
-def test_ctrl_c_ends_a_training_in_order(tmp_path):
-    long = TINY | {"total_timesteps": 1_000_000, "evaluation_interval": 1_000_000}
-    stop = interrupted(tmp_path, **long)
-    assert isinstance(stop, TrainingInterrupted)
-    assert stop.run.interrupted_by == signal.SIGINT
-    assert 0 < stop.run.policy("last").bundle.training["decisions"] < 1_000_000
-
-
-def test_an_interrupted_run_is_resumed_to_the_same_bits(tmp_path):
-    longer = TINY | {"total_timesteps": 1024, "evaluation_interval": 1024}
-    stop = interrupted(tmp_path / "part", **longer)
+    with pytest.raises(TrainingInterrupted) as caught:
+        flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "part", **longer)
+    run = caught.value.run
+    assert isinstance(caught.value, KeyboardInterrupt)
+    assert run.interrupted_by == signal.SIGINT
+    assert 0 < run.policy("last").bundle.training["decisions"] < 512
     with pytest.raises(ValueError, match="other settings"):
-        flyrl.train(SHORT_TARGET, resume=stop.run, **longer | {"seed": 1})
-    resumed = flyrl.train(SHORT_TARGET, resume=stop.run, **longer)
+        flyrl.train(SHORT_TARGET, resume=run, **longer | {"seed": 1})
+    resumed = flyrl.train(SHORT_TARGET, resume=run, **longer)
     whole = flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "whole", **longer)
-    assert resumed.folder == stop.run.folder
+    assert resumed.folder == run.folder
     ours, theirs = (load_file(each.folder / "last.safetensors") for each in (resumed, whole))
     for name, values in theirs.items():
         np.testing.assert_array_equal(ours[name], values)

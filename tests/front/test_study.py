@@ -195,11 +195,9 @@ def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
         (["--name", "a/b"], "--name must be the name of a folder"),
         (["--search", "none"], "--search must be one of"),
         (["algo=ddpg"], "no search space for algo=ddpg"),
-        (["algo.learning_rat=1"], "did you mean 'algo.learning_rate'"),
         (["seed=0,1"], "takes no sweep, got seed=0,1"),
         (["evaluate_after=true"], "evaluate_after cannot be given"),
         (["training.num_envs=4"], "ppo.yaml allows algo."),
-        (["algo.clip_range=-1"], "algo.clip_range"),
     ],
 )
 def test_what_cannot_be_meant_is_said_before_any_work(arguments, said, tmp_path, capsys):
@@ -233,11 +231,7 @@ SETTINGS = {"algo": {"learning_rate": 1e-3, "n_epochs": 10}, "seed": 0}
         ("seed", {"low": 0, "high": 9}, "seed cannot be searched"),
         ("algo.learning_rate", 1e-3, "must be {low, high} or {choices}, got 0.001"),
         ("algo.learning_rate", {"low": 1e-3}, "missing 1 required positional argument: 'high'"),
-        ("algo.learning_rate", {"low": 0.1, "hihg": 1}, "'hihg'"),
-        ("algo.learning_rate", {"low": 1, "high": 0}, "low <= high"),
-        ("algo.learning_rate", {"low": 0, "high": 1, "log": True}, "low > 0"),
         ("algo.n_epochs", {"low": 1.5, "high": 3}, "must be whole numbers"),
-        ("algo.n_epochs", {"choices": [1], "low": 1}, "'low'"),
     ],
 )
 def test_a_space_that_cannot_be_meant_so(key, given, said):

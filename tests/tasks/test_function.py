@@ -41,7 +41,7 @@ def my_lab(monkeypatch):
     ("given", "message"),
     [
         ({"distance": (-1, 30)}, r"task\.distance\[0\] must be .* from 0 to 1000, got -1"),
-        ({"distance": (3, 30, 40)}, r"task\.distance must be a tuple of 2, got \(3, 30, 40\)"),
+        ({"distance": (3, 30, 40)}, r"task\.distance must be a list of 2, got \(3, 30, 40\)"),
         ({"reach": "far"}, r"task\.reach must be a finite number .* got 'far'"),
         ({"time_limit": 0}, r"task\.time_limit must be .* got 0"),
     ],
