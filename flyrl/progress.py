@@ -1,12 +1,72 @@
 """Progress bars, on stderr, that look alike wherever something takes long."""
 
+import io
 import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Final, NoReturn
 
 from tqdm import tqdm
 
 TERMINAL_INTERVAL_S: Final = 0.5
 FILE_INTERVAL_S: Final = 30.0
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A job of several parts, which share one bar: the start and the length of each, in %."""
+
+    bar: "tqdm[NoReturn]"
+    parts: Mapping[str, tuple[float, float]]
+
+
+_JOB: ContextVar[_Job | None] = ContextVar("_JOB", default=None)
+
+
+@contextmanager
+def whole_job(shares: Mapping[str, float]) -> Iterator[None]:
+    """Draw one bar, with the rate and the time left, for the bars that are made inside the block.
+
+    Parameters
+    ----------
+    shares
+        Description of each of these bars, in their order -> how long it takes, in any unit. Other
+        bars are drawn as ever; so are all where this is empty.
+    """
+    parts, start = {}, 0.0
+    for part, share in shares.items():
+        length = 100 * share / sum(shares.values())
+        parts[part] = (start, length)
+        start += length
+    layout = "{desc} {percentage:3.0f}%|{bar}| [{elapsed}<{remaining}{postfix}]"
+    with progress_bar(100, is_shown=bool(shares), unit="%", layout=layout) as bar:
+        # the parts say when to draw
+        bar.mininterval, bar.miniters, bar.dynamic_miniters = 0, 0, False
+        token = _JOB.set(_Job(bar, parts))
+        try:
+            yield
+        finally:
+            _JOB.reset(token)
+
+
+class _Part(tqdm):  # type: ignore[type-arg]
+    """A bar that, where it would be drawn, moves its part of the job's bar."""
+
+    def display(self, msg: str | None = None, pos: int | None = None) -> None:
+        """Move the job's bar to where this one is, with this one's rate."""
+        job = _JOB.get()
+        if job is None:
+            return
+        start, length = job.parts[self.desc]
+        shown, bar = self.format_dict, job.bar
+        mean = (self.n - self.initial) / max(shown["elapsed"], 1e-9)
+        rate = f"{(shown['rate'] or mean) * (shown['unit_scale'] or 1):.3g}{self.unit}/s"
+        bar.set_description_str(self.desc, refresh=False)
+        bar.set_postfix_str(", ".join(filter(None, (rate, str(self.postfix or "")))), refresh=False)
+        done = start + length * self.n / (self.total or 1)
+        bar.update(min(100, done) - bar.n)
 
 
 def progress_bar(
@@ -31,11 +91,14 @@ def progress_bar(
     unit_scale
         Units per step.
     description
-        Stands in front.
+        Stands in front; inside a `whole_job` that names it, the bar is a part of that job's.
     layout
         Format of the line, tqdm's `bar_format`; None takes tqdm's own.
     """
-    return tqdm(
+    job = _JOB.get()
+    is_part = is_shown and job is not None and description in job.parts
+    bar: type[tqdm[NoReturn]] = _Part if is_part else tqdm
+    return bar(
         total=total,
         desc=description,
         unit=unit,
@@ -43,5 +106,6 @@ def progress_bar(
         bar_format=layout,
         disable=not is_shown,
         mininterval=TERMINAL_INTERVAL_S if sys.stderr.isatty() else FILE_INTERVAL_S,
-        dynamic_ncols=True,
+        dynamic_ncols=not is_part,
+        file=io.StringIO() if is_part else None,
     )

@@ -1,9 +1,10 @@
 import io
+import re
 import sys
 
 import pytest
 
-from flyrl.progress import progress_bar
+from flyrl.progress import progress_bar, whole_job
 
 
 class Terminal(io.StringIO):
@@ -18,8 +19,49 @@ def test_a_log_file_gets_fewer_lines_than_a_terminal(monkeypatch, stream, interv
         assert bar.mininterval == interval_s
 
 
+def test_it_goes_to_stderr_in_its_units(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    layout = "{desc} {n:.0f}/{total:.0f} {unit}"
+    look = {"unit": "s", "unit_scale": 1e-3, "description": "walking", "layout": layout}
+    with progress_bar(4000, is_shown=True, **look) as bar:
+        bar.update(4000)
+    assert sys.stderr.getvalue().rstrip().endswith("walking 4/4 s")
+
+
 def test_nothing_is_drawn_unless_asked_for(monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     with progress_bar(3, is_shown=False, unit=" jobs") as bar:
         bar.update(3)
     assert sys.stderr.getvalue() == ""
+
+
+def _lines():
+    """What stood on the line, one state after the other."""
+    return [line.strip() for line in sys.stderr.getvalue().split("\r") if line.strip()]
+
+
+def test_the_bars_of_a_job_are_one_bar(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    with whole_job({"walking": 3, "filming": 1}):
+        with progress_bar(10, is_shown=True, unit=" steps", description="walking") as bar:
+            bar.set_postfix({"success": "5%"})
+            bar.update(5)
+            bar.refresh()
+        walked = _lines()
+        with progress_bar(4, is_shown=True, unit=" videos", description="filming") as bar:
+            bar.update(2)
+            bar.refresh()
+    # half of three quarters; then all of these and half of the last
+    assert re.match(r"walking +38%\|.*\[00:0.<.*, .* steps/s, success=5%\]", walked[-1])
+    assert re.match(r"filming +88%\|.*\[00:0.<.*, .* videos/s\]", _lines()[-1])
+    assert all(line.startswith(("0%", "walking", "filming")) for line in _lines())
+
+
+def test_a_bar_that_is_no_part_of_the_job_is_its_own(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with (
+        whole_job({}),
+        progress_bar(4, is_shown=True, unit=" steps", description="walking") as bar,
+    ):
+        bar.update(4)
+    assert "walking: 100%" in _lines()[-1]

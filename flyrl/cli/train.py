@@ -50,6 +50,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import evaluation_settings, group, training_config  # noqa: PLC0415
     from flyrl.cli.evaluate import comparison  # noqa: PLC0415
+    from flyrl.progress import whole_job  # noqa: PLC0415
     from flyrl.validation import file_path, one_of  # noqa: PLC0415
 
     for key in ("evaluate_after", "video_after", "trust"):
@@ -67,10 +68,13 @@ def run(record: dict[str, Any], start: Start) -> Path:
     # a wrong value has been reported by now, without torch
     from flyrl.front.comparison import earlier_run  # noqa: PLC0415
     from flyrl.front.results import compare, results_folder  # noqa: PLC0415
-    from flyrl.front.runs import learn  # noqa: PLC0415
+    from flyrl.front.runs import learn, simulated_shares  # noqa: PLC0415
 
     if compared and settings.folder is not None:
         results_folder(settings.folder)
+    shares: dict[str, float] = {}
+    if compared and config.training.progress_bar:
+        shares = simulated_shares(config, *compared, videos=settings.videos)
     is_new = start.sweep and not resumed
     earlier = earlier_run(config, runs, [*by_key(start.overrides)]) if is_new else None
     if earlier and earlier.state == "finished":
@@ -78,18 +82,26 @@ def run(record: dict[str, Any], start: Start) -> Path:
         return earlier.path
     if earlier:
         resumed, config = earlier.path, training_config({**record, **earlier.settings})
-    filmed = record["video_after"]
-    finished = learn(config, runs, start.command, start.label, folder=resumed, with_video=filmed)
-    run = finished.folder
-    is_complete = True
-    if finished.interrupted_by is None and compared:
-        policies = [str(run), *settings.given["policies"]]
-        with_run = replace(settings, given={**settings.given, "policies": policies})
-        folder = Path(settings.folder or run / "evaluation")
-        with_policy, entrants = comparison(record, with_run, start.command)
-        results = compare(with_policy, folder, entrants)
-        is_complete = results.is_complete
-        print(f"report: {results.write(folder, **settings.shown)}")
+    report, is_complete = None, True
+    with whole_job(shares):
+        finished = learn(
+            config,
+            runs,
+            start.command,
+            start.label,
+            folder=resumed,
+            with_video=record["video_after"],
+        )
+        run = finished.folder
+        if finished.interrupted_by is None and compared:
+            policies = [str(run), *settings.given["policies"]]
+            with_run = replace(settings, given={**settings.given, "policies": policies})
+            folder = Path(settings.folder or run / "evaluation")
+            with_policy, entrants = comparison(record, with_run, start.command)
+            results = compare(with_policy, folder, entrants)
+            report, is_complete = results.write(folder, **settings.shown), results.is_complete
+    if report is not None:
+        print(f"report: {report}")
     # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end
     print(f"run: {run}", flush=True)
     if finished.interrupted_by is not None:

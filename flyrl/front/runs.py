@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flyrl.evaluation import EvaluationConfig, make_entrants
+from flyrl.evaluation import Entrant, EvaluationConfig, make_entrants
 from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
@@ -139,6 +139,36 @@ def learn(
                         f"{error}; once {path} can be written to, resume with: resume={path}"
                     ) from error
         raise
+
+
+def simulated_shares(
+    config: TrainingConfig,
+    compared: EvaluationConfig,
+    entrants: Sequence[Entrant],
+    *,
+    videos: bool,
+) -> dict[str, float]:
+    """Parts of a training with a comparison -> how long each takes, in simulated s of training.
+
+    Measured in `experiment=main` on two cores.
+
+    Parameters
+    ----------
+    config
+        Of the training.
+    compared, entrants
+        Of the comparison, without the policy that is to be trained.
+    videos
+        Whether everyone is filmed.
+    """
+    walks = (len(entrants) + 1) * len(compared.terrain_configs)
+    simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
+    return {
+        "training": config.training.total_timesteps * config.env.decision_interval_s,
+        "evaluating": 0.5 * simulated_s,
+        "filming": 75.0 * walks * len(compared.film) if videos else 0.0,
+        "reporting": 150.0,
+    }
 
 
 def illustrate(config: TrainingConfig, finished: Run, *, with_video: bool) -> None:

@@ -1,5 +1,6 @@
 """Worms from the command line: trained, gone on with, evaluated and reported."""
 
+import re
 import signal
 
 import pytest
@@ -86,11 +87,16 @@ def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkey
 def test_the_continuous_variant_is_trained_and_compared_afterwards(tmp_path, run_here):
     tiny = [item for item in TINY if not item.startswith("algo")]
     own = ("algo=sac", "algo.learning_starts=16", "algo.batch_size=16", *tiny)
+    own += ("training.progress_bar=true",)
     short = ("evaluation.episodes=2", "evaluation.videos=false", "evaluation.close_ups=false")
     trained = run_here("train.py", "task=worm_crawl_box", *own, "evaluate_after=true", *short)
     assert trained.returncode == 0, trained.stderr
     run = tmp_path / trained.stdout.splitlines()[-1].removeprefix("run: ")
     assert set(walked(run / "evaluation")) == {"sac", "worm_cpg", "relaxed"}
+    # one bar for all of it
+    states = [state.strip() for state in trained.stderr.split("\r") if "%|" in state]
+    assert {state.split()[0] for state in states[1:]} == {"training", "evaluating", "reporting"}
+    assert re.match(r"reporting +100%\|.*\[.*<00:00, .* parts/s\]", states[-1])
 
 
 def test_a_report_of_worms_has_videos_and_curves_and_no_drive_map(tmp_path, run_here):
