@@ -5,6 +5,7 @@ the command `flyrl` answers at once.
 """
 
 import importlib
+import importlib.util
 import os
 from typing import TYPE_CHECKING, Any, Final
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from flyrl.policies import load_policy
     from flyrl.tasks import OUTCOMES
 
-# names and where they come from, imported when they are first asked for, as packages are
+# names and where they come from, imported when they are first asked for, as modules are
 _ON_DEMAND: Final = {
     "OUTCOMES": "flyrl.tasks",
     "CPGNetwork": "flyrl.controllers",
@@ -59,27 +60,11 @@ __all__ = [
 ]
 
 
-_PACKAGES: Final = (
-    "bodies",
-    "controllers",
-    "envs",
-    "evaluation",
-    "muscles",
-    "policies",
-    "report",
-    "rollouts",
-    "simulation",
-    "tasks",
-    "terrains",
-    "training",
-)
-
-
 def __getattr__(name: str) -> Any:
-    if name in _PACKAGES:
-        return importlib.import_module(f"{__name__}.{name}")
     if name in _ON_DEMAND:
         return getattr(importlib.import_module(_ON_DEMAND[name]), name)
+    if importlib.util.find_spec(f"{__name__}.{name}") is not None:
+        return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

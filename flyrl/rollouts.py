@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flyrl import tasks
 from flyrl.controllers.gait_log import unpack
-from flyrl.tasks import RUNNING, SUCCESS, TIMEOUT, UNSTABLE, Episode
+from flyrl.tasks import SUCCESS, TIMEOUT, UNSTABLE, Episode
 from flyrl.validation import FloatArray, positive
 
 if TYPE_CHECKING:  # reading records takes no physics engine
@@ -118,25 +118,6 @@ class EpisodeRecord:
     totals: Mapping[str, float] = field(default_factory=dict)
     gait: Gait | None = None
     creature: str = "fly"
-
-    def __post_init__(self) -> None:
-        if self.outcome in ("", RUNNING):
-            raise ValueError(f"outcome must be that of an episode that ended, got {self.outcome!r}")
-        samples = len(self.time_s)
-        shapes = {
-            "time_s": (samples,),
-            "position_w": (samples, 3),
-            "yaw": (samples,),
-            "drive": (samples, *((2,) if self.creature == "fly" else np.shape(self.drive)[-1:])),
-        }
-        for name, shape in shapes.items():
-            values = getattr(self, name)
-            if np.shape(values) != shape or samples == 0:
-                raise ValueError(
-                    f"{name} must have shape {shape} and a sample, got {np.shape(values)}"
-                )
-            if not np.isfinite(values).all():
-                raise ValueError(f"{name} must be finite, got {values[~np.isfinite(values)][0]}")
 
     @property
     def seed(self) -> int:

@@ -110,7 +110,7 @@ def test_a_folder_that_files_can_be_written_to(tmp_path):
 
 
 @settings(
-    max_examples=300,
+    max_examples=100,
     derandomize=True,
     database=None,
     deadline=None,

@@ -216,25 +216,3 @@ def test_success_and_failure_follow_the_outcome(outcome):
     record = make_record([(0, 0), (1, 0)], outcome=outcome)
     assert record.success == (outcome == "success")
     assert record.failed == (outcome in (*FAILURES, "slipped"))
-
-
-@pytest.mark.parametrize(
-    ("creature", "wrong", "message"),
-    [
-        ("fly", {"outcome": "running"}, r"outcome.*'running'"),
-        ("fly", {"yaw": np.zeros(3)}, r"yaw must have shape \(2,\)"),
-        ("fly", {"position_w": np.full((2, 3), np.nan)}, "position_w must be finite"),
-        ("fly", {"drive": np.zeros((2, 8))}, r"drive must have shape \(2, 2\) .*, got \(2, 8\)"),
-        ("worm", {"drive": np.zeros((1, 8))}, "drive must have shape"),
-        ("worm", {"drive": np.zeros(2)}, "drive must have shape"),
-        ("worm", {"drive": np.zeros((2, 4, 2))}, "drive must have shape"),
-        ("worm", dict.fromkeys(("time_s", "yaw"), np.zeros(0)), "a sample"),
-    ],
-)
-def test_what_is_no_episode_is_refused(creature, wrong, message):
-    fly = make_record([(0, 0), (1, 1)])
-    # a tension per muscle
-    drive = {"worm": np.zeros((2, 8)), "fly": fly.drive}[creature]
-    record = dataclasses.replace(fly, creature=creature, drive=drive)
-    with pytest.raises(ValueError, match=message):
-        dataclasses.replace(record, **wrong)

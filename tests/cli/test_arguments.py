@@ -10,16 +10,8 @@ from flyrl.resources import configs_folder
     ("command", "arguments", "message"),
     [
         ("train", ["sed=1"], "there is no key 'sed'; did you mean 'seed'."),
-        (
-            "train",
-            ["algo.learning_rte=1"],
-            r"there is no key 'algo\.learning_rte'; did you mean 'algo\.learning_rate'.",
-        ),
-        (
-            "train",
-            ["terrain=gaped"],
-            "terrain must be one of 'air', .*, got 'gaped'; did you mean 'gapped'",
-        ),
+        ("train", ["algo.learning_rte=1"], r"no key .*; did you mean 'algo\.learning_rate'"),
+        ("train", ["terrain=gaped"], "terrain must be one of 'air', .*; did you mean 'gapped'"),
         ("train", ["terrain=null"], "a group takes the name of a choice, got terrain=null"),
         ("train", ["experiment=man"], "experiment must be one of .*, got 'man'; did you mean"),
         ("train", ["experiment=lesions"], "experiment=lesions is for another command"),
@@ -115,15 +107,13 @@ def test_no_sweep(arguments):
             0,
         ),
         (
-            "task=my_lab:forage task.sources=2 task.terms=[my_terms:HEIGHT] seed=1",
-            "task=own task.name=my_lab:forage ++task.sources=2 ++task.terms=[my_terms:HEIGHT] "
-            "seed=1",
+            "task=my_lab:forage task.sources=2 task.terms=[my:TERM]",
+            "task=own task.name=my_lab:forage ++task.sources=2 ++task.terms=[my:TERM]",
             0,
         ),
         (
-            "-m controller=cpg,my_lab:Wave terrain=random_blocks,my_lab:Stairs",
-            "-m ~controller +controller.name=cpg,my_lab:Wave "
-            "~terrain +terrain.name=random_blocks,my_lab:Stairs",
+            "-m controller=cpg,lab:Wave terrain=mixed,lab:Stairs",
+            "-m ~controller +controller.name=cpg,lab:Wave ~terrain +terrain.name=mixed,lab:Stairs",
             4,
         ),
         ("controller=cpg controller.frequency_hz=9", "controller=cpg controller.frequency_hz=9", 0),

@@ -51,10 +51,7 @@ def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
     done = run_here("train.py", *TINY_ARGUMENTS, "video_after=false")
     folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("run: ")
     assert read_record(run.folder) == read_record(folder)
-    ours, theirs = (
-        load_file(run.folder / "last.safetensors"),
-        load_file(folder / "last.safetensors"),
-    )
+    ours, theirs = (load_file(each / "last.safetensors") for each in (run.folder, folder))
     assert ours.keys() == theirs.keys()
     for name, values in ours.items():
         np.testing.assert_array_equal(values, theirs[name])
