@@ -13,16 +13,13 @@ import mujoco
 import numpy as np
 
 from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY
-from flyrl.bodies.fly import BOXES, PLANES
+from flyrl.bodies.fly import PLANES
 from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 
 Axis = Literal["y", "z"]
-Mount = Literal["hanging", "free", "crawling", "suspended"]
+Mount = Literal["hanging", "crawling", "suspended"]
 Muscles = Literal["pairs", "one"]
-
-ROOT_JOINT: Final = "root"
-"""Free joint of a worm that is not fixed to the world."""
 
 CRAWLING_ROOT: Final = ("root_x", "root_y", "root_z", "root_yaw")
 """Joints of a crawling worm's head: three slides along the world's axes, then a hinge about z."""
@@ -108,14 +105,12 @@ class WormConfig:
         the last joint.
     anchored : whether every muscle pulls against the segment before its own, as in animals, and so
         bends no joint but its own. Otherwise nothing feels the opposite torque, as in the
-        literature: a muscle bends all joints up to the head, and a free worm, turned as a whole,
-        soon whirls about.
+        literature: a muscle bends all joints up to the head.
     mount : "hanging", with the first segment fixed to the world and the others below it;
         "suspended", with the first segment held in mid air and the others above it, without
-        gravity; "free",
-        lying straight on a ground at z = 0 with its head to +x, which is not part of it; or
-        "crawling", lying there too, but unable to pitch or roll, and with feet that slip more
-        easily along the worm than across it, as bristles do.
+        gravity; or "crawling", lying straight on a ground at z = 0 with its head to +x, unable to
+        pitch or roll, and with feet that slip more easily along the worm than across it, as
+        bristles do.
     friction_along, friction_across : sliding friction of a crawling worm's feet, along and across
         their segment.
     """
@@ -184,10 +179,9 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     "Muscle{i}_right", act on the segment behind joint i. A muscle's y axis is the one about which
     the segment moves towards the muscle, so those of antagonists are opposite.
 
-    The worm touches the ground only (planes with contype `PLANES`, boxes with contype `BOXES`),
-    not itself. A crawling one has the joints `CRAWLING_ROOT` at its head instead of a free joint,
-    and touches planes only, with a foot under the middle of each segment: geoms "Foot1" to
-    "Foot{N}", capsules that are tilted a little, so that only one end touches. MuJoCo aligns the
+    Only a crawling worm touches something: planes with contype `PLANES`, with a foot under the
+    middle of each segment: geoms "Foot1" to "Foot{N}", capsules that are tilted a little, so that
+    only one end touches. It has the joints `CRAWLING_ROOT` at its head. MuJoCo aligns the
     contact of a capsule with a plane with the capsule's axis. But friction that differs along and
     across it takes an explicit pair of the two geoms (`flyrl.simulation.scene`); without, that
     along the segment holds in all directions.
@@ -204,17 +198,12 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     spec.option.timestep = TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
 
-    held = {"hanging": _HEAD_UP, "suspended": _HEAD_DOWN}
-    lies = config.mount not in held
-    pose = {
-        "pos": (0.0, 0.0, config.radius if lies else 0.0),
-        "quat": held.get(config.mount, (1.0, 0.0, 0.0, 0.0)),
-    }
+    crawls = config.mount == "crawling"
+    quats = {"hanging": _HEAD_UP, "suspended": _HEAD_DOWN, "crawling": (1.0, 0.0, 0.0, 0.0)}
+    pose = {"pos": (0.0, 0.0, config.radius if crawls else 0.0), "quat": quats[config.mount]}
     muscles = spec.worldbody.add_body(name="muscles", **pose)
     body = spec.worldbody.add_body(name="Segment1", **pose)
-    if config.mount == "free":
-        body.add_freejoint(name=ROOT_JOINT)
-    elif config.mount == "crawling":
+    if crawls:
         _add_crawling_root(body)
     _add_segment(body, config, 1)
     for joint in range(1, config.segments):
@@ -242,7 +231,7 @@ def _add_segment(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None
         density=config.density,
         rgba=_SKINS[segment % len(_SKINS)],
         contype=0,
-        conaffinity=0 if config.mount == "crawling" else PLANES | BOXES,
+        conaffinity=0,
     )
     if config.mount == "crawling":
         _add_foot(body, config, segment)

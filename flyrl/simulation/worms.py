@@ -152,8 +152,6 @@ class WormBatch(Batch):
             height = body.segments * body.segment_length + body.radius + HANGING_CLEARANCE
             for name in ("muscles", "Segment1"):
                 spec.body(name).pos[2] += height
-            for geom in spec.geoms:
-                geom.conaffinity = 0
         muscles = tuple(attach_muscles(spec, body.profile_path.parent))
         add_terrain(spec, config.terrain)
         pair_with_planes(spec, body.friction_across)

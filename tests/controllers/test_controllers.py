@@ -139,13 +139,6 @@ def test_zero_drive_settles_in_the_neutral_pose():
     np.testing.assert_allclose(state["angles"], neutral, rtol=0, atol=1e-7)
 
 
-def test_given_oscillators_win_over_the_seed():
-    phases, magnitudes = np.arange(6.0), np.linspace(0, 1, 6)
-    state = CURRENT.initial_state(3, phases, magnitudes)
-    np.testing.assert_array_equal(state["phases"], phases)
-    np.testing.assert_array_equal(state["magnitudes"], magnitudes)
-
-
 def test_a_diverged_simulation_cannot_crash_the_engine():
     nowhere = Observation(np.nan, np.full(6, np.nan), np.full((36, 3), np.nan), np.full(3, np.nan))
     state = run(CURRENT, 3, drive=(np.nan, np.inf), observation=nowhere)

@@ -84,29 +84,8 @@ def test_arrays_given_and_handed_out_do_not_change():
     assert (two.curr_phases != given).all()
 
 
-def test_assigned_amplitudes_take_effect():
-    two = network(init_magnitudes=[1.0, 1.0])
-    two.intrinsic_amps = [0, 1]
-    two.step()
-    np.testing.assert_allclose(two.curr_magnitudes, [1 - 10 * 1e-3, 1.0])
-
-
 def test_motor_neuron_activity_by_hand():
     np.testing.assert_allclose(motor_neuron_activity([2.0, 2.0], [0.0, np.pi / 2]), [2.0, 4.0])
-
-
-@pytest.mark.parametrize(
-    ("drive", "freqs", "amps"),
-    [
-        ((1.2, 0.2), (12, 12), (1.2, 0.2)),
-        ((-0.5, 1.0), (-12, 12), (0.5, 1.0)),
-        ((0.0, -0.1), (12, -12), (0.0, 0.1)),
-    ],
-)
-def test_each_side_follows_its_drive(drive, freqs, amps):
-    actual_freqs, actual_amps = modulated(drive, 12.0)
-    np.testing.assert_array_equal(actual_freqs, np.repeat(freqs, 3))
-    np.testing.assert_array_equal(actual_amps, np.repeat(amps, 3))
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import flyrl
-from flyrl.controllers import CONTROLLERS, CPG, Hybrid
+from flyrl.controllers import CONTROLLERS, CPG
 from flyrl.controllers.controller import controller_from, controller_named
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from tests.controllers.kernels import Legs
 from tests.controllers.own import Height, Wave
 
 NAME = "tests.controllers.own:Wave"
@@ -158,17 +157,3 @@ def test_a_kernel_is_compiled_once_and_again_when_its_file_changes(python) -> No
     changed, is_compiled = run(0.5)
     assert is_compiled
     assert changed == pytest.approx(first + 0.25)
-
-
-def test_a_kernel_by_hand_is_the_engines() -> None:
-    """The output that the engine holds is what the kernel writes for what it has sensed."""
-    env = walked(Hybrid())
-    flies = env.flies
-    legs = Legs(env.scene.config.controller, env.scene.config.physics.timestep)
-    legs.state = flies.controllers[0].copy()
-    before = legs.state["phases"].copy()
-    legs.senses = flies.senses[0].copy()
-    legs.kernel(legs.parameters, legs.state, legs.senses, np.ones(2), legs.output)
-    env.simulation.batch.step(1)
-    np.testing.assert_array_equal(flies.controllers["phases"][0], legs.state["phases"])
-    assert (legs.state["phases"] != before).all()

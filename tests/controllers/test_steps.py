@@ -27,12 +27,6 @@ def test_angles_are_those_of_a_periodic_spline(name):
         np.testing.assert_allclose(actual, spline(phases % TWO_PI), rtol=0, atol=1e-13)
 
 
-def test_default_pose_is_leg_major():
-    steps = PreprogrammedSteps("untethered")
-    assert steps.default_pose.shape == (42,)
-    np.testing.assert_array_equal(steps.default_pose[28:35], steps.neutral_pos["RM"][:, 0])
-
-
 @pytest.mark.parametrize(
     ("phase", "magnitude", "shape"),
     [
@@ -45,16 +39,6 @@ def test_default_pose_is_leg_major():
 )
 def test_shape_of_angles(phase, magnitude, shape):
     assert PreprogrammedSteps("tethered").get_joint_angles("LF", phase, magnitude).shape == shape
-
-
-def test_arrays_give_the_angles_of_their_elements():
-    steps = PreprogrammedSteps("untethered")
-    phases, magnitudes = np.array([0.3, 4.0, -1.0]), np.array([0.5, 1.0, 2.0])
-    angles = steps.get_joint_angles("LH", phases, magnitudes)
-    for i in range(3):
-        np.testing.assert_array_equal(
-            angles[:, i], steps.get_joint_angles("LH", phases[i], magnitudes[i])
-        )
 
 
 # Times of spec section 3 over the duration, times 2π, by hand.

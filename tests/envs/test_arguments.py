@@ -49,8 +49,8 @@ WORM = {"task": "worm_crawl"}
             "body must have 10 muscles in the task 'worm_crawl', got 6",
         ),
         (
-            {"task": "worm_hang", "body": replace(HANGER, mount="free")},
-            "mount of a worm in a scene must be one of 'crawling', 'hanging', got 'free'",
+            {"task": "worm_hang", "body": replace(HANGER, mount="suspended")},
+            "mount of a worm in a scene must be one of 'crawling', 'hanging', got 'suspended'",
         ),
         (
             {"task": "worm_hang", "body": replace(HANGER, muscles="one")},

@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import select
 import signal
@@ -11,6 +12,9 @@ from test_callback import make_batch, reset
 
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import Randomisation
+from flyrl.simulation.scene import build_scene
+
+ONE, UP = np.array([0]), np.array([[0.0, 0.0, 0.5]])
 
 
 def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
@@ -19,16 +23,32 @@ def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
     return batch.integration_state()
 
 
-def test_number_of_threads_changes_no_bit() -> None:
+def test_threads_and_other_simulations_change_no_bit() -> None:
     one = make_batch(num_sims=5)
     two = FlyBatch(one.scene, 5, num_threads=2)
     reset(two)
-    np.testing.assert_array_equal(advance(one), advance(two))
+    expected = advance(one)
+    np.testing.assert_array_equal(advance(two), expected)
+    np.testing.assert_array_equal(advance(make_batch())[0], expected[0])
 
 
-def test_number_of_simulations_changes_no_bit() -> None:
-    many = advance(make_batch(num_sims=4))
-    np.testing.assert_array_equal(advance(make_batch(num_sims=1))[0], many[0])
+def test_restoring_a_state_replays_its_future() -> None:
+    """With a random stream, commands on their way and a log of the gait."""
+    config = make_batch("rule_based").scene.config
+    scene = build_scene(dataclasses.replace(config, queue_places=2, gait_places=100))
+    batch = FlyBatch(scene, num_threads=1)
+    batch.reset(ONE, UP, np.zeros(1), [config.controller.initial_state(3)], [100])
+    advance(batch, 50)
+    start = batch.integration_state()
+
+    def future() -> np.ndarray:
+        batch.set_command(np.array([[0.0, 1.2]]))
+        batch.step(400)
+        return batch.integration_state()
+
+    first = future()
+    batch.restore(start)
+    np.testing.assert_array_equal(future(), first)
 
 
 def test_splitting_a_call_changes_no_bit() -> None:
@@ -40,19 +60,11 @@ def test_splitting_a_call_changes_no_bit() -> None:
     np.testing.assert_array_equal(split.integration_state(), expected)
 
 
-def test_restoring_a_state_replays_its_future() -> None:
-    batch = make_batch("rule_based")
-    start = batch.integration_state()
-    first = advance(batch, 400)
-    batch.restore(start)
-    np.testing.assert_array_equal(advance(batch, 400), first)
-
-
 def test_reset_leaves_the_others_alone() -> None:
     batch = make_batch(num_sims=3)
     before = advance(batch, 100)
     one = make_batch()
-    batch.reset(np.array([1]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [one.controllers[0]])
+    batch.reset(np.array([1]), UP, np.zeros(1), [one.controllers[0]])
     after = batch.integration_state()
     np.testing.assert_array_equal(after[[0, 2]], before[[0, 2]])
     assert np.any(after[1] != before[1])

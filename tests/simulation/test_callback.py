@@ -79,41 +79,9 @@ def test_with_latency_a_fly_moves_as_one_that_is_told_so_much_later() -> None:
     np.testing.assert_array_equal(late.state().command, [[1.5, 1.5]] * 2)
 
 
-def test_drives_on_their_way_are_part_of_the_state() -> None:
-    late = with_queue(make_batch(), [100], places=2)
-    late.set_command(np.array([[1.0, 0.4]]))
-    late.step(50)
-    start = late.integration_state()
-    late.set_command(np.array([[0.0, 1.2]]))
-    late.step(150)
-    expected = late.integration_state()
-    late.restore(start)
-    late.set_command(np.array([[0.0, 1.2]]))
-    late.step(150)
-    np.testing.assert_array_equal(late.integration_state(), expected)
-
-
 def test_latency_without_a_queue_is_refused() -> None:
     with pytest.raises(ValueError, match="queue_places is 0"):
         with_queue(make_batch(), [1], places=0)
-
-
-def test_forward_at_the_same_time_does_not_advance_the_controller() -> None:
-    batch = make_batch()
-    batch.set_command(np.array([[1.0, 1.0]]))
-    batch.step(10)
-    model = batch.scene.model
-    data = batch._batch.get_data(0)
-    mujoco.mj_forward(model, data)
-    once = data.userdata.copy()
-    mujoco.mj_forward(model, data)
-    assert np.any(_carried(batch, once)["controller"]["phases"] != batch.controllers["phases"][0])
-    np.testing.assert_array_equal(data.userdata, once)
-
-
-def _carried(batch: FlyBatch, userdata: np.ndarray) -> np.void:
-    """The record that a simulation carries."""
-    return userdata.view(batch.scene.userdata)[0]
 
 
 def test_contact_forces_carry_the_weight() -> None:
@@ -151,7 +119,7 @@ def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
             name = model.body(model.geom_bodyid[geom]).name
             if name in CONTACT_SEGMENTS:
                 expected[CONTACT_SEGMENTS.index(name)] += sign * force_w
-    summed = _carried(batch, data.userdata)["head"]["senses"]["contact_forces_w"]
+    summed = data.userdata.view(batch.scene.userdata)[0]["head"]["senses"]["contact_forces_w"]
     assert np.abs(expected).max() > 1.0
     np.testing.assert_allclose(summed, expected, rtol=1e-9, atol=1e-9)
 

@@ -58,21 +58,14 @@ def test_pairs_give_the_contacts_that_contact_bits_give(terrain, height):
             np.testing.assert_array_equal(getattr(ours, figure), getattr(theirs, figure), figure)
 
 
-def test_planes_are_left_to_pairs():
+def test_every_plane_is_left_to_pairs():
     spec = fly_on("flat")
-    pair_with_planes(spec)
-    assert len(spec.pairs) == 48
-    assert spec.geom("ground").contype == 0
-    assert {geom.conaffinity for geom in spec.geoms} == {0, 2}
-
-
-def test_every_plane_gets_its_pairs():
-    spec = fly_on("flat")
-    spec.worldbody.add_geom(
-        name="ledge", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(1, 1, 1), contype=1, conaffinity=0
-    )
+    ledge = {"name": "ledge", "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (1, 1, 1)}
+    spec.worldbody.add_geom(**ledge, contype=1, conaffinity=0)
     pair_with_planes(spec)
     assert len(spec.pairs) == 2 * 48
+    assert spec.geom("ground").contype == 0
+    assert {geom.conaffinity for geom in spec.geoms} == {0, 2}
 
 
 def test_friction_across_a_foot_is_that_of_the_contacts_second_tangent():

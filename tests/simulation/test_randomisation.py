@@ -25,13 +25,6 @@ def test_a_range_of_one_value_gives_this_value() -> None:
     assert config.draw(11) == Randomisation(0.5, 2.0, 0.3, 0.0, 0.2, 0.05)
 
 
-def test_a_range_changes_no_draw_but_its_own() -> None:
-    both = RandomisationConfig(friction=(0.5, 1.5), drive_latency=(0.0, 0.05)).draw(8)
-    assert both.friction == RandomisationConfig(friction=(0.5, 1.5)).draw(8).friction
-    assert both.drive_latency == RandomisationConfig(drive_latency=(0, 0.05)).draw(8).drive_latency
-    assert both.mass == 1.0
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

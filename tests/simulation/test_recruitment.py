@@ -41,18 +41,3 @@ def test_bend_and_tension_grow_non_linearly(ramp):
     assert ramp[6].n == 2 * ramp[3].n == 300
     assert ramp[6].tension[0] > 5 * ramp[3].tension[0]
     assert ramp[6].bend > 5 * ramp[3].bend
-
-
-def test_a_profile_decides_how_the_bend_grows(ramp):
-    config = dataclasses.replace(WORM, profile="uniform.png")
-    even = [m for m in moments(config, step=150, hold_s=0.4) if m.is_last]
-    assert even[1].tension[0] == pytest.approx(0.5)
-    assert even[1].bend > 2 * ramp[3].bend
-    assert even[2].bend == pytest.approx(ramp[6].bend, rel=0.05)
-
-
-@pytest.mark.parametrize("settings", [{"step": 0}, {"hold_s": 0.0}, {"frame_s": -1.0}])
-def test_bad_settings(settings):
-    (name,) = settings
-    with pytest.raises(ValueError, match=name):
-        moments(**settings)

@@ -67,12 +67,12 @@ def mirror_error(batch: FlyBatch, drive: tuple[float, float], seed: int) -> tupl
     return millimetres, radians
 
 
-@pytest.mark.parametrize("drive", [(1.0, 1.0), (1.2, 0.2), (-0.5, 0.8)])
+@pytest.mark.parametrize("drive", [(1.2, 0.2), (-0.5, 0.8)])
 @pytest.mark.parametrize("legs", ["cpg", "hybrid"])
 @pytest.mark.parametrize("body", ["current", "classic"])
 def test_mirrored_drives_and_phases_give_mirrored_walks(body, legs, drive) -> None:
     batch = flies(2, body=body, legs=legs)
-    for seed in range(3):
+    for seed in range(2):
         millimetres, radians = mirror_error(batch, drive, seed)
         assert millimetres < 1e-6
         assert radians < 1e-6

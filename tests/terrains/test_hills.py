@@ -58,11 +58,11 @@ def test_random_hills_are_other_parts_of_the_same_field():
 def test_a_fly_walks_over_hills():
     def way(drive):
         config = EnvConfig("hybrid_turning", terrain="random_hills", decision_interval=0.02)
-        env = BatchedEnv(config, 8, 2)
-        env.reset(seeds=range(8))
+        env = BatchedEnv(config, 4, 1)
+        env.reset(seeds=range(4))
         start = env.state.position_w[:, :2].copy()
         for _ in range(25):
-            assert (env.step(np.full((8, 2), drive)).outcome == "running").all()
+            assert (env.step(np.full((4, 2), drive)).outcome == "running").all()
         return np.linalg.norm(env.state.position_w[:, :2] - start, axis=1)
 
     assert np.median(way(1.0)) > 5.0

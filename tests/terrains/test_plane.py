@@ -14,15 +14,11 @@ def compiled(config):
     return spec.compile()
 
 
-def test_flat_is_one_plane_at_zero():
+def test_flat_is_one_plane_at_zero_chequered_in_squares_of_a_millimetre():
     model = compiled(Flat())
     assert model.ngeom == 1
     assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
     np.testing.assert_array_equal(model.geom_pos[0], 0)
-
-
-def test_flat_is_chequered_in_squares_of_a_millimetre():
-    model = compiled(Flat())
     material = model.geom_matid[0]
     # A picture of 2 x 2 squares; MuJoCo lays half as many pictures per mm as it is told.
     assert model.mat_texuniform[material] == 1
@@ -34,20 +30,17 @@ def test_flat_ground_has_nothing_to_draw():
         Flat(random=True)
 
 
-def test_up_a_slope_of_30_degrees_along_x_things_fall_backwards_and_down():
-    down = Slope(angle_range_deg=(30, 30)).draw(0).down
-    np.testing.assert_allclose(down, (-0.5, 0.0, -math.sqrt(0.75)))
-
-
-def test_a_slope_may_rise_to_the_left():
-    down = Slope(angle_range_deg=(90, 90), uphill_range_deg=(90, 90)).draw(0).down
-    np.testing.assert_allclose(down, (0.0, -1.0, 0.0), atol=1e-12)
-
-
-def test_difficulty_makes_a_slope_steeper():
-    assert Slope(angle_range_deg=(60, 60)).draw(0, 0.5).down[2] == pytest.approx(
-        -math.cos(math.pi / 6)
-    )
+@pytest.mark.parametrize(
+    ("angle", "uphill", "difficulty", "down"),
+    [
+        (30, 0, 1.0, (-0.5, 0.0, -math.sqrt(0.75))),
+        (90, 90, 1.0, (0.0, -1.0, 0.0)),
+        (60, 0, 0.5, (-0.5, 0.0, -math.sqrt(0.75))),
+    ],
+)
+def test_things_fall_down_the_slope(angle, uphill, difficulty, down):
+    slope = Slope(angle_range_deg=(angle, angle), uphill_range_deg=(uphill, uphill))
+    np.testing.assert_allclose(slope.draw(0, difficulty).down, down, atol=1e-12)
 
 
 def test_random_slopes_are_drawn_from_their_range():

@@ -32,71 +32,53 @@ def surface(model, x, y):
     return 10.0 - distance
 
 
-def profile(config, y=0.1):
-    """Function x -> ground height along a line."""
-    model = compiled(config)
-    return lambda x: pytest.approx(surface(model, x, y), abs=1e-9)
+# x -> height. First slab -10 … -9, gap … -8.7, second slab … -7.7; the 8th starts at
+# -10 + 7 * 1.3 = -0.9 and ends at 0.1
+GAPPED = {
+    -9.99: 1, -9.01: 1, -8.99: -1, -8.71: -1, -8.69: 1, 0.09: 1, 0.11: -1,
+}  # fmt: skip
+# Three columns of blocks, lowered by 0.1 + 0.35: high, low, high. Half a slab from 3.9, gap from
+# 4.4, slab from 4.7, gap from 5.7, flat from 6.0 to 9.0
+MIXED = {
+    0.65: 0, 1.95: -0.35, 3.25: 0, 4.39: 0, 4.41: -1, 4.69: -1, 4.71: 0, 5.69: 0, 5.71: -1,
+    5.99: -1, 6.01: 0, 8.9: 0,
+}  # fmt: skip
+FIRST_ROW = -20 + 0.65
+# in each row, and a column of blocks in y; high ones at the corner reach 0.065 over -8.7
+BLOCKS = {
+    -9.35: 0.45, -8.05: 0.1, -6.75: 0.45, -8.7 + 0.06: 0.45, -8.7 + 0.07: 0.1,
+}  # fmt: skip
 
 
-# ------------------------------------------------------------------ gapped
-
-
-def test_gapped_has_slabs_of_1_mm_and_gaps_of_0_3_mm():
-    height = profile(Gapped())
-    # First slab -10 … -9, gap … -8.7, second slab … -7.7
-    assert height(-9.99) == 1.0
-    assert height(-9.01) == 1.0
-    assert height(-8.99) == -1.0
-    assert height(-8.71) == -1.0
-    assert height(-8.69) == 1.0
-    # x = 0: slab 8 starts at -10 + 7 * 1.3 = -0.9 and ends at 0.1
-    assert height(0.09) == 1.0
-    assert height(0.11) == -1.0
+@pytest.mark.parametrize(
+    ("terrain", "y", "heights"),
+    [
+        (Gapped(), 0.1, GAPPED),
+        (Mixed(), FIRST_ROW, {s + x: z for s in (-4.0, 5.0, 14.0) for x, z in MIXED.items()}),
+        (Blocks(), FIRST_ROW, BLOCKS),
+        (Blocks(), FIRST_ROW + 1.3, {-9.35: 0.1, -8.05: 0.45, -6.75: 0.1}),
+        (Blocks(), FIRST_ROW + 2.6, {-9.35: 0.45, -8.05: 0.1, -6.75: 0.45}),
+    ],
+)
+def test_the_ground_along_a_line(terrain, y, heights):
+    model = compiled(terrain)
+    found = [surface(model, x, y) for x in heights]
+    np.testing.assert_allclose(found, list(heights.values()), atol=1e-9)
 
 
 def test_gapped_slabs_are_27_and_2_mm_deep():
-    model = compiled(Gapped())
-    slabs = model.geom_type == mujoco.mjtGeom.mjGEOM_BOX
-    assert slabs.sum() == 27
-    np.testing.assert_allclose(model.geom_size[slabs], [[0.5, 20, 1]] * 27)
-    np.testing.assert_allclose(model.geom_pos[slabs, 2], 0, atol=1e-12)
+    boxes = Gapped().compiled().boxes
+    np.testing.assert_allclose(boxes.half_sizes, [[0.5, 20, 1]] * 27)
+    np.testing.assert_allclose(boxes.centres[:, 2], 0, atol=1e-12)
     # The last one that starts before 25: -10 + 26 * 1.3 + 0.5
-    assert model.geom_pos[slabs, 0].max() == pytest.approx(24.3)
-
-
-# ------------------------------------------------------------------ blocks
-
-
-def test_blocks_alternate_in_height():
-    model = compiled(Blocks())
-    corner = (-10 + 0.65, -20 + 0.65)
-    heights = [
-        [surface(model, corner[0] + 1.3 * column, corner[1] + 1.3 * row) for row in range(3)]
-        for column in range(3)
-    ]
-    expected = [[0.45, 0.1, 0.45], [0.1, 0.45, 0.1], [0.45, 0.1, 0.45]]
-    np.testing.assert_allclose(heights, expected, atol=1e-9)
-
-
-def test_blocks_are_a_tenth_larger_than_their_pitch():
-    model = compiled(Blocks())
-    np.testing.assert_allclose(model.geom_size[1:, :2], 1.3 * 1.1 / 2)
-    # High blocks at the corner reach 0.065 over the edge at -8.7.
-    y = -20 + 0.65
-    assert surface(model, -8.7 + 0.06, y) == pytest.approx(0.45)
-    assert surface(model, -8.7 + 0.07, y) == pytest.approx(0.1)
-
-
-def test_blocks_are_27_columns_of_31():
-    boxes = Blocks().compiled().boxes
-    # every other one is high; the low ones are one box
-    assert len(boxes.centres) == 1 + math.ceil(27 * 31 / 2)
-    assert boxes.centres[1:, 0].max() == pytest.approx(-10 + 26.5 * 1.3)
-    assert boxes.centres[1:, 1].max() == pytest.approx(-20 + 30.5 * 1.3)
+    assert boxes.centres[:, 0].max() == pytest.approx(24.3)
 
 
 def test_low_blocks_cover_what_single_ones_would():
+    """27 columns of 31; every other one is high, and the low ones are one box."""
     boxes = Blocks().compiled().boxes
+    assert len(boxes.centres) == 1 + math.ceil(27 * 31 / 2)
+    np.testing.assert_allclose(boxes.half_sizes[1:, :2], 1.3 * 1.1 / 2)
     low_corner = (boxes.centres - boxes.half_sizes)[0]
     high_corner = (boxes.centres + boxes.half_sizes)[0]
     np.testing.assert_allclose(low_corner, [-10 - 0.065, -20 - 0.065, -1.3])
@@ -112,40 +94,8 @@ def test_random_heights_are_drawn_block_by_block_from_the_seed():
     np.testing.assert_allclose(high[:5], [0.1 + rng.uniform(0.15, 0.45) for _ in range(5)])
 
 
-@pytest.mark.parametrize("name", ["blocks", "mixed"])
-def test_a_seed_is_a_terrain(name):
-    def heights(seed):
-        return KINDS[name](seed=seed, height_range=(0.15, 0.45)).compiled().boxes.tops
-
-    np.testing.assert_array_equal(heights(5), heights(5))
-    assert not np.array_equal(heights(5), heights(6))
-
-
-# ------------------------------------------------------------------ mixed
-
-
-def test_mixed_segment_from_end_to_end():
-    model = compiled(Mixed())
-    y = -20 + 0.65  # middle of the first row
-
-    def height(x):
-        return pytest.approx(surface(model, x, y), abs=1e-9)
-
-    for start in (-4.0, 5.0, 14.0):
-        # Three columns of blocks, lowered by 0.1 + 0.35: high, low, high
-        assert height(start + 0.65) == 0.0
-        assert height(start + 1.95) == -0.35
-        assert height(start + 3.25) == 0.0
-        # Half a slab from 3.9, gap from 4.4, slab from 4.7, gap from 5.7, flat from 6.0 to 9.0
-        assert height(start + 4.39) == 0.0
-        assert height(start + 4.41) == -1.0
-        assert height(start + 4.69) == -1.0
-        assert height(start + 4.71) == 0.0
-        assert height(start + 5.69) == 0.0
-        assert height(start + 5.71) == -1.0
-        assert height(start + 5.99) == -1.0
-        assert height(start + 6.01) == 0.0
-        assert height(start + 8.90) == 0.0
+def test_in_each_segment_of_mixed_are_47_high_blocks_a_low_one_and_3_slabs():
+    assert len(Mixed().compiled().boxes.centres) == 3 * (47 + 1 + 3)
 
 
 def test_mixed_is_lowered_by_the_mean_height():
@@ -155,11 +105,6 @@ def test_mixed_is_lowered_by_the_mean_height():
     assert boxes.tops.min() == pytest.approx(-0.3)
     high = boxes.tops[np.isclose(boxes.half_sizes[:, 0], 0.715)]
     assert np.all((high >= -0.2) & (high <= 0.2))
-
-
-def test_mixed_is_three_segments_of_47_high_blocks_a_low_one_and_3_slabs():
-    model = compiled(Mixed())
-    assert (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).sum() == 3 * (47 + 1 + 3)
 
 
 # ------------------------------------------------------------------ random
@@ -230,13 +175,6 @@ def test_random_ground_is_compiled_large_enough(name):
         assert np.all(ground.half_sizes <= compiled.half_sizes + 1e-12)
         assert np.all(ground.centres - ground.half_sizes >= lowest - 1e-12)
         assert np.all(ground.centres + ground.half_sizes <= highest + 1e-12)
-
-
-def test_the_seed_of_a_fixed_ground_draws_the_same_ground():
-    fixed, drawn = Mixed(seed=9, **ROUGH["mixed"]), Mixed(random=True, **ROUGH["mixed"])
-    one, other = fixed.compiled().boxes, drawn.draw(9).boxes
-    np.testing.assert_array_equal(one.centres, other.centres)
-    np.testing.assert_array_equal(one.half_sizes, other.half_sizes)
 
 
 def test_boxes_get_lighter_with_height():
