@@ -354,17 +354,6 @@ def test_a_failure_at_the_time_limit_terminates() -> None:
     check_goals(env, transition)
 
 
-def test_episodes_are_drawn_at_the_difficulty_of_the_batch() -> None:
-    env = BatchedEnv(EnvConfig(physics=FAST), 1)
-    env.difficulty = 0.0
-    env.reset(seeds=[3])
-    x, y, _ = env.episodes[0].spawn_position_w
-    np.testing.assert_allclose(env.episodes[0].goal, [x + 5, y])
-    twin = BatchedEnv(EnvConfig(physics=FAST), 1)
-    twin.restore(env.snapshot())
-    assert twin.difficulty == 0.0
-
-
 def test_a_goal_that_is_moved_is_observed_and_rewarded_from_then_on() -> None:
     env = BatchedEnv(EnvConfig(physics=FAST), 2)
     before = env.reset(seeds=[0, 1])

@@ -9,7 +9,6 @@ import pytest
 import flyrl  # noqa: F401  (registers the ids)
 from flyrl.bodies.worm import CRAWLER, HANGER
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.randomisation import Randomisation, RandomisationConfig
 from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS, RewardTerm, Termination, extended
 
@@ -106,21 +105,6 @@ def test_an_episode_with_too_few_angles_is_refused_and_one_without_any_is_straig
         env.reset(episodes=[replace(episode, joint_angles=(0.1,))])
     env.reset(episodes=[replace(episode, joint_angles=())])
     np.testing.assert_array_equal(env.state.joint_angles, np.zeros((1, 4)))
-
-
-def test_noise_of_the_senses_is_drawn_with_the_episode():
-    """A command is known without noise."""
-    clear, noisy = (
-        BatchedEnv(EnvConfig("worm_hang", randomisation=RandomisationConfig(sensor_noise=noise)))
-        for noise in (0.0, 0.5)
-    )
-    first, seen = (env.reset(seeds=[4])[0] for env in (clear, noisy))
-    differs = seen != first
-    shown = clear.task.slices()
-    assert not differs[shown["command"]].any()
-    assert differs[shown["joint_angles"]].all()
-    np.testing.assert_array_equal(noisy.reset(seeds=[4])[0], seen)
-    assert noisy.episodes[0].randomisation == Randomisation(sensor_noise=0.5)
 
 
 def test_what_flies_alone_have_is_refused_by_name():

@@ -156,11 +156,11 @@ def test_settings_without_effect_make_no_other_ground(one, other, same):
     assert is_same_ground(one, other) is same
 
 
-def member(name, seed, rate=1e-3, terrain=FLAT, policy="learned with ppo on flat"):
+def member(name, seed, rate=1e-3, policy="learned with ppo on flat"):
     """A learned entrant whose training has settings."""
     settings = {"algo": {"learning_rate": rate}}
     training = {"algo": "ppo", "seed": seed, "settings": settings}
-    return entrant(name, terrain, policy=policy, training=training)
+    return entrant(name, FLAT, policy=policy, training=training)
 
 
 RATES = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0)}
@@ -168,9 +168,9 @@ RATES = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0)}
 
 def summary(rates):
     return [
-        {"terrain": terrain, "controller": name, "success_rate": {"value": pair[i]}}
-        for i, terrain in enumerate(("flat", "mixed"))
+        row(name, terrain, rate, episodes=1)
         for name, pair in rates.items()
+        for terrain, rate in zip(("flat", "mixed"), pair, strict=True)
     ]
 
 
