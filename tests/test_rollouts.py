@@ -25,7 +25,7 @@ TASK = dataclasses.replace(
     time_limit_s=LIMIT_S,
     terminations=(Termination("success", _is_over),),
 )
-WALK = ConstantDrive(1.0, 1.0, TASK.actions.of)
+WALK = ConstantDrive(1.0, 1.0, TASK)
 
 
 def counting_policy():

@@ -16,7 +16,6 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import WormCPG
 from flyrl.progress import progress_bar
 from flyrl.rollouts import run_episodes
-from flyrl.tasks import Neurons
 
 Setting = tuple[float, float, float]
 """Frequency (Hz), waves along the worm, amplitude."""
@@ -49,15 +48,12 @@ def advances_mm(grid: Sequence[Setting], episodes: int) -> dict[Setting, float]:
     """Mean way along +x of each setting, mm."""
     config = EnvConfig(task="worm_crawl")
     env = BatchedEnv(config, episodes)
-    actions = config.resolved_task.actions
-    assert isinstance(actions, Neurons)
     drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
     found = {}
     with progress_bar(len(grid), is_shown=True, unit="setting", description="crawling") as bar:
         for frequency_hz, waves, amplitude in grid:
             policy = WormCPG(
-                actions,
-                config.decision_interval_s,
+                config.resolved_task,
                 frequency_hz=frequency_hz,
                 waves=waves,
                 amplitude=amplitude,

@@ -9,11 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.controllers.cpg import cpg_step, motor_neuron_activity
 from flyrl.policies.networks import vectors
-from flyrl.tasks import Drives, Neurons, Task
+from flyrl.tasks import ACHIEVED_GOAL, DESIRED_GOAL, Drives, Neurons, Task
 from flyrl.validation import FloatArray
-
-DriveToAction = Callable[[FloatArray], FloatArray]
-"""From drives (..., 2), left then right, to the actions (..., 2) that command them."""
 
 Starts = NDArray[np.bool_]
 Acted = tuple[NDArray[Any], Any]
@@ -73,14 +70,17 @@ class FixedPolicy:
 class _DrivePolicy(FixedPolicy):
     """A policy without a state that answers an observation with a drive."""
 
-    def __init__(self, drive_to_action: DriveToAction) -> None:
-        self._drive_to_action = drive_to_action
+    def __init__(self, task: Task) -> None:
+        self._actions = task.actions
+        self._places = task.slices()
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
-        return np.array(self._drive_to_action(self._drive(rows)), dtype=np.float32), state
+        shown = {name: rows[:, place] for name, place in self._places.items()}
+        drives = np.broadcast_to(self._drives(shown), (len(rows), 2))
+        return self._actions.of(drives).astype(np.float32), state
 
-    def _drive(self, observation: FloatArray) -> FloatArray:
-        """Drives (..., 2) for observations (..., k)."""
+    def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        """Drives (n, 2), or (2,) for all, for observation terms (n, size) by name."""
         raise NotImplementedError
 
 
@@ -91,16 +91,16 @@ class ConstantDrive(_DrivePolicy):
     ----------
     left, right
         Drive to the left and to the right legs; (1, 1) walks, (0, 0) stands.
-    drive_to_action
-        Mapping of the task.
+    task
+        What it acts in.
     """
 
-    def __init__(self, left: float, right: float, drive_to_action: DriveToAction) -> None:
-        super().__init__(drive_to_action)
+    def __init__(self, left: float, right: float, task: Task) -> None:
+        super().__init__(task)
         self._sides = np.array([left, right])
 
-    def _drive(self, observation: FloatArray) -> FloatArray:
-        return np.broadcast_to(self._sides, (*observation.shape[:-1], 2))
+    def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        return self._sides
 
 
 class Pursuit(_DrivePolicy):
@@ -111,11 +111,8 @@ class Pursuit(_DrivePolicy):
 
     Parameters
     ----------
-    direction
-        Where in the flat observation the unit vector towards the target stands: forward, left (body
-        frame).
-    drive_to_action
-        Mapping of the task.
+    task
+        What it acts in; it shows `target_direction`, or goals and the `compass`.
     gain
         Drive per rad of bearing.
     forward
@@ -127,61 +124,30 @@ class Pursuit(_DrivePolicy):
 
     def __init__(
         self,
-        direction: slice,
-        drive_to_action: DriveToAction,
+        task: Task,
         *,
         gain: float = 1.0,
         forward: float = 1.0,
         weakest: float = 0.2,
         strongest: float = 1.2,
     ) -> None:
-        super().__init__(drive_to_action)
-        self._direction = direction
+        super().__init__(task)
         self._gain = gain
         self._forward = forward
         self._bounds = (weakest, strongest)
 
-    def _drive(self, observation: FloatArray) -> FloatArray:
-        direction = self._towards(observation)
-        bearing = np.arctan2(direction[..., 1], direction[..., 0])
-        turn = self._gain * bearing[..., None] * np.array([-1.0, 1.0])
+    def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        forward, left = self._towards(shown)
+        turn = self._gain * np.arctan2(left, forward)[:, None] * np.array([-1.0, 1.0])
         return np.asarray(np.clip(self._forward + turn, *self._bounds))
 
-    def _towards(self, observation: FloatArray) -> FloatArray:
-        """Vectors (..., 2) towards the target, forward and left."""
-        return observation[..., self._direction]
-
-
-class PursuitOfGoal(Pursuit):
-    """The same, of a goal that is observed as a place in the world.
-
-    Parameters
-    ----------
-    achieved, desired
-        Where in the flat observation x and y of the fly and of the target stand (world frame).
-    compass
-        Where the cosine and sine of the heading stand.
-    drive_to_action, **tuned
-        As of `Pursuit`.
-    """
-
-    def __init__(
-        self,
-        achieved: slice,
-        desired: slice,
-        compass: slice,
-        drive_to_action: DriveToAction,
-        **tuned: float,
-    ) -> None:
-        super().__init__(desired, drive_to_action, **tuned)
-        self._achieved = achieved
-        self._compass = compass
-
-    def _towards(self, observation: FloatArray) -> FloatArray:
-        offset_w = observation[..., self._direction] - observation[..., self._achieved]
-        cos, sin = np.moveaxis(observation[..., self._compass], -1, 0)
-        x, y = np.moveaxis(offset_w, -1, 0)
-        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
+    def _towards(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        """Vectors towards the target in the body frame, forward and left: (2, n)."""
+        if "target_direction" in shown:
+            return shown["target_direction"].T
+        x, y = (shown[DESIRED_GOAL] - shown[ACHIEVED_GOAL]).T  # world frame
+        cos, sin = shown["compass"].T
+        return np.stack([cos * x + sin * y, cos * y - sin * x])
 
 
 class OpenLoop(_DrivePolicy):
@@ -192,33 +158,23 @@ class OpenLoop(_DrivePolicy):
 
     Parameters
     ----------
-    command
-        Where in the flat observation the command stands: speed in 20 mm/s, yaw rate in 10 rad/s.
-    drive_to_action
-        Mapping of the task.
+    task
+        What it acts in; it shows the `command`: speed in 20 mm/s, yaw rate in 10 rad/s.
     speed
         mm/s that a drive of 1 on both sides brings about.
     yaw_rate
         rad/s that a drive of 1 more on the right and 1 less on the left would bring about.
     """
 
-    def __init__(
-        self,
-        command: slice,
-        drive_to_action: DriveToAction,
-        *,
-        speed: float = 13.0,
-        yaw_rate: float = 6.4,
-    ) -> None:
-        super().__init__(drive_to_action)
-        self._command = command
+    def __init__(self, task: Task, *, speed: float = 13.0, yaw_rate: float = 6.4) -> None:
+        super().__init__(task)
         self._speed = speed
         self._yaw_rate = yaw_rate
 
-    def _drive(self, observation: FloatArray) -> FloatArray:
-        command = observation[..., self._command]
-        forward = 20.0 * command[..., :1] / self._speed
-        turn = 10.0 * command[..., 1:] / self._yaw_rate * np.array([-1.0, 1.0])
+    def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        command = shown["command"]
+        forward = 20.0 * command[:, :1] / self._speed
+        turn = 10.0 * command[:, 1:] / self._yaw_rate * np.array([-1.0, 1.0])
         return np.asarray(forward + turn)
 
 
@@ -273,23 +229,37 @@ def takes(function: Callable[..., Any], count: int) -> bool:
     return True
 
 
-class Relaxed(FixedPolicy):
-    """No muscle is recruited beyond its first neuron.
+class _MusclePolicy(FixedPolicy):
+    """A policy that recruits neurons of a worm's muscles.
 
     Parameters
     ----------
-    actions
-        Of the task.
+    task
+        What it acts in.
     """
 
-    def __init__(self, actions: Neurons) -> None:
-        self._actions = actions
+    def __init__(self, task: Task) -> None:
+        actions, interval_s = task.actions, task.decision_interval_s
+        assert isinstance(actions, Neurons)  # tasks for worms have such
+        assert interval_s is not None
+        self._actions, self._interval_s = actions, interval_s
+        self._last = np.array(actions.pools) - 1.0
+
+    def _recruiting(self, neurons: FloatArray) -> NDArray[Any]:
+        """Actions that recruit these numbers of neurons, rounded, within the pools."""
+        wanted = np.clip(np.round(neurons), 0.0, self._last)
+        kind = np.int64 if self._actions.is_integer else np.float32
+        return self._actions.of(wanted).astype(kind)
+
+
+class Relaxed(_MusclePolicy):
+    """No muscle is recruited beyond its first neuron."""
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
-        return _actions_of(self._actions, np.zeros((len(rows), self._actions.size))), state
+        return self._recruiting(np.zeros((len(rows), self._actions.size))), state
 
 
-class WormCPG(FixedPolicy):
+class WormCPG(_MusclePolicy):
     """A chain of oscillators, one per joint, which recruits a wave that runs from head to tail.
 
     Each oscillator drives the two muscles of its joint in antiphase, with the motor-neuron activity
@@ -299,10 +269,8 @@ class WormCPG(FixedPolicy):
 
     Parameters
     ----------
-    actions
-        Of the task.
-    interval_s
-        s from one decision to the next.
+    task
+        What it acts in.
     frequency_hz
         Waves per second.
     waves
@@ -313,17 +281,16 @@ class WormCPG(FixedPolicy):
 
     def __init__(
         self,
-        actions: Neurons,
-        interval_s: float,
+        task: Task,
         *,
         frequency_hz: float = 3.0,
         waves: float = 0.4,
         amplitude: float = 0.8,
     ) -> None:
-        self._actions = actions
-        joints = actions.size // 2
-        self._steps = max(1, round(interval_s / _STEP_S))
-        self._timestep = interval_s / self._steps
+        super().__init__(task)
+        joints = self._actions.size // 2
+        self._steps = max(1, round(self._interval_s / _STEP_S))
+        self._timestep = self._interval_s / self._steps
         self._phases = -2.0 * np.pi * waves * np.arange(joints) / joints
         near = np.abs(np.subtract.outer(np.arange(joints), np.arange(joints))) == 1
         self._oscillators = (
@@ -333,7 +300,6 @@ class WormCPG(FixedPolicy):
             self._phases[None, :] - self._phases[:, None],
             np.full(joints, CONVERGENCE_RATE),
         )
-        self._last = np.array(actions.pools) - 1.0
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
         """The state is the phases and magnitudes of the oscillators, (n, joints) each."""
@@ -347,10 +313,10 @@ class WormCPG(FixedPolicy):
                 cpg_step(*own, *self._oscillators, self._timestep, phase_rates)
         sides = [motor_neuron_activity(magnitudes, phases + turn) for turn in (0.0, np.pi)]
         activity = np.stack(sides, axis=-1).reshape(len(rows), -1)
-        return _actions_of(self._actions, activity * self._last), (phases, magnitudes)
+        return self._recruiting(activity * self._last), (phases, magnitudes)
 
 
-class WormReflex(FixedPolicy):
+class WormReflex(_MusclePolicy):
     """Recruit the muscles of one side more and more, until the worm is bent as commanded.
 
     The share of neurons that is recruited, of the first muscle of every joint (or, below 0, of the
@@ -358,23 +324,16 @@ class WormReflex(FixedPolicy):
 
     Parameters
     ----------
-    actions
-        Of the task.
-    interval_s
-        s from one decision to the next.
-    bend_error
-        Where in the observation the bend less the one that is asked for stands, rad.
+    task
+        What it acts in; it shows the `bend_error`, the bend less the one that is asked for, rad.
     gain
         1/(rad s); the best return of seven from 2 to 10.
     """
 
-    def __init__(
-        self, actions: Neurons, interval_s: float, bend_error: slice, *, gain: float = 6.0
-    ) -> None:
-        self._actions = actions
-        self._rate = gain * interval_s
-        self._bend_error = bend_error
-        self._last = np.array(actions.pools) - 1.0
+    def __init__(self, task: Task, *, gain: float = 6.0) -> None:
+        super().__init__(task)
+        self._rate = gain * self._interval_s
+        self._bend_error = task.slices()["bend_error"]
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
         """The state is the share that is recruited, from -1 to 1, (n,)."""
@@ -382,10 +341,4 @@ class WormReflex(FixedPolicy):
         share = np.clip(share - self._rate * rows[:, self._bend_error][:, 0], -1.0, 1.0)
         sides = np.stack([np.maximum(share, 0.0), np.maximum(-share, 0.0)], axis=1)
         both = np.tile(sides, (1, self._actions.size // 2))
-        return _actions_of(self._actions, both * self._last), share
-
-
-def _actions_of(actions: Neurons, neurons: FloatArray) -> NDArray[Any]:
-    """Actions that recruit these numbers of neurons, rounded, within the pools."""
-    wanted = np.clip(np.round(neurons), 0.0, np.array(actions.pools) - 1.0)
-    return actions.of(wanted).astype(np.int64 if actions.is_integer else np.float32)
+        return self._recruiting(both * self._last), share

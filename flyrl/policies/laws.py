@@ -14,7 +14,6 @@ from flyrl.policies.fixed import (
     FixedPolicy,
     OpenLoop,
     Pursuit,
-    PursuitOfGoal,
     Relaxed,
     WormCPG,
     WormReflex,
@@ -26,7 +25,6 @@ from flyrl.tasks import (
     DRIVE_LOW,
     TASKS,
     Drives,
-    Neurons,
     Task,
 )
 from flyrl.validation import within
@@ -75,23 +73,12 @@ _GOALS: Final = (ACHIEVED_GOAL, DESIRED_GOAL, "compass")
 
 
 def _held(left: float, right: float) -> Callable[[Task], FixedPolicy]:
-    return lambda task: ConstantDrive(left, right, task.actions.of)
+    return lambda task: ConstantDrive(left, right, task)
 
 
 def _pursue(task: Task) -> FixedPolicy:
     tuned = _QUICK_PURSUIT if task.name in ("target", "target_goal", "heading") else {}
-    shown = task.slices()
-    if "target_direction" in shown:
-        return Pursuit(shown["target_direction"], task.actions.of, **tuned)
-    achieved, desired, compass = (shown[name] for name in _GOALS)
-    return PursuitOfGoal(achieved, desired, compass, task.actions.of, **tuned)
-
-
-def _muscles(task: Task) -> tuple[Neurons, float]:
-    """Actions of a task for worms, and s from one to the next."""
-    actions, interval_s = task.actions, task.decision_interval_s
-    assert isinstance(actions, Neurons) and interval_s is not None  # goes_with says so
-    return actions, interval_s
+    return Pursuit(task, **tuned)
 
 
 _AHEAD: Final = "constant drive (1, 1)"
@@ -113,26 +100,13 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
         _pursue,
         (("target_direction",), _GOALS),
     ),
-    "open_loop": FixedLaw(
-        "hybrid",
-        "drive that answers the command",
-        lambda task: OpenLoop(task.slices()["command"], task.actions.of),
-        (("command",),),
-    ),
+    "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),
     "zero": FixedLaw("hybrid", "constant drive (0, 0)", _held(0.0, 0.0)),
-    "worm_cpg": FixedLaw(
-        None,
-        "CPG that sends waves along the worm",
-        lambda task: WormCPG(*_muscles(task)),
-        (("heading",),),
-    ),
+    "worm_cpg": FixedLaw(None, "CPG that sends waves along the worm", WormCPG, (("heading",),)),
     "worm_reflex": FixedLaw(
-        None,
-        "reflex that recruits until the bend is right",
-        lambda task: WormReflex(*_muscles(task), task.slices()["bend_error"]),
-        (("bend_error",),),
+        None, "reflex that recruits until the bend is right", WormReflex, (("bend_error",),)
     ),
-    "relaxed": FixedLaw(None, "no muscle recruited", lambda task: Relaxed(_muscles(task)[0])),
+    "relaxed": FixedLaw(None, "no muscle recruited", Relaxed),
 }
 """Fixed laws by name. Besides, there is constant(left, right): any drive, held."""
 

@@ -285,6 +285,6 @@ def gaits_plot() -> Plot:
 def _walks(gait: Gait) -> list[EpisodeRecord]:
     config = EnvConfig("traverse", controller=CPG(gait=gait), log_gait=True)
     env = BatchedEnv(config, FLIES)
-    ahead = ConstantDrive(1.0, 1.0, env.task.actions.of)
+    ahead = ConstantDrive(1.0, 1.0, env.task)
     episodes = [config.sample_episode(seed) for seed in range(FLIES)]
     return list(run_episodes(env, ahead, episodes, horizon_s=DURATION_S))

@@ -241,7 +241,7 @@ def test_a_term_of_the_wrong_shape_is_refused_before_the_first_step(
 
 def test_commands_can_be_followed_and_standing_still_does_not_follow_them() -> None:
     env = BatchedEnv(EnvConfig(task="velocity", physics="fast"), 5)
-    follow = OpenLoop(env.task.slices()["command"], env.task.actions.of)
+    follow = OpenLoop(env.task)
     observation = env.reset(seeds=[0, 1, 2, 3, 0])
     assert isinstance(observation, np.ndarray)
     for _ in range(200):

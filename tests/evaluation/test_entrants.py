@@ -221,7 +221,7 @@ def own_policies(tmp_path, monkeypatch):
     (tmp_path / "own_policies.py").write_text(
         "from flyrl.policies import ConstantDrive\n"
         "def steady(task):\n"
-        "    return ConstantDrive(0.5, 0.5, task.actions.of)\n"
+        "    return ConstantDrive(0.5, 0.5, task)\n"
         "def broken(task):\n"
         "    raise KeyError('nothing')\n"
         "def nothing(task):\n"

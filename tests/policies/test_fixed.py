@@ -7,10 +7,8 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import (
-    ConstantDrive,
     OpenLoop,
     Pursuit,
-    PursuitOfGoal,
     Relaxed,
     WormCPG,
     WormReflex,
@@ -19,55 +17,42 @@ from flyrl.policies.fixed import FunctionPolicy, takes
 from flyrl.tasks import TASKS, Neurons
 
 
-def _normalised(drive):
-    return drive - 0.5
+def _drives(policy, task, **terms):
+    """Drives of a policy for observations whose other terms are 9."""
+    rows = len(next(iter(terms.values())))
+    observations = np.full((rows, sum(term.size for term in task.observation)), 9.0)
+    for name, values in terms.items():
+        observations[:, task.slices()[name]] = values
+    actions = policy.predict(observations)[0]
+    for observation, action in zip(observations, actions, strict=True):
+        np.testing.assert_array_equal(policy.predict(observation)[0], action)
+    return task.actions.commands(actions)
 
 
-def test_constant_drive_single_and_batch():
-    policy = ConstantDrive(1.0, 0.25, _normalised)
-    np.testing.assert_array_equal(policy.predict(np.zeros(7))[0], [0.5, -0.25])
-    np.testing.assert_array_equal(policy.predict(np.zeros((3, 7)))[0], [[0.5, -0.25]] * 3)
-
-
-@pytest.mark.parametrize(
-    ("forward", "left", "drive"),
-    [
-        (1.0, 0.0, (1.0, 1.0)),
-        (np.cos(0.1), np.sin(0.1), (0.9, 1.1)),
-        (np.cos(0.1), -np.sin(0.1), (1.1, 0.9)),
-        (0.0, 1.0, (0.2, 1.2)),
-        (0.0, -1.0, (1.2, 0.2)),
-    ],
-)
-def test_pursuit_turns_towards_the_target(forward, left, drive):
-    policy = Pursuit(slice(1, 3), lambda drive: drive, gain=1.0)
-    action, _ = policy.predict([99.0, forward, left])
-    np.testing.assert_allclose(action, drive, rtol=1e-6)
+def test_pursuit_turns_towards_the_target():
+    task = TASKS["path"]()
+    slightly = np.array([np.cos(0.1), np.sin(0.1)])
+    towards = [(1, 0), slightly, slightly * (1, -1), (0, 1), (0, -1)]
+    drives = _drives(Pursuit(task), task, target_direction=towards)
+    expected = [(1.0, 1.0), (0.9, 1.1), (1.1, 0.9), (0.2, 1.2), (1.2, 0.2)]
+    np.testing.assert_allclose(drives, expected, rtol=1e-6)
 
 
 def test_pursuit_of_a_goal_turns_towards_it():
-    policy = PursuitOfGoal(slice(0, 2), slice(2, 4), slice(4, 6), lambda drive: drive)
-    facing_y = (0.0, 1.0)
-    ahead, left, right = (1.0, 5.0), (0.0, 2.0), (3.0, 2.0)  # of a fly at (1, 2)
-    drives = policy.predict([[1.0, 2.0, *goal, *facing_y] for goal in (ahead, left, right)])[0]
+    task = TASKS["target_goal"]()
+    goals = [(1.0, 5.0), (0.0, 2.0), (3.0, 2.0)]  # ahead, left and right of a fly at (1, 2)
+    facing_y = [(0.0, 1.0)] * 3
+    terms = {"achieved_goal": [(1.0, 2.0)] * 3, "desired_goal": goals, "compass": facing_y}
+    drives = _drives(Pursuit(task), task, **terms)
     np.testing.assert_allclose(drives, [(1.0, 1.0), (0.2, 1.2), (1.2, 0.2)], rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("speed", "yaw_rate", "drive"),
-    [
-        (13.0, 0.0, (1.0, 1.0)),
-        (6.5, 0.0, (0.5, 0.5)),
-        (6.5, 3.2, (0.0, 1.0)),
-        (0, -3.2, (0.5, -0.5)),
-    ],
-)
-def test_open_loop_answers_speed_and_yaw_rate(speed, yaw_rate, drive):
-    policy = OpenLoop(slice(1, 3), lambda drive: drive)
-    action, _ = policy.predict([99.0, speed / 20, yaw_rate / 10])
-    np.testing.assert_allclose(action, drive, atol=1e-6)
-    batch, _ = policy.predict(np.array([[99.0, speed / 20, yaw_rate / 10]] * 3))
-    np.testing.assert_array_equal(batch, [action] * 3)
+def test_open_loop_answers_speed_and_yaw_rate():
+    task = TASKS["velocity"]()
+    commands = np.array([(13.0, 0.0), (6.5, 0.0), (6.5, 3.2), (0.0, -3.2)]) / (20.0, 10.0)
+    drives = _drives(OpenLoop(task), task, command=commands)
+    expected = [(1.0, 1.0), (0.5, 0.5), (0.0, 1.0), (0.5, -0.5)]
+    np.testing.assert_allclose(drives, expected, atol=1e-6)
 
 
 # ------------------------------------------------------------------ functions
@@ -143,10 +128,15 @@ def test_functions_are_told_apart_by_their_arguments():
 
 # ------------------------------------------------------------------ worms
 
-TEN = Neurons((16,) * 10)
 BLIND = np.zeros((1, 3))
 HALF = {"frequency_hz": 2.0, "waves": 0.4, "amplitude": 0.5}
 """A wave that recruits whole pools, and holds them for no time."""
+
+
+def worm(*pools, interval_s=0.05, is_integer=True):
+    """A task for a worm with such muscles, all with 16 neurons unless told otherwise."""
+    actions = Neurons(pools or (16,) * 10, is_integer)
+    return replace(task_named("worm_hang"), actions=actions, decision_interval_s=interval_s)
 
 
 def acted(policy, observations, starts=None):
@@ -163,10 +153,10 @@ def acted(policy, observations, starts=None):
 
 
 def test_a_relaxed_worm_recruits_no_neuron_but_the_first():
-    whole, _ = Relaxed(Neurons((16, 5))).predict(BLIND[0])
+    whole, _ = Relaxed(worm(16, 5)).predict(BLIND[0])
     np.testing.assert_array_equal(whole, [0, 0])
     assert whole.dtype == np.int64
-    box, state = Relaxed(Neurons((16, 5), is_integer=False)).predict(np.zeros((3, 7)), "kept")
+    box, state = Relaxed(worm(16, 5, is_integer=False)).predict(np.zeros((3, 7)), "kept")
     np.testing.assert_array_equal(box, -np.ones((3, 2)))
     assert box.dtype == np.float32
     assert state == "kept"
@@ -180,7 +170,7 @@ def test_the_settled_cpg_by_hand():
 
     A half of 1 + sin 36 deg = 1.588 is 11.9 of the 15 neurons beyond the first, and so on.
     """
-    actions, (_, magnitudes) = acted(WormCPG(TEN, 0.05, **HALF), [BLIND] * 41)
+    actions, (_, magnitudes) = acted(WormCPG(worm(), **HALF), [BLIND] * 41)
     np.testing.assert_allclose(magnitudes, 0.5)
     first, second = actions[-1, 0].reshape(5, 2).T
     assert first.tolist() == [12, 8, 5, 2, 0]
@@ -189,7 +179,7 @@ def test_the_settled_cpg_by_hand():
 
 def test_a_cpg_starts_softly():
     # after 50 steps of 1 ms at 20 / s the magnitude is 0.5 (1 - 0.98 ** 50) = 0.318
-    action, (_, magnitudes) = WormCPG(TEN, 0.05, **HALF).predict(BLIND)
+    action, (_, magnitudes) = WormCPG(worm(), **HALF).predict(BLIND)
     np.testing.assert_allclose(magnitudes, 0.5 * (1 - 0.98**50))
     assert action[0, :2].tolist() == [8, 2]
 
@@ -197,9 +187,9 @@ def test_a_cpg_starts_softly():
 @pytest.mark.parametrize("is_integer", [True, False])
 def test_antagonists_are_recruited_in_antiphase(is_integer):
     """What one has more than a half of the pool, the other has less."""
-    neurons = Neurons((1001,) * 10, is_integer)
-    actions, _ = acted(WormCPG(neurons, 0.05, **HALF), [BLIND] * 60)
-    first, second = np.moveaxis(neurons.commands(actions)[40:].reshape(20, 5, 2), -1, 0)
+    task = worm(*(1001,) * 10, is_integer=is_integer)
+    actions, _ = acted(WormCPG(task, **HALF), [BLIND] * 60)
+    first, second = np.moveaxis(task.actions.commands(actions)[40:].reshape(20, 5, 2), -1, 0)
     assert np.abs(first + second - 1000).max() <= 1
     assert first.min() < 20
     assert first.max() > 980
@@ -207,7 +197,7 @@ def test_antagonists_are_recruited_in_antiphase(is_integer):
 
 def test_the_wave_runs_from_head_to_tail():
     """Each of the joints comes 0.4 / 5 of 0.5 s after the one before it, 8 of these decisions."""
-    policy = WormCPG(Neurons((100_001,) * 10), 0.005, **HALF)
+    policy = WormCPG(worm(*(100_001,) * 10, interval_s=0.005), **HALF)
     actions, _ = acted(policy, [BLIND] * 500)
     # a quarter of 0.5 s after its start the first muscle is recruited most
     peaks = 1 + actions[400:, 0, ::2].argmax(axis=0)
@@ -215,13 +205,13 @@ def test_the_wave_runs_from_head_to_tail():
 
 
 def test_a_larger_amplitude_recruits_no_more_than_the_pool():
-    actions, _ = acted(WormCPG(TEN, 0.05, amplitude=2.0), [BLIND] * 30)
+    actions, _ = acted(WormCPG(worm(), amplitude=2.0), [BLIND] * 30)
     assert actions.min() == 0
     assert actions.max() == 15
 
 
 def test_an_episode_starts_the_oscillators_of_its_own_row_alone():
-    policy = WormCPG(TEN, 0.05)
+    policy = WormCPG(worm())
     three = np.zeros((3, 4))
     _, state = acted(policy, [three] * 7)
     before = [part.copy() for part in state]
@@ -234,7 +224,7 @@ def test_an_episode_starts_the_oscillators_of_its_own_row_alone():
 
 
 def test_rows_of_a_cpg_are_those_of_single_worms():
-    policy = WormCPG(TEN, 0.05)
+    policy = WormCPG(worm())
     starts = np.zeros((12, 3), dtype=bool)
     starts[[4, 9], [0, 2]] = True
     together, _ = acted(policy, [np.zeros((3, 4))] * 12, starts)
@@ -246,11 +236,18 @@ def test_rows_of_a_cpg_are_those_of_single_worms():
 # ------------------------------------------------------------------ reflex
 
 
+def _bent(task, errors):
+    """Observations with these errors of the bend, rad; their other terms are 9."""
+    observations = np.full((len(errors), sum(term.size for term in task.observation)), 9.0)
+    observations[:, task.slices()["bend_error"]] = np.reshape(errors, (-1, 1))
+    return observations
+
+
 def test_the_reflex_by_hand():
     """With 0.05 s and 4 per rad and s, 1 rad too little adds a fifth of the pool of 15."""
-    policy = WormReflex(Neurons((16,) * 4), 0.05, slice(1, 2), gain=4.0)
-    errors = np.array([[9.0, error] for error in (-1.0, -1.0, 0.0, 1.0, 3.0, -50.0)])
-    actions, share = acted(policy, errors)
+    task = worm(*(16,) * 4)
+    errors = _bent(task, [-1.0, -1.0, 0.0, 1.0, 3.0, -50.0])
+    actions, share = acted(WormReflex(task, gain=4.0), errors)
     # shares 0.2, 0.4, 0.4, 0.2, -0.4 and at most 1, of both joints alike
     first, second = [3, 6, 6, 3, 0, 15], [0, 0, 0, 0, 6, 0]
     np.testing.assert_array_equal(actions, np.stack([first, second, first, second], axis=1))
@@ -258,8 +255,8 @@ def test_the_reflex_by_hand():
 
 
 def test_the_reflex_of_a_row_starts_with_its_own_episode():
-    policy = WormReflex(Neurons((16, 16)), 0.05, slice(0, 1), gain=4.0)
-    errors = np.full((3, 1), -1.0)
+    task = worm(16, 16)
+    errors, policy = _bent(task, [-1.0] * 3), WormReflex(task, gain=4.0)
     actions, _ = acted(policy, [errors] * 3, [[True] * 3, [False] * 3, [False, True, False]])
     # 0.6 of 15 neurons, where it went on all the time
     assert actions[-1, :, 0].tolist() == [9, 3, 9]
@@ -267,7 +264,7 @@ def test_the_reflex_of_a_row_starts_with_its_own_episode():
 
 def test_the_reflex_bends_a_worm_to_either_side_as_told():
     env = BatchedEnv(EnvConfig("worm_hang"), 2)
-    policy = WormReflex(env.task.actions, 0.05, env.task.slices()["bend_error"])
+    policy = WormReflex(env.task)
     drawn = env.config.sample_episode(0)
     bends = [replace(drawn, joint_angles=(), command=(bend,)) for bend in (0.6, -0.6)]
     observation, state = env.reset(episodes=bends), None
@@ -286,7 +283,7 @@ def test_a_worm_crawls_with_the_cpg_and_not_relaxed():
     env = BatchedEnv(EnvConfig("worm_crawl"), 2)
     straight = replace(env.config.sample_episode(0), spawn_yaw=0.0, joint_angles=())
     observation, state = env.reset(episodes=[straight] * 2), None
-    policies = WormCPG(env.task.actions, 0.05), Relaxed(env.task.actions)
+    policies = WormCPG(env.task), Relaxed(env.task)
     for _ in range(40):
         wave, state = policies[0].predict(observation, state)
         rest, _ = policies[1].predict(observation)
