@@ -147,7 +147,7 @@ def trained(command: str, overrides: tuple[str, ...], folder: Path) -> Run | Non
 
 
 def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
-    """Evaluate as the command does, but for `SHORT`; of quantities that vary, one value each.
+    """Evaluate as the command does, but for `SHORT`; one value of what varies, one terrain.
 
     Parameters
     ----------
@@ -162,7 +162,8 @@ def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
     policies = [name if name in known else str(learned) for name in settings.given["policies"]]
     vary = settings.given["vary"]
     one_each = vary and {name: values[-1:] for name, values in vary.items()}
-    given = {**settings.given, "policies": policies, "vary": one_each}
+    terrains = settings.given["terrains"][-1:]
+    given = {**settings.given, "policies": policies, "vary": one_each, "terrains": terrains}
     config, entrants = comparison(record, replace(settings, given=given), ())
     return evaluate(config, entrants=entrants)
 

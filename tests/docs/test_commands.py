@@ -1,9 +1,9 @@
 """Every command in the documentation is one that its program takes.
 
 Trainings and evaluations run, with few decisions and episodes; of a sweep its first run, of what is
-varied one value each. So do `flyrl runs` and what is said to fail. Figures, pages and tools have
-tests of their own; here their commands are handed to the checks that programs make before they
-begin to work. What is not even that, `NOT_CHECKED` gives the reason for.
+varied one value each, of terrains one. So do `flyrl runs` and what is said to fail. Figures, pages
+and tools have tests of their own; here their commands are handed to the checks that programs make
+before they begin to work. What is not even that, `NOT_CHECKED` gives the reason for.
 """
 
 import itertools

@@ -12,6 +12,7 @@ from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.report import Video, write_report
 from flyrl.report.video import HOLD_FRAMES, encode
 from flyrl.rollouts import Gait
+from tests.report.hostile import hostile_results
 from tests.synthetic import make_record, make_results
 
 NAMES = ("target-ppo", "cpg", "hybrid")
@@ -137,6 +138,11 @@ def report(results, tmp_path_factory):
         steering=steering(),
         curves={"target-ppo": EVALUATIONS},
     )
+
+
+@pytest.fixture(scope="session")
+def hostile_report(tmp_path_factory):
+    return write_report(hostile_results(), tmp_path_factory.mktemp("hostile") / "report")
 
 
 @pytest.fixture(scope="session")

@@ -41,14 +41,14 @@ def test_in_a_turn_the_legs_of_the_two_sides_follow_their_own_drive():
         assert after[f"magnitude_{leg}"] == pytest.approx(drive, abs=1e-3)
 
 
-@pytest.mark.parametrize("recording", ["tethered", "untethered"])
-def test_a_recorded_step_repeats_itself_and_grows_from_the_neutral_pose(recording):
-    steps, table = PreprogrammedSteps(recording), figures.steps_plot().table
-    names = [f"{recording}_{leg}{dof}" for leg in LEGS for dof in LEG_DOFS]
-    np.testing.assert_allclose(table[names].iloc[0], table[names].iloc[120], atol=1e-12)
-    ramped = figures.steps_magnitude_plot().table
-    np.testing.assert_allclose(ramped[names].iloc[0], steps.default_pose)
-    np.testing.assert_allclose(ramped[names].iloc[-1], table[names].iloc[-1])
+def test_a_recorded_step_repeats_itself_and_grows_from_the_neutral_pose():
+    table, ramped = figures.steps_plot().table, figures.steps_magnitude_plot().table
+    for recording in ("tethered", "untethered"):
+        names = [f"{recording}_{leg}{dof}" for leg in LEGS for dof in LEG_DOFS]
+        np.testing.assert_allclose(table[names].iloc[0], table[names].iloc[120], atol=1e-12)
+        neutral = PreprogrammedSteps(recording).default_pose
+        np.testing.assert_allclose(ramped[names].iloc[0], neutral)
+        np.testing.assert_allclose(ramped[names].iloc[-1], table[names].iloc[-1])
 
 
 def test_a_leg_lets_go_as_long_as_it_swings():
@@ -76,17 +76,20 @@ def test_the_graph_has_the_rules_of_the_literature():
     }
 
 
-def test_the_total_score_is_that_of_the_three_rules():
-    table = figures.rules_plot().table
-    assert len(table) == 1000
+@pytest.fixture(scope="module")
+def rules():
+    return figures.rules_plot().table
+
+
+def test_the_total_score_is_that_of_the_three_rules(rules):
+    assert len(rules) == 1000
     for leg in LEGS:
-        parts = sum(table[f"rule{i}_scores_{leg}"] for i in (1, 2, 3))
-        np.testing.assert_allclose(table[f"combined_scores_{leg}"], parts)
-        assert table[f"leg_phases_{leg}"].max() > 6.0
+        parts = sum(rules[f"rule{i}_scores_{leg}"] for i in (1, 2, 3))
+        np.testing.assert_allclose(rules[f"combined_scores_{leg}"], parts)
+        assert rules[f"leg_phases_{leg}"].max() > 6.0
 
 
-def test_a_step_under_the_rules_takes_as_long_as_the_recorded_one():
-    table = figures.rules_plot().table
-    per_sample = np.diff(table["leg_phases_LM"])
+def test_a_step_under_the_rules_takes_as_long_as_the_recorded_one(rules):
+    per_sample = np.diff(rules["leg_phases_LM"])
     ordered = per_sample[per_sample > 0]
     assert np.median(ordered) * 1e3 == pytest.approx(2 * np.pi / 0.135)
