@@ -86,30 +86,46 @@ def tripod_plot() -> Plot:
 
 def turn_plot() -> Plot:
     """Magnitudes and phases of the oscillators, 1 s straight ahead and then 1 s in a turn."""
-    network = _tripod()
-    straight = _course(network, 1.0)
-    network.intrinsic_freqs, network.intrinsic_amps = modulated(TURN, TRIPOD_FREQUENCY_HZ)
-    turning = _course(network, 1.0)
-    time_s = np.concatenate([straight[0], straight[0][-1] + turning[0][1:]])
-    phases, magnitudes = (
-        np.concatenate([before, after[1:]])
-        for before, after in zip(straight[1:], turning[1:], strict=True)
-    )
+    time_s, phases, magnitudes = _course(_tripod(), 2.0, turn_s=1.0)
     plot = _oscillators(time_s, phases, magnitudes, _LEG_NAMES, LEG_SHADES)
     for axes in plot.figure.axes:
-        axes.axvline(straight[0][-1], color=MUTED, linewidth=0.8, linestyle=":")
+        axes.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=":")
     plot.figure.axes[1].set_title(f"drive (1, 1), then {TURN}", loc="right", color=MUTED)
     return plot
 
 
-def steps_plot() -> Plot:
-    """The 42 joint angles over three cycles of both recorded steps; swing is shaded."""
-    return _steps(ramps=False)
+def steps_plot(*, ramps: bool = False) -> Plot:
+    """The 42 joint angles over three cycles of both recorded steps; swing is shaded.
 
-
-def steps_magnitude_plot() -> Plot:
-    """The same with the magnitude growing from 0, the neutral pose, to 1."""
-    return _steps(ramps=True)
+    Parameters
+    ----------
+    ramps
+        Whether the magnitude grows from 0, the neutral pose, to 1.
+    """
+    phase = np.linspace(0.0, 2 * np.pi * CYCLES, 120 * CYCLES + 1)
+    magnitude = phase / phase[-1] if ramps else np.ones_like(phase)
+    table = pd.DataFrame({"phase": phase, "magnitude": magnitude})
+    shape = len(LEGS), len(STEPS)
+    with panels(*shape, 9.5, PAPER_STYLE, sharex=True, sharey=True) as (figure, every):
+        grid = np.array(every).reshape(shape)
+        for recording, column in zip(STEPS, grid.T, strict=True):
+            steps = PreprogrammedSteps(recording)
+            column[0].set_title(f"{recording}, {1e3 * steps.duration:.4g} ms a step", loc="left")
+            column[-1].set_xlabel("phase (rad)")
+            for leg, axes in zip(LEGS, column, strict=True):
+                angles = steps.get_joint_angles(leg, phase, magnitude).T
+                _lines(axes, phase, np.degrees(angles), LEG_DOFS, SHADES[: len(LEG_DOFS)])
+                for start, end in steps.swing_period[leg] + 2 * np.pi * np.arange(CYCLES)[:, None]:
+                    axes.axvspan(start, end, color=LINE, alpha=0.6, zorder=0)
+                for dof, angle in zip(LEG_DOFS, angles.T, strict=True):
+                    table[f"{recording}_{leg}{dof}"] = angle
+        for leg, axes in zip(LEGS, grid[:, 0], strict=True):
+            axes.set_ylabel(f"{leg} (deg)")
+        ticks = np.arange(CYCLES + 1)
+        every[0].set_xlim(0.0, phase[-1])
+        every[0].set_xticks(2 * np.pi * ticks, ["0", *(f"{2 * tick}π" for tick in ticks[1:])])
+        add_legend(figure, loc="outside upper center", ncols=7)
+    return Plot(figure, table)
 
 
 def adhesion_plot() -> Plot:
@@ -216,11 +232,16 @@ def _tripod() -> CPGNetwork:
     )
 
 
-def _course(network: CPGNetwork, duration_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Let a network run: times (T,), phases and magnitudes (T, N), from now on."""
+def _course(
+    network: CPGNetwork, duration_s: float, turn_s: float = math.inf
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Let a network run, in a `TURN` from a time on: times (T,), phases and magnitudes (T, N)."""
     steps = math.ceil(duration_s / network.timestep - 1e-9)
     phases, magnitudes = [network.curr_phases], [network.curr_magnitudes]
-    for _ in range(steps):
+    for step in range(steps):
+        if step * network.timestep >= turn_s:
+            drive = modulated(TURN, TRIPOD_FREQUENCY_HZ)
+            network.intrinsic_freqs, network.intrinsic_amps = drive
         network.step()
         phases.append(network.curr_phases)
         magnitudes.append(network.curr_magnitudes)
@@ -268,33 +289,6 @@ def _lines(
 ) -> None:
     for column, name, shade in zip(columns.T, names, shades, strict=True):
         axes.plot(x, column, color=shade, linewidth=1.2, label=name)
-
-
-def _steps(*, ramps: bool) -> Plot:
-    phase = np.linspace(0.0, 2 * np.pi * CYCLES, 120 * CYCLES + 1)
-    magnitude = phase / phase[-1] if ramps else np.ones_like(phase)
-    table = pd.DataFrame({"phase": phase, "magnitude": magnitude})
-    shape = len(LEGS), len(STEPS)
-    with panels(*shape, 9.5, PAPER_STYLE, sharex=True, sharey=True) as (figure, every):
-        grid = np.array(every).reshape(shape)
-        for recording, column in zip(STEPS, grid.T, strict=True):
-            steps = PreprogrammedSteps(recording)
-            column[0].set_title(f"{recording}, {1e3 * steps.duration:.4g} ms a step", loc="left")
-            column[-1].set_xlabel("phase (rad)")
-            for leg, axes in zip(LEGS, column, strict=True):
-                angles = steps.get_joint_angles(leg, phase, magnitude).T
-                _lines(axes, phase, np.degrees(angles), LEG_DOFS, SHADES[: len(LEG_DOFS)])
-                for start, end in steps.swing_period[leg] + 2 * np.pi * np.arange(CYCLES)[:, None]:
-                    axes.axvspan(start, end, color=LINE, alpha=0.6, zorder=0)
-                for dof, angle in zip(LEG_DOFS, angles.T, strict=True):
-                    table[f"{recording}_{leg}{dof}"] = angle
-        for leg, axes in zip(LEGS, grid[:, 0], strict=True):
-            axes.set_ylabel(f"{leg} (deg)")
-        ticks = np.arange(CYCLES + 1)
-        every[0].set_xlim(0.0, phase[-1])
-        every[0].set_xticks(2 * np.pi * ticks, ["0", *(f"{2 * tick}π" for tick in ticks[1:])])
-        add_legend(figure, loc="outside upper center", ncols=7)
-    return Plot(figure, table)
 
 
 def _graph(axes: Axes, edges: list[tuple[str, str]], shade: str) -> None:

@@ -106,7 +106,7 @@ GALLERY: Final[Mapping[str, Callable[[], Plot | Film]]] = {
     "cpg_three": controllers.three_oscillators_plot,
     "cpg_tripod": controllers.tripod_plot,
     "steps": controllers.steps_plot,
-    "steps_magnitude": controllers.steps_magnitude_plot,
+    "steps_magnitude": partial(controllers.steps_plot, ramps=True),
     "adhesion": controllers.adhesion_plot,
     "rules_graph": controllers.rules_graph_plot,
     "rules": controllers.rules_plot,

@@ -42,7 +42,7 @@ def test_in_a_turn_the_legs_of_the_two_sides_follow_their_own_drive():
 
 
 def test_a_recorded_step_repeats_itself_and_grows_from_the_neutral_pose():
-    table, ramped = figures.steps_plot().table, figures.steps_magnitude_plot().table
+    table, ramped = figures.steps_plot().table, figures.steps_plot(ramps=True).table
     for recording in ("tethered", "untethered"):
         names = [f"{recording}_{leg}{dof}" for leg in LEGS for dof in LEG_DOFS]
         np.testing.assert_allclose(table[names].iloc[0], table[names].iloc[120], atol=1e-12)
