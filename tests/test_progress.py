@@ -19,15 +19,6 @@ def test_a_log_file_gets_fewer_lines_than_a_terminal(monkeypatch, stream, interv
         assert bar.mininterval == interval_s
 
 
-def test_it_goes_to_stderr_in_its_units(monkeypatch):
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    layout = "{desc} {n:.0f}/{total:.0f} {unit}"
-    look = {"unit": "s", "unit_scale": 1e-3, "description": "walking", "layout": layout}
-    with progress_bar(4000, is_shown=True, **look) as bar:
-        bar.update(4000)
-    assert sys.stderr.getvalue().rstrip().endswith("walking 4/4 s")
-
-
 def test_nothing_is_drawn_unless_asked_for(monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     with progress_bar(3, is_shown=False, unit=" jobs") as bar:
