@@ -136,7 +136,7 @@ HALF = {"frequency_hz": 2.0, "waves": 0.4, "amplitude": 0.5}
 def worm(*pools, interval_s=0.05, is_integer=True):
     """A task for a worm with such muscles, all with 16 neurons unless told otherwise."""
     actions = Neurons(pools or (16,) * 10, is_integer)
-    return replace(task_named("worm_hang"), actions=actions, decision_interval_s=interval_s)
+    return replace(TASKS["worm_hang"](), actions=actions, decision_interval_s=interval_s)
 
 
 def acted(policy, observations, starts=None):
