@@ -93,17 +93,6 @@ def test_without_room_there_are_no_samples() -> None:
         batch.gait_samples(0, 0)
 
 
-def test_the_log_starts_anew_with_a_reset_and_leaves_the_others_alone() -> None:
-    batch = with_log(100, num_sims=2)
-    assert batch.gait_logs is not None
-    batch.step(250)
-    other = batch.gait_logs[1].copy()
-    controller = batch.controllers[0].copy()
-    batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [controller])
-    assert batch.gait_logs[0]["num_samples"] == batch.gait_logs[0]["work"] == 0
-    assert batch.gait_logs[1] == other
-
-
 def test_forward_at_the_same_time_advances_no_controller_and_logs_no_step_twice() -> None:
     batch = with_log(100)
     batch.step(10)

@@ -9,7 +9,6 @@ from test_worms import CRAWLING, HANGING, make_batch
 
 from flyrl.bodies.worm import CRAWLER
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.rendering import (
     FlyRenderer,
     RenderingUnavailableError,
@@ -18,7 +17,7 @@ from flyrl.simulation.rendering import (
     pixels_per_mm,
 )
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import NOWHERE, TARGET_MARKER
+from flyrl.terrains import TARGET_MARKER
 
 
 def test_a_millimetre_in_pixels():
@@ -43,35 +42,19 @@ def test_a_camera_that_does_not_exist_is_refused():
         WormRenderer(SceneConfig(CRAWLER), camera="goal")
 
 
-@pytest.fixture(scope="module")
-def flies():
+def test_the_target_seen_from_above_is_as_wide_as_the_scale_says():
+    """Its disc of 2 mm lies some 1.3 mm below the thorax, so that it is drawn a little smaller."""
     config = SceneConfig(props=(TARGET_MARKER,))
-    batch = FlyBatch(build_scene(config), num_threads=1)
+    flies = FlyBatch(build_scene(config), num_threads=1)
     start = config.controller.initial_state()
-    batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
-    return batch
-
-
-@pytest.fixture(scope="module")
-def from_above(flies):
-    """Plain pictures from 10 mm above the thorax, and such with coloured legs."""
-    config = flies.scene.config
-    coloured = Overlay(trace=False)
+    flies.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
+    flies.set_props(np.array([0]), np.array([[[2.5, 0.0, 0.02]]]))
     try:
-        renderers = [FlyRenderer(config, 320, 240, "top", each, 10.0) for each in (PLAIN, coloured)]
+        renderer = FlyRenderer(config, 320, 240, "top", distance=10.0)
     except RenderingUnavailableError as error:
         pytest.skip(str(error))
-    yield renderers
-    for renderer in renderers:
-        renderer.close()
-
-
-def test_the_target_seen_from_above_is_as_wide_as_the_scale_says(flies, from_above):
-    """Its disc of 2 mm lies some 1.3 mm below the thorax, so that it is drawn a little smaller."""
-    renderer = from_above[0]
-    flies.set_props(np.array([0]), np.array([[[2.5, 0.0, 0.02]]]))
     picture = renderer.render(flies, 0, (2.5, 0.0)).astype(int)
-    flies.set_props(np.array([0]), np.array([[NOWHERE]]))
+    renderer.close()
     assert renderer.pixels_per_mm == pytest.approx(240 / (2 * 0.414214 * 10.0), rel=1e-4)
     is_red = picture[..., 0] - picture[..., 1] > 80
     rows, _ = np.nonzero(is_red[:, 190:])
@@ -80,19 +63,6 @@ def test_the_target_seen_from_above_is_as_wide_as_the_scale_says(flies, from_abo
     assert np.ptp(rows) + 1 == pytest.approx(expected, abs=3)
     # the scale of another depth would be off by more than that
     assert abs(2.0 * renderer.pixels_per_mm - expected) > 4
-
-
-def test_pictures_have_coloured_legs_where_they_are_asked_for(flies, from_above):
-    plain, marked = from_above
-    flies.output["adhesion"] = 0.0
-    usual = plain.render(flies)
-    np.testing.assert_array_equal(marked.render(flies), usual)
-    flies.output["adhesion"] = 1.0
-    np.testing.assert_array_equal(plain.render(flies), usual)
-    changed = marked.render(flies) != usual
-    assert changed.any(axis=2).sum() > 20
-    flies.output["adhesion"] = 0.0
-    np.testing.assert_array_equal(marked.render(flies), usual)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="neither is on other systems")
