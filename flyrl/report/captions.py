@@ -18,13 +18,6 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from flyrl.simulation.marks import LEG_COLOURS
-from flyrl.simulation.worms import (
-    BAR_EMPTY,
-    BAR_FRAME,
-    BAR_HEIGHT,
-    BAR_RED,
-    BAR_WIDTH,
-)
 from flyrl.validation import FloatArray
 
 Picture = NDArray[np.uint8]
@@ -42,6 +35,13 @@ _SHADE: Final = (10, 14, 20, 150)
 _BRIGHT: Final = (255, 255, 255, 255)
 _SOFT: Final = (205, 212, 220, 255)
 _SMALL: Final = 12.0
+
+_BAR_MARGIN: Final = 16
+"""px from the edges, of tension bars."""
+
+_BAR_FRAME: Final = (40, 46, 54)
+_BAR_EMPTY: Final = (236, 238, 241)
+_BAR_RED: Final = (200, 24, 24)
 
 
 def jpeg(picture: Picture) -> bytes:
@@ -152,15 +152,9 @@ def with_legend(picture: Picture, entries: Sequence[tuple[str, str]]) -> Picture
     return np.asarray(image)
 
 
-_MARGIN: Final = 16
-
-
 def tension_bars(
-    picture: NDArray[np.uint8],
-    tensions: Sequence[float] | FloatArray,
-    width: int = BAR_WIDTH,
-    height: int = BAR_HEIGHT,
-) -> NDArray[np.uint8]:
+    picture: Picture, tensions: Sequence[float] | FloatArray, width: int = 300, height: int = 20
+) -> Picture:
     """Draw a bar per muscle into the lower right corner of a picture, the first on top.
 
     A bar measures `width` x `height` px and fills from the left with red; a thin frame surrounds
@@ -168,13 +162,13 @@ def tension_bars(
     """
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
-    left = image.width - _MARGIN - width
+    left = image.width - _BAR_MARGIN - width
     for place, tension in enumerate(tensions[::-1]):
-        top = image.height - _MARGIN - height - place * (height + 6)
+        top = image.height - _BAR_MARGIN - height - place * (height + 6)
         right, bottom = left + width - 1, top + height - 1
-        draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill=BAR_FRAME)
-        draw.rectangle((left, top, right, bottom), fill=BAR_EMPTY)
+        draw.rectangle((left - 2, top - 2, right + 2, bottom + 2), fill=_BAR_FRAME)
+        draw.rectangle((left, top, right, bottom), fill=_BAR_EMPTY)
         filled = round(width * float(tension))
         if filled:
-            draw.rectangle((left, top, left + filled - 1, bottom), fill=BAR_RED)
+            draw.rectangle((left, top, left + filled - 1, bottom), fill=_BAR_RED)
     return np.asarray(image)

@@ -19,14 +19,6 @@ from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
 from flyrl.terrains import add_terrain
 from flyrl.validation import float_array, one_of
 
-BAR_WIDTH: Final = 300
-BAR_HEIGHT: Final = 20
-"""px."""
-
-BAR_RED: Final = (200, 24, 24)
-BAR_EMPTY: Final = (236, 238, 241)
-BAR_FRAME: Final = (40, 46, 54)
-
 
 def add_surroundings(spec: mujoco.MjSpec) -> None:
     """Add a sky, and what holds a worm's first segment, to its specification, in place."""

@@ -1,6 +1,9 @@
-"""Every block of Python in the documentation runs, a page in one namespace."""
+"""Every block of Python in the documentation runs, a page in one namespace, of episodes one."""
+
+import re
 
 import pytest
+from sybil import Lexeme
 from sybil.evaluators.python import PythonEvaluator
 
 from tests.docs.pages import LANGUAGES, PAGES, blocks, openings, pages_with
@@ -20,4 +23,7 @@ def test_the_python_of_a_page_runs(page, folder_of):
     examples = blocks(page, "python")
     examples[0].namespace.clear()
     for example in examples:
+        given = example.parsed
+        shorter = re.sub(r"episodes=\d+", "episodes=1", given)
+        example.parsed = Lexeme(shorter, given.offset, given.line_offset)
         evaluate(example)

@@ -4,13 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flyrl.evaluation.statistics import Interval
 from flyrl.report.figures import (
     distributions_figure,
     doses_figure,
     outlines,
     paired_figure,
-    profiles_figure,
     success_figure,
     swarm,
 )
@@ -91,13 +89,6 @@ def test_doses_show_success_in_per_cent(vary, labels):
             row["condition"] = "legs=none"
     shown = texts(doses_figure(varied.summaries, "flat", "push", labels, ["success"]))
     assert {"success (%)", "100", *(label.split("=")[1] for label in labels)} <= set(shown)
-
-
-def test_profiles_are_as_wide_as_other_figures(figures):
-    svg = profiles_figure({"ppo": [Interval(0.5, 0.25, 0.75, 5)] * 2}, [0.0, 1.0])
-    widths = {re.search(r'viewBox="0 0 (\S+)', each)[1] for each in (svg, figures["success"])}
-    assert len(widths) == 1
-    assert {"0", "100", "success of at least (%)"} <= set(texts(svg))
 
 
 def test_same_results_same_figure(results, figures):

@@ -3,11 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 from flyrl.report import walking_figures
-from flyrl.report.walking_figures import STUDY, draw_comparison
-from flyrl.resources import configs_folder
+from flyrl.report.walking_figures import draw_comparison
 
 
 def episodes(speeds):
@@ -47,16 +45,6 @@ def test_every_episode_is_a_dot_and_the_line_their_mean():
     assert means == pytest.approx([13.0, 38.5 / 3, 13 / 3, 25 / 3])
     dots = np.concatenate([found.get_offsets()[:, 1] for found in mixed.collections])
     assert sorted(dots) == [1.0, 2.0, 3.0, 9.0, 11.0, 12.0]
-
-
-def test_the_setting_is_that_of_the_experiment():
-    path = configs_folder() / "experiment" / "controller_comparison.yaml"
-    experiment = yaml.safe_load(path.read_text())
-    assert {"override /task": STUDY.resolved_task.name} in experiment["defaults"]
-    assert experiment["task"] == {"time_limit": STUDY.horizon_s}
-    assert (*experiment["controllers"],) == STUDY.controllers
-    assert (*experiment["terrains"],) == STUDY.terrains
-    assert experiment["episodes"] == STUDY.episodes
 
 
 def test_every_gait_carries_every_fly(monkeypatch):
