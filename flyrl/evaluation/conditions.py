@@ -15,7 +15,6 @@ import numpy as np
 from flyrl.controllers import Hybrid
 from flyrl.controllers.cpg_controller import OscillatorController
 from flyrl.envs.core import EnvConfig
-from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import Episode
 from flyrl.validation import not_negative, number, one_of, within
 
@@ -34,34 +33,26 @@ class Quantity:
     usual
         Its value where nothing is changed.
     env
-        The environment with another value.
+        The environment with another value of the quantity of a name.
     episode
         An episode with another value.
     """
 
     text: str
     usual: Any
-    env: Callable[[EnvConfig, Any], EnvConfig] = lambda env, value: env
+    env: Callable[[EnvConfig, str, Any], EnvConfig] = lambda env, name, value: env
     episode: Callable[[Episode, Any], Episode] = lambda episode, value: episode
 
 
-def _factor(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
-    def change(env: EnvConfig, value: Any) -> EnvConfig:
-        return _randomised(env, **{name: (value, value)})
-
-    return change
+def _randomised(env: EnvConfig, name: str, value: Any) -> EnvConfig:
+    return replace(env, randomisation=replace(env.resolved_randomisation, **{name: value}))
 
 
-def _randomised(env: EnvConfig, **changes: Any) -> EnvConfig:
-    drawn_from: RandomisationConfig = replace(env.resolved_randomisation, **changes)
-    return replace(env, randomisation=drawn_from)
+def _factor(env: EnvConfig, name: str, value: Any) -> EnvConfig:
+    return _randomised(env, name, (value, value))
 
 
-def _noisy(env: EnvConfig, value: Any) -> EnvConfig:
-    return _randomised(env, sensor_noise=value)
-
-
-def _coupled(env: EnvConfig, value: Any) -> EnvConfig:
+def _coupled(env: EnvConfig, name: str, value: Any) -> EnvConfig:
     legs, factor = env.fly_scene.controller, not_negative("vary.coupling", value)
     if not isinstance(legs, OscillatorController):  # the rules have no couplings
         return env
@@ -71,35 +62,26 @@ def _coupled(env: EnvConfig, value: Any) -> EnvConfig:
     return replace(env, controller=replace(legs, **changes))
 
 
-def _reflex(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
-    def change(env: EnvConfig, value: Any) -> EnvConfig:
-        within(f"vary.{name}", value, 0, 100)
-        legs = env.fly_scene.controller
-        if not isinstance(legs, Hybrid):  # no other controller has reflexes
-            return env
-        return replace(env, controller=replace(legs, **{name: value}))
-
-    return change
+def _reflex(env: EnvConfig, name: str, value: Any) -> EnvConfig:
+    within(f"vary.{name}", value, 0, 100)
+    legs = env.fly_scene.controller
+    # no other controller has reflexes
+    changed = replace(legs, **{name: value}) if isinstance(legs, Hybrid) else legs
+    return replace(env, controller=changed)
 
 
-def _body(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
-    def change(env: EnvConfig, value: Any) -> EnvConfig:
-        return replace(env, body=replace(env.fly_scene.body, **{name: value}))
-
-    return change
+def _body(env: EnvConfig, name: str, value: Any) -> EnvConfig:
+    return replace(env, body=replace(env.fly_scene.body, **{name: value}))
 
 
-def _muscles(name: str) -> Callable[[EnvConfig, Any], EnvConfig]:
-    def change(env: EnvConfig, value: Any) -> EnvConfig:
-        body = env.fly_scene.body
-        if body.muscles is None:
-            raise ValueError(
-                f"vary.{name}_muscles is for a body with muscles (body=fly_muscles); this one has "
-                "servos"
-            )
-        return replace(env, body=replace(body, muscles=replace(body.muscles, **{name: value})))
-
-    return change
+def _muscles(env: EnvConfig, name: str, value: Any) -> EnvConfig:
+    muscles = env.fly_scene.body.muscles
+    if muscles is None:
+        raise ValueError(
+            f"vary.{name} is for a body with muscles (body=fly_muscles); this one has servos"
+        )
+    side = name.removesuffix("_muscles")
+    return _body(env, "muscles", replace(muscles, **{side: value}))
 
 
 def _pushed(episode: Episode, value: Any) -> Episode:
@@ -109,21 +91,21 @@ def _pushed(episode: Episode, value: Any) -> Episode:
 
 
 QUANTITIES: Final[Mapping[str, Quantity]] = {
-    "friction": Quantity("factor on the friction of the legs", 1.0, _factor("friction")),
-    "mass": Quantity("factor on the fly's mass", 1.0, _factor("mass")),
-    "actuator_gain": Quantity("factor on the servos' stiffness", 1.0, _factor("actuator_gain")),
-    "adhesion": Quantity("factor on the grip of the legs", 1.0, _factor("adhesion")),
-    "sensor_noise": Quantity("noise, in the spreads of the senses", 0.0, _noisy),
-    "drive_latency": Quantity("time from a decision to the legs, s", 0.0, _factor("drive_latency")),
+    "friction": Quantity("factor on the friction of the legs", 1.0, _factor),
+    "mass": Quantity("factor on the fly's mass", 1.0, _factor),
+    "actuator_gain": Quantity("factor on the servos' stiffness", 1.0, _factor),
+    "adhesion": Quantity("factor on the grip of the legs", 1.0, _factor),
+    "sensor_noise": Quantity("noise, in the spreads of the senses", 0.0, _randomised),
+    "drive_latency": Quantity("time from a decision to the legs, s", 0.0, _factor),
     "push": Quantity("force sideways after 1 s, µN", 0.0, episode=_pushed),
     "coupling": Quantity("factor on the coupling of the oscillators", 1.0, _coupled),
-    "retraction": Quantity("factor on the retraction reflex", 1.0, _reflex("retraction")),
-    "stumbling": Quantity("factor on the stumbling reflex", 1.0, _reflex("stumbling")),
-    "missing_legs": Quantity("legs that are cut off", (), _body("missing_legs")),
-    "fixed_joints": Quantity("joints that cannot move, rad", (), _body("fixed_joints")),
-    "left_muscles": Quantity("factor on the left legs' muscles", 1.0, _muscles("left")),
-    "right_muscles": Quantity("factor on the right legs' muscles", 1.0, _muscles("right")),
-    "senses_contact": Quantity("whether legs feel contact", True, _body("senses_contact")),
+    "retraction": Quantity("factor on the retraction reflex", 1.0, _reflex),
+    "stumbling": Quantity("factor on the stumbling reflex", 1.0, _reflex),
+    "missing_legs": Quantity("legs that are cut off", (), _body),
+    "fixed_joints": Quantity("joints that cannot move, rad", (), _body),
+    "left_muscles": Quantity("factor on the left legs' muscles", 1.0, _muscles),
+    "right_muscles": Quantity("factor on the right legs' muscles", 1.0, _muscles),
+    "senses_contact": Quantity("whether legs feel contact", True, _body),
 }
 """What can be varied, by name."""
 
@@ -173,7 +155,7 @@ class Condition:
             raise ValueError(
                 f"vary.{self.name} is for flies; of a worm, sensor_noise can be varied"
             )
-        return self._quantity.env(env, self.value)
+        return self._quantity.env(env, self.name, self.value)
 
     def episode(self, episode: Episode) -> Episode:
         """The episode under this condition."""

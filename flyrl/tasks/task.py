@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final, Protocol, cast
+from typing import Annotated, Any, Final, Protocol, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -15,7 +15,7 @@ from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions, Drives
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, Prop, Terrain
-from flyrl.validation import not_negative, number, positive
+from flyrl.validation import Within, check_fields
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -112,32 +112,24 @@ class ObservationTerm:
     """
 
     name: str
-    shape: tuple[int, ...]
+    shape: Annotated[tuple[int, ...], Within(1, 1e6)]
     low: float
     high: float
     compute: Compute
     description: str
-    spread: float | tuple[float, ...] = 0.0
+    spread: Annotated[float | tuple[float, ...], Within(0, 1e9)] = 0.0
     is_bearing: bool = False
 
     def __post_init__(self) -> None:
-        shape = self.shape
-        if not isinstance(shape, tuple) or not all(type(s) is int and s > 0 for s in shape):
+        check_fields(self, self.name)
+        if not self.low < self.high:
+            raise ValueError(f"{self.name}.high must be above its low, {self.low}, got {self.high}")
+        if isinstance(self.spread, tuple) and len(self.spread) != self.shape[0]:
             raise ValueError(
-                f"shape of {self.name!r} must be a tuple of whole numbers above 0, got {shape!r}"
+                f"{self.name}.spread must be one number or {self.shape[0]}, got {self.spread}"
             )
-        low, high = number(f"low of {self.name!r}", self.low), self.high
-        if not low < number(f"high of {self.name!r}", high):
-            raise ValueError(f"high of {self.name!r} must be above its low, {low}, got {high}")
-        rows = self.spread if isinstance(self.spread, tuple) else (self.spread,)
-        if isinstance(self.spread, tuple) and len(rows) != shape[0]:
-            raise ValueError(
-                f"spread of {self.name!r} must be one number or {shape[0]}, got {self.spread!r}"
-            )
-        for row in rows:
-            not_negative(f"spread of {self.name!r}", row)
-        if self.is_bearing and shape != (2,):
-            raise ValueError(f"shape of {self.name!r} must be (2,) for a bearing, got {shape}")
+        if self.is_bearing and self.shape != (2,):
+            raise ValueError(f"{self.name}.shape must be (2,) for a bearing, got {self.shape}")
 
     @property
     def size(self) -> int:
@@ -171,7 +163,7 @@ class RewardTerm:
     of_goals: OfGoals | None = None
 
     def __post_init__(self) -> None:
-        number(f"weight of {self.name!r}", self.weight)
+        check_fields(self, self.name)
 
 
 @dataclass(frozen=True)
@@ -184,13 +176,13 @@ class MeanTerm:
     """
 
     name: str
-    size: int
-    time_constant_s: float
+    size: Annotated[int, Within(1, 1e6)]
+    time_constant_s: Annotated[float, Within(1e-6, 3600)]
     compute: Compute
     description: str
 
     def __post_init__(self) -> None:
-        positive(f"time_constant_s of {self.name!r}", self.time_constant_s)
+        check_fields(self, self.name)
 
 
 @dataclass(frozen=True)
@@ -204,18 +196,17 @@ class ErrorTerm:
     """
 
     name: str
-    worst: float
+    worst: Annotated[float, Within(1e-9, 1e9)]
     compute: Compute
     description: str
-    smallest_effect: float = 0.0
+    smallest_effect: Annotated[float, Within(0, 1e9)] = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ValueError(
                 f"name of an error term must be a word of letters, digits and _, got {self.name!r}"
             )
-        positive(f"worst of {self.name!r}", self.worst)
-        not_negative(f"smallest_effect of {self.name!r}", self.smallest_effect)
+        check_fields(self, self.name)
 
 
 @dataclass(frozen=True)

@@ -152,12 +152,12 @@ def test_codes_of_outcomes_stay_when_a_termination_is_added():
 @pytest.mark.parametrize(
     ("term", "changes", "message"),
     [
-        *((HEIGHT, {"shape": shape}, "shape of 'height' must") for shape in (6, (1.5,))),
-        (HEIGHT, {"low": 5.0}, "high of 'height' must be above its low"),
-        (HEIGHT, {"high": np.inf}, "high of 'height' must be a finite number"),
-        (HEIGHT, {"spread": -1.0}, "spread of 'height' must be a finite number of at least 0"),
-        (HEIGHT, {"spread": (1.0, 2.0)}, "spread of 'height' must be one number or 1"),
-        (SWAY, {"time_constant_s": 0.0}, "time_constant_s of 'sway' must be a finite number above"),
+        *((HEIGHT, {"shape": shape}, "height.shape") for shape in (6, (1.5,))),
+        (HEIGHT, {"low": 5.0}, "height.high must be above its low"),
+        (HEIGHT, {"high": np.inf}, "height.high must be a finite number"),
+        (HEIGHT, {"spread": -1.0}, "height.spread must be a finite number from 0"),
+        (HEIGHT, {"spread": (1.0, 2.0)}, "height.spread must be one number or 1"),
+        (SWAY, {"time_constant_s": 0.0}, "sway.time_constant_s must be a finite number from"),
         *(
             (COLLAPSE, {"outcome": name}, "outcome must be a name other than running.*got")
             for name in ("", "running", "timeout", "unstable")
