@@ -170,13 +170,12 @@ def resume(
     """
     folder = Path(folder)
     # before a lock is left where there is no run
-    if read_record(folder) != training_record(config):
-        raise ResumeError(f"{folder} is a run with other settings: see its {CONFIG_FILE}")
+    _check_settings(config, folder, read_record(folder), CONFIG_FILE)
     with held(folder):
         if is_finished(folder):
             raise ResumeError(f"cannot resume {folder}: the run has already finished")
         state = load_latest_checkpoint(folder)
-        _check_settings(config, state["settings"], folder)
+        _check_settings(config, folder, state["settings"], "latest checkpoint", WITHOUT_EFFECT)
         model = _prepare(config)
         note_resumption(config, folder, command)
         return _learn(config, model, folder, state, goes_on, at_end)
@@ -214,14 +213,20 @@ def repeat_run(
     return resume(config, repeat, command)
 
 
-def _check_settings(config: TrainingConfig, before: Mapping[str, Any], folder: Path) -> None:
-    """Raise ResumeError if a setting that has an effect is not that of the checkpoint."""
-    then, now = flat(before), flat(training_record(config))
+def _check_settings(
+    config: TrainingConfig,
+    folder: Path,
+    record: Mapping[str, Any],
+    where: str,
+    free: tuple[str, ...] = (),
+) -> None:
+    """Raise ResumeError if a setting, unless it is free, is not that of a record of the run."""
+    then, now = flat(record), flat(training_record(config))
     for key in {**then, **now}:
-        if then.get(key) != now.get(key) and not key.startswith(WITHOUT_EFFECT):
+        if then.get(key) != now.get(key) and not key.startswith(free):
             raise ResumeError(
-                f"cannot resume {folder}: {key} was {then.get(key)!r:.60} when the run was "
-                f"interrupted, and is {now.get(key)!r:.60} in its {CONFIG_FILE}"
+                f"cannot resume {folder}: {key} is {then.get(key)!r:.60} in its {where}, not "
+                f"{now.get(key)!r:.60}"
             )
 
 

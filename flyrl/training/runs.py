@@ -25,11 +25,6 @@ _LOCK: Final = ".lock"
 _FILES: Final = (CONFIG_FILE, "provenance.json", "progress.csv", STATUS_FILE, "last.safetensors")
 """Any of these makes a folder one of a run."""
 
-_PARTS: Final = {"task", "body", "terrain", "controller", "physics", "randomisation"}.union(
-    ("algo", "training", "seed")
-)
-"""Keys of `config.yaml`; with a logger there is `logger`, too."""
-
 State = Literal["finished", "interrupted", "running", "damaged"]
 T = TypeVar("T")
 
@@ -119,7 +114,7 @@ def read_record(path: Path) -> dict[str, Any]:
     Raises
     ------
     ResumeError
-        There is no run in the folder, or its settings lack a part or have another.
+        There is no run in the folder.
     """
     file = path / CONFIG_FILE
     try:
@@ -128,8 +123,6 @@ def read_record(path: Path) -> dict[str, Any]:
         raise ResumeError(f"{path} is not the folder of a run: {error}") from error
     if not isinstance(record, dict):
         raise ResumeError(f"{file} must hold the settings of a run, got {record!r:.60}")
-    for key in (*record.keys() - {*_PARTS, "logger"}, *_PARTS - record.keys()):
-        raise ResumeError(f"{file} must hold {', '.join(sorted(_PARTS))}; look at {key!r:.60}")
     return record
 
 
