@@ -133,7 +133,7 @@ def test_ctrl_c_ends_a_training_in_order_and_it_is_resumed_to_the_same_bits(tmp_
     assert isinstance(caught.value, KeyboardInterrupt)
     assert run.interrupted_by == signal.SIGINT
     assert 0 < run.policy("last").bundle.training["decisions"] < 512
-    with pytest.raises(ValueError, match="seed is 0 in its config.yaml, not 1"):
+    with pytest.raises(ValueError, match=r"seed is 0 in its config\.yaml, not 1"):
         flyrl.train(SHORT_TARGET, resume=run, **longer | {"seed": 1})
     resumed = flyrl.train(SHORT_TARGET, resume=run, **longer)
     whole = flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "whole", **longer)

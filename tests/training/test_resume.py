@@ -213,9 +213,7 @@ def folder(interrupted, tmp_path):
 def test_edited_settings_are_not_resumed(folder):
     config = replace(PPO_CONFIG, algo=PPO_CONFIG.algo.with_settings(learning_rate=0.1))
     (folder / "config.yaml").write_text(yaml.safe_dump(training_record(config)))
-    with pytest.raises(
-        ResumeError, match=r"algo\.learning_rate is .* checkpoint, not 0\.1"
-    ):
+    with pytest.raises(ResumeError, match=r"algo\.learning_rate is .* checkpoint, not 0\.1"):
         resume(config, folder)
 
 
