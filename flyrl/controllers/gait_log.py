@@ -87,16 +87,12 @@ def _way(start_w: FloatArray, end_w: FloatArray) -> float:
 def log_gait(
     log: Any,
     samples: FloatArray,
-    steps_per_sample: int,
-    timestep: float,
-    contact_forces_w: FloatArray,
-    adhesion: FloatArray,
+    engine: Any,
+    head: Any,
     retraction: FloatArray,
     stumbling: FloatArray,
-    grounded: FloatArray,
     torques: FloatArray,
     velocities: FloatArray,
-    tips_w: FloatArray,
 ) -> None:
     """Log one physics step in place, after its contact forces were summed.
 
@@ -106,24 +102,18 @@ def log_gait(
         Record of type `GAIT_LOG`.
     samples
         The latest samples, shape (places,); sample i stands at i modulo places.
-    steps_per_sample
-        Every how many steps the legs are sampled; the first step is.
-    timestep
-        s.
-    contact_forces_w
-        Of this step, µN, shape (36, 3), ordered as `anatomy.CONTACT_SEGMENTS`.
-    adhesion
-        1 where a leg grips, else 0, shape (6,).
+    engine, head
+        Records of the model and the simulation (`engine.ENGINE`, `engine.HEAD`), with the contact
+        forces of this step.
     retraction, stumbling
         Amounts of the reflexes, shape (6,).
-    grounded
-        Room for which legs are on the ground, shape (6,).
     torques, velocities
         Of the servos, µN·mm and rad/s, shape (42,).
-    tips_w
-        End effectors, mm, shape (6, 3).
     """
-    grounded_legs(contact_forces_w, grounded)
+    timestep, steps_per_sample = engine.timestep, int(engine.steps_per_gait_sample)
+    adhesion, grounded = head.output.adhesion, head.is_grounded
+    tips_w = head.senses.end_effectors_w
+    grounded_legs(head.senses.contact_forces_w, grounded)
     for servo in range(_NUM_SERVOS):
         power = torques[servo] * velocities[servo]
         if power > 0.0:

@@ -30,11 +30,8 @@ from flyrl.controllers.compilation import (
     record_cast,
 )
 from flyrl.controllers.controller import (
-    CLOCK,
     NUM_JOINTS,
     NUM_LEGS,
-    OUTPUT,
-    SENSES,
     advance_command,
 )
 from flyrl.controllers.gait_log import GAIT_LOG, log_gait
@@ -56,9 +53,6 @@ _as_int64 = pointer_cast(types.int64)
 _as_int32 = pointer_cast(types.int32)
 _as_engine = record_cast(ENGINE)
 _as_head = record_cast(HEAD)
-_as_senses = record_cast(SENSES)
-_as_output = record_cast(OUTPUT)
-_as_clock = record_cast(CLOCK)
 _as_gait_log = record_cast(GAIT_LOG)
 
 _SYMBOL: Final = "flyrl_process"
@@ -154,7 +148,7 @@ def control_callback(at: Any) -> Any:
     `at` is the `engine.Layout`, here and below.
     """
     engine_bytes = ENGINE.itemsize
-    senses_at, output_at, clock_at = map(bytes_before, ("senses", "output", "clock"))
+    senses_at, output_at = map(bytes_before, ("senses", "output"))
 
     @native_callback(types.void(types.intp, types.intp))
     def control(model, data):  # type: ignore[no-untyped-def]
@@ -167,7 +161,7 @@ def control_callback(at: Any) -> Any:
         engine = carray(_as_engine(address), (1,))[0]
         userdata = _int64(data + at.userdata)
         head = carray(_as_head(userdata), (1,))[0]
-        output = carray(_as_output(userdata + output_at), (1,))[0]
+        output = head.output
         time = carray(as_float64(data + at.time), (1,))[0]
         angles = carray(as_float64(_int64(data + at.actuator_length)), (NUM_JOINTS,))
         # mj_forward at the same time must not advance the controller a second time
@@ -176,7 +170,7 @@ def control_callback(at: Any) -> Any:
             size = int(engine.command_size)
             arrived = userdata + 8 * int(engine.arrived_at)
             advance_command(
-                carray(_as_clock(userdata + clock_at), (1,))[0],
+                head.clock,
                 carray(as_float64(userdata + 8 * int(engine.command_at)), (size,)),
                 carray(as_float64(arrived), (size,)),
                 carray(
@@ -184,10 +178,9 @@ def control_callback(at: Any) -> Any:
                     (int(engine.queue_places), 1 + size),
                 ),
             )
-            senses = carray(_as_senses(userdata + senses_at), (1,))[0]
             _sense(
                 engine,
-                senses,
+                head.senses,
                 _int64(data + at.xpos),
                 _int64(data + at.xmat),
                 angles,
@@ -279,7 +272,7 @@ def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim,
 
 
 @kernel
-def _log_gait(engine, head, userdata, contact_forces_w, adhesion, time, positions, torques, velocities):  # type: ignore[no-untyped-def]  # fmt: skip # noqa: E501
+def _log_gait(engine, head, userdata, time, positions, torques, velocities):  # type: ignore[no-untyped-def]
     """Log this step, unless mj_forward comes to it a second time."""
     log = carray(_as_gait_log(userdata + 8 * int(engine.gait_log_at)), (1,))[0]
     if log.num_steps > 0.0 and time == log.last_time:
@@ -294,23 +287,18 @@ def _log_gait(engine, head, userdata, contact_forces_w, adhesion, time, position
     log_gait(
         log,
         carray(as_float64(userdata + 8 * int(engine.gait_samples_at)), (int(engine.gait_places),)),
-        int(engine.steps_per_gait_sample),
-        engine.timestep,
-        contact_forces_w,
-        adhesion,
+        engine,
+        head,
         carray(as_float64(userdata + 8 * int(engine.retraction_at)), (NUM_LEGS,)),
         carray(as_float64(userdata + 8 * int(engine.stumbling_at)), (NUM_LEGS,)),
-        head.is_grounded,
         torques,
         velocities,
-        tips_w,
     )
 
 
 def sensor_callback(at: Any) -> Any:
     """Compile the callback that sums contact forces per segment."""
     acceleration_stage = int(mujoco.mjtStage.mjSTAGE_ACC)
-    senses_at, output_at = map(bytes_before, ("senses", "output"))
 
     @native_callback(types.void(types.intp, types.intp, types.int32))
     def sense_contacts(model, data, stage):  # type: ignore[no-untyped-def]
@@ -321,7 +309,8 @@ def sensor_callback(at: Any) -> Any:
             return
         engine = carray(_as_engine(address), (1,))[0]
         userdata = _int64(data + at.userdata)
-        forces_w = carray(_as_senses(userdata + senses_at), (1,))[0].contact_forces_w
+        head = carray(_as_head(userdata), (1,))[0]
+        forces_w = head.senses.contact_forces_w
         forces_w[:, :] = 0.0
         bodies = _int64(model + at.geom_bodyid)
         contacts = _int64(data + at.contact)
@@ -346,10 +335,8 @@ def sensor_callback(at: Any) -> Any:
         if engine.gait_places != 0.0:
             _log_gait(
                 engine,
-                carray(_as_head(userdata), (1,))[0],
+                head,
                 userdata,
-                forces_w,
-                carray(_as_output(userdata + output_at), (1,))[0].adhesion,
                 carray(as_float64(data + at.time), (1,))[0],
                 _int64(data + at.xpos),
                 carray(as_float64(_int64(data + at.actuator_force)), (NUM_JOINTS,)),

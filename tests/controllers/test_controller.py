@@ -36,11 +36,6 @@ def test_commands_on_their_way_arrive_in_their_order_and_distance() -> None:
     assert found == [STILL] * 5 + [A] * 2 + [B] * 2 + [C] * 2 + [A] * 2 + [STILL] * 2
 
 
-def test_a_latency_of_whole_decisions_takes_a_place_for_each() -> None:
-    found = drives_at_the_legs({0: A, 2: B, 4: C}, 4, 2, 10)
-    assert found == [STILL] * 4 + [A] * 2 + [B] * 2 + [C] * 2
-
-
 def test_a_command_in_every_step_takes_a_place_per_step() -> None:
     commands = {step: (float(step), -float(step)) for step in range(40)}
     found = drives_at_the_legs(commands, 9, 9, 40)

@@ -84,20 +84,6 @@ def test_latency_without_a_queue_is_refused() -> None:
         with_queue(make_batch(), [1], places=0)
 
 
-def test_contact_forces_carry_the_weight() -> None:
-    """At rest the ground pushes up with the weight plus what the gripping legs pull."""
-    batch = make_batch()
-    batch.step(round(0.5 / 2e-4))
-    upward, pulled = [], []
-    for _ in range(1000):
-        batch.step()
-        upward.append(batch.senses["contact_forces_w"][0, :, 2].sum())
-        pulled.append(batch.scene.config.body.adhesion_gain * batch.output["adhesion"].sum())
-    weight = batch.scene.model.body_mass.sum() * 9810
-    assert np.mean(pulled) > 10 * weight
-    assert np.mean(upward) == pytest.approx(weight + np.mean(pulled), rel=0.01)
-
-
 @pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
 def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
     """Segment by segment, against mj_contactForce on the same state."""
