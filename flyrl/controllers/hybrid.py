@@ -57,14 +57,7 @@ def hybrid_step(parameters: Any, state: Any, senses: Any, command: Any, output: 
     reflex_step(parameters, state, senses)
     cpg_controller_step(parameters, state, senses, command, output)
     for leg in range(NUM_LEGS):
-        correction = net_correction(
-            state.retraction[leg],
-            state.stumbling[leg],
-            parameters.cap,
-            state.phases[leg] % TWO_PI,
-            parameters.gain_phases[leg],
-            parameters.gain,
-        )
+        correction = net_correction(parameters, state, leg, state.phases[leg] % TWO_PI)
         state.net_correction[leg] = correction
         for dof in range(_NUM_DOFS):
             output.angles[leg * _NUM_DOFS + dof] += (
@@ -247,12 +240,7 @@ class Reflexes:
     def net_corrections(self, phases: ArrayLike) -> FloatArray:
         """Each leg's correction at its phase (rad, any number), shape (6,)."""
         thetas = float_array("phases", phases, (NUM_LEGS,)) % TWO_PI
-        amounts = zip(self.retraction, self.stumbling, strict=True)
-        cap, gain = self._parameters["cap"], self._parameters["gain"]
-        points = zip(thetas, self._parameters["gain_phases"], strict=True)
+        legs = range(NUM_LEGS)
         return np.array(
-            [
-                net_correction(*amount, cap, *point, gain)
-                for amount, point in zip(amounts, points, strict=True)
-            ]
+            [net_correction(self._parameters, self._state, leg, thetas[leg]) for leg in legs]
         )

@@ -107,50 +107,25 @@ def retraction_leg(thorax_z: float, end_effector_z: FloatArray, margin: float) -
 
 
 @kernel
-def stumbles(
-    contact_forces_w: FloatArray,
-    heading_w: FloatArray,
-    leg: int,
-    force_threshold: float,
-    sensors: FloatArray,
-) -> bool:
-    """Whether one of a leg's segments that count is pushed back along the heading.
-
-    Parameters
-    ----------
-    contact_forces_w
-        µN, world frame, shape (36, 3), ordered as `anatomy.CONTACT_SEGMENTS`.
-    heading_w
-        Unit vector, world frame, shape (3,).
-    leg
-        Index into `anatomy.LEGS`.
-    force_threshold
-        µN; a smaller (more negative) force along the heading counts.
-    sensors
-        1 for each of `anatomy.SENSED_SEGMENTS` that counts, else 0, shape (6,).
-    """
+def stumbles(parameters: Any, senses: Any, leg: int) -> bool:
+    """Whether one of a leg's segments that count is pushed back along the heading."""
+    heading_w = senses.heading_w
     for sensor in range(_SENSORS_PER_LEG):
-        if sensors[sensor] == 0.0:
+        if parameters.stumbling_sensors[sensor] == 0.0:
             continue
-        row = leg * _SENSORS_PER_LEG + sensor
-        along = (
-            contact_forces_w[row, 0] * heading_w[0]
-            + contact_forces_w[row, 1] * heading_w[1]
-            + contact_forces_w[row, 2] * heading_w[2]
-        )
-        if along < force_threshold:
+        force_w = senses.contact_forces_w[leg * _SENSORS_PER_LEG + sensor]
+        along = force_w[0] * heading_w[0] + force_w[1] * heading_w[1] + force_w[2] * heading_w[2]
+        if along < parameters.stumbling_force:
             return True
     return False
 
 
 @kernel
-def reflex_amount(
-    amount: float, is_triggered: bool, growth: float, decay: float, timestep: float
-) -> float:
-    """Next amount of a reflex: grown by growth · timestep, or decayed to no less than 0."""
+def reflex_amount(amount: float, is_triggered: bool, rates: FloatArray, timestep: float) -> float:
+    """Next amount of a reflex that grows, or decays to no less than 0, at its rates, 1/s, (2,)."""
     if is_triggered:
-        return amount + growth * timestep
-    decayed = amount - decay * timestep
+        return amount + rates[0] * timestep  # type: ignore[no-any-return]
+    decayed: float = amount - rates[1] * timestep
     return decayed if decayed > 0.0 else 0.0
 
 
@@ -176,26 +151,12 @@ def reflex_step(parameters: Any, state: Any, senses: Any) -> None:
         # Half a step of tolerance, or rounding would decide whether the last step counts.
         persists = persistence[leg] > 0.5 * timestep
         persistence[leg] = max(0.0, persistence[leg] - timestep) if persists else 0.0
+        is_retracted, is_stumbling = leg == in_hole or persists, stumbles(parameters, senses, leg)
         retraction[leg] = reflex_amount(
-            retraction[leg],
-            leg == in_hole or persists,
-            parameters.retraction_rates[0],
-            parameters.retraction_rates[1],
-            timestep,
-        )
-        is_stumbling = stumbles(
-            senses.contact_forces_w,
-            senses.heading_w,
-            leg,
-            parameters.stumbling_force,
-            parameters.stumbling_sensors,
+            retraction[leg], is_retracted, parameters.retraction_rates, timestep
         )
         stumbling[leg] = reflex_amount(
-            stumbling[leg],
-            is_stumbling,
-            parameters.stumbling_rates[0],
-            parameters.stumbling_rates[1],
-            timestep,
+            stumbling[leg], is_stumbling, parameters.stumbling_rates, timestep
         )
         if retraction[leg] > 0.0 and parameters.retraction_ends_stumbling != 0.0:
             stumbling[leg] = 0.0
@@ -222,14 +183,8 @@ def phase_gain(theta: float, gain_phases: FloatArray, gain: FloatArray) -> float
 
 
 @kernel
-def net_correction(
-    retraction: float,
-    stumbling: float,
-    cap: float,
-    theta: float,
-    gain_phases: FloatArray,
-    gain: FloatArray,
-) -> float:
+def net_correction(parameters: Any, state: Any, leg: int, theta: float) -> float:
     """Correction of a leg: retraction before stumbling, capped, times the gain at a phase."""
-    amount = retraction if retraction > 0.0 else stumbling
-    return min(amount, cap) * phase_gain(theta, gain_phases, gain)
+    amount = state.retraction[leg] if state.retraction[leg] > 0.0 else state.stumbling[leg]
+    gain = phase_gain(theta, parameters.gain_phases[leg], parameters.gain)
+    return min(amount, parameters.cap) * gain  # type: ignore[no-any-return]

@@ -168,9 +168,8 @@ class WormBatch(Batch):
 
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
         super().__init__(scene, num_sims, num_threads)
-        segments = [f"Segment{i}" for i in range(1, scene.config.body.segments + 1)]
-        self.segment_bodies = np.array([scene.model.body(name).id for name in segments])
-        self.segment_geoms = np.array([scene.model.geom(name).id for name in segments])
+        segments = range(1, scene.config.body.segments + 1)
+        self.segment_geoms = np.array([scene.model.geom(f"Segment{i}").id for i in segments])
         num_muscles = len(scene.muscles)
         self._neurons = self._userdata[:, :num_muscles]
         self._tensions = self._userdata[:, num_muscles:]

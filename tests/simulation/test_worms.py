@@ -150,7 +150,7 @@ def test_the_velocity_is_that_of_the_centre_of_mass(scene):
         mujoco.mj_fwdPosition(scene.model, data)
         mujoco.mj_fwdVelocity(scene.model, data)
         mujoco.mj_subtreeVel(scene.model, data)
-        head = batch.segment_bodies[0]
+        head = scene.model.body("Segment1").id
         np.testing.assert_allclose(state.position_w[sim], data.subtree_com[head], atol=1e-9)
         np.testing.assert_allclose(state.velocity_w[sim], data.subtree_linvel[head], atol=1e-9)
         assert np.linalg.norm(state.velocity_w[sim]) > 0.1
