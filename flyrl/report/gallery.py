@@ -13,12 +13,12 @@ import pandas as pd
 from PIL import Image
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.files import write_text
+from flyrl.files import write_bytes, write_text
 from flyrl.muscles import MotorPool
 from flyrl.report import controller_figures as controllers
 from flyrl.report.curves import save_figure
 from flyrl.report.style import PAPER_STYLE, SHADES, WIDTH_IN, Plot, panels
-from flyrl.report.walk_videos import WALKS, Film, film_walk, film_worm, write_film
+from flyrl.report.walk_videos import WALKS, Film, film_walk, film_worm
 from flyrl.report.walking_figures import comparison_plot, gaits_plot, slopes_plot
 from flyrl.resources import assets_folder
 from flyrl.simulation.rendering import FlyRenderer
@@ -90,18 +90,6 @@ def muscle_plot(profile: Path | str) -> Plot:
     return Plot(figure, table)
 
 
-def write_plot(plot: Plot, folder: Path, name: str) -> None:
-    """Write name.svg, name.png and name.csv to a folder.
-
-    Raises
-    ------
-    OSError
-        The folder cannot be written to.
-    """
-    save_figure(plot.figure, folder, name)
-    write_text(folder / f"{name}.csv", csv_table(plot.table, float_format="%.6g"))
-
-
 GALLERY: Final[Mapping[str, Callable[[], Plot | Film]]] = {
     "cpg_three": controllers.three_oscillators_plot,
     "cpg_tripod": controllers.tripod_plot,
@@ -130,8 +118,20 @@ def draw(name: str, folder: Path) -> None:
     RenderingUnavailableError, RuntimeError, OSError
         It cannot be drawn on this machine.
     """
-    drawn = GALLERY[name]()
+    write(GALLERY[name](), folder, name)
+
+
+def write(drawn: Plot | Film, folder: Path, name: str) -> None:
+    """Write name.svg and name.png, or name.mp4 and name.jpg, and name.csv to a folder.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be written to.
+    """
     if isinstance(drawn, Film):
-        write_film(drawn, folder, name)
+        write_bytes(folder / f"{name}.mp4", drawn.mp4)
+        write_bytes(folder / f"{name}.jpg", drawn.poster)
     else:
-        write_plot(drawn, folder, name)
+        save_figure(drawn.figure, folder, name)
+    write_text(folder / f"{name}.csv", csv_table(drawn.table, float_format="%.6g"))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from contextlib import closing
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 import mujoco
@@ -18,7 +17,6 @@ from flyrl.anatomy import LEGS
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.files import write_bytes, write_text
 from flyrl.muscles import load_creature
 from flyrl.muscles.attachment import STEP, Moment, recruit_stepwise
 from flyrl.report.captions import Picture, clock_text, jpeg, tension_bars, titled, with_legend
@@ -27,7 +25,6 @@ from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer, Offscreen
 from flyrl.simulation.worms import add_surroundings, side_view
-from flyrl.text import csv_table
 
 WIDTH: Final = 640
 HEIGHT: Final = 480
@@ -59,20 +56,6 @@ class Film:
     mp4: bytes
     poster: bytes
     table: pd.DataFrame
-
-
-def write_film(film: Film, folder: Path, name: str) -> None:
-    """Write name.mp4, name.jpg and name.csv to a folder, made if missing.
-
-    Raises
-    ------
-    OSError
-        The folder cannot be written to.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    write_bytes(folder / f"{name}.mp4", film.mp4)
-    write_bytes(folder / f"{name}.jpg", film.poster)
-    write_text(folder / f"{name}.csv", csv_table(film.table, float_format="%.6g"))
 
 
 @dataclass(frozen=True)
@@ -213,7 +196,7 @@ def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: floa
     Parameters
     ----------
     config
-        The worm; by default the literature's.
+        The worm, with one muscle; by default the literature's.
     step
         Neurons that are recruited at a time.
     hold_s
@@ -226,15 +209,11 @@ def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: floa
 
     Raises
     ------
-    ValueError
-        If the worm has more than one muscle.
     RenderingUnavailableError
         If no GL context can be made.
     OSError, RuntimeError
         If ffmpeg fails.
     """
-    if config.muscles != "one":
-        raise ValueError(f"the filmed worm must have muscles='one', got {config.muscles!r}")
     spec = build_worm(config)
     add_surroundings(spec)
     creature = load_creature(spec, config.profile_path.parent)

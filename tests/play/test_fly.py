@@ -299,15 +299,6 @@ def test_what_is_not_allowed_is_told_and_changes_nothing(fly):
     assert fly.figures() == before
 
 
-def test_a_policy_that_cannot_steer_here_is_named():
-    for policy, message in (
-        ("velocity-flat", "'velocity-flat' cannot steer here .*target-flat.*other observations"),
-        ("no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            PlayedFly(PlayedFlyConfig(policy=policy))
-
-
 def test_a_policy_that_decides_at_other_times_is_refused(tmp_path):
     bundle = load_bundle("target-flat")
     env = {**bundle.env, "task": {**bundle.env["task"], "decision_interval": 0.05}}

@@ -9,7 +9,6 @@ import pytest
 
 from flyrl.play import recording
 from flyrl.play.recording import VideoRecorder
-from flyrl.simulation.rendering import RenderingUnavailableError
 
 _XML = """
 <mujoco>
@@ -86,17 +85,6 @@ def test_a_long_video_ends_by_itself_and_no_name_is_used_twice(tmp_path, camera,
     assert not recorder.is_on
     recorder.close()
     assert len(pictures(tmp_path / "ball_2.mp4")) == 2
-
-
-def test_without_gl_the_note_says_so(tmp_path, monkeypatch):
-    def unavailable(*arguments):
-        raise RenderingUnavailableError("no GL library can draw here (none); install Mesa's EGL")
-
-    monkeypatch.setattr(recording, "Offscreen", unavailable)
-    recorder = VideoRecorder(tmp_path, "ball")
-    recorder.start()
-    assert not recorder.is_on
-    assert recorder.note == "No video: no GL library can draw here (none); install Mesa's EGL"
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

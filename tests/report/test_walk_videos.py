@@ -8,9 +8,10 @@ import pytest
 from PIL import Image
 
 from flyrl.anatomy import LEGS
-from flyrl.bodies.worm import DEMONSTRATION, WormConfig
+from flyrl.bodies.worm import DEMONSTRATION
+from flyrl.report.gallery import write
 from flyrl.report.video import HOLD_FRAMES
-from flyrl.report.walk_videos import WALKS, film_walk, film_worm, write_film
+from flyrl.report.walk_videos import WALKS, film_walk, film_worm
 from flyrl.simulation.rendering import RenderingUnavailableError
 from tests.report.test_captions import red
 from tests.report.test_video import read
@@ -72,14 +73,9 @@ def test_the_table_holds_what_every_step_came_to(worm):
 
 
 def test_video_and_table_are_written(worm, tmp_path):
-    write_film(worm, tmp_path / "new", "worm")
-    assert (tmp_path / "new" / "worm.mp4").read_bytes() == worm.mp4
-    with Image.open(tmp_path / "new" / "worm.jpg") as poster:
+    write(worm, tmp_path, "worm")
+    assert (tmp_path / "worm.mp4").read_bytes() == worm.mp4
+    with Image.open(tmp_path / "worm.jpg") as poster:
         assert poster.size == (640, 480)
-    table = pd.read_csv(tmp_path / "new" / "worm.csv")
+    table = pd.read_csv(tmp_path / "worm.csv")
     pd.testing.assert_frame_equal(table, worm.table, rtol=1e-5, check_dtype=False)
-
-
-def test_a_worm_with_more_muscles_is_not_filmed():
-    with pytest.raises(ValueError, match="must have muscles='one', got 'pairs'"):
-        film_worm(WormConfig())
