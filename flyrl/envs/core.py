@@ -274,7 +274,7 @@ class BatchedEnv:
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned, in an environment of the same settings."""
         records = snapshot["episodes"]
-        self.episodes = [record and Episode.from_record(record) for record in records]
+        self.episodes = [record and Episode(**record) for record in records]
         self.simulation.restore(snapshot["simulation"], self.episodes)
         self.state = self._previous = replace(self.state, **snapshot["state"])
         self._scores.restore(snapshot)

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, get_args
+from typing import Annotated, Any, Final
 
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.rendering import BodyRenderer, Camera
-from flyrl.validation import one_of, whole_number
+from flyrl.validation import Within, check_fields, one_of
 
 RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
 """What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
@@ -45,14 +45,12 @@ class View:
 
     camera: Camera = "follow"
     overlay: Drawn = PLAIN
-    width: int = 640
-    height: int = 480
+    width: Annotated[int, Within(1, LARGEST_SIDE)] = 640
+    height: Annotated[int, Within(1, LARGEST_SIDE)] = 480
 
     def __post_init__(self) -> None:
-        one_of("camera", self.camera, get_args(Camera))
-        for name in ("width", "height"):
-            whole_number(name, getattr(self, name), 1, LARGEST_SIDE)
-        if isinstance(self.overlay, str) or not isinstance(self.overlay, Overlay | Sequence):
+        check_fields(self)
+        if isinstance(self.overlay, str):
             raise ValueError(
                 f"overlay must be an Overlay, or a list of {', '.join(IN_SCENE)}, got "
                 f"{self.overlay!r}"

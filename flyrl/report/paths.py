@@ -137,7 +137,7 @@ def paths_figure(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> tuple[st
         return aligned_figure(walks, terrain["name"]), "none"
     if not config.random:
         return ground_figure(walks, config, config.draw(config.seed)), "same"
-    first = Episode.from_record(drawn[0])
+    first = Episode(**drawn[0])
     ground = config.draw(first.ground_seed, first.difficulty)
     walks = {name: [walk for walk in own if walk.episode == 0] for name, own in walks.items()}
     return ground_figure(walks, config, ground), "random"

@@ -1,8 +1,7 @@
 """One episode, in full: everything about it that was drawn at random."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -42,6 +41,8 @@ _FORCE: Final = Within(-1e6, 1e6)
 @dataclass(frozen=True)
 class Episode:
     """What a simulation starts from; the same episode gives the same bits.
+
+    `Episode(**record)` gives back what `dataclasses.asdict` made of one, and JSON of that.
 
     Attributes
     ----------
@@ -94,11 +95,6 @@ class Episode:
 
     def __post_init__(self) -> None:
         check_fields(self)
-
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """Episode from what `dataclasses.asdict` made of one, or what JSON made of that."""
-        return cls(**{**record, "randomisation": Randomisation(**record["randomisation"])})
 
     @property
     def ground_seed(self) -> int:

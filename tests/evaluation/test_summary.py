@@ -8,19 +8,23 @@ from flyrl.evaluation.summary import best_reference, find_leaders, paired_values
 from tests.synthetic import TASK, judged_by, make_record
 
 
+def walked(controller, terrain, condition, index, outcome="timeout", way_mm=1.0, duration_s=3.0):
+    """Row of an episode."""
+    record = make_record(
+        [(0, 0), (way_mm, 0)],
+        controller=controller,
+        terrain=terrain,
+        index=index,
+        duration_s=duration_s,
+        outcome=outcome,
+    )
+    return episode_row(record, condition)
+
+
 def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
     """One row per speed (mm/s), over 3 s."""
     return [
-        episode_row(
-            make_record(
-                [(0, 0), (3 * speed, 0)],
-                controller=controller,
-                terrain=terrain,
-                index=index,
-                duration_s=3.0,
-                outcome=outcome,
-            )
-        )
+        walked(controller, terrain, "", index, outcome, way_mm=3 * speed)
         for index, speed in enumerate(speeds)
     ]
 
@@ -28,17 +32,9 @@ def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
 def timed(controller, times, terrain="flat", condition=""):
     """A row per episode: its time to goal, s, or None without success."""
     return [
-        episode_row(
-            make_record(
-                [(0, 0), (1, 0)],
-                controller=controller,
-                terrain=terrain,
-                index=index,
-                outcome="timeout" if time is None else "success",
-                duration_s=3.0 if time is None else time,
-            ),
-            condition,
-        )
+        walked(controller, terrain, condition, index, "success", duration_s=time)
+        if time
+        else walked(controller, terrain, condition, index)
         for index, time in enumerate(times)
     ]
 
