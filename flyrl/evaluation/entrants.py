@@ -103,7 +103,8 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     taken = [entrant.name for entrant in fixed]
     learned: list[Entrant] = []
     for given in config.policies:
-        if isinstance(given, str) and not is_own_name(given):
+        # what is both an entry point and a file is the file
+        if isinstance(given, str) and (not is_entry_point(given) or Path(given).exists()):
             entrant = make_learned(given, config, taken)
         else:
             entrant = make_own(given, config, taken)
@@ -281,11 +282,6 @@ def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
     return f"{text} on unknown ground"
 
 
-def is_own_name(name: str) -> bool:
-    """Whether a name in `policies` is `module:attribute`, of something of the user's own."""
-    return is_entry_point(name) and not Path(name).exists()
-
-
 def make_own(given: object, config: EvaluationConfig, taken: Collection[str]) -> Entrant:
     """Entrant of a policy of the user's own.
 
@@ -308,7 +304,7 @@ def make_own(given: object, config: EvaluationConfig, taken: Collection[str]) ->
         source = given
         found = load_module(given, "policies", "my_policies:steady")
         attribute = given.partition(":")[2]
-        known = [key for key, value in found.items() if _is_something(value)]
+        known = [key for key, each in found.items() if callable(each) or isinstance(each, Policy)]
         given = found[one_of(f"policies: policy in {found['__name__']}", attribute, known)]
         name, file = attribute, found.get("__file__")
     else:
@@ -367,10 +363,6 @@ def own_policy(given: object, name: str, task: Task) -> Policy:
         f"that returns a drive, or one of (task) that returns such an object, got a "
         f"{type(given).__name__}"
     )
-
-
-def _is_something(value: Any) -> bool:
-    return callable(value) or isinstance(value, Policy)
 
 
 def changed_terms(entrant: Entrant, task: Task) -> list[str]:

@@ -207,11 +207,6 @@ class Leader:
     difference: Interval | None = None
     condition: str = ""
 
-    @property
-    def is_alone(self) -> bool:
-        """Whether one is better than all others."""
-        return len(self.names) == 1
-
 
 def find_leaders(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -> list[Leader]:
     """The best on each terrain under each condition, in order of first appearance.

@@ -129,17 +129,13 @@ def _changed(
             rows.append(heir)
             new.remove(heir)
     rows += new
-    _check_unique(table, [_name_of(row)[1] for row in rows])
+    for (_, name), count in Counter(map(_name_of, rows)).items():
+        if count > 1:
+            raise ValueError(
+                f"the names in a task's {table} must differ, got {name!r} {count} times; to "
+                f"replace a term, add its name to task.without"
+            )
     return tuple(rows)
-
-
-def _check_unique(table: str, names: list[str]) -> None:
-    name, count = Counter(names).most_common(1)[0] if names else ("", 0)
-    if count > 1:
-        raise ValueError(
-            f"the names in a task's {table} must differ, got {name!r} {count} times; to replace "
-            f"a term, add its name to task.without"
-        )
 
 
 def load_terms(names: Sequence[str]) -> dict[str, Term]:
@@ -159,12 +155,10 @@ def load_terms(names: Sequence[str]) -> dict[str, Term]:
         key = f"task.terms[{i}]"
         if name in terms:
             raise ValueError(f"{key} is {name!r}, which is there already")
-        terms[name] = look_up(key, name, {}, _is_term, "term")
+        terms[name] = look_up(
+            key, name, {}, lambda value: isinstance(value, get_args(Term)), "term"
+        )
     return terms
-
-
-def _is_term(value: object) -> bool:
-    return isinstance(value, get_args(Term))
 
 
 def task_record(task: Task) -> dict[str, Any]:

@@ -171,12 +171,11 @@ def test_who_cannot_be_told_apart_shares_the_first_place():
     (leader,) = leaders(one, other, timed("none", [None] * 6))
     assert set(leader.names) == {"one", "other"}
     assert (leader.metric, leader.value, leader.next_name) == ("success", 1, "none")
-    assert not leader.is_alone
 
 
 def test_a_difference_that_is_always_the_same_is_one():
     (leader,) = leaders(timed("all", [1.0] * 5), timed("none", [None] * 5))
-    assert leader.is_alone
+    assert leader.names == ("all",)
     assert leader.difference.low is None
 
 
