@@ -14,15 +14,6 @@ CONFIG = EnvConfig(physics="fast", randomisation="default")
 PLAIN = EnvConfig(physics="fast")
 
 
-def roll_out(env: BatchedEnv, decisions: int = 8) -> list[np.ndarray]:
-    """Observations on a way that depends on the number of the decision alone."""
-    rng = np.random.default_rng(0)
-    actions = rng.uniform(-1, 1, (decisions, 1, 2))
-    return [
-        np.asarray(env.step(np.tile(action, (env.num_envs, 1))).observation) for action in actions
-    ]
-
-
 def test_randomisation_changes_nothing_else_about_an_episode() -> None:
     drawn = CONFIG.sample_episode(5)
     assert replace(drawn, randomisation=UNVARIED) == PLAIN.sample_episode(5)
@@ -88,7 +79,7 @@ def test_the_queue_has_a_place_for_every_drive_on_its_way(
 def test_an_episode_of_more_latency_than_the_settings_have_is_refused_before_anything() -> None:
     env = BatchedEnv(PLAIN, 1)
     env.reset(seeds=[0])
-    roll_out(env, 2)
+    env.step(np.ones((1, 2)))
     before = env.flies.integration_state()
     late = replace(PLAIN.sample_episode(1), randomisation=Randomisation(drive_latency=0.01))
     with pytest.raises(ValueError, match=r"drive_latency is 0\.01 s; .* at most 0\.0 s"):
