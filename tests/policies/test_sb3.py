@@ -98,42 +98,6 @@ def test_same_actions_as_sb3(algorithm, env, kwargs):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
 
 
-@pytest.mark.parametrize(("env", "layers"), [(Bandit, 1), (Bandit, 2), (ChoiceBandit, 1)])
-def test_same_actions_and_memory_as_a_recurrent_model(env, layers):
-    sizes = {"net_arch": [16], "lstm_hidden_size": 24, "n_lstm_layers": layers}
-    model = _model(RecurrentPPO, env(), "MlpLstmPolicy", **sizes)
-    policy = LearnedPolicy(bundle_from_sb3(model, LAYOUT, {}, {}))
-    rng = np.random.default_rng(1)
-    state = expected_state = None
-    for observations in 3 * _random(30, 5, 40):
-        starts = rng.random(5) < 0.2
-        expected, expected_state = model.predict(observations, expected_state, starts, True)
-        actions, state = policy.predict(observations, state, starts)
-        np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
-        np.testing.assert_allclose(state, expected_state, rtol=0, atol=5e-6)
-    assert np.abs(state).max() > 0.5
-
-
-@pytest.mark.parametrize(
-    ("bandit", "policy", "layout", "observations"),
-    [
-        (Bandit, "MlpPolicy", LAYOUT, _random(200, 40)),
-        (DictBandit, "MultiInputPolicy", DICT_LAYOUT, _parts(200)),
-    ],
-)
-def test_normaliser_comes_along(bandit, policy, layout, observations):
-    env = VecNormalize(DummyVecEnv([bandit]), clip_obs=1.5)
-    model, rng = _model(PPO, env, policy, net_arch=[16]), np.random.default_rng(2)
-    for moments in env.obs_rms.values() if bandit is DictBandit else [env.obs_rms]:
-        size = len(moments.mean)
-        moments.mean, moments.var = rng.normal(size=size), rng.uniform(0.1, 2, size=size)
-    expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
-    bundle = bundle_from_sb3(model, layout, {}, {})
-    actions, _ = LearnedPolicy(bundle).predict(observations)
-    assert (bundle.normaliser.epsilon, bundle.normaliser.clip) == (env.epsilon, 1.5)
-    np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
-
-
 def test_rewards_alone_need_no_normaliser():
     env = VecNormalize(DummyVecEnv([Bandit]), norm_obs=False)
     assert bundle_from_sb3(_model(PPO, env), LAYOUT, {}, {}).normaliser is None
