@@ -11,7 +11,7 @@ import examples.rule_based_loop
 import flyrl
 from examples.stairs import Stairs
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.policies.laws import fixed_policy, law_named
+from flyrl.policies.laws import fixed_policy
 
 LOOPS = {
     "cpg": examples.cpg_loop.walk,
@@ -67,7 +67,7 @@ def test_the_task_of_the_example_leads_from_source_to_source():
     starts = np.vstack([env.episodes[0].spawn_position_w[:2], places[:-1]])
     np.testing.assert_allclose(np.linalg.norm(places - starts, axis=1), 5.0)
     np.testing.assert_array_equal(env.flies.props()[0, :, :2], places)
-    pursuit = fixed_policy("pursuit", law_named("pursuit"), env.task)
+    pursuit = fixed_policy("pursuit", env.task)
     found, outcome = [0.0], "running"
     while outcome == "running":
         action, _ = pursuit.predict(env.observe())

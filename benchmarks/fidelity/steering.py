@@ -17,7 +17,7 @@ from benchmarks.fidelity.drives import HOLD_S, KINDS, sequence
 from benchmarks.fidelity.results import finished
 from benchmarks.fidelity.statistics import FALL_TILT, PATH_SAMPLING_S
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.policies.laws import FIXED, fixed_policy
+from flyrl.policies.laws import fixed_policy
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.tasks import RUNNING, TIMEOUT
 from flyrl.tasks.task import FALL
@@ -91,7 +91,7 @@ def walk(
     env = BatchedEnv(config, len(seeds), num_threads)
     episodes = [env.draw_episode(i, seed) for i, seed in enumerate(seeds)]
     if drives is None:
-        policy = fixed_policy(PURSUIT, FIXED[PURSUIT], env.task)
+        policy = fixed_policy(PURSUIT, env.task)
         count = round((env.task.time_limit_s or SECONDS) / HOLD_S)
     else:
         actions = env.task.actions.of(drives)

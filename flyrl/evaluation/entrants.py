@@ -135,8 +135,7 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
     if not is_law(name):
         one_of("controllers", name, [*FIXED, "constant(left, right)"])
     try:
-        fixed = law_named(name)
-        policy = fixed_policy(name, fixed, task)
+        fixed, policy = law_named(name), fixed_policy(name, task)
     except ValueError as error:
         raise ValueError(f"controllers: {error}") from error
     controller = None

@@ -131,14 +131,15 @@ def law_named(name: str) -> FixedLaw:
     return FIXED[name] if name in FIXED else _constant(name)
 
 
-def fixed_policy(name: str, law: FixedLaw, task: Task | None = None) -> FixedPolicy:
-    """Policy that follows a law in a task; None takes the first task that the law goes with.
+def fixed_policy(name: str, task: Task | None = None) -> FixedPolicy:
+    """Policy that follows the law of a name; None takes the first task that the law goes with.
 
     Raises
     ------
     ValueError
-        The task does not show what the law needs.
+        No such law, or the task does not show what it needs.
     """
+    law = law_named(name)
     if task is None:
         task = next(each for each in (make() for make in TASKS.values()) if law.goes_with(each))
     if not law.goes_with(task):

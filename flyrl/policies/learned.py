@@ -19,7 +19,7 @@ from flyrl.policies.bundle import (
     policy_file,
 )
 from flyrl.policies.fixed import FixedPolicy
-from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
+from flyrl.policies.laws import FIXED, fixed_policy, is_law
 from flyrl.policies.networks import LSTM, vectors
 from flyrl.tasks import Task, task_from
 from flyrl.validation import FloatArray, file_path
@@ -171,7 +171,7 @@ def load_policy(
     path = file_path("path of a policy", Path(path) if isinstance(path, os.PathLike) else path)
     name = str(path)
     if is_law(name) and not path.exists():
-        return fixed_policy(name, law_named(name), task)
+        return fixed_policy(name, task)
     policy = LearnedPolicy(load_bundle(policy_file(path, FIXED)))
     if task is not None:
         policy.check_task(task)
