@@ -73,21 +73,17 @@ FLAT = [PPO, A2C, TRPO, SAC, TQC, CrossQ, TD3, DDPG]
 
 
 @pytest.mark.parametrize(
-    ("algorithm", "env", "kwargs"),
+    ("algorithm", "env", "activation"),
     [
-        *[(algorithm, Bandit(), {}) for algorithm in FLAT],
-        *[
-            (algorithm, Bandit(low=-0.5, high=1.5), {"activation_fn": nn.ReLU})
-            for algorithm in FLAT
-        ],
-        *[(algorithm, ChoiceBandit(), {}) for algorithm in (PPO, A2C, TRPO)],
-        *[(algorithm, DictBandit(), {}) for algorithm in (PPO, SAC, TQC, TD3, RecurrentPPO)],
+        *[(algorithm, Bandit(low=-0.5, high=1.5), nn.ReLU) for algorithm in FLAT],
+        *[(algorithm, ChoiceBandit(), nn.Tanh) for algorithm in (PPO, A2C, TRPO)],
+        *[(algorithm, DictBandit(), nn.Tanh) for algorithm in (PPO, SAC, TQC, TD3, RecurrentPPO)],
     ],
 )
-def test_same_actions_as_sb3(algorithm, env, kwargs):
+def test_same_actions_as_sb3(algorithm, env, activation):
     is_dict, memory = isinstance(env, DictBandit), "Lstm" if algorithm is RecurrentPPO else ""
     name = f"{'MultiInput' if is_dict else 'Mlp'}{memory}Policy"
-    model = _model(algorithm, env, name, net_arch=[64, 64], **kwargs)
+    model = _model(algorithm, env, name, net_arch=[64, 64], activation_fn=activation)
     bundle = bundle_from_sb3(model, DICT_LAYOUT if is_dict else LAYOUT, {}, {})
     observations = _parts(500) if is_dict else _random(500, 40)
     expected, _ = model.predict(observations, deterministic=True)
