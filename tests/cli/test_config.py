@@ -32,7 +32,12 @@ from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS
 from flyrl.training.algorithms import ALGORITHMS
-from flyrl.training.config import CurriculumConfig, TrainingConfig, training_record
+from flyrl.training.config import (
+    CurriculumConfig,
+    TrainingConfig,
+    config_from_keywords,
+    training_record,
+)
 from flyrl.training.loggers import LOGGERS
 from flyrl.training.runs import flat
 
@@ -120,7 +125,8 @@ def test_tuned_settings_hold_for_their_task_and_algorithm_alone(name):
     own = flat(OmegaConf.to_container(loaded))
     assert flat(tuned) == {**flat(plain), **own}
     assert not own.items() & flat(plain).items()  # nothing is said that holds anyway
-    training_config(tuned)
+    ours = training_record(config_from_keywords(task, algo))  # as flyrl.train has them
+    assert ours == training_record(training_config(tuned))
 
 
 def test_a_setting_on_the_command_line_beats_the_tuned_one():

@@ -12,14 +12,10 @@ import pytest
 from safetensors.numpy import load_file
 
 import flyrl
-from flyrl.cli.config import training_config
-from flyrl.cli.groups import composed
 from flyrl.front.runs import TrainingInterrupted, learn
-from flyrl.resources import configs_folder
 from flyrl.tasks import TASKS
-from flyrl.training.algorithms import ALGORITHMS
 from flyrl.training.checkpoint import checkpoint_file
-from flyrl.training.config import config_from_keywords, training_record
+from flyrl.training.config import config_from_keywords
 from flyrl.training.run_folder import create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
@@ -55,18 +51,6 @@ def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
     assert ours.keys() == theirs.keys()
     for name, values in ours.items():
         np.testing.assert_array_equal(values, theirs[name])
-
-
-def test_tuned_settings_are_those_of_the_command_line():
-    tuned = sorted(path.stem for path in (configs_folder() / "tuned").glob("*.yaml"))
-    pairs = [(name, algo) for name in tuned for algo in ALGORITHMS if name.endswith(f"_{algo}")]
-    for name, algo in pairs:
-        task = name.removesuffix(f"_{algo}")
-        if f"{task}_{algo}" != name or task.endswith("recurrent"):
-            continue  # recurrent_ppo ends with _ppo, too
-        values = composed("train", [f"task={task}", f"algo={algo}"])
-        expected = training_record(training_config(values))
-        assert training_record(config_from_keywords(task, algo)) == expected, name
 
 
 def test_a_keyword_beats_the_tuned_setting():
