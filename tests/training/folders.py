@@ -43,7 +43,7 @@ def make_run(
     layer = Layer(np.zeros((2, inputs), np.float32), np.full(2, bias, np.float32))
     network = MLP((layer,), "tanh")
     bundle = PolicyBundle(
-        network, "clip", layout, (0.0, 0.0), (1.0, 1.0), env_record(config.env), {"algo": algo}
+        network, "clip", layout, (-1.0, -1.0), (1.0, 1.0), env_record(config.env), {"algo": algo}
     )
     save_bundle(bundle, folder / "last.safetensors")
     return folder
