@@ -17,7 +17,7 @@ from tests.tiny import TINY, TINY_ARGUMENTS
 STATUSES = {0, 1, 2}
 LONGEST_MESSAGE = 1_500
 QUICK = settings(
-    max_examples=int(os.environ.get("FLYRL_FUZZ_EXAMPLES", "25")),
+    max_examples=int(os.environ.get("FLYRL_FUZZ_EXAMPLES", "12")),
     deadline=None,
     derandomize=True,
     database=None,
