@@ -99,6 +99,11 @@ class EpisodeRecord:
         diverged, until the decision before.
     creature
         What walked: "fly" or "worm".
+
+    Raises
+    ------
+    ValueError
+        If a sample is not finite: no score may come of it.
     """
 
     controller: str
@@ -118,6 +123,11 @@ class EpisodeRecord:
     totals: Mapping[str, float] = field(default_factory=dict)
     gait: Gait | None = None
     creature: str = "fly"
+
+    def __post_init__(self) -> None:
+        for name in ("time_s", "position_w", "yaw", "drive"):
+            if not np.isfinite(getattr(self, name)).all():
+                raise ValueError(f"{name} of a record must be finite (episode {self.index})")
 
     @property
     def seed(self) -> int:

@@ -216,3 +216,11 @@ def test_success_and_failure_follow_the_outcome(outcome):
     record = make_record([(0, 0), (1, 0)], outcome=outcome)
     assert record.success == (outcome == "success")
     assert record.failed == (outcome in (*FAILURES, "slipped"))
+
+
+@pytest.mark.parametrize("name", ["position_w", "yaw", "drive"])
+def test_a_record_that_is_not_finite_is_refused(name):
+    record = make_record([(0, 0), (1, 0)])
+    wrong = np.full_like(getattr(record, name), np.nan)
+    with pytest.raises(ValueError, match=f"{name} of a record must be finite"):
+        dataclasses.replace(record, **{name: wrong})
