@@ -125,6 +125,14 @@ def test_action_noise(env):
     assert draws.std(axis=0) == pytest.approx([0.3, 0.3], rel=0.1)
 
 
+@pytest.mark.parametrize(
+    ("use_rms_prop", "optimiser"), [(True, torch.optim.RMSprop), (False, torch.optim.Adam)]
+)
+def test_use_rms_prop_chooses_the_optimiser(use_rms_prop, optimiser, env):
+    model = build_model(AlgorithmConfig("a2c", use_rms_prop=use_rms_prop), env, seed=0)
+    assert isinstance(model.policy.optimizer, optimiser)
+
+
 @pytest.mark.parametrize("observation", [False, True])
 @pytest.mark.parametrize("reward", [False, True])
 def test_normalisation(observation, reward, env):
