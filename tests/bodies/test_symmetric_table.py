@@ -76,3 +76,15 @@ def test_symmetry_moves_little(name):
 def test_a_symmetric_fly_is_placed_on_the_midline_in_a_symmetric_pose(name):
     assert spawn_offset(FlyConfig(name))[1] == 0.0
     np.testing.assert_allclose(mirrored(stretch_pose()), stretch_pose(), atol=1e-15)
+
+
+@pytest.mark.parametrize("name", BODY_NAMES)
+def test_joints_of_left_and_right_are_equally_stiff_and_damped(name):
+    rows = {row.name: row for row in symmetric_table(body_table(name)).bodies}
+    joints = {
+        row.name: [(joint.axis, joint.stiffness, joint.damping) for joint in row.joints]
+        for row in rows.values()
+    }
+    pairs = [(joints[left], joints[f"R{left[1:]}"]) for left in joints if left[0] == "L"]
+    assert len(pairs) > 24
+    assert all(left == right for left, right in pairs)

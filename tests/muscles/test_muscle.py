@@ -71,6 +71,12 @@ def test_bad_tensions(tension):
         Muscle(POOL).recruit(tension)
 
 
+@pytest.mark.parametrize("strength", [-1.0, np.inf])
+def test_bad_strengths(strength):
+    with pytest.raises(ValueError, match="strength must be a finite number of at least 0, got"):
+        Muscle(POOL, strength)
+
+
 def test_kernels_and_class_are_the_same():
     muscle = Muscle(random_pool(3))
     table = muscle.pool.recruitment

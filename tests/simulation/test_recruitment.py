@@ -41,3 +41,10 @@ def test_bend_and_tension_grow_non_linearly(ramp):
     assert ramp[6].n == 2 * ramp[3].n == 300
     assert ramp[6].tension[0] > 5 * ramp[3].tension[0]
     assert ramp[6].bend > 5 * ramp[3].bend
+
+
+@pytest.mark.parametrize("settings", [{"step": 0}, {"hold_s": 0.0}, {"frame_s": -1.0}])
+def test_bad_settings(settings):
+    (name,) = settings
+    with pytest.raises(ValueError, match=name):
+        moments(**settings)
