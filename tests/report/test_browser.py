@@ -148,7 +148,7 @@ def test_the_navigation_stays_in_sight_and_leads_to_the_top_of_a_page(visit):
     assert bar["height"] <= top < WIDE["height"] / 2
 
 
-@pytest.mark.parametrize("width", [1280, 400])
+@pytest.mark.parametrize("width", [1280, 800, 400])
 def test_no_column_is_cut_without_a_sign(visit, width):
     page = visit(viewport={"width": width, "height": 900})
     for link in page.locator("nav a").all():

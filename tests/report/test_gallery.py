@@ -32,6 +32,11 @@ def test_what_the_page_shows_is_there_and_light():
     assert sum(sizes.values()) < 6e6
 
 
+def test_every_video_has_a_poster_and_numbers():
+    for mp4 in {path for path in named() if path.endswith(".mp4")}:
+        assert {mp4.replace(".mp4", ".jpg"), mp4.replace(".mp4", ".csv")} <= set(named())
+
+
 @pytest.mark.parametrize("name", ["adhesion", "rules_graph", "muscle"])
 def test_a_figure_still_shows_the_numbers_on_the_page(name):
     shown = pd.read_csv(DOCS / "gallery" / f"{name}.csv")
