@@ -105,6 +105,20 @@ def test_the_quicker_one_is_the_better_one():
     assert time["improvement"]["value"] == 0
 
 
+def test_p_values_are_corrected_as_one_family_over_all_terrains():
+    given = [
+        row
+        for terrain, last in (("flat", 4), ("gapped", -3))
+        for name, gain in (("cpg", 0), ("hybrid", 1))
+        for row in rows([10 + gain * own for own in (1, 2, 3, 4, 5, last)], name, terrain)
+    ]
+    paired = [row["paired"] for row in summary_of(given)]
+    flat, gapped = (pair["differences"]["speed_mm_s"] for pair in paired if pair)
+    assert flat["p_value"] < gapped["p_value"] / 2
+    assert flat["p_adjusted"] == 2 * flat["p_value"]
+    assert gapped["p_adjusted"] == gapped["p_value"]
+
+
 def test_an_interaction_is_the_difference_of_differences():
     """Episode by episode, in mm along +x: (own changed - own usual) - (the same of the other)."""
     ways = {
