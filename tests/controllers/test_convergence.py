@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flyrl.controllers import Hybrid
+from flyrl.controllers.reflexes import REFLEXES, ReflexesName
 from tests.controllers.kernels import Legs, Observation
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4)
@@ -36,13 +37,13 @@ def observe(t: np.ndarray, course: int) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 @functools.cache
-def trajectory(timestep: float) -> dict[str, np.ndarray]:
+def trajectory(timestep: float, reflexes: ReflexesName = "current") -> dict[str, np.ndarray]:
     steps_per_sample = round(SAMPLE_INTERVAL / timestep)
     samples: dict[str, list[np.ndarray]] = {name: [] for name in FIELDS}
     times = np.arange(NUM_SAMPLES * steps_per_sample) * timestep
     initial = {"init_phases": np.arange(6.0), "init_magnitudes": np.linspace(0, 0.5, 6)}
     for course in range(NUM_COURSES):
-        legs = Legs(Hybrid(), timestep, **initial)
+        legs = Legs(Hybrid(reflexes=reflexes), timestep, **initial)
         sensed = zip(drive(times), *observe(times, course), strict=True)
         for step, (drives, *observed) in enumerate(sensed, start=1):
             legs.step(drives, Observation(0.0, *observed))
@@ -52,14 +53,15 @@ def trajectory(timestep: float) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in samples.items()}
 
 
-def errors(name: str) -> np.ndarray:
+def errors(name: str, reflexes: ReflexesName = "current") -> np.ndarray:
     """Mean distance from the fine solution at each of `TIMESTEPS`."""
-    fine = trajectory(FINE)[name]
-    return np.array([np.abs(trajectory(step)[name] - fine).mean() for step in TIMESTEPS])
+    fine = trajectory(FINE, reflexes)[name]
+    return np.array([np.abs(trajectory(step, reflexes)[name] - fine).mean() for step in TIMESTEPS])
 
 
-def test_the_reflexes_are_at_work():
-    fine = trajectory(FINE)
+@pytest.mark.parametrize("reflexes", REFLEXES)
+def test_the_reflexes_are_at_work(reflexes):
+    fine = trajectory(FINE, reflexes)
     for name in ("retraction", "stumbling"):
         assert np.all((fine[name] > 5).any(axis=0)), name
         assert np.all((fine[name] == 0).any(axis=0)), name
@@ -77,10 +79,11 @@ def test_oscillators_converge_with_the_time_step(name):
     np.testing.assert_allclose(found / found[0], EXPECTED, rtol=0.03)
 
 
+@pytest.mark.parametrize("reflexes", REFLEXES)
 @pytest.mark.parametrize("name", ["retraction", "stumbling", "net_correction", "angles"])
-def test_corrections_converge_with_the_time_step(name):
+def test_corrections_converge_with_the_time_step(name, reflexes):
     """Less evenly: a reflex switches at the first step after its condition turns."""
-    found = errors(name)
+    found = errors(name, reflexes)
     np.testing.assert_allclose(found / found[0], EXPECTED, rtol=0.4)
-    scale = np.abs(trajectory(FINE)[name]).mean()
+    scale = np.abs(trajectory(FINE, reflexes)[name]).mean()
     assert found[0] < 0.02 * scale

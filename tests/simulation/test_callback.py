@@ -4,6 +4,7 @@ import dataclasses
 import subprocess
 import sys
 import threading
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,16 +22,14 @@ from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TERRAINS
 
 
-def make_batch(
-    controller: str = "hybrid", terrain: str = "flat", body: str = "current", num_sims: int = 1
-) -> FlyBatch:
+def make_batch(terrain: str = "flat", **body: Any) -> FlyBatch:
     config = SceneConfig(
-        body=FlyConfig(name=body),
+        body=FlyConfig(**body),
         terrain=TERRAINS[terrain],
-        controller=CONTROLLERS[controller](),
+        controller=CONTROLLERS["hybrid"](),
         physics=PhysicsConfig(timestep=2e-4, contact=ContactConfig()),
     )
-    batch = FlyBatch(build_scene(config), num_sims, num_threads=1)
+    batch = FlyBatch(build_scene(config), 1, num_threads=1)
     reset(batch)
     return batch
 
@@ -108,6 +107,20 @@ def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
     summed = data.userdata.view(batch.scene.userdata)[0]["head"]["senses"]["contact_forces_w"]
     assert np.abs(expected).max() > 1.0
     np.testing.assert_allclose(summed, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("adhesion_gain", [0.0, 40.0])
+def test_contact_forces_carry_the_weight(adhesion_gain: float) -> None:
+    """At rest the ground pushes up with the weight plus what the gripping legs pull."""
+    batch = make_batch(adhesion_gain=adhesion_gain)
+    batch.step(2000)
+    upward, pulled = [], []
+    for _ in range(500):
+        batch.step()
+        upward.append(batch.senses["contact_forces_w"][0, :, 2].sum())
+        pulled.append(adhesion_gain * batch.output["adhesion"].sum())
+    weight = batch.scene.model.body_mass.sum() * 9810
+    assert np.mean(upward) == pytest.approx(weight + np.mean(pulled), rel=0.01)
 
 
 def test_models_of_others_are_left_alone() -> None:
