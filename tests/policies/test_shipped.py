@@ -1,10 +1,12 @@
 """The policies that come with flyrl do what their cards say."""
 
+import numpy as np
+import onnxruntime
 import pytest
 
 from flyrl.cli.config import training_config
 from flyrl.evaluation import EvaluationConfig, evaluate
-from flyrl.policies import named_policies
+from flyrl.policies import export_onnx, load_policy, named_policies, save_bundle
 from flyrl.policies.bundle import load_bundle
 from flyrl.tasks import TASKS
 
@@ -14,6 +16,24 @@ def test_every_task_that_can_be_learned_has_a_policy():
     to_be_learned = {name for name in TASKS if TASKS[name]().time_limit_s is not None}
     # of a task with two kinds of actions, one policy
     assert learned == {name for name in to_be_learned if not name.endswith("_box")}
+
+
+@pytest.mark.parametrize("name", named_policies())
+def test_policy_acts_the_same_in_every_format(name, tmp_path):
+    policy = load_policy(name)
+    save_bundle(policy.bundle, tmp_path / "policy.safetensors")
+    export_onnx(policy.bundle, tmp_path / "policy.onnx")
+    session = onnxruntime.InferenceSession(
+        tmp_path / "policy.onnx", providers=["CPUExecutionProvider"]
+    )
+    observations = np.random.default_rng(0).uniform(-1, 1, (50, policy.bundle.num_inputs))
+    observations = observations.astype(np.float32)
+    expected, _ = policy.predict(observations)
+    assert np.ptp(expected) > 0.5
+    again, _ = load_policy(tmp_path / "policy.safetensors").predict(observations)
+    np.testing.assert_array_equal(again, expected)
+    (actions,) = session.run(["action"], {"observation": observations})
+    np.testing.assert_allclose(actions, expected, rtol=0, atol=1e-5)
 
 
 @pytest.mark.slow
