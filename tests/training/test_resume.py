@@ -163,9 +163,10 @@ def _run(config, runs, folder):
 
 
 @pytest.mark.slow
-def test_ten_kills_at_random_moments_lose_nothing(tmp_path):
+@pytest.mark.parametrize(("config", "kills"), [(SAC_CONFIG, 10), (PPO_CONFIG, 3)])
+def test_kills_at_random_moments_lose_nothing(config, kills, tmp_path):
     schedule = replace(SCHEDULE, total_timesteps=512, checkpoint_interval=32)
-    config = replace(SAC_CONFIG, training=schedule)
+    config = replace(config, training=schedule)
     context = multiprocessing.get_context("forkserver")
     # the second is what torch's optimisers import when the first is made
     context.set_forkserver_preload(["flyrl.training.learn", "torch._dynamo"])
@@ -174,7 +175,7 @@ def test_ten_kills_at_random_moments_lose_nothing(tmp_path):
     part, folder, last, longest_wait = tmp_path / "part0", None, [], 1.0
     killed = stages = 0
     # on a slow machine, it takes some kills until one comes after the first checkpoint
-    while killed < 10 or stages < 3:
+    while killed < kills or stages < 3:
         process = context.Process(target=_run, args=(config, part, folder))
         process.start()
         time.sleep(rng.uniform(0.0, longest_wait))
