@@ -1,5 +1,6 @@
 """Where a run comes from: code, packages, machine; and whether a repeat comes to the same."""
 
+import contextlib
 import hashlib
 import math
 import os
@@ -50,14 +51,16 @@ def provenance(code: Sequence[str] = ()) -> dict[str, Any]:
         Names of a user's own task and terms, `module:attribute` each; the SHA-256 of the modules
         is noted.
     """
-    cpu_info = Path("/proc/cpuinfo")
+    cpu_info = ""
+    with contextlib.suppress(OSError):  # only Linux has it
+        cpu_info = Path("/proc/cpuinfo").read_text()
     return {
         "git": _git(),
         "terms": code_digests(code),
         "python": platform.python_version(),
         "packages": {name: version(name) for name in _PACKAGES},
         "system": platform.platform(),
-        "cpu": cpu(cpu_info.read_text() if cpu_info.is_file() else ""),
+        "cpu": cpu(cpu_info),
         # those that this process may use
         "num_cpus": numba.config.NUMBA_DEFAULT_NUM_THREADS,  # type: ignore[attr-defined]
     }

@@ -29,7 +29,7 @@ def walked(folder):
         (["task=worm_crawl", "body=current"], "body must be a worm in the task 'worm_crawl'"),
         (["body=worm_hanger"], "error: body must be a fly in the task 'target' (current, classic,"),
         (["task=worm_hang", "body.segments=1"], "error: body.segments must be a whole number"),
-        (["task=worm_hang", "body.mount=free"], "error: the mount of a worm in a scene must be"),
+        (["task=worm_hang", "body.mount=free"], "error: body.mount must be one of"),
         (["task=worm_hang", "body.profile=my.png"], "error: body.profile must be one of 'human'"),
         (["task=worm_hang", "+controller.name=cpg"], "controller"),
         (["task=worm_hang", "task.time_limit=-3"], "error: task.time_limit must be a finite"),
