@@ -22,14 +22,16 @@ from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TERRAINS
 
 
-def make_batch(terrain: str = "flat", **body: Any) -> FlyBatch:
+def make_batch(
+    controller: str = "hybrid", terrain: str = "flat", num_sims: int = 1, **body: Any
+) -> FlyBatch:
     config = SceneConfig(
         body=FlyConfig(**body),
         terrain=TERRAINS[terrain],
-        controller=CONTROLLERS["hybrid"](),
+        controller=CONTROLLERS[controller](),
         physics=PhysicsConfig(timestep=2e-4, contact=ContactConfig()),
     )
-    batch = FlyBatch(build_scene(config), 1, num_threads=1)
+    batch = FlyBatch(build_scene(config), num_sims, num_threads=1)
     reset(batch)
     return batch
 
