@@ -29,6 +29,9 @@ SHORTER = {
     r"for seed in range\(4\)": "for seed in range(2)",
     r"(total_timesteps|evaluation_interval)=(\d)_000": r"\1=\g<2>00",
     r"TERRAINS\[\"flat\"\], size=5": 'TERRAINS["flat"], size=3',
+    r"seconds=1(\.\d)?\b": "seconds=0.3",
+    r"seconds=0\.[56]": "seconds=0.2",
+    r"round\(0\.5 / TIMESTEP\)": "round(0.2 / TIMESTEP)",
 }
 
 
