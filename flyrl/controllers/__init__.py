@@ -10,9 +10,12 @@ from flyrl.controllers.rule_based import (
     construct_rules_graph,
     filter_edges,
 )
+from flyrl.controllers.steered_rules import SteeredRules
 from flyrl.controllers.steps import PreprogrammedSteps
 
-CONTROLLERS.update(cpg=CPG, hybrid=Hybrid, rule_based=RuleBased, joints=Joints)
+CONTROLLERS.update(
+    cpg=CPG, hybrid=Hybrid, rule_based=RuleBased, rule_based_steered=SteeredRules, joints=Joints
+)
 
 __all__ = [
     "CONTROLLERS",
@@ -27,6 +30,7 @@ __all__ = [
     "Reflexes",
     "RuleBased",
     "RuleBasedSteppingCoordinator",
+    "SteeredRules",
     "construct_rules_graph",
     "filter_edges",
 ]

@@ -105,6 +105,17 @@ def pack_step(record: np.void, steps: "PreprogrammedSteps", swing_extension: flo
 
 
 @kernel
+def take_step(parameters: Any, leg: int, phase: float, magnitude: float, output: Any) -> None:
+    """Write one leg's joint angles and grip; see `take_steps`."""
+    num_dofs = parameters.neutral.shape[1]
+    theta = phase % TWO_PI
+    angles = output.angles[leg * num_dofs : (leg + 1) * num_dofs]
+    step_angles(parameters.coefficients, parameters.neutral, leg, theta, magnitude, angles)
+    grips = adhesion_on(theta, parameters.swing_start[leg], parameters.grip_start[leg])
+    output.adhesion[leg] = 1.0 if grips else 0.0
+
+
+@kernel
 def take_steps(parameters: Any, state: Any, output: Any) -> None:
     """Write every leg's joint angles and grip at its phase and magnitude.
 
@@ -117,13 +128,8 @@ def take_steps(parameters: Any, state: Any, output: Any) -> None:
     output
         Record of type `controller.OUTPUT`, written.
     """
-    neutral, num_dofs = parameters.neutral, parameters.neutral.shape[1]
-    for leg in range(len(neutral)):
-        theta = state.phases[leg] % TWO_PI
-        angles = output.angles[leg * num_dofs : (leg + 1) * num_dofs]
-        step_angles(parameters.coefficients, neutral, leg, theta, state.magnitudes[leg], angles)
-        grips = adhesion_on(theta, parameters.swing_start[leg], parameters.grip_start[leg])
-        output.adhesion[leg] = 1.0 if grips else 0.0
+    for leg in range(len(parameters.neutral)):
+        take_step(parameters, leg, state.phases[leg], state.magnitudes[leg], output)
 
 
 @kernel

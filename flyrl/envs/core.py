@@ -283,6 +283,44 @@ class BatchedEnv:
         self._rngs = [state and generator(state) for state in snapshot["generators"]]
         self.difficulty = snapshot["difficulty"]
 
+    def copy_from(self, other: "BatchedEnv", sims: Sequence[int]) -> Observation:
+        """Put simulations where those of another environment are, in the middle of their episodes.
+
+        From there both lead to the same, to the bit, under the same actions: this is how a planner
+        tries actions out. Noise to come is copied, too.
+
+        Parameters
+        ----------
+        other
+            An environment of the same settings; it stays as it is.
+        sims
+            Simulation of `other` for each one here, (num_envs,).
+
+        Returns
+        -------
+        The observation of all simulations.
+
+        Raises
+        ------
+        ValueError
+            If there is not one simulation for each, or one was never reset.
+        """
+        rows = np.array(sims, dtype=np.intp)
+        episodes = [other.episodes[i] for i in rows if other.episodes[i] is not None]
+        if rows.shape != (self.num_envs,) or len(episodes) != self.num_envs:
+            raise ValueError(
+                f"sims must be {self.num_envs} simulations that were reset, got {sims}"
+            )
+        if episodes != self.episodes:
+            self.reset(episodes=episodes)
+        self.simulation.copy_from(other.simulation, rows)
+        self.state = self._previous = replace(
+            self.state,
+            **{item.name: getattr(other.state, item.name)[rows] for item in fields(self.state)},
+        )
+        self._scores.copy_from(other._scores, rows)
+        return self.observe()
+
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
         state = self._scores.state(self.state, self.state, self.batch.props())
