@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from flyrl.controllers import Controller
+from flyrl.controllers import DRIVE, Controller
 from flyrl.controllers.controller import controller_from, controller_named
 from flyrl.entry_points import check_trust, is_entry_point, load_module
 from flyrl.envs.core import EnvConfig
@@ -18,7 +18,7 @@ from flyrl.files import file_digest
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file, policy_name
 from flyrl.policies.fixed import FunctionPolicy, takes
-from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named
+from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named, split_legs
 from flyrl.rollouts import Policy
 from flyrl.simulation.fly_scene import fit_controller
 from flyrl.tasks import Task, code_digests, code_of, task_record
@@ -66,11 +66,11 @@ def free_name(name: str, taken: Collection[str]) -> str:
     """`name`, or `name-2`, `name-3`, … where that is taken.
 
     Names come from files of others and reach pages, spreadsheets and terminals. Of them only
-    letters, digits and `_ . ( ) + - space` are kept, at most `NAME_LENGTH` of them and starting
+    letters, digits and `_ . ( ) + - @ space` are kept, at most `NAME_LENGTH` of them and starting
     with a letter or digit; `unnamed` stands where nothing is left.
     """
-    kept = "".join(each if each.isalnum() or each in "_.()+- " else "_" for each in name)
-    name = kept.lstrip("_.()+- ")[:NAME_LENGTH].rstrip() or "unnamed"
+    kept = "".join(each if each.isalnum() or each in "_.()+-@ " else "_" for each in name)
+    name = kept.lstrip("_.()+-@ ")[:NAME_LENGTH].rstrip() or "unnamed"
     if name not in taken:
         return name
     return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)
@@ -103,11 +103,14 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     taken = [entrant.name for entrant in fixed]
     learned: list[Entrant] = []
     for given in config.policies:
+        steering, legs = split_legs(given) if isinstance(given, str) else (given, None)
         # what is both an entry point and a file is the file
-        if isinstance(given, str) and (not is_entry_point(given) or Path(given).exists()):
-            entrant = make_learned(given, config, taken)
+        if isinstance(steering, str) and (
+            not is_entry_point(steering) or Path(steering).exists()
+        ):
+            entrant = make_learned(steering, config, taken, legs)
         else:
-            entrant = make_own(given, config, taken)
+            entrant = make_own(steering, config, taken, legs)
         taken.append(entrant.name)
         learned.append(entrant)
     entrants = [*learned, *fixed]
@@ -132,20 +135,33 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
         There is no such name, the task does not show what it needs, or a drive is out of range.
     """
     task = config.resolved_task
-    if not is_law(name):
-        one_of("controllers", name, [*FIXED, "constant(left, right)"])
+    steering, legs = split_legs(name)
+    if not is_law(steering):
+        one_of("controllers", steering, [*FIXED, "constant(left, right)"])
     try:
-        fixed, policy = law_named(name), fixed_policy(name, task)
+        fixed, policy = law_named(steering), fixed_policy(steering, task)
     except ValueError as error:
         raise ValueError(f"controllers: {error}") from error
     controller = None
-    if config.legs is not None and fixed.legs is not None:
+    if legs is not None:
+        controller = _steered_legs(name, legs, config)
+    elif config.legs is not None and fixed.legs is not None:
         reflexes = {"reflexes": fixed.reflexes} if fixed.reflexes else {}
         body = config.env(config.terrains[0]).fly_scene.body
         controller = fit_controller(controller_named(fixed.legs, **reflexes), body)
     shown = task.slices().keys()
     sees = next((list(terms) for terms in fixed.sees if shown >= set(terms)), [])
     return _entrant("fixed", name, controller, policy, fixed.text, sees=sees)
+
+
+def _steered_legs(name: str, legs: str, config: EvaluationConfig) -> Controller:
+    """Leg controller that an entrant is put on; ValueError unless it follows a drive."""
+    if config.legs is None:
+        raise ValueError(f"{name}: a worm has no legs; leave @{legs} out")
+    controller = controller_named(legs)
+    if not controller.follows_command or controller.command.names != DRIVE.names:
+        raise ValueError(f"{name}: legs after @ must be such as follow a drive, got {legs!r}")
+    return fit_controller(controller, config.env(config.terrains[0]).fly_scene.body)
 
 
 def _entrant(
@@ -174,7 +190,9 @@ def _entrant(
     return Entrant(name, controller, policy, decision_interval, record)
 
 
-def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) -> Entrant:
+def make_learned(
+    path: str, config: EvaluationConfig, taken: Collection[str], legs: str | None = None
+) -> Entrant:
     """Entrant of a learned policy.
 
     Parameters
@@ -186,6 +204,8 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
         Of the evaluation.
     taken
         Names that are not free any more.
+    legs
+        Leg controller to put it on; None takes the one that it was trained on.
 
     Raises
     ------
@@ -195,10 +215,10 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
     file, policy = _load(path, config)
     env, training = policy.bundle.env, policy.bundle.training
     _check_observations(file, policy, config.resolved_task)
-    legs = env.get("controller")
-    check_trust(file, legs, config.trust_pickles, "trust_pickles=true")
+    trained_on = env.get("controller")
+    check_trust(file, trained_on, config.trust_pickles, "trust_pickles=true")
     try:
-        controller = controller_from(legs) if legs is not None else config.legs
+        controller = controller_from(trained_on) if trained_on is not None else config.legs
     except (TypeError, ValueError) as error:
         raise PolicyFileError(f"{file}: its leg controller cannot be used here: {error}") from error
     if controller is not None and not controller.follows_command:
@@ -206,11 +226,13 @@ def make_learned(path: str, config: EvaluationConfig, taken: Collection[str]) ->
             f"{file}: its leg controller, {controller.name!r}, ignores the drive, so that no "
             "policy can steer it"
         )
+    name = policy_name(file) or str(training.get("algo", file.stem))
+    if legs is not None:
+        controller, name = _steered_legs(path, legs, config), f"{name}@{legs}"
     interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
-    name = free_name(policy_name(file) or str(training.get("algo", file.stem)), taken)
     return _entrant(
         "learned",
-        name,
+        free_name(name, taken),
         controller,
         policy,
         _how_learned(env, training),
@@ -281,7 +303,9 @@ def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
     return f"{text} on unknown ground"
 
 
-def make_own(given: object, config: EvaluationConfig, taken: Collection[str]) -> Entrant:
+def make_own(
+    given: object, config: EvaluationConfig, taken: Collection[str], legs: str | None = None
+) -> Entrant:
     """Entrant of a policy of the user's own.
 
     Parameters
@@ -292,6 +316,8 @@ def make_own(given: object, config: EvaluationConfig, taken: Collection[str]) ->
         Of the evaluation.
     taken
         Names that are not free any more.
+    legs
+        Leg controller to put it on; None takes the usual one.
 
     Raises
     ------
@@ -310,10 +336,13 @@ def make_own(given: object, config: EvaluationConfig, taken: Collection[str]) ->
         name = getattr(given, "__name__", type(given).__name__)
         module = inspect.getmodule(given if hasattr(given, "__name__") else type(given))
         file = getattr(module, "__file__", None)
+    name, controller = name.strip("<>"), config.legs
+    if legs is not None:
+        controller, name = _steered_legs(name, legs, config), f"{name}@{legs}"
     return _entrant(
         "own",
-        free_name(name.strip("<>"), taken),
-        config.legs,
+        free_name(name, taken),
+        controller,
         own_policy(given, source or name, config.resolved_task),
         f"your own, {source or name}",
         source=source,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from flyrl.controllers import CONTROLLERS
 from flyrl.controllers.reflexes import ReflexesName
 from flyrl.entry_points import is_entry_point
 from flyrl.policies.fixed import (
@@ -111,6 +112,17 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
 """Fixed laws by name. Besides, there is constant(left, right): any drive, held."""
 
 _CONSTANT: Final = re.compile(r"constant\(\s*([^,\s]+)\s*,\s*([^,\s]+)\s*\)")
+
+
+def split_legs(name: str) -> tuple[str, str | None]:
+    """Name of what steers, and of the legs that it is put on: ("pursuit", "cpg") of pursuit@cpg.
+
+    None stands for its usual legs. What follows a last @ and names no leg controller, as in a path,
+    belongs to the name.
+    """
+    steering, _, legs = name.rpartition("@")
+    is_legs = steering and (legs in CONTROLLERS or is_entry_point(legs))
+    return (steering, legs) if is_legs else (name, None)
 
 
 def is_law(name: str) -> bool:

@@ -103,6 +103,27 @@ def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
     assert env_config.decision_interval_s == pytest.approx(0.05)
 
 
+def test_what_steers_can_be_put_on_other_legs(tmp_path):
+    path = save_policy(tmp_path / "a.safetensors")
+    config = EvaluationConfig(
+        policies=(f"{path}@cpg", f"{path}@rule_based_steered"),
+        controllers=("pursuit", "pursuit@cpg", "constant(1.2, 0.4)@cpg"),
+    )
+    assert {each.name: each.controller.name for each in make_entrants(config)} == {
+        "ppo@cpg": "cpg",
+        "ppo@rule_based_steered": "rule_based_steered",
+        "pursuit": "hybrid",
+        "pursuit@cpg": "cpg",
+        "constant(1.2, 0.4)@cpg": "cpg",
+    }
+
+
+@pytest.mark.parametrize("legs", ["rule_based", "joints"])
+def test_legs_that_follow_no_drive_are_refused(legs):
+    with pytest.raises(ValueError, match=f"pursuit@{legs}: legs after @ must .* got '{legs}'"):
+        make_entrants(EvaluationConfig(controllers=(f"pursuit@{legs}",)))
+
+
 def test_a_policy_for_other_observations_is_refused(tmp_path):
     path = save_policy(tmp_path / "a.safetensors", observation=observation_layout(TARGET)[1:])
     with pytest.raises(PolicyFileError, match=r"a\.safetensors: .*other observations"):
