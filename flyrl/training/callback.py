@@ -255,12 +255,19 @@ class RunCallback(BaseCallback):
         if self.num_timesteps >= self._next_evaluation:
             self.is_pruned = not self._evaluate()
             self._next_evaluation = self.num_timesteps + self._config.training.evaluation_interval
-        is_ending = bool(self._interrupted) or self.is_pruned
+        is_ending = bool(self._interrupted) or self.is_pruned or self._is_good_enough
         if self.num_timesteps >= self._next_checkpoint or is_ending:
             self._next_checkpoint = self.num_timesteps + self._config.training.checkpoint_interval
             self._save_checkpoint()
         # the decision that follows is the last one, and not in the checkpoint: nothing is lost
         self._is_ending = is_ending
+
+    @property
+    def _is_good_enough(self) -> bool:
+        """Whether the last two evaluations reached `training.stop_at`."""
+        stop_at, last = self._config.training.stop_at, self._evaluations[-2:]
+        rates = [row["success_rate"] for row in last]
+        return stop_at is not None and len(rates) == 2 and min(rates) >= stop_at
 
     def _on_training_end(self) -> None:
         # settled here: a signal during the last evaluation comes too late to interrupt the run
@@ -273,7 +280,8 @@ class RunCallback(BaseCallback):
         elif self.is_pruned:
             reason = "pruning"  # right after an evaluation: it is saved
         else:
-            self._evaluate()
+            if not self._is_good_enough:  # nor was it right before
+                self._evaluate()
             self.logger.dump(self.num_timesteps)
         write_json(
             self._folder / STATUS_FILE,

@@ -86,6 +86,9 @@ class ScheduleConfig:
         Number of held-out episodes; the same ones at every evaluation.
     evaluation_seed
         Picks the held-out episodes, which no training run ever draws.
+    stop_at
+        Success rate on the held-out episodes, from 0 to 1, at which the run ends before
+        `total_timesteps`: reached twice in a row. None trains to the end.
     checkpoint_interval
         Decisions between two checkpoints, from which an interrupted run can go on.
     checkpoints_kept
@@ -103,6 +106,7 @@ class ScheduleConfig:
     evaluation_interval: Annotated[int, Within(1, 10**12)] = 10_000
     evaluation_episodes: Annotated[int, Within(1, MOST_SIMS)] = 32
     evaluation_seed: Annotated[int, Within(0, 2**63 - 1)] = 0
+    stop_at: Annotated[float | None, Within(0, 1)] = None
     checkpoint_interval: Annotated[int, Within(1, 10**12)] = 10_000
     checkpoints_kept: Annotated[int, Within(1, 10**6)] = 2
     progress_bar: bool = True

@@ -207,3 +207,11 @@ def test_a_curriculum_makes_the_training_harder_but_not_the_evaluation(tmp_path)
     assert difficulties == sorted(difficulties)
     assert (difficulties[0], difficulties[-1]) == (0.25, 0.5)
     assert {episode.difficulty for episode in held_out_episodes(config)} == {1.0}
+
+
+@pytest.mark.parametrize(("stop_at", "evaluations"), [(0.0, [32, 64]), (1.0, [32, 64, 96])])
+def test_a_run_ends_once_two_evaluations_in_a_row_are_good_enough(tmp_path, stop_at, evaluations):
+    config = replace(PPO_CONFIG, training=replace(SCHEDULE, stop_at=stop_at))
+    ended = read_run(train(config, tmp_path).folder)
+    assert [row["decisions"] for row in ended.evaluations] == evaluations
+    assert ended.state == "finished"
