@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
+from flyrl.evaluation.crossing import crossing
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results
@@ -94,7 +95,8 @@ def terrain_section(
     videos, examples
         Of all terrains.
     """
-    name = terrain["name"]
+    name, protocol = terrain["name"], results.protocol
+    usual = compared_conditions(protocol["vary"])[0].label
     summary = [row for row in results.summaries if row["terrain"] == name]
     walked = results.episodes[results.episodes["terrain"] == name]
     filmed = by_episode(videos, examples, name)
@@ -102,8 +104,7 @@ def terrain_section(
     return {
         "name": name,
         "doses": [
-            {"name": quantity, "text": QUANTITIES[quantity].text}
-            for quantity in results.protocol["vary"]
+            {"name": quantity, "text": QUANTITIES[quantity].text} for quantity in protocol["vary"]
         ],
         "rows": [table_row(row) for row in summary],
         "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
@@ -116,6 +117,9 @@ def terrain_section(
             if row["paired"]
         ],
         "reasons": _reasons(summary),
+        "crossing": crossing(
+            walked[walked["condition"] == usual], protocol, np.random.default_rng(protocol["seed"])
+        ),
         "players": [player(name, episode, *shown) for episode, shown in filmed.items()],
     }
 

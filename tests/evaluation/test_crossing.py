@@ -1,0 +1,82 @@
+"""Steering crossed with legs."""
+
+import numpy as np
+import pytest
+
+from flyrl.evaluation.crossing import crossing
+from flyrl.evaluation.episodes import episode_row, episode_table
+from tests.synthetic import TASK, judged_by, make_record
+
+# successes of eight episodes
+WALKED = {
+    "pursuit": "11111111",
+    "pursuit@cpg": "11110000",
+    "zero": "00000000",
+    "zero@cpg": "11000000",
+    "hybrid": "00000000",
+}
+LEGS = {"pursuit": "hybrid", "pursuit@cpg": "cpg", "zero": "hybrid", "zero@cpg": "cpg"}
+PROTOCOL = {
+    **judged_by(TASK),
+    "entrants": [
+        {
+            "name": name,
+            "leg_controller": LEGS.get(name, "hybrid"),
+            "policy": name.removesuffix("@cpg"),
+            "sha256": None,
+        }
+        for name in WALKED
+    ],
+}
+
+
+def rows(names):
+    return episode_table(
+        [
+            episode_row(
+                make_record(
+                    [[0, 0], [1, 0]],
+                    controller=name,
+                    index=i,
+                    outcome="success" if each == "1" else "timeout",
+                ),
+                "",
+            )
+            for name in names
+            for i, each in enumerate(WALKED[name])
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def crossed():
+    return crossing(rows(WALKED), PROTOCOL, np.random.default_rng(0))
+
+
+def test_what_stands_on_one_pair_of_legs_alone_is_left_out(crossed):
+    assert {steering: list(group) for steering, group in crossed.items()} == {
+        "pursuit": ["hybrid", "cpg"],
+        "zero": ["hybrid", "cpg"],
+    }
+
+
+def test_legs_are_compared_under_the_same_steering(crossed):
+    assert crossed["pursuit"]["hybrid"].of_legs is None
+    assert crossed["pursuit"]["cpg"].of_legs.value == -0.5
+    assert crossed["zero"]["cpg"].of_legs.value == 0.25
+
+
+def test_steering_is_compared_on_the_same_legs(crossed):
+    assert crossed["pursuit"]["cpg"].of_steering is None
+    assert crossed["zero"]["hybrid"].of_steering.value == -1.0
+    assert crossed["zero"]["cpg"].of_steering.value == -0.25
+
+
+def test_the_rate_has_the_interval_of_all_rates(crossed):
+    rate = crossed["pursuit"]["cpg"].success
+    assert rate.value == 0.5
+    assert rate.low == pytest.approx(0.2152, abs=1e-4)  # Wilson: 4 of 8
+
+
+def test_without_other_legs_there_is_nothing_to_cross():
+    assert not crossing(rows(["pursuit", "hybrid"]), PROTOCOL, np.random.default_rng(0))
