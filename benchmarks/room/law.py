@@ -26,7 +26,7 @@ class Settings:
 
     def policy(self, task: Task) -> Pursuit:
         """The law with these settings."""
-        return Pursuit(task.slices()["target_direction"], task.actions.of, **asdict(self))
+        return Pursuit(task, **asdict(self))
 
 
 PUBLISHED: Final = Settings(1.0, 1.0, 0.2, 1.2)

@@ -105,9 +105,7 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     for given in config.policies:
         steering, legs = split_legs(given) if isinstance(given, str) else (given, None)
         # what is both an entry point and a file is the file
-        if isinstance(steering, str) and (
-            not is_entry_point(steering) or Path(steering).exists()
-        ):
+        if isinstance(steering, str) and (not is_entry_point(steering) or Path(steering).exists()):
             entrant = make_learned(steering, config, taken, legs)
         else:
             entrant = make_own(steering, config, taken, legs)
