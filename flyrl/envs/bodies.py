@@ -14,6 +14,7 @@ from flyrl.simulation.randomisation import UNVARIED
 from flyrl.simulation.scene import build_scene
 from flyrl.tasks import Episode
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
+from flyrl.terrains import NOWHERE
 
 ABOVE_GROUND: Final = 0.02
 """mm; a marker lies that far above the ground, to be seen."""
@@ -70,7 +71,7 @@ class Bodies:
         """Put the props that stand where episodes lead to elsewhere: x, y, mm, (k, 2)."""
         starts = self.batch.prop_starts[ids]
         for row, sim, goal in zip(starts, ids, goals, strict=True):
-            self._put_at_goal(row, int(sim), goal)
+            self._put_on_ground(row, int(sim), goal)
         self.batch.set_props(ids, starts)
 
     def snapshot(self) -> dict[str, Any]:
@@ -125,18 +126,20 @@ class Bodies:
                 )
             row = self.batch.prop_starts[sim]
             row[placed] = np.reshape(episode.props, (-1, 3))
-            self._put_at_goal(row, int(sim), episode.goal)
+            self._put_on_ground(row, int(sim), episode.goal)
         self.batch.set_props(ids, self.batch.prop_starts[ids])
 
-    def _put_at_goal(self, row: NDArray[np.float64], sim: int, goal: Sequence[float]) -> None:
-        """Put props of one simulation, (props, 3), at its goal, if it has one."""
+    def _put_on_ground(self, row: NDArray[np.float64], sim: int, goal: Sequence[float]) -> None:
+        """Put props of one simulation, (props, 3), at its goal, if it has one; lay markers down."""
         terrain = self._scene.terrain
         for place, prop in zip(row, self._scene.props, strict=True):
             if prop.at_goal and len(goal):
-                x, y = goal[0], goal[1]
-                top = terrain.top_at(self.batch.ground(sim), x, y)
-                foot = terrain.base_height if top is None else top
-                place[:] = (x, y, foot + prop.height / 2 + ABOVE_GROUND)
+                place[:2] = goal[0], goal[1]
+            elif prop.at_goal or prop.shape != "marker" or place[2] <= NOWHERE[2]:
+                continue
+            top = terrain.top_at(self.batch.ground(sim), place[0], place[1])
+            foot = terrain.base_height if top is None else top
+            place[2] = foot + prop.height / 2 + ABOVE_GROUND
 
     def _check(self, episode: Episode) -> None:
         """Raise ValueError if an episode asks for what these bodies or the settings do not have."""

@@ -12,6 +12,7 @@ _TASKS: Final = (
     "path",
     "traverse",
     "heading",
+    "slalom",
     "hybrid_turning",
     "joints",
     "joints_box",

@@ -70,6 +70,8 @@ _QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest
 """The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
 without a fall, at 0.81 s instead of 1.00; on a path the literature's turn keeps closer to it."""
 
+_QUICK_TASKS: Final = ("target", "target_goal", "heading", "slalom")
+
 _GOALS: Final = (ACHIEVED_GOAL, DESIRED_GOAL, "compass")
 
 
@@ -78,7 +80,7 @@ def _held(left: float, right: float) -> Callable[[Task], FixedPolicy]:
 
 
 def _pursue(task: Task) -> FixedPolicy:
-    tuned = _QUICK_PURSUIT if task.name in ("target", "target_goal", "heading") else {}
+    tuned = _QUICK_PURSUIT if task.name in _QUICK_TASKS else {}
     return Pursuit(task, **tuned)
 
 

@@ -94,7 +94,9 @@ class BodyRenderer:
         self._model.vis.global_.offwidth = width
         self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
-        self._markers = [i for i, prop in enumerate(config.props) if prop.at_goal]
+        self._markers = [
+            i for i, prop in enumerate(config.props) if prop.at_goal or prop.shape == "marker"
+        ]
         self._camera = mujoco.MjvCamera()
         self._offscreen = Offscreen(self._model, width, height)
         self.pixels_per_mm = 0.0

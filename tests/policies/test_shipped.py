@@ -10,12 +10,15 @@ from flyrl.policies import export_onnx, load_policy, named_policies, save_bundle
 from flyrl.policies.bundle import load_bundle
 from flyrl.tasks import TASKS
 
+WITHOUT = {"slalom"}
+"""Tasks whose policies do not come with flyrl."""
+
 
 def test_every_task_that_can_be_learned_has_a_policy():
     learned = {load_bundle(path).env["task"]["name"] for path in named_policies().values()}
     to_be_learned = {name for name in TASKS if TASKS[name]().time_limit_s is not None}
     # of a task with two kinds of actions, one policy
-    assert learned == {name for name in to_be_learned if not name.endswith("_box")}
+    assert learned == {name for name in to_be_learned if not name.endswith("_box")} - WITHOUT
 
 
 @pytest.mark.parametrize("name", named_policies())
