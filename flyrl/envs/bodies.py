@@ -115,7 +115,7 @@ class Bodies:
 
     def _set_props(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Put the props of episodes where these say."""
-        if not self._scene.props:
+        if not self._scene.props or not len(ids):
             return
         placed = [i for i, prop in enumerate(self._scene.props) if not prop.at_goal]
         for sim, episode in zip(ids, episodes, strict=True):
@@ -127,7 +127,8 @@ class Bodies:
             row = self.batch.prop_starts[sim]
             row[placed] = np.reshape(episode.props, (-1, 3))
             self._put_on_ground(row, int(sim), episode.goal)
-        self.batch.set_props(ids, self.batch.prop_starts[ids])
+        commands = np.array([episode.command for episode in episodes])
+        self.batch.set_props(ids, self.batch.prop_starts[ids], commands)
 
     def _put_on_ground(self, row: NDArray[np.float64], sim: int, goal: Sequence[float]) -> None:
         """Put props of one simulation, (props, 3), at its goal, if it has one; lay markers down."""

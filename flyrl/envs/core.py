@@ -217,7 +217,7 @@ class BatchedEnv:
                 _where(is_unstable, previous, now), time=np.where(is_unstable, passed, now.time)
             )
         self.state = now
-        return self._scores.decide(now, previous, self.batch.props(), moved)
+        return self._scores.decide(now, previous, self.batch.props(now.time), moved)
 
     def command(
         self,
@@ -323,7 +323,7 @@ class BatchedEnv:
 
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
-        state = self._scores.state(self.state, self.state, self.batch.props())
+        state = self._scores.state(self.state, self.state, self.batch.props(self.state.time))
         return self._scores.observe(state)
 
     def grounds(self) -> NDArray[np.int64]:
@@ -332,7 +332,7 @@ class BatchedEnv:
 
     def task_state(self) -> TaskState:
         """What the task's terms saw after the last decision, or see after a reset since."""
-        return self._scores.state(self.state, self._previous, self.batch.props())
+        return self._scores.state(self.state, self._previous, self.batch.props(self.state.time))
 
     def failure_info(self) -> dict[str, NDArray[Any]]:
         """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""

@@ -13,6 +13,7 @@ _TASKS: Final = (
     "traverse",
     "heading",
     "slalom",
+    "chase",
     "hybrid_turning",
     "joints",
     "joints_box",

@@ -233,6 +233,7 @@ class Batch(NativeBatch):
         self.prop_starts = np.tile(np.array(NOWHERE), (self.num_sims, len(self._props), 1))
         self._solid = [i for i, prop in enumerate(self._props) if prop.is_solid]
         self._paths = {i: prop.path for i, prop in enumerate(self._props) if prop.path}
+        self._commands = np.zeros((self.num_sims, 0))
         self._mocap_pos = self._batch.bind("mocap_pos")
         self._variation = Variation(scene.model, self._batch)
 
@@ -283,19 +284,30 @@ class Batch(NativeBatch):
         """The ground that a simulation walks on."""
         return self._grounds[sim]
 
-    def set_props(self, ids: Ids, starts: NDArray[np.float64]) -> None:
+    def set_props(
+        self,
+        ids: Ids,
+        starts: NDArray[np.float64],
+        commands: NDArray[np.float64] | None = None,
+    ) -> None:
         """Put props where they start, mm, (k, props, 3): of simulations that are, or were, reset.
 
-        Where one moves, it is from now on where it is at the simulation's time.
+        Where one moves, it is from now on where it is at the simulation's time; its path takes the
+        commands, (k, size), of episodes. None leaves those as they are.
         """
         self.prop_starts[ids] = starts
+        if commands is not None:
+            if self._commands.shape[1] != commands.shape[1]:
+                self._commands = np.zeros((self.num_sims, commands.shape[1]))
+            self._commands[ids] = commands
         self._move_props()
 
-    def props(self) -> NDArray[np.float64]:
-        """Where props are, mm, (n, props, 3), ordered as `SceneConfig.props`."""
+    def props(self, time_s: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Where props are at times (n,), s, or now: mm, (n, props, 3), as `SceneConfig.props`."""
         places = self.prop_starts.copy()
+        time_s = self._time if time_s is None else time_s
         for i, path in self._paths.items():
-            places[:, i] = path(self.prop_starts[:, i], self._time)
+            places[:, i] = path(self.prop_starts[:, i], time_s, self._commands)
         return places
 
     def step(self, num_steps: int = 1, ids: Ids | None = None) -> None:

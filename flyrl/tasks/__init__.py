@@ -1,6 +1,16 @@
 """Decision problems: observation, reward, termination and reset of each task, as tables."""
 
-from flyrl.tasks import heading, hybrid_turning, path, slalom, target, traverse, velocity, worm
+from flyrl.tasks import (
+    chase,
+    heading,
+    hybrid_turning,
+    path,
+    slalom,
+    target,
+    traverse,
+    velocity,
+    worm,
+)
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets, Neurons
 from flyrl.tasks.episode import Episode
 from flyrl.tasks.extension import (
@@ -41,6 +51,7 @@ TASKS.update(
     traverse=traverse.traverse,
     heading=heading.heading,
     slalom=slalom.slalom,
+    chase=chase.chase,
     hybrid_turning=hybrid_turning.hybrid_turning,
     joints=hybrid_turning.joints,
     joints_box=hybrid_turning.joints_box,

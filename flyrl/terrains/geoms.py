@@ -174,8 +174,9 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
 
 Shape = Literal["sphere", "cylinder", "box", "marker"]
 
-Path = Callable[[Array, Array], Array]
-"""From starts (n, 3), mm, and the time since the reset (n,), s, to positions (n, 3), mm."""
+Path = Callable[[Array, Array, Array], Array]
+"""From starts (n, 3), mm, the time since the reset (n,), s, and what episodes ask for (n, size of
+their command) to positions (n, 3), mm."""
 
 _SIZES: Final[dict[str, int]] = {"sphere": 1, "cylinder": 2, "box": 3, "marker": 1}
 

@@ -15,7 +15,7 @@ POST = Prop("post", "cylinder", (0.5, 4.0), is_solid=True)
 GHOST = Prop("ghost", "cylinder", (0.5, 4.0))
 
 
-def to_and_fro(starts, time_s):
+def to_and_fro(starts, time_s, command):
     """10 mm/s along y."""
     return starts + np.outer(10.0 * time_s, (0.0, 1.0, 0.0))
 

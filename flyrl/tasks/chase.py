@@ -1,0 +1,193 @@
+"""Chase: catch a target that moves along a circle, in time."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Annotated
+
+import numpy as np
+
+from flyrl.tasks import terms
+from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
+from flyrl.tasks.function import TaskFunction
+from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
+from flyrl.tasks.senses import SENSES
+from flyrl.tasks.target import is_inside
+from flyrl.tasks.task import (
+    SUCCESS,
+    Array,
+    Mask,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    TaskState,
+    Termination,
+)
+from flyrl.tasks.terms import FAILURES, error, lost_time, to_yaw_frame
+from flyrl.terrains import Prop, Terrain
+from flyrl.validation import Within, ordered
+
+COURSE_POINTS = 50
+"""Places on the target's way that must lie on the terrain."""
+
+
+def revolved(places: Array, time_s: Array, command: Array) -> Array:
+    """Places (n, 3), mm, after a time (n,), s, around the centres that commands say.
+
+    Parameters
+    ----------
+    command
+        x and y of the centre, mm, and rate, rad/s, counter-clockwise from above, (n, 3).
+    """
+    centre, angle = command[:, :2], command[:, 2] * time_s
+    offset = to_yaw_frame(places[:, :2] - centre, -angle)
+    return np.concatenate([centre + offset, places[:, 2:]], axis=1)
+
+
+def sample_episode(
+    terrain: Terrain,
+    seed: int,
+    difficulty: float = 1.0,
+    *,
+    distance: tuple[float, float],
+    speed: float,
+    radius: float,
+    time_limit: float,
+) -> Episode:
+    """Draw a spawn, where the target starts and in which direction, and the CPG's start.
+
+    Bearing and direction are uniform, the circle is to its left or right. With the difficulty, the
+    bearings grow from straight ahead to all, the largest distance from the smallest, mm, and the
+    target's speed, mm/s, from rest.
+
+    Raises
+    ------
+    ValueError
+        If the terrain has no room for the target's way until the time limit, s.
+    """
+    episode = bare_episode(terrain, seed, difficulty)
+    rng = np.random.default_rng([seed, 1])
+    nearest, farthest = distance
+    farthest = nearest + difficulty * (farthest - nearest)
+    turn_rate = difficulty * speed / radius
+    times_s = np.linspace(0.0, time_limit, COURSE_POINTS)
+    for _ in range(MOST_DRAWS):
+        bearing, away = difficulty * rng.uniform(-np.pi, np.pi), rng.uniform(nearest, farthest)
+        side, to_centre = rng.choice([-1.0, 1.0]), rng.uniform(-np.pi, np.pi)
+        start = episode.spawn_position_w[:2] + away * np.array([np.cos(bearing), np.sin(bearing)])
+        centre = start + radius * np.array([np.cos(to_centre), np.sin(to_centre)])
+        command = np.array([*centre, side * turn_rate])
+        places = np.tile((*start, terrain.base_height), (COURSE_POINTS, 1))
+        course = revolved(places, times_s, np.tile(command, (COURSE_POINTS, 1)))
+        if is_inside(course[:, 0], course[:, 1], terrain.bounds).all():
+            break
+    else:
+        raise ValueError(
+            f"task.distance, task.speed and task.radius must leave the target room on the terrain "
+            f"{terrain.name!r} for {time_limit} s, got {distance} mm, {speed} mm/s and {radius} mm"
+        )
+    return replace(episode, command=tuple(command.tolist()), props=tuple(places[0].tolist()))
+
+
+def now(state: TaskState) -> TaskState:
+    """The state whose goal is where the target is."""
+    return replace(state, goal=state.props[:, 0, :2])
+
+
+def target_direction_b(state: TaskState) -> Array:
+    """Unit vector to the target, (n, 2); see `terms.target_direction_b`."""
+    return terms.target_direction_b(now(state))
+
+
+def target_distance(state: TaskState) -> Array:
+    """Distance to the target in units of 15 mm, (n, 1)."""
+    return terms.target_distance(now(state))
+
+
+def target_velocity_b(state: TaskState) -> Array:
+    """Velocity of the target, forward and leftward, in units of 20 mm/s, (n, 2)."""
+    offset = state.props[:, 0, :2] - state.command[:, :2]
+    velocity_w = state.command[:, 2:] * np.stack([-offset[:, 1], offset[:, 0]], axis=1)
+    return to_yaw_frame(velocity_w, state.fly.yaw) / 20.0
+
+
+def progress(state: TaskState) -> Array:
+    """By how much the distance to the target shrank, by its motion and the fly's, mm, (n,)."""
+    place = state.props[:, 0]
+    before = revolved(place, state.previous.time - state.fly.time, state.command)[:, :2]
+    return terms.goal_distance(state.previous.position_w, before) - terms.goal_distance(
+        state.fly.position_w, place[:, :2]
+    )
+
+
+def is_caught(state: TaskState, reach: float) -> Mask:
+    """Whether the thorax is within `reach`, mm, of the target, horizontally, (n,)."""
+    return terms.is_at_target(now(state), reach)
+
+
+def turn_to_target(state: TaskState) -> Array:
+    """Angle between the heading and the bearing of the target, deg, (n,)."""
+    return terms.turn_to_target(now(state))
+
+
+@TaskFunction
+def chase(
+    distance: Annotated[tuple[float, float], Within(0, 1000)] = (5.0, 10.0),
+    speed: Annotated[float, Within(0, 100)] = 8.0,
+    radius: Annotated[float, Within(0.1, 1e4)] = 6.0,
+    reach: Annotated[float, Within(1e-3, 1000)] = 1.0,
+    time_limit: Annotated[float, TIME] = 4.0,
+) -> Task:
+    """Catch a target that moves along a circle.
+
+    Parameters
+    ----------
+    distance
+        Least and greatest distance of the target from the fly at the start, mm.
+    speed
+        Of the target, mm/s; a fly walks straight at up to 19.
+    radius
+        Of the circle, mm; 1000 is as good as a straight line.
+    reach
+        The target is caught within this horizontal distance of the thorax, mm.
+    time_limit
+        s until the episode is cut off.
+    """
+    near, far = ordered("task.distance", distance)
+    if reach >= near:
+        raise ValueError(f"task.reach must be below the least task.distance, {near}, got {reach}")
+    caught = partial(is_caught, reach=reach)
+    return Task(
+        observation=(
+            ObservationTerm(
+                "target_direction", (2,), -1.0, 1.0, target_direction_b,
+                "cos and sin of the target's bearing from the heading, left positive",
+                is_bearing=True,
+            ),
+            ObservationTerm(
+                "target_distance", (1,), 0.0, 4.0, target_distance,
+                "horizontal distance to the target, in 15 mm",
+            ),
+            ObservationTerm(
+                "target_velocity", (2,), -5.0, 5.0, target_velocity_b,
+                "forward and leftward velocity of the target, in 20 mm/s",
+            ),
+            *SENSES,
+        ),
+        reward=(
+            RewardTerm("progress", 0.2, progress, "mm closer to the target"),
+            RewardTerm("success", 2.0, caught, "the target is caught"),
+            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
+            # no failure may save the time that it cuts off
+            lost_time(-0.5),
+        ),
+        terminations=(Termination(SUCCESS, caught), *FAILURES),
+        time_limit_s=time_limit,
+        props=(Prop("target", "marker", (reach,), (0.85, 0.2, 0.2, 0.6), path=revolved),),
+        sample_episode=partial(
+            sample_episode, distance=distance, speed=speed, radius=radius, time_limit=time_limit
+        ),
+        difficulty=f"distance of the target, from {near:g} mm to {near:g}-{far:g}, its bearing, "
+        f"from 0 to ±180°, and its speed, from 0 to {speed:g} mm/s",
+        success=f"thorax within {reach:g} mm of the target",
+        errors=(error("heading_error_deg", 180.0, turn_to_target),),
+    )  # fmt: skip
