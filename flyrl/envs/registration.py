@@ -14,6 +14,7 @@ _TASKS: Final = (
     "heading",
     "slalom",
     "chase",
+    "stop",
     "hybrid_turning",
     "joints",
     "joints_box",

@@ -120,6 +120,9 @@ class Pursuit(_DrivePolicy):
     weakest, strongest
         Bounds of the drive. The default turn, (1.2, 0.2), is that of the literature; stronger
         differences can tip the fly over.
+    brake
+        Where the fly is to stop at the target: distance, mm, from which on the drive falls, to 0 at
+        half of it; the task shows `target_distance`. 0 lets it walk on.
     """
 
     def __init__(
@@ -130,8 +133,10 @@ class Pursuit(_DrivePolicy):
         forward: float = 1.0,
         weakest: float = 0.2,
         strongest: float = 1.2,
+        brake: float = 0.0,
     ) -> None:
         super().__init__(task)
+        self._brake = brake
         self._gain = gain
         self._forward = forward
         self._bounds = (weakest, strongest)
@@ -139,7 +144,11 @@ class Pursuit(_DrivePolicy):
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         forward, left = self._towards(shown)
         turn = self._gain * np.arctan2(left, forward)[:, None] * np.array([-1.0, 1.0])
-        return np.asarray(np.clip(self._forward + turn, *self._bounds))
+        drives = np.clip(self._forward + turn, *self._bounds)
+        if self._brake > 0.0:
+            in_brakes = 15.0 * shown["target_distance"] / self._brake
+            drives = drives * np.clip(2.0 * in_brakes - 1.0, 0.0, 1.0)
+        return np.asarray(drives)
 
     def _towards(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         """Vectors towards the target in the body frame, forward and left: (2, n)."""

@@ -70,7 +70,7 @@ _QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest
 """The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
 without a fall, at 0.81 s instead of 1.00; on a path the literature's turn keeps closer to it."""
 
-_QUICK_TASKS: Final = ("target", "target_goal", "heading", "slalom")
+_QUICK_TASKS: Final = ("target", "target_goal", "heading", "slalom", "chase", "stop")
 
 _GOALS: Final = (ACHIEVED_GOAL, DESIRED_GOAL, "compass")
 
@@ -80,7 +80,9 @@ def _held(left: float, right: float) -> Callable[[Task], FixedPolicy]:
 
 
 def _pursue(task: Task) -> FixedPolicy:
-    tuned = _QUICK_PURSUIT if task.name in _QUICK_TASKS else {}
+    tuned: dict[str, float] = dict(_QUICK_PURSUIT) if task.name in _QUICK_TASKS else {}
+    if task.name == "stop" and "target_distance" in task.slices():
+        tuned["brake"] = 1.5 * task.parameters["reach"]
     return Pursuit(task, **tuned)
 
 

@@ -1,0 +1,49 @@
+"""Stop: standing within reach counts, and the law brakes."""
+
+import numpy as np
+import pytest
+
+from flyrl.policies import load_policy
+from flyrl.tasks import TASKS
+from tests.tasks.test_terms import fly_state, task_state
+
+STOP = TASKS["stop"]()
+REWARDS = {term.name: term for term in STOP.reward}
+
+
+@pytest.mark.parametrize(
+    ("x", "speed", "stood"),
+    [(0.9, 1.9, 0.02), (1.1, 1.9, 0.0), (0.9, 2.1, 0.0), (0.9, -1.9, 0.02)],
+)
+def test_a_fly_stands_that_is_near_and_slow(x, speed, stood):
+    before = fly_state(time=[0.5], position_w=[[x - 0.02 * speed, 0, 1]])
+    state = task_state(fly_state(time=[0.52], position_w=[[x, 0, 1.3]]), before)
+    np.testing.assert_allclose(REWARDS["standing"].compute(state), [stood])
+
+
+def test_to_have_stood_for_long_enough_is_a_success():
+    total = sum([0.02] * 25)  # as the environment adds it up
+    state = task_state(fly_state(2), standing=[total - 0.02, total])
+    assert STOP.terminations[0].is_success
+    assert STOP.terminations[0].holds(state).tolist() == [False, True]
+
+
+def test_standing_is_worth_as_much_however_long():
+    for kept in (0.5, 2.0):
+        standing = next(term for term in TASKS["stop"](kept=kept).reward if term.name == "standing")
+        assert standing.weight * kept == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("distance", "share"), [(5.0, 1.0), (1.5, 1.0), (1.125, 0.5), (0.7, 0.0)])
+def test_pursuit_brakes_at_the_place(distance, share):
+    places = STOP.slices()
+    observation = np.zeros((1, max(place.stop for place in places.values())))
+    observation[0, places["target_direction"]] = (1, 0)
+    observation[0, places["target_distance"]] = distance / 15
+    drive = STOP.actions.commands(load_policy("pursuit", "stop").predict(observation)[0])
+    np.testing.assert_allclose(drive, [[1.5 * share] * 2], atol=1e-6)
+
+
+def test_a_reach_beyond_the_nearest_place_is_refused():
+    with pytest.raises(ValueError, match=r"task\.reach must be below the least task\.distance, 2"):
+        TASKS["stop"](distance=(2, 3), reach=2)
