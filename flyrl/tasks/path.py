@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from flyrl.tasks.task import (
 from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, error, is_inside, success_in_time
 from flyrl.terrains import TARGET_MARKER, Terrain
 from flyrl.validation import Within
+
+LEFT_PATH: Final = "left_path"
+"""Outcome of a fly that is off a narrow path."""
 
 
 def draw_path(
@@ -90,6 +93,11 @@ def was_followed(state: TaskState, reach: float, tolerance: float) -> Mask:
     return terms.is_at_target(state, reach) & (mean_deviation <= tolerance)
 
 
+def has_left_path(state: TaskState, width: float) -> Mask:
+    """Whether the thorax is further than `width`, mm, from the path, (n,)."""
+    return terms.off_path(state) > width
+
+
 @TaskFunction
 def path(
     length: Annotated[float, Within(2, 1000)] = 24.0,
@@ -98,6 +106,7 @@ def path(
     look_ahead: Annotated[float, Within(0.5, 1000)] = 4.0,
     reach: Annotated[float, Within(1e-3, 1000)] = 1.0,
     tolerance: Annotated[float, Within(1e-3, 1000)] = 1.0,
+    width: Annotated[float | None, Within(0.5, 1000)] = None,
     time_limit: Annotated[float, TIME] = 4.0,
 ) -> Task:
     """Follow a path.
@@ -117,10 +126,15 @@ def path(
         The end is reached within this horizontal distance of the thorax, mm.
     tolerance
         mm from the path, mean over the episode so far: with more, the end does not count.
+    width
+        mm; the path is so narrow that to be off it by more ends the episode as "left_path", and
+        costs what other failures cost. None: it may be left.
     time_limit
         s until the episode is cut off.
     """
     followed = partial(was_followed, reach=reach, tolerance=tolerance)
+    off = () if width is None else (Termination(LEFT_PATH, partial(has_left_path, width=width)),)
+    failures = (*FAILURES, *off)
     return Task(
         observation=(
             ObservationTerm(
@@ -143,9 +157,9 @@ def path(
         reward=(
             RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
             RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
-            *success_in_time(followed, "the path was followed to its end"),
+            *success_in_time(followed, "the path was followed to its end", failures),
         ),
-        terminations=(Termination(SUCCESS, followed), *FAILURES),
+        terminations=(Termination(SUCCESS, followed), *failures),
         time_limit_s=time_limit,
         props=(TARGET_MARKER,),
         sample_episode=partial(

@@ -5,6 +5,7 @@ x forward along the heading's horizontal direction, y to the left.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -377,10 +378,10 @@ FAILURES: Final = (
 )
 
 
-def has_failed(state: TaskState) -> Mask:
+def has_failed(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -> Mask:
     """Whether the fly failed or its physics blew up, (n,)."""
     is_failure = state.fly.is_unstable.copy()
-    for failure in FAILURES:
+    for failure in failures:
         is_failure |= failure.holds(state)
     return is_failure
 
@@ -390,9 +391,9 @@ def decisions_lost(state: TaskState) -> Array:
     return np.where(has_failed(state), state.decisions_left, 0.0)
 
 
-def time_lost(state: TaskState) -> Array:
+def time_lost(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -> Array:
     """Time left, s, where the fly failed, else 0, (n,)."""
-    return np.where(has_failed(state), state.remaining_s, 0.0)
+    return np.where(has_failed(state, failures), state.remaining_s, 0.0)
 
 
 def failure_info(state: TaskState) -> dict[str, Array | Mask]:
@@ -400,12 +401,17 @@ def failure_info(state: TaskState) -> dict[str, Array | Mask]:
     return {IS_FAILURE: has_failed(state), DECISIONS_LOST: decisions_lost(state)}
 
 
-def lost_time(weight: float) -> RewardTerm:
+def lost_time(weight: float, failures: tuple[Termination, ...] = FAILURES) -> RewardTerm:
     """Row of a reward table: a failure costs what the time that it cuts off could have cost."""
-    return RewardTerm("lost_time", weight, time_lost, "s left when the fly fails")
+    lost = partial(time_lost, failures=failures)
+    return RewardTerm("lost_time", weight, lost, "s left when the fly fails")
 
 
-def success_in_time(holds: Callable[[Any], Mask], description: str) -> tuple[RewardTerm, ...]:
+def success_in_time(
+    holds: Callable[[Any], Mask],
+    description: str,
+    failures: tuple[Termination, ...] = FAILURES,
+) -> tuple[RewardTerm, ...]:
     """Rows of a reward table: a bonus for success, and a cost of time, of which no failure saves.
 
     `holds` says where the task is solved, (n,).
@@ -413,5 +419,5 @@ def success_in_time(holds: Callable[[Any], Mask], description: str) -> tuple[Rew
     return (
         RewardTerm("success", 2.0, holds, description),
         RewardTerm("time", -0.5, elapsed, "s gone by"),
-        lost_time(-0.5),
+        lost_time(-0.5, failures),
     )

@@ -57,6 +57,18 @@ def test_a_path_counts_only_if_it_was_kept_to() -> None:
     assert success.holds(state).tolist() == [True, False]
 
 
+def test_a_fly_that_is_off_a_narrow_path_has_failed_and_pays_for_the_time_that_is_left() -> None:
+    task = TASKS["path"](width=2)
+    straight = np.stack([np.arange(49) / 2, np.zeros(49)], axis=1).ravel()
+    fly = fly_state(2, position_w=[[5, 1.9, 1], [5, -2.1, 1]])
+    state = task_state(fly, goal=[[24, 0]] * 2, command=[straight] * 2, deviation=[0.0, 0.0])
+    assert task.outcomes[-1] == "left_path"
+    assert task.terminations[-1].holds(state).tolist() == [False, True]
+    lost = next(term for term in task.reward if term.name == "lost_time")
+    np.testing.assert_allclose(lost.compute(state), [0.0, 2.0])  # 100 decisions of 0.02 s
+    assert "left_path" not in PATH.outcomes
+
+
 @pytest.mark.parametrize("terrain", LITERATURE)
 def test_the_easiest_episodes_lead_straight_ahead(terrain: str) -> None:
     config = TERRAINS[terrain]
