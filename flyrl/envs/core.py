@@ -1,5 +1,6 @@
 """The one environment under every interface: a task on a batch of bodies, without Python loops."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from typing import Any
@@ -226,7 +227,12 @@ class BatchedEnv:
         ids: NDArray[np.intp] | slice = slice(None),
     ) -> None:
         """Set actions, (n, k), and the pushes that are due now: of these bodies, or a copy."""
-        bodies.batch.set_command(self.task.actions.commands(actions[ids]), ids)
+        wanted = self.task.actions.commands(actions[ids])
+        if constant_s := self.task.drive_time_constant_s:
+            held = self.state.command[ids]
+            share = -math.expm1(-self.config.decision_interval_s / constant_s)
+            wanted = held + share * (wanted - held)
+        bodies.batch.set_command(wanted, ids)
         if bodies.pushes.size:
             bodies.push(self.state, ids)
 

@@ -216,6 +216,7 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
         "seed": config.seed,
         "task": task.name,
         "parameters": {name: record[name] for name in task.parameters},
+        "drive_time_constant": task.drive_time_constant_s,
         "terms": record["terms"],
         "without": record["without"],
         "weights": record["weights"],

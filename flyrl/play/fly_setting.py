@@ -110,7 +110,7 @@ def _arrived(state: TaskState) -> Mask:
 
 def _play_task(task: Task) -> Task:
     """The task without a time limit, which goes on when the target is reached."""
-    ways = {term.name: term for term in task.reward if term.name != "lost_time"}
+    ways = {term.name: term for term in task.reward if term.weight and term.name != "lost_time"}
     # the fly may stay: what a target is worth is paid once
     ways["success"] = RewardTerm(
         "success", ways["success"].weight, _arrived, "the target has just been reached"

@@ -260,6 +260,8 @@ def parameters_text(protocol: Json) -> str:
     """Parameters of the task, but for its time limit, as one would type them; empty without any."""
     own = {key: value for key, value in protocol.get("parameters", {}).items() if value is not None}
     own.pop("time_limit", None)
+    if constant_s := protocol.get("drive_time_constant"):
+        own["drive_time_constant"] = constant_s
     return ", ".join(f"{key}={str(value).replace(' ', '')}" for key, value in own.items())
 
 

@@ -170,6 +170,7 @@ def task_record(task: Task) -> dict[str, Any]:
         "without": list(task.removed),
         "weights": {term.name: term.weight for term in task.reward},
         "time_limit": task.time_limit_s,
+        "drive_time_constant": task.drive_time_constant_s,
     }
 
 

@@ -13,11 +13,15 @@ from typing import Any, Final
 
 from flyrl.bodies.worm import WormConfig
 from flyrl.entry_points import look_up
+from flyrl.tasks.actions import Drives, JointTargets
+from flyrl.tasks.episode import TIME
 from flyrl.tasks.extension import extended, load_terms
 from flyrl.tasks.task import Task
-from flyrl.validation import check_fields, checked_arguments, known_keys, positive
+from flyrl.validation import check_fields, checked_arguments, known_keys, positive, within
 
-ALWAYS: Final = ("name", "decision_interval", "time_limit", "terms", "without", "weights")
+ALWAYS: Final = (
+    "name", "decision_interval", "time_limit", "drive_time_constant", "terms", "without", "weights"
+)  # fmt: skip
 """Settings that every task has."""
 
 TASKS: Final[dict[str, TaskFunction]] = {}
@@ -158,8 +162,9 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     ----------
     settings
         A mapping holds the parameters of the task function and, of every task, `terms` (names,
-        module:attribute), `without`, `weights` (see `extended`) and `time_limit` (s). With None,
-        `time_limit` is the usual one. `decision_interval` belongs to the environment.
+        module:attribute), `without`, `weights` (see `extended`), `time_limit` (s) and
+        `drive_time_constant` (s, see `Task`). With None, `time_limit` is the usual
+        one. `decision_interval` belongs to the environment.
     worm
         Of a task for worms; None is the usual one.
 
@@ -181,10 +186,22 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     task = function(**given)
     if limit is not None and "time_limit" not in function.parameters:
         task = replace(task, time_limit_s=positive("task.time_limit", limit))
+    task = _following(task, settings.get("drive_time_constant", task.drive_time_constant_s))
     changes = _Changes(
         **{key: settings[key] for key in ("terms", "without", "weights") if key in settings}
     )
     return extended(task, load_terms(changes.terms), changes.weights, changes.without)
+
+
+def _following(task: Task, time_constant: Any) -> Task:
+    """The task with a drive that follows its actions within a time constant, s."""
+    seconds = within("task.drive_time_constant", time_constant, 0.0, TIME.high)
+    if seconds and (not isinstance(task.actions, Drives) or isinstance(task.actions, JointTargets)):
+        raise ValueError(
+            f"task.drive_time_constant must be 0 in the task {task.name!r}, whose actions are no "
+            f"drives, got {time_constant}"
+        )
+    return replace(task, drive_time_constant_s=seconds)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
 from flyrl.tasks.terms import FAILURES, error, lost_time
 from flyrl.terrains import Terrain
@@ -97,6 +98,7 @@ def heading(
             RewardTerm("forward", 0.02, terms.forward_way, "mm walked forward"),
             # the worst that the time cut off could have brought
             lost_time(-1.0),
+            *SMOOTHNESS,
         ),
         terminations=FAILURES,
         time_limit_s=time_limit,

@@ -11,6 +11,7 @@ from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -158,6 +159,7 @@ def path(
             RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
             RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
             *success_in_time(followed, "the path was followed to its end", failures),
+            *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, followed), *failures),
         time_limit_s=time_limit,

@@ -12,6 +12,7 @@ from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.target import is_inside
 from flyrl.tasks.task import (
     SUCCESS,
@@ -174,6 +175,7 @@ def slalom(
             RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
             # no failure may save the time that it cuts off
             lost_time(-0.5),
+            *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, partial(has_passed_all, gates=gates)), *FAILURES),
         time_limit_s=time_limit,

@@ -9,6 +9,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.target import sample_episode
 from flyrl.tasks.task import (
     SUCCESS,
@@ -88,6 +89,7 @@ def stop(
             RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
             # no failure may save the time that it cuts off
             lost_time(-0.5),
+            *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, has_stood), *FAILURES),
         time_limit_s=time_limit,

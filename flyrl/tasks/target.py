@@ -12,6 +12,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -145,6 +146,7 @@ def target(
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
             *success_in_time(at_target, "the target is reached"),
+            *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, at_target), *FAILURES),
         time_limit_s=time_limit,

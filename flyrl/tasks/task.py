@@ -264,6 +264,9 @@ class Task:
         s for which a decision is held; None means one physics step.
     actions
         What an action is, and what it commands.
+    drive_time_constant_s
+        s; the drive follows what actions ask for as a first-order low-pass with this time constant,
+        from decision to decision; 0: at once.
     succeeds_in_time
         Whether an episode that lasts until the time limit is a success then; without it, none is.
     means
@@ -307,6 +310,7 @@ class Task:
     is_flat: bool = True
     decision_interval_s: float | None = 0.02
     actions: Actions = field(default_factory=Drives)
+    drive_time_constant_s: float = 0.0
     succeeds_in_time: Callable[[Any], Mask] | None = None
     means: tuple[MeanTerm, ...] = ()
     difficulty: str = ""

@@ -8,6 +8,7 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
 from flyrl.tasks.terms import FAILURES, error, success_in_time
 from flyrl.terrains import Terrain
@@ -64,6 +65,7 @@ def traverse(
         reward=(
             RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
             *success_in_time(crossed, "the ground is crossed"),
+            *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, crossed), *FAILURES),
         time_limit_s=time_limit,

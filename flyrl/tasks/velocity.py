@@ -17,6 +17,7 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
+from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task
 from flyrl.tasks.terms import FAILURES, error
 from flyrl.terrains import Terrain
@@ -109,6 +110,7 @@ def velocity(
                 "on_command", 1.0, partial(terms.time_on_command, **judged),
                 f"s within {tolerance[0]:g} mm/s and {tolerance[1]:g} rad/s of it",
             ),
+            *SMOOTHNESS,
         ),
         terminations=FAILURES,
         time_limit_s=time_limit,

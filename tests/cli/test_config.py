@@ -154,7 +154,14 @@ def test_keys_reach_the_settings():
     assert config.env.scene.terrain == TERRAINS["random_blocks"]
     assert config.env.resolved_randomisation == RandomisationConfig(mass=(0.5, 2.0))
     weights = {term.name: term.weight for term in task.reward}
-    assert weights == {"progress": 0.1, "success": 2.0, "time": -0.5, "lost_time": -0.5}
+    assert weights == {
+        "progress": 0.1,
+        "success": 2.0,
+        "time": -0.5,
+        "lost_time": -0.5,
+        "drive_change": 0.0,
+        "work": 0.0,
+    }
     assert task.time_limit_s == 1.5
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)
 

@@ -60,9 +60,16 @@ def test_the_record_says_what_to_make_the_task_of(monkeypatch):
         "bearing": 180.0,
         "reach": 1.0,
         "time_limit": 6.0,
+        "drive_time_constant": 0.0,
         "terms": ["own_terms:HEIGHT", "own_terms:TILT"],
         "without": ["observation.tilt", "reward.success"],
-        "weights": {"progress": 0.1, "time": -0.5, "lost_time": -0.5},
+        "weights": {
+            "progress": 0.1,
+            "time": -0.5,
+            "lost_time": -0.5,
+            "drive_change": 0.0,
+            "work": 0.0,
+        },
     }
     assert task_from(task_record(task)) == task
 
@@ -72,7 +79,13 @@ def test_a_term_that_is_taken_out_is_gone():
     assert [term.name for term in task.observation] == [
         term.name for term in TARGET.observation if term.name != "tilt"
     ]
-    assert [term.name for term in task.reward] == ["progress", "success", "lost_time"]
+    assert [term.name for term in task.reward] == [
+        "progress",
+        "success",
+        "lost_time",
+        "drive_change",
+        "work",
+    ]
     assert [end.outcome for end in task.terminations] == ["success", "fall"]
     assert task.errors == ()
 
@@ -95,7 +108,13 @@ def test_an_added_term_can_be_taken_out_again():
 def test_weights_of_terms_that_are_taken_out_do_not_matter():
     weights = {term.name: term.weight for term in TARGET.reward}
     task = extended(TARGET, {}, weights, ["time"])
-    assert [term.name for term in task.reward] == ["progress", "success", "lost_time"]
+    assert [term.name for term in task.reward] == [
+        "progress",
+        "success",
+        "lost_time",
+        "drive_change",
+        "work",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,95 @@
+"""Smooth drives: a drive with a time constant, and costs of its change and of work."""
+
+import numpy as np
+import pytest
+
+import flyrl
+from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.tasks import TASKS, Drives, JointTargets, task_from, task_record
+from flyrl.tasks.smoothness import SMOOTHNESS
+from tests.tasks.test_terms import fly_state, task_state
+
+CHANGE, WORK = SMOOTHNESS
+STEERING = ("target", "velocity", "path", "traverse", "heading", "slalom", "chase", "stop")
+SMOOTH = {"name": "target", "drive_time_constant": 0.05}
+
+
+def test_a_change_of_drive_adds_up_over_both_sides():
+    state = task_state(fly_state(command=[[1.0, 0.2]]), fly_state(command=[[0.5, 0.5]]))
+    np.testing.assert_allclose(CHANGE.compute(state), [0.8])
+
+
+def test_only_positive_work_counts():
+    torques, velocities = np.zeros((1, 42)), np.zeros((1, 42))
+    torques[0, :3], velocities[0, :3] = (2.0, -3.0, 5.0), (10.0, -4.0, -7.0)
+    fly = fly_state(time=[0.52], actuator_torques=torques, joint_velocities=velocities)
+    # (20 + 12) µN·mm/s for 0.02 s
+    np.testing.assert_allclose(WORK.compute(task_state(fly, fly_state(time=[0.5]))), [0.64])
+
+
+@pytest.mark.parametrize("name", STEERING)
+def test_every_steering_task_can_weigh_them(name):
+    assert TASKS[name]().reward[-2:] == SMOOTHNESS
+    weighed = task_from({"name": name, "weights": {"drive_change": -0.05, "work": -0.001}})
+    assert [term.weight for term in weighed.reward[-2:]] == [-0.05, -0.001]
+
+
+def _drives(env, wanted, decisions):
+    drives = []
+    for _ in range(decisions):
+        env.step(np.broadcast_to(env.task.actions.of(wanted), (env.num_envs, 2)))
+        drives.append(env.drive[0].copy())
+    return np.array(drives)
+
+
+@pytest.mark.parametrize(("interval_s", "decisions"), [(0.02, 5), (0.01, 10), (0.05, 2)])
+def test_a_drive_follows_its_actions_whatever_the_decision_interval(interval_s, decisions):
+    env = BatchedEnv(EnvConfig(SMOOTH, decision_interval=interval_s), 1, 1)
+    env.reset(seeds=[0])
+    time_s = interval_s * np.arange(1, decisions + 1)[:, None]
+    rise = (1.0, -0.4) * (1 - np.exp(-time_s / 0.05))  # from rest
+    np.testing.assert_allclose(_drives(env, (1.0, -0.4), decisions), rise, atol=1e-12)
+    fall = rise[-1] * np.exp(-time_s / 0.05)
+    np.testing.assert_allclose(_drives(env, (0.0, 0.0), decisions), fall, atol=1e-12)
+    env.reset(seeds=[1])
+    np.testing.assert_array_equal(env.drive, [[0.0, 0.0]])
+
+
+def test_a_restored_drive_goes_on_from_where_it_was():
+    first, second = (BatchedEnv(EnvConfig(SMOOTH), 1, 1) for _ in range(2))
+    first.reset(seeds=[0])
+    _drives(first, (1.0, 0.5), 3)
+    second.restore(first.snapshot())
+    expected = _drives(first, (0.0, 1.0), 1)
+    np.testing.assert_array_equal(_drives(second, (0.0, 1.0), 1), expected)
+
+
+def test_without_a_time_constant_the_drive_is_what_is_asked_for():
+    env = BatchedEnv(EnvConfig("target"), 1, 1)
+    env.reset(seeds=[0])
+    np.testing.assert_array_equal(_drives(env, (1.0, -0.25), 1), [[1.0, -0.25]])
+
+
+def test_the_time_constant_is_a_setting_of_the_environment_and_on_record():
+    env = flyrl.make("target", drive_time_constant=0.05)
+    task = env.unwrapped.core.task
+    env.close()
+    assert task.drive_time_constant_s == 0.05
+    assert task_record(task)["drive_time_constant"] == 0.05
+    assert task_from(task_record(task)) == task
+
+
+def _has_drives(task):
+    return isinstance(task.actions, Drives) and not isinstance(task.actions, JointTargets)
+
+
+@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if not _has_drives(task())])
+def test_what_has_no_drive_has_no_time_constant(name):
+    assert task_from({"name": name, "drive_time_constant": 0}) == TASKS[name]()
+    with pytest.raises(ValueError, match=r"task\.drive_time_constant must be 0 in the task"):
+        task_from({"name": name, "drive_time_constant": 0.05})
+
+
+def test_a_time_constant_is_not_negative():
+    with pytest.raises(ValueError, match=r"task\.drive_time_constant must lie within 0\.0"):
+        task_from({"name": "target", "drive_time_constant": -0.1})
