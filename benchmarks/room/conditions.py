@@ -4,32 +4,41 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
-from flyrl.bodies.fly import FLIES
+from flyrl.bodies.fly import FLIES, LegMuscles
 from flyrl.simulation.randomisation import RandomisationConfig
 
 _BODY: Final = FLIES["current"]
-
-
-def _lesion(leg: str) -> dict[str, Any]:
-    return {"body": replace(_BODY, missing_legs=(leg,))}
-
+_ROUGH: Final = "random_mixed"
 
 CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "flat": {},
     "gapped": {"terrain": "random_gapped"},
     "blocks": {"terrain": "random_blocks"},
-    "mixed": {"terrain": "random_mixed"},
+    "mixed": {"terrain": _ROUGH},
     "hills": {"terrain": "random_hills"},
     "slope_30": {"terrain": {"name": "slope", "angle_range_deg": (30.0, 30.0)}},
     "slope_60": {"terrain": {"name": "slope", "angle_range_deg": (60.0, 60.0)}},
-    "front_leg_cut": _lesion("LF"),
-    "middle_leg_cut": _lesion("LM"),
-    "hind_leg_cut": _lesion("LH"),
+    "stairs": {"terrain": {"name": "examples.stairs:Stairs"}},
+    "front_leg_cut": {"body": replace(_BODY, missing_legs=("LF",))},
+    "middle_leg_cut": {"body": replace(_BODY, missing_legs=("LM",))},
+    "hind_leg_cut": {"body": replace(_BODY, missing_legs=("LH",))},
+    "weak_left_side": {"body": replace(FLIES["fly_muscles"], muscles=LegMuscles(left=0.5))},
     "adhesion_30": {"randomisation": RandomisationConfig(adhesion=(0.3, 0.3))},
     "latency_50_ms": {"randomisation": RandomisationConfig(drive_latency=(0.05, 0.05))},
+    "slow_drive": {"task": {"name": "target", "drive_time_constant": 0.05}},
+    "slow_drive_mixed": {
+        "task": {"name": "target", "drive_time_constant": 0.05}, "terrain": _ROUGH,
+    },
     "pushes": {"task": "heading"},
+    "slalom": {"task": "slalom"},
+    "slalom_mixed": {"task": {"name": "slalom", "spacing": (3.0, 5.0)}, "terrain": _ROUGH},
+    "chase": {"task": "chase"},
+    "chase_mixed": {"task": "chase", "terrain": _ROUGH},
+    "stop": {"task": "stop"},
+    "stop_mixed": {"task": "stop", "terrain": _ROUGH},
     "path": {"task": "path"},
-    "path_mixed": {"task": "path", "terrain": "random_mixed"},
+    "narrow_path": {"task": {"name": "path", "width": 2.0}},
+    "path_mixed": {"task": "path", "terrain": _ROUGH},
     "traverse_blocks": {"task": "traverse", "terrain": "random_blocks"},
-}
+}  # fmt: skip
 """Settings of `EnvConfig` by condition; what is not named is as usual: the task `target`."""

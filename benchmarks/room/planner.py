@@ -70,7 +70,7 @@ class Planner:
         self._rng = np.random.default_rng(seed)
         low, high = env.task.actions.bounds
         self._low, self._high = low, high
-        knots = np.arange(config.knots) * KNOT_S
+        knots = KNOT_S * np.arange(config.knots, dtype=np.float64)
         interval = env.config.decision_interval_s
         # how much of every knot there is in the action of each decision, and in each knot later
         times = np.arange(round(knots[-1] / interval)) * interval

@@ -12,7 +12,6 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.smoothness import SMOOTHNESS
-from flyrl.tasks.target import is_inside
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -23,7 +22,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, error, lost_time, to_yaw_frame
+from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, error, is_inside, success_in_time, to_yaw_frame
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import Within, ordered
 
@@ -79,7 +78,7 @@ def sample_episode(
         command = np.array([*centre, side * turn_rate])
         places = np.tile((*start, terrain.base_height), (COURSE_POINTS, 1))
         course = revolved(places, times_s, np.tile(command, (COURSE_POINTS, 1)))
-        if is_inside(course[:, 0], course[:, 1], terrain.bounds).all():
+        if is_inside(course[:, 0], course[:, 1], terrain.bounds, EDGE_MARGIN).all():
             break
     else:
         raise ValueError(
@@ -176,10 +175,7 @@ def chase(
         ),
         reward=(
             RewardTerm("progress", 0.2, progress, "mm closer to the target"),
-            RewardTerm("success", 2.0, caught, "the target is caught"),
-            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-            # no failure may save the time that it cuts off
-            lost_time(-0.5),
+            *success_in_time(caught, "the target is caught"),
             *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, caught), *FAILURES),

@@ -13,7 +13,6 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.smoothness import SMOOTHNESS
-from flyrl.tasks.target import is_inside
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -25,7 +24,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, error, lost_time
+from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, error, is_inside, lost_time
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import Within, ordered
 
@@ -59,7 +58,7 @@ def sample_episode(
         direction = np.cumsum(rng.uniform(-sharpest, sharpest, size=gates))
         steps = length[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
         places = episode.spawn_position_w[:2] + np.cumsum(steps, axis=0)
-        if is_inside(places[:, 0], places[:, 1], terrain.bounds).all():
+        if is_inside(places[:, 0], places[:, 1], terrain.bounds, EDGE_MARGIN).all():
             break
     else:
         raise ValueError(
