@@ -209,10 +209,12 @@ def ground_picture(terrain: Terrain, ground: Ground, view: Bounds) -> FloatArray
         for start, side in ((view.x_min, x_side), (view.y_min, y_side))
     )
     tops = np.full((len(y), len(x)), np.nan)
-    if (heights := terrain.heights()) is not None:
+    boxes = ground.boxes
+    if ground.shift is not None and (heights := terrain.heights()) is not None:
         left, forth, up = ground.shift
         tops = up + heights.at(x - left, y[:, np.newaxis] - forth)
-    boxes = ground.boxes
+    elif ground.floor is not None and not len(boxes.centres):
+        tops[:] = ground.floor
     for centre, half_size, top in zip(boxes.centres, boxes.half_sizes, boxes.tops, strict=True):
         rows, columns = (
             np.flatnonzero(np.abs(along - centre[axis]) <= half_size[axis])

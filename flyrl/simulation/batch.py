@@ -15,7 +15,7 @@ from flyrl.simulation.callback import install
 from flyrl.simulation.randomisation import Randomisation, Variation
 from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import Scene, SceneConfig
-from flyrl.terrains import HEIGHT_FIELD, NOWHERE, Ground, box_colours
+from flyrl.terrains import FLAT_GROUND, FLOOR, HEIGHT_FIELD, NOWHERE, Boxes, Ground, box_colours
 from flyrl.validation import whole_number
 
 Ids = NDArray[np.intp]
@@ -277,7 +277,7 @@ class Batch(NativeBatch):
             )
         for sim, ground in zip(ids, grounds, strict=True):
             self._layer.check(ground)
-            self._layer.lay(ground, {name: of[sim] for name, of in self._of_grounds.items()})
+            self._layer.lay(ground, {name: of[sim, ...] for name, of in self._of_grounds.items()})
             self._grounds[sim] = ground
 
     def ground(self, sim: int) -> Ground:
@@ -337,7 +337,7 @@ class Batch(NativeBatch):
             fields = ("geom_pos", "geom_size")
             self._layer.lay(ground, {name: getattr(model, name) for name in fields})
             if len(ground.boxes.centres):
-                model.geom_rgba[self._layer.boxes] = box_colours(ground.boxes)
+                model.geom_rgba[self._layer.ids(ground)] = box_colours(ground.boxes)
         super().copy_into(sim, model, data)
         if self._props:
             data.mocap_pos[:] = self.props()[sim]
@@ -347,22 +347,27 @@ class _GroundLayer:
     """Where the ground of a scene lies in its model, and how another one is laid there."""
 
     def __init__(self, scene: Scene) -> None:
-        terrain = scene.config.terrain
+        terrain, model = scene.config.terrain, scene.model
         self._compiled = terrain.compiled()
         self.usual = terrain.draw(terrain.seed)
-        self.boxes = slice(0, 0)
-        if count := len(self._compiled.boxes.centres):
-            first = scene.model.geom("ground_0").id
-            self.boxes = slice(first, first + count)
-        self._field: int | None = None
+        ids = {model.geom(i).name: i for i in range(model.ngeom)}
+        self._field, self._plane = ids.get(HEIGHT_FIELD), ids.get(FLOOR, ids.get(FLAT_GROUND))
+        self._boxes = ids.get("ground_0", 0) + np.arange(len(self._compiled.boxes.centres))
+        self.fields: tuple[str, ...] = ("geom_pos", "geom_size", "opt.gravity")
         if (heights := terrain.heights()) is not None:
-            self._field = scene.model.geom(HEIGHT_FIELD).id
             self._lowest = float(heights.values.min())
-        self.fields = ("geom_pos", "geom_size", "opt.gravity")
+            if scene.config.physics.collision_detection == "native":
+                self.fields += ("opt.disableflags",)
+
+    def ids(self, ground: Ground) -> Ids:
+        """Geoms that are the boxes of a ground."""
+        return self._boxes if ground.ids is None else self._boxes[ground.ids]
 
     def check(self, ground: Ground) -> None:
         """Raise ValueError unless every box lies within the one that was compiled."""
         own, hull = ground.boxes, self._compiled.boxes
+        if ground.ids is not None:
+            hull = Boxes(hull.centres[ground.ids], hull.half_sizes[ground.ids])
         if own.centres.shape != hull.centres.shape:
             raise ValueError(
                 f"a ground of {len(own.centres)} boxes was drawn; the terrain's hull() has "
@@ -376,12 +381,20 @@ class _GroundLayer:
                 "terrain's hull()"
             )
 
-    def lay(self, ground: Ground, fields: Mapping[str, NDArray[np.float64]]) -> None:
-        """Write a ground into fields of a model."""
-        fields["geom_pos"][self.boxes] = ground.boxes.centres
-        fields["geom_size"][self.boxes] = ground.boxes.half_sizes
+    def lay(self, ground: Ground, fields: Mapping[str, NDArray[Any]]) -> None:
+        """Write a ground into fields of a model; what it does without lies far below it."""
+        places = fields["geom_pos"]
+        places[self._boxes] = NOWHERE
+        places[self.ids(ground)] = ground.boxes.centres
+        fields["geom_size"][self.ids(ground)] = ground.boxes.half_sizes
+        if self._plane is not None:
+            places[self._plane, 2] = NOWHERE[2] if ground.floor is None else ground.floor
         if self._field is not None:
-            x, y, z = ground.shift
-            fields["geom_pos"][self._field] = (x, y, z + self._lowest)
+            x, y, z = NOWHERE if ground.shift is None else ground.shift
+            places[self._field] = (x, y, z + self._lowest)
         if (gravity := fields.get("opt.gravity")) is not None:
             gravity[:] = np.linalg.norm(gravity) * np.array(ground.down)
+        if (flags := fields.get("opt.disableflags")) is not None:
+            # boxes keep their exact contact where there is no field, see `PhysicsConfig`
+            exact = mujoco.mjtDisableBit.mjDSBL_NATIVECCD.value
+            flags[...] = flags & ~exact if ground.shift is None else flags | exact

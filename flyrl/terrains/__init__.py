@@ -2,8 +2,10 @@
 
 from typing import Final
 
+from flyrl.terrains.any import AnyGround
 from flyrl.terrains.geoms import (
     FLAT_GROUND,
+    FLOOR,
     HEIGHT_FIELD,
     NOWHERE,
     TARGET_MARKER,
@@ -12,7 +14,7 @@ from flyrl.terrains.geoms import (
     add_terrain,
     box_colours,
 )
-from flyrl.terrains.rough import Blocks, Gapped, Mixed
+from flyrl.terrains.rough import RANDOM_GAPS, RANDOM_HEIGHTS, Blocks, Gapped, Mixed
 from flyrl.terrains.smooth import BALL, Air, Ball, Flat, Hills, Slope
 from flyrl.terrains.terrain import (
     DOWN,
@@ -39,19 +41,17 @@ KINDS.update(
     slope=Slope,
     air=Air,
     ball=Ball,
+    any=AnyGround,
 )
-
-# the random ones lie about the literature's 0.35 mm and 0.3 mm
-_HEIGHTS, _GAPS = (0.15, 0.45), (0.1, 0.45)
 
 LITERATURE: Final = ("flat", "gapped", "blocks", "mixed")
 """Terrains that flies of the literature walked on."""
 
 TERRAINS.update(
     {name: kind() for name, kind in KINDS.items()},
-    random_gapped=Gapped(gap_range=_GAPS, random=True),
-    random_blocks=Blocks(height_range=_HEIGHTS, random=True),
-    random_mixed=Mixed(height_range=_HEIGHTS, gap_range=_GAPS, random=True),
+    random_gapped=Gapped(gap_range=RANDOM_GAPS, random=True),
+    random_blocks=Blocks(height_range=RANDOM_HEIGHTS, random=True),
+    random_mixed=Mixed(height_range=RANDOM_HEIGHTS, gap_range=RANDOM_GAPS, random=True),
     random_hills=Hills(random=True),
 )
 
@@ -59,6 +59,7 @@ __all__ = [
     "BALL",
     "DOWN",
     "FLAT_GROUND",
+    "FLOOR",
     "HEIGHT_FIELD",
     "KINDS",
     "LITERATURE",
@@ -67,6 +68,7 @@ __all__ = [
     "TARGET_MARKER",
     "TERRAINS",
     "Air",
+    "AnyGround",
     "Ball",
     "Blocks",
     "Bounds",

@@ -22,7 +22,13 @@ GROUND_FRICTION: Final = (1.0, 0.005, 0.0001)
 FLAT_GROUND: Final = "ground"
 """Name of the plane where there is nothing but that."""
 
+FLOOR: Final = "ground_floor"
+"""Name of the plane below boxes or a height field."""
+
 HEIGHT_FIELD: Final = "ground_heights"
+
+_WALKED_ON: Final = 0.01
+"""mm; a plane that lies no lower than so below the base height is chequered, others are dark."""
 
 _GROUND: Final = {
     "conaffinity": 0,
@@ -43,17 +49,18 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     boxes = ground.boxes
     if len(boxes.centres):
         _add_boxes(spec, boxes)
-    if heights is not None:
+    if heights is not None and ground.shift is not None:
         _add_heights(spec, heights, ground.shift)
     terrain.add_to(spec)
-    if terrain.floor is None:
+    if ground.floor is None:
         return
-    if len(boxes.centres) or heights is not None:
-        spec.add_material(name="ground_floor", rgba=(0.20, 0.21, 0.24, 1), specular=0.0)
-        _add_plane(spec, "ground_floor", terrain.floor, bounds, "ground_floor")
+    if ground.floor < terrain.base_height - _WALKED_ON:
+        material = spec.add_material(name=FLOOR, rgba=(0.20, 0.21, 0.24, 1), specular=0.0)
     else:
-        _add_grid_material(spec)
-        _add_plane(spec, FLAT_GROUND, terrain.floor, bounds, "ground_grid")
+        material = _add_grid_material(spec)
+    is_bare = heights is None and not len(boxes.centres)
+    name = FLAT_GROUND if is_bare else FLOOR
+    _add_plane(spec, name, ground.floor, bounds, material.name)
 
 
 def box_colours(boxes: Boxes) -> Array:
@@ -150,12 +157,13 @@ def add_checks(
     return material
 
 
-def _add_grid_material(spec: mujoco.MjSpec) -> None:
+def _add_grid_material(spec: mujoco.MjSpec) -> mujoco.MjsMaterial:
     """Chequered material with squares of 1 mm, for scale."""
     material = add_checks(spec, "ground_grid", mujoco.mjtTexture.mjTEXTURE_2D, pixels=256)
     # One picture holds 2 x 2 squares; MuJoCo lays half as many per mm as it is asked for.
     material.texuniform = True
     material.texrepeat = (1.0, 1.0)
+    return material
 
 
 def _add_sky(spec: mujoco.MjSpec) -> None:

@@ -31,6 +31,10 @@ BLOCK_OVERSIZE: Final = 1.1
 """Side of a block over the pitch."""
 BLOCK_BASE: Final = 0.1
 
+RANDOM_HEIGHTS: Final = (0.15, 0.45)
+RANDOM_GAPS: Final = (0.1, 0.45)
+"""Usual ranges of random ground, mm, about the literature's 0.35 and 0.3."""
+
 MIXED_START: Final = -4.0
 MIXED_SEGMENT: Final = 9.0
 MIXED_COLUMNS: Final = 3

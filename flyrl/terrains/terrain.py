@@ -109,16 +109,22 @@ class Ground:
     Attributes
     ----------
     boxes
-        As many in every episode of a terrain.
+        As many in every episode of a terrain, but for those with `ids`.
     shift
-        Where the middle of the terrain's height field lies, mm.
+        Where the middle of the terrain's height field lies, mm; None: this ground has none of it.
     down
         Unit vector along which things fall: a slope is level ground with gravity turned.
+    floor
+        Height of the plane below everything else, mm; None: this ground has none.
+    ids
+        Which of the boxes of the terrain's hull these are, (n,); None: all of them, in turn.
     """
 
     boxes: Boxes = field(default_factory=Boxes)
-    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shift: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     down: tuple[float, float, float] = DOWN
+    floor: float | None = None
+    ids: NDArray[np.intp] | None = None
 
 
 def _name(terrain: Terrain) -> str:
@@ -212,7 +218,7 @@ class Terrain:
     @property
     def is_rough(self) -> bool:
         """Whether there is more to it than a plane."""
-        return self.heights() is not None or bool(len(self.draw(self.seed).boxes.centres))
+        return self.heights() is not None or bool(len(self.compiled().boxes.centres))
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Add to a scene what is neither box, height field nor plane.
@@ -239,28 +245,33 @@ class Terrain:
         """
         within("difficulty", difficulty, 0, 1)
         rng = np.random.default_rng(seed)
-        return Ground(self.boxes(rng, difficulty), self.shift(rng), self.down(rng, difficulty))
+        return Ground(
+            self.boxes(rng, difficulty), self.shift(rng), self.down(rng, difficulty), self.floor
+        )
 
     def compiled(self) -> Ground:
         """Ground that a scene is compiled with: on random terrain with the `hull`."""
         usual = self.draw(self.seed)
         if not self.random or not len(usual.boxes.centres):
             return usual
-        hull = self.hull()
-        # MuJoCo would keep a geom that is compiled at the world's origin there
-        nudge = 1e-6 * (hull.centres == 0.0).all(axis=1, keepdims=True)
-        return Ground(Boxes(hull.centres + nudge, hull.half_sizes + nudge), usual.shift, usual.down)
+        return replace(usual, boxes=off_origin(self.hull()))
 
     def top_at(self, ground: Ground, x: float, y: float) -> float | None:
         """Height of what one walks on at a place, mm; None over a gap, and where there is none."""
         tops = [ground.boxes.top_at(x, y)]
-        if (heights := self.heights()) is not None:
+        if ground.shift is not None and (heights := self.heights()) is not None:
             left, forth, up = ground.shift
             tops.append(up + float(heights.at(x - left, y - forth)))
         elif not len(ground.boxes.centres):
-            tops.append(self.floor)
+            tops.append(ground.floor)
         found = [top for top in tops if top is not None]
         return max(found) if found else None
+
+
+def off_origin(boxes: Boxes) -> Boxes:
+    """Boxes of which none lies at the world's origin: MuJoCo would keep it there."""
+    nudge = 1e-6 * (boxes.centres == 0.0).all(axis=1, keepdims=True)
+    return Boxes(boxes.centres + nudge, boxes.half_sizes + nudge)
 
 
 def check_not_random(terrain: Terrain, text: str) -> None:
@@ -332,7 +343,8 @@ def terrain_on_record(record: Any) -> Terrain | None:
 def terrain_label(name: object, random: object) -> str:
     """Name of a terrain in tables and folders; a record of old says nothing of `random`."""
     label = str(name).rpartition(":")[2]
-    return f"random_{label}" if random is True else label
+    is_always_so = getattr(KINDS.get(label), "random", False)
+    return f"random_{label}" if random is True and not is_always_so else label
 
 
 _FORMER_FIELDS: Final = ("height_range", "gap_range")
