@@ -270,7 +270,7 @@ class Terrain:
 
 def off_origin(boxes: Boxes) -> Boxes:
     """Boxes of which none lies at the world's origin: MuJoCo would keep it there."""
-    nudge = 1e-6 * (boxes.centres == 0.0).all(axis=1, keepdims=True)
+    nudge = 1e-6 * (np.abs(boxes.centres) < 1e-9).all(axis=1, keepdims=True)
     return Boxes(boxes.centres + nudge, boxes.half_sizes + nudge)
 
 
