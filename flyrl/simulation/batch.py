@@ -15,7 +15,7 @@ from flyrl.simulation.callback import install
 from flyrl.simulation.randomisation import Randomisation, Variation
 from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import Scene, SceneConfig
-from flyrl.terrains import FLAT_GROUND, FLOOR, HEIGHT_FIELD, NOWHERE, Boxes, Ground, box_colours
+from flyrl.terrains import FLAT_GROUND, FLOOR, GROUP, HEIGHT_FIELD, NOWHERE, Ground, box_colours
 from flyrl.validation import whole_number
 
 Ids = NDArray[np.intp]
@@ -333,11 +333,7 @@ class Batch(NativeBatch):
         as the joints, the terrain and the props are the same.
         """
         if self.scene.config.terrain.random:
-            ground = self.ground(sim)
-            fields = ("geom_pos", "geom_size")
-            self._layer.lay(ground, {name: getattr(model, name) for name in fields})
-            if len(ground.boxes.centres):
-                model.geom_rgba[self._layer.ids(ground)] = box_colours(ground.boxes)
+            self._layer.show(self.ground(sim), model)
         super().copy_into(sim, model, data)
         if self._props:
             data.mocap_pos[:] = self.props()[sim]
@@ -352,28 +348,32 @@ class _GroundLayer:
         self.usual = terrain.draw(terrain.seed)
         ids = {model.geom(i).name: i for i in range(model.ngeom)}
         self._field, self._plane = ids.get(HEIGHT_FIELD), ids.get(FLOOR, ids.get(FLAT_GROUND))
-        self._boxes = ids.get("ground_0", 0) + np.arange(len(self._compiled.boxes.centres))
-        self.fields: tuple[str, ...] = ("geom_pos", "geom_size", "opt.gravity")
+        self._first = ids.get("ground_0", 0)
+        boxes = np.arange(self._first, self._first + len(self._compiled.boxes.centres))
+        self._groups = [boxes[group] for group in terrain.groups or [slice(None)]]
+        self._bodies = [model.body(f"{GROUP}{i}").id for i in range(len(terrain.groups))]
+        self.fields = ["geom_pos", "geom_size", "opt.gravity"]
+        if self._bodies:
+            self.fields += ["body_pos"]
         if (heights := terrain.heights()) is not None:
             self._lowest = float(heights.values.min())
             if scene.config.physics.collision_detection == "native":
-                self.fields += ("opt.disableflags",)
+                self.fields += ["opt.disableflags"]
 
     def ids(self, ground: Ground) -> Ids:
         """Geoms that are the boxes of a ground."""
-        return self._boxes if ground.ids is None else self._boxes[ground.ids]
+        return np.empty(0, np.intp) if ground.group is None else self._groups[ground.group]
 
     def check(self, ground: Ground) -> None:
         """Raise ValueError unless every box lies within the one that was compiled."""
-        own, hull = ground.boxes, self._compiled.boxes
-        if ground.ids is not None:
-            hull = Boxes(hull.centres[ground.ids], hull.half_sizes[ground.ids])
-        if own.centres.shape != hull.centres.shape:
+        own, hull, ids = ground.boxes, self._compiled.boxes, self.ids(ground) - self._first
+        centres, half_sizes = hull.centres[ids], hull.half_sizes[ids]
+        if own.centres.shape != centres.shape:
             raise ValueError(
                 f"a ground of {len(own.centres)} boxes was drawn; the terrain's hull() has "
-                f"{len(hull.centres)}"
+                f"{len(centres)}"
             )
-        beyond = np.abs(own.centres - hull.centres) + own.half_sizes - hull.half_sizes
+        beyond = np.abs(own.centres - centres) + own.half_sizes - half_sizes
         if beyond.size and beyond.max() > 1e-9:
             box = int(beyond.max(axis=1).argmax())
             raise ValueError(
@@ -381,12 +381,20 @@ class _GroundLayer:
                 "terrain's hull()"
             )
 
-    def lay(self, ground: Ground, fields: Mapping[str, NDArray[Any]]) -> None:
+    def show(self, ground: Ground, model: mujoco.MjModel) -> None:
+        """Lay a ground in a model that is drawn; its boxes may have other ids, all as much more."""
+        more = model.geom("ground_0").id - self._first if len(self.ids(ground)) else 0
+        fields = ("geom_pos", "geom_size", "body_pos")
+        self.lay(ground, {name: getattr(model, name) for name in fields}, more)
+        if len(ground.boxes.centres):
+            model.geom_rgba[self.ids(ground) + more] = box_colours(ground.boxes)
+
+    def lay(self, ground: Ground, fields: Mapping[str, NDArray[Any]], more: int = 0) -> None:
         """Write a ground into fields of a model; what it does without lies far below it."""
-        places = fields["geom_pos"]
-        places[self._boxes] = NOWHERE
-        places[self.ids(ground)] = ground.boxes.centres
-        fields["geom_size"][self.ids(ground)] = ground.boxes.half_sizes
+        places, ids = fields["geom_pos"], self.ids(ground) + more
+        places[ids], fields["geom_size"][ids] = ground.boxes.centres, ground.boxes.half_sizes
+        for group, body in enumerate(self._bodies):
+            fields["body_pos"][body] = 0.0 if group == ground.group else NOWHERE
         if self._plane is not None:
             places[self._plane, 2] = NOWHERE[2] if ground.floor is None else ground.floor
         if self._field is not None:

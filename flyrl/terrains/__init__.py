@@ -6,6 +6,7 @@ from flyrl.terrains.any import AnyGround
 from flyrl.terrains.geoms import (
     FLAT_GROUND,
     FLOOR,
+    GROUP,
     HEIGHT_FIELD,
     NOWHERE,
     TARGET_MARKER,
@@ -60,6 +61,7 @@ __all__ = [
     "DOWN",
     "FLAT_GROUND",
     "FLOOR",
+    "GROUP",
     "HEIGHT_FIELD",
     "KINDS",
     "LITERATURE",

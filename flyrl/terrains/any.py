@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flyrl.terrains.rough import (
     MAX_GAP,
@@ -24,8 +23,6 @@ from flyrl.terrains.rough import (
 from flyrl.terrains.smooth import Flat, Hills, Slope
 from flyrl.terrains.terrain import Bounds, Boxes, Ground, Heights, Terrain, off_origin
 from flyrl.validation import Within, distinct, ordered
-
-Ids = NDArray[np.intp]
 
 Kind = Literal["flat", "gapped", "blocks", "mixed", "hills", "slope"]
 
@@ -107,17 +104,17 @@ class AnyGround(Terrain):
         return x, 0.0, -self.parts[kind].base_height
 
     @cached_property
-    def _plan(self) -> tuple[Boxes, dict[Kind, Ids]]:
-        """Hull of the boxes of all kinds, and which of them those of each kind are."""
-        hull, ids = Boxes(), {}
-        for kind, part in self.parts.items():
-            own = part.hull() if isinstance(part, (Gapped, Blocks, Mixed)) else Boxes()
-            ids[kind] = len(hull.centres) + np.arange(len(own.centres))
-            hull = Boxes(
-                np.concatenate([hull.centres, own.centres + self._offset(kind)]),
-                np.concatenate([hull.half_sizes, own.half_sizes]),
-            )
-        return hull, ids
+    def _hulls(self) -> dict[Kind, Boxes]:
+        """Of the kinds that have boxes, where they lie here."""
+        hulls = {
+            kind: part.hull()
+            for kind, part in self.parts.items()
+            if isinstance(part, (Gapped, Blocks, Mixed))
+        }
+        return {
+            kind: Boxes(hull.centres + self._offset(kind), hull.half_sizes)
+            for kind, hull in hulls.items()
+        }
 
     @property
     def bounds(self) -> Bounds:
@@ -140,9 +137,19 @@ class AnyGround(Terrain):
         ]
         return max(floors, default=None)
 
+    @property
+    def groups(self) -> tuple[slice, ...]:
+        """Boxes of each kind that has some."""
+        ends = np.cumsum([len(hull.centres) for hull in self._hulls.values()]).tolist()
+        return tuple(map(slice, [0, *ends], ends))
+
     def hull(self) -> Boxes:
-        """Boxes of all kinds; those that a ground does without are sunk below it."""
-        return self._plan[0]
+        """Boxes of all kinds; a ground has those of its own."""
+        none, hulls = Boxes(), self._hulls.values()
+        return Boxes(
+            np.concatenate([none.centres, *(hull.centres for hull in hulls)]),
+            np.concatenate([none.half_sizes, *(hull.half_sizes for hull in hulls)]),
+        )
 
     def heights(self) -> Heights | None:
         """Field of the hills; the other kinds have none of it."""
@@ -158,7 +165,7 @@ class AnyGround(Terrain):
             own.shift if part.heights() is not None else None,
             own.down,
             None if own.floor is None else own.floor + offset[2],
-            self._plan[1][kind],
+            [*self._hulls].index(kind) if kind in self._hulls else None,
         )
 
     def compiled(self) -> Ground:

@@ -5,7 +5,7 @@ Props are things that stand or move on the ground, solid or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
@@ -24,6 +24,9 @@ FLAT_GROUND: Final = "ground"
 
 FLOOR: Final = "ground_floor"
 """Name of the plane below boxes or a height field."""
+
+GROUP: Final = "ground_group_"
+"""Names of the bodies of groups of boxes begin so; the number of the group follows."""
 
 HEIGHT_FIELD: Final = "ground_heights"
 
@@ -48,7 +51,7 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     ground, heights, bounds = terrain.compiled(), terrain.heights(), terrain.bounds
     boxes = ground.boxes
     if len(boxes.centres):
-        _add_boxes(spec, boxes)
+        _add_boxes(spec, boxes, terrain.groups)
     if heights is not None and ground.shift is not None:
         _add_heights(spec, heights, ground.shift)
     terrain.add_to(spec)
@@ -74,24 +77,35 @@ def box_colours(boxes: Boxes) -> Array:
     return np.insert(dark + (light - dark) * shares[:, None], 3, 1.0, axis=1)
 
 
-def _add_boxes(spec: mujoco.MjSpec, boxes: Boxes) -> None:
+def _add_boxes(spec: mujoco.MjSpec, boxes: Boxes, groups: Sequence[slice]) -> None:
     spec.add_material(name="ground_block", specular=0.05, shininess=0.1)
     colours = box_colours(boxes)
-    for index, (centre, half_size) in enumerate(zip(boxes.centres, boxes.half_sizes, strict=True)):
-        spec.worldbody.add_geom(
-            name=f"ground_{index}",
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            pos=centre,
-            size=half_size,
-            material="ground_block",
-            rgba=colours[index],
-            contype=BOXES,
-            **_GROUND,
-        )
+    bodies = [_group_body(spec, f"{GROUP}{i}") for i in range(len(groups))]
+    for body, group in zip(bodies or [spec.worldbody], groups or [slice(None)], strict=True):
+        for index in range(*group.indices(len(boxes.centres))):
+            body.add_geom(
+                name=f"ground_{index}",
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=boxes.centres[index],
+                size=boxes.half_sizes[index],
+                mass=0,
+                material="ground_block",
+                rgba=colours[index],
+                contype=BOXES,
+                **_GROUND,
+            )
     if _overlap(boxes):
         # Where level boxes overlap, MuJoCo's shadow pass lights their faces twice.
         for light in spec.lights:
             light.castshadow = False
+
+
+def _group_body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
+    """Body of a group of boxes: where they are sunk, MuJoCo leaves out all of them at once."""
+    body = spec.worldbody.add_body(name=name)
+    # what nothing refers to would be merged into the world
+    spec.add_exclude(bodyname1="world", bodyname2=name)
+    return body
 
 
 def _overlap(boxes: Boxes) -> bool:

@@ -109,22 +109,22 @@ class Ground:
     Attributes
     ----------
     boxes
-        As many in every episode of a terrain, but for those with `ids`.
+        As many in every ground of a terrain and a `group`.
     shift
         Where the middle of the terrain's height field lies, mm; None: this ground has none of it.
     down
         Unit vector along which things fall: a slope is level ground with gravity turned.
     floor
         Height of the plane below everything else, mm; None: this ground has none.
-    ids
-        Which of the boxes of the terrain's hull these are, (n,); None: all of them, in turn.
+    group
+        Which of the terrain's `groups` of boxes these are; None: none of them.
     """
 
     boxes: Boxes = field(default_factory=Boxes)
     shift: tuple[float, float, float] | None = (0.0, 0.0, 0.0)
     down: tuple[float, float, float] = DOWN
     floor: float | None = None
-    ids: NDArray[np.intp] | None = None
+    group: int | None = 0
 
 
 def _name(terrain: Terrain) -> str:
@@ -193,6 +193,11 @@ class Terrain:
             From 0 (the easiest) to 1 (as the settings say).
         """
         return Boxes()
+
+    @property
+    def groups(self) -> tuple[slice, ...]:
+        """Boxes of the hull of which a ground has one group or none; (): it has them all."""
+        return ()
 
     def hull(self) -> Boxes:
         """Boxes of which each holds its like in every ground that can be drawn.
