@@ -34,7 +34,7 @@ _STREAM: Final = 260_511
 class AnyGround(Terrain):
     """One of several kinds of ground, drawn for every episode.
 
-    The ground of a seed is that of the same seed on the drawn kind's own terrain (`parts`), raised
+    The ground of a seed is that of the same seed on the drawn kind's own terrain (`parts`), shifted
     so that every kind has its `base_height` at 0: episodes start alike on all of them.
 
     Attributes
@@ -43,7 +43,8 @@ class AnyGround(Terrain):
     height_range : of `blocks` and `mixed`, mm.
     gap_range : of `gapped` and `mixed`, mm.
     angle_range_deg : of `slope`, which rises in any direction.
-    x_range : ground that there is at least on every kind, mm; there are a box or two per mm² of it.
+    x_range : where the rough kinds have ground at least, mm. 2 mm² of them take a box, and each box
+        0.1 % of a fly's time; hills end 50 mm from the origin.
     half_width : of the rough kinds, to both sides, mm.
     """
 
