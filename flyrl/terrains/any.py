@@ -43,8 +43,8 @@ class AnyGround(Terrain):
     height_range : of `blocks` and `mixed`, mm.
     gap_range : of `gapped` and `mixed`, mm.
     angle_range_deg : of `slope`, which rises in any direction.
-    x_range : where the rough kinds have ground at least, mm. 2 mm² of them take a box, and each box
-        0.1 % of a fly's time; hills end 50 mm from the origin.
+    x_range : where the rough kinds have ground at least, mm; blocks take a box per 2 mm², and 1000
+        boxes some 15 % more time. Hills end 50 mm from the origin.
     half_width : of the rough kinds, to both sides, mm.
     """
 
