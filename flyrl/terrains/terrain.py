@@ -7,7 +7,7 @@ a `Ground`. x points forward at spawn. All lengths in mm, world frame.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final, cast
 
 import mujoco
