@@ -16,6 +16,7 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "blocks": {"terrain": "random_blocks"},
     "mixed": {"terrain": _ROUGH},
     "hills": {"terrain": "random_hills"},
+    "any": {"terrain": "any"},
     "slope_30": {"terrain": {"name": "slope", "angle_range_deg": (30.0, 30.0)}},
     "slope_60": {"terrain": {"name": "slope", "angle_range_deg": (60.0, 60.0)}},
     "stairs": {"terrain": {"name": "examples.stairs:Stairs"}},
