@@ -161,7 +161,8 @@ def evaluation_settings(config: Mapping[str, Any]) -> EvaluationSettings:
     known_keys("evaluation", config, (*_OF_EVALUATION, *_OPTIONS))
     given = {key: value for key, value in config.items() if key in _OF_EVALUATION}
     for key in _LISTS:
-        if isinstance(given.get(key), str | int | float | Mapping):
+        is_word = key == "film" and isinstance(given.get(key), str)
+        if isinstance(given.get(key), str | int | float | Mapping) and not is_word:
             given[key] = [given[key]]
     options = {key: value for key, value in config.items() if key in _OPTIONS}
     return EvaluationSettings(given=given, **options)

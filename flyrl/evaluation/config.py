@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 from flyrl.controllers import Controller
 from flyrl.envs.config import BodyConfig, EnvConfig
@@ -77,6 +77,8 @@ class EvaluationConfig:
         under every condition.
     film
         Indices of the episodes that are filmed and looked at closely, beside the evaluation itself.
+        "contrast" takes one on each terrain, where the best learned entrant and the reference
+        differ; see `flyrl.evaluation.contrast`.
     num_envs
         Episodes that are walked at the same time. Does not change the result.
     num_threads
@@ -109,7 +111,7 @@ class EvaluationConfig:
     trust_pickles: bool = False
     study: str | None = None
     paths: Annotated[int, Within(0, MAX_EPISODES)] = 60
-    film: tuple[int, ...] = (0,)
+    film: tuple[int, ...] | Literal["contrast"] = (0,)
     num_envs: Annotated[int, Within(1, MOST_SIMS)] = 64
     num_threads: Annotated[int, Within(0, MOST_THREADS)] = 0
     progress: bool = False
@@ -129,9 +131,10 @@ class EvaluationConfig:
         if not self.terrains:
             raise ValueError("terrains must name at least one, got none")
         one_of("study", self.study, (None, *STUDIES))
-        for i, episode in enumerate(self.film):
-            within(f"film[{i}]", episode, 0, self.episodes - 1)
-        distinct("film", self.film)
+        if isinstance(self.film, tuple):
+            for i, episode in enumerate(self.film):
+                within(f"film[{i}]", episode, 0, self.episodes - 1)
+            distinct("film", self.film)
         task = self.resolved_task
         if task.time_limit_s is None:
             raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
@@ -185,6 +188,19 @@ class EvaluationConfig:
         """Seeds of the episodes, the same on every terrain; no two values of `seed` share one."""
         first = FIRST_SEED + self.seed * MAX_EPISODES
         return range(first, first + self.episodes)
+
+    def filmed(self, chosen: Mapping[str, Any] | None = None) -> dict[str, tuple[int, ...]]:
+        """Indices of the episodes to film, by the label of their terrain.
+
+        Parameters
+        ----------
+        chosen
+            What `flyrl.evaluation.contrast.contrasts` chose; without it "contrast" is episode 0.
+        """
+        labels = [terrain.label for terrain in self.terrain_configs]
+        if isinstance(self.film, tuple):
+            return dict.fromkeys(labels, self.film)
+        return {label: (chosen[label]["episode"] if chosen else 0,) for label in labels}
 
     @property
     def conditions(self) -> tuple[Condition, ...]:

@@ -20,6 +20,7 @@ from flyrl.envs.config import plain
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
+from flyrl.evaluation.contrast import contrasts
 from flyrl.evaluation.entrants import Entrant, make_entrants
 from flyrl.evaluation.episodes import (
     Json,
@@ -127,6 +128,8 @@ def evaluate(
     rows = typed(pd.concat(tables, ignore_index=True))
     if protocol["reference"] not in rows["controller"].unique():
         protocol["reference"] = best_reference(rows, protocol)
+    if config.film == "contrast" and not config.vary:
+        protocol["film"] = contrasts(rows, protocol)
     protocol |= {
         "command": config.command,
         "settings": plain(dict(config.settings)),
@@ -178,6 +181,7 @@ def _walk(
     env: BatchedEnv | None = None
     found: list[Part] = []
     filmed: list[EpisodeRecord] = []
+    to_film = config.filmed()[walk.terrain.label]
     interval_ms = 1000 * walk.env.decision_interval_s
     for start in range(0, len(walk.episodes), size):
         batch = walk.episodes[start : start + size]
@@ -203,7 +207,7 @@ def _walk(
             part = episode_table(rows), dict(enumerate(map(trajectory, kept)))
             parts.write(number, start, part)
             if not walk.condition.name:
-                filmed += [each for each in records if each.index in config.film]
+                filmed += [each for each in records if each.index in to_film]
         found.append(part)
     return found, filmed, []
 
@@ -250,7 +254,10 @@ def _versions() -> dict[str, str]:
 
 
 def walk_examples(
-    config: EvaluationConfig, entrants: Sequence[Entrant], walked: Sequence[EpisodeRecord] = ()
+    config: EvaluationConfig,
+    entrants: Sequence[Entrant],
+    walked: Sequence[EpisodeRecord] = (),
+    chosen: Json | None = None,
 ) -> list[EpisodeRecord]:
     """Records of the episodes to `film`: as in the evaluation, to the bit, with all of the gait.
 
@@ -262,16 +269,21 @@ def walk_examples(
         Of the evaluation.
     walked
         Those that were kept from the evaluation; the others are walked again.
+    chosen
+        As in `EvaluationConfig.filmed`.
 
     Returns
     -------
     One per terrain, episode and entrant, in this order, but for those that raise an error.
     """
     found = {(record.controller, record.terrain, record.index): record for record in walked}
+    filmed = config.filmed(chosen)
     for terrain in config.terrain_configs:
         drawn = config.draw_episodes(terrain)
         for entrant in entrants:
-            due = [i for i in config.film if (entrant.name, terrain.label, i) not in found]
+            due = [
+                i for i in filmed[terrain.label] if (entrant.name, terrain.label, i) not in found
+            ]
             if not due:
                 continue
             env = BatchedEnv(entrant.env(config, terrain), len(due), config.num_threads)
@@ -284,11 +296,9 @@ def walk_examples(
                 continue
             for index, record in zip(due, records, strict=True):
                 found[entrant.name, terrain.label, index] = dataclasses.replace(record, index=index)
-    places = itertools.product(
-        (terrain.label for terrain in config.terrain_configs), config.film, entrants
-    )
     return [
         found[entrant.name, terrain, index]
-        for terrain, index, entrant in places
+        for terrain, indices in filmed.items()
+        for index, entrant in itertools.product(indices, entrants)
         if (entrant.name, terrain, index) in found
     ]

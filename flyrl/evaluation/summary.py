@@ -303,7 +303,11 @@ def best_reference(rows: pd.DataFrame, protocol: Json) -> str:
         each for each in protocol["entrants"] if each["kind"] == "fixed" and each["name"] in walked
     ]
     names = [each["name"] for each in fixed if each.get("sees")]
-    names = names or [each["name"] for each in fixed] or walked
+    return best_of(rows, protocol, names or [each["name"] for each in fixed] or walked)
+
+
+def best_of(rows: pd.DataFrame, protocol: Json, names: Sequence[str]) -> str:
+    """The best of some entrants, by the means of the decisive metrics over all episodes."""
 
     def worth(name: str) -> list[float]:
         own = rows[rows["controller"] == name]

@@ -146,13 +146,15 @@ class Comparison(Results):
         view = replace(FILMED, camera=camera)
         has_walks = not config.vary  # a report of doses has no place for single walks
         has_films = videos and has_walks
-        filmed, note = record_videos(config, entrants, missing, view) if has_films else ([], None)
+        chosen = self.protocol.get("film")
+        films = (config, entrants, missing, view, chosen)
+        filmed, note = record_videos(*films) if has_films else ([], None)
         examples = []
         with make_bar(1, is_shown=config.progress, unit=" parts", description="reporting") as bar:
             terrain = config.terrain_configs[0]
             has_map = close_ups and drive_map and config.legs is not None
             if close_ups and has_walks:
-                examples = walk_examples(config, entrants, self.examples)
+                examples = walk_examples(config, entrants, self.examples, chosen)
             additions = Additions(
                 videos=filmed,
                 examples=examples,

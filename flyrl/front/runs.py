@@ -162,11 +162,12 @@ def simulated_shares(
         Whether everyone is filmed.
     """
     walks = (len(entrants) + 1) * len(compared.terrain_configs)
+    films = (len(entrants) + 1) * sum(map(len, compared.filmed().values()))
     simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
     return {
         "training": config.training.total_timesteps * config.env.decision_interval_s,
         "evaluating": 0.5 * simulated_s,
-        "filming": 75.0 * walks * len(compared.film) if videos else 0.0,
+        "filming": 75.0 * films if videos else 0.0,
         "reporting": 150.0,
     }
 

@@ -23,7 +23,7 @@ from flyrl.evaluation.trainings import seed_groups
 from flyrl.report.figures import MAX_DOTS
 from flyrl.report.paths import Walk, Walks, things_of
 from flyrl.report.video import FLY_PACE, FPS, Video
-from flyrl.report.wording import interval_text, outcome_name
+from flyrl.report.wording import contrast_text, interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
 from flyrl.simulation.marks import LEG_COLOURS
 from flyrl.tasks.task import LEFT_ARENA
@@ -120,6 +120,7 @@ def terrain_section(
         "crossing": crossing(
             walked[walked["condition"] == usual], protocol, np.random.default_rng(protocol["seed"])
         ),
+        "chosen": contrast_text(protocol, name),
         "players": [player(name, episode, *shown) for episode, shown in filmed.items()],
     }
 

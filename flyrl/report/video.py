@@ -18,6 +18,7 @@ from flyrl.envs.bodies import Bodies
 from flyrl.envs.core import BatchedEnv
 from flyrl.envs.rendering import View, make_renderer
 from flyrl.evaluation import Entrant, EvaluationConfig
+from flyrl.evaluation.episodes import Json
 from flyrl.progress import progress_bar
 from flyrl.report.captions import (
     Picture,
@@ -126,6 +127,7 @@ def record_videos(
     entrants: Sequence[Entrant],
     missing: Collection[tuple[str, str]] = (),
     view: View = FILMED,
+    chosen: Json | None = None,
 ) -> tuple[list[Video], str | None]:
     """Film every entrant on every terrain, on the episodes that the evaluation names.
 
@@ -141,17 +143,20 @@ def record_videos(
         Entrants that raised an error, and where: names of controller and terrain.
     view
         How the videos look.
+    chosen
+        As in `EvaluationConfig.filmed`.
 
     Returns
     -------
     The videos, and a note that says why there are none. Where pictures or videos cannot be made the
     note goes to stderr as well, in one line, and nothing is raised.
     """
+    filmed = config.filmed(chosen)
     jobs = [
         (terrain, index, entrant)
         for entrant in entrants
         for terrain in config.terrain_configs
-        for index in config.film
+        for index in filmed[terrain.label]
         if (entrant.name, terrain.label) not in missing
     ]
     videos: list[Video] = []

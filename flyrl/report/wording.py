@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.episodes import Json
+from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.summary import Leader
 from flyrl.evaluation.trainings import trainings
 
@@ -138,6 +139,26 @@ def training_note(protocol: Json) -> str:
     caution = " (other seeds may do better or worse)" if single else ""
     text = f"{'; '.join(parts)}{caution}." if parts else ""
     return text[:1].upper() + text[1:]
+
+
+def contrast_text(protocol: Json, terrain: str) -> str:
+    """Sentence on why an episode was chosen to be filmed; empty where none was chosen."""
+    chosen = protocol.get("film", {}).get(terrain)
+    if not chosen:
+        return ""
+    start = f"Episode {chosen['episode']}: the first"
+    if "metric" not in chosen:
+        return f"{start}, since no learned policy differs from the reference here."
+    names, values = [chosen["controller"], chosen["reference"]], chosen["values"]
+    if chosen["metric"] == "success":
+        better, worse = sorted(names, key=lambda name: -values[names.index(name)])
+        does = "reaches the target" if protocol["task"] == "target" else "succeeds"
+        text = f"{start} in which {better} {does} and {worse} does not"
+        return f"{text}." if better == names[0] else f"{text}; the other way round there is none."
+    name, unit = _name_and_unit(metric_label(chosen["metric"]))
+    own, other = map(format_number, values)
+    text = f"{start} in which {_listed(names)} differ most in {name}, {own} against {other} {unit}"
+    return f"{text.rstrip()}."
 
 
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
