@@ -202,6 +202,14 @@ def test_bad_values(override, message):
         training_config(_composed(override))
 
 
+@pytest.mark.parametrize(
+    ("film", "expected"), [("contrast", "contrast"), ("7", (7,)), ("[7,0]", (7, 0))]
+)
+def test_episodes_to_film_are_numbers_or_a_word(film, expected):
+    composed = _composed(f"film={film}", name="evaluate")
+    assert evaluation_config(composed, own_settings(composed), "").film == expected
+
+
 ODD = (None, True, 5, -1, 10**9, 10**400, 1e-12, 1e308, math.nan, math.inf, "", "abc", [], {}, [[]])
 
 

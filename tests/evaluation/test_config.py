@@ -35,6 +35,14 @@ def test_terrains_by_name_and_by_config():
     assert config.terrain_configs == (Flat(), blocks, TERRAINS["random_blocks"])
 
 
+def test_episodes_that_are_chosen_differ_between_terrains():
+    config = EvaluationConfig(terrains=("flat", "mixed"), film="contrast")
+    chosen = {"flat": {"episode": 0}, "mixed": {"episode": 7}}
+    assert config.filmed(chosen) == {"flat": (0,), "mixed": (7,)}
+    named = EvaluationConfig(terrains=("flat", "mixed"), film=(3, 1))
+    assert named.filmed() == {"flat": (3, 1), "mixed": (3, 1)}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -45,6 +53,7 @@ def test_terrains_by_name_and_by_config():
         ({"seed": MAX_SEED + 1}, "seed"),
         ({"episodes": 3, "film": (0, 3)}, r"film\[1\].* 2"),
         ({"film": (4, 4)}, "film must"),
+        ({"film": "contrats"}, "film must be one of 'contrast'.*; did you mean 'contrast'"),
         ({"num_envs": 10**9}, "num_envs"),
         ({"num_threads": 10**9}, "num_threads"),
         ({"task": "hybrid_turning"}, "time_limit must be a time in 'hybrid_turning'"),

@@ -201,3 +201,32 @@ def test_examples_are_the_episodes_that_were_evaluated_to_the_bit(results):
         np.testing.assert_array_equal(record.gait.stance, again.gait.stance)
     path = results.trajectories[2].position_w
     np.testing.assert_array_equal(kept[0].position_w.astype(np.float32), path)
+
+
+def straight(time_s, observation):
+    """A drive of one's own."""
+    return 1.0, 1.0
+
+
+def test_a_resumed_evaluation_films_the_same_contrast(tmp_path):
+    config = dataclasses.replace(
+        CONFIG,
+        task=dataclasses.replace(TASKS["traverse"](), time_limit_s=0.2),
+        policies=(straight,),
+        controllers=("zero",),
+        film="contrast",
+    )
+    whole = evaluate(config, tmp_path)
+    chosen = whole.protocol["film"]
+    ways = whole.episodes.set_index(["controller", "episode"])["advance_mm"]
+    farthest = (ways["straight"] - ways["zero"]).abs().idxmax()
+    assert (chosen["flat"]["episode"], chosen["flat"]["metric"]) == (farthest, "advance_mm")
+    resumed = evaluate(config, tmp_path)  # every batch lies there
+    assert resumed.protocol["film"] == chosen
+    shown = walk_examples(config, make_entrants(config), whole.examples, chosen)
+    assert [(record.index, record.controller) for record in shown] == [
+        (farthest, "straight"),
+        (farthest, "zero"),
+    ]
+    path = whole.trajectories[farthest].position_w
+    np.testing.assert_array_equal(shown[0].position_w.astype(np.float32), path)

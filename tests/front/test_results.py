@@ -58,7 +58,11 @@ def test_a_report_is_one_file(results, tmp_path):
 
 def test_what_a_report_holds_can_be_repeated(run_here, tmp_path):
     walked = flyrl.evaluate(
-        ["zero", "target-flat"], terrains=["random_blocks"], vary={"friction": [1, 2]}, **SHORT
+        ["zero", "target-flat"],
+        terrains=["random_blocks"],
+        vary={"friction": [1, 2]},
+        film="contrast",
+        **SHORT,
     )
     walked.report(tmp_path / "mine.html", **NO_EXTRAS)
     done = run_here("flyrl", "reproduce", "mine.html")

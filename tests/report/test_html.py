@@ -10,7 +10,7 @@ from flyrl.evaluation.summary import summarise
 from flyrl.report import write_report
 from flyrl.report.exports import standalone
 from flyrl.report.html import format_report
-from tests.report.conftest import NAMES, Page, gaited, texts
+from tests.report.conftest import NAMES, Page, film, gaited, texts
 from tests.synthetic import make_results
 
 LINK = "{http://www.w3.org/1999/xlink}href"
@@ -247,6 +247,15 @@ def test_without_videos_or_paths_the_note_says_why(other):
     assert "<h3>Paths</h3>" not in other and "<video" not in other
     # curves without a video, and nothing to play
     assert (other.count('class="run-along"'), other.count("<input")) == (1, 0)
+
+
+def test_the_reason_why_an_episode_was_chosen_stands_with_its_video(few):
+    chosen = {"flat": {"episode": 0}}
+    page = Page(
+        format_report(replace(few, protocol={**few.protocol, "film": chosen}), videos=[film("cpg")])
+    )
+    assert "Episode 0: the first, since" in page.words
+    assert page.words.index("Episode 0: the first") < page.words.index("Everybody on episode 0")
 
 
 def test_sections_without_content_are_left_out(text):
