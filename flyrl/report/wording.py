@@ -146,19 +146,19 @@ def contrast_text(protocol: Json, terrain: str) -> str:
     chosen = protocol.get("film", {}).get(terrain)
     if not chosen:
         return ""
-    start = f"Episode {chosen['episode']}: the first"
+    start = f"Episode {chosen['episode']}: the"
     if "metric" not in chosen:
-        return f"{start}, since no learned policy differs from the reference here."
+        return f"{start} first, since no learned policy differs from the reference here."
     names, values = [chosen["controller"], chosen["reference"]], chosen["values"]
     if chosen["metric"] == "success":
         better, worse = sorted(names, key=lambda name: -values[names.index(name)])
         does = "reaches the target" if protocol["task"] == "target" else "succeeds"
-        text = f"{start} in which {better} {does} and {worse} does not"
+        text = f"{start} first in which {better} {does} and {worse} does not"
         return f"{text}." if better == names[0] else f"{text}; the other way round there is none."
     name, unit = _name_and_unit(metric_label(chosen["metric"]))
     own, other = map(format_number, values)
-    text = f"{start} in which {_listed(names)} differ most in {name}, {own} against {other} {unit}"
-    return f"{text.rstrip()}."
+    difference = f"{name}, {own} against {other} {unit}".rstrip()
+    return f"{start} one in which {_listed(names)} differ most in {difference}."
 
 
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:

@@ -179,22 +179,23 @@ def test_parameters_stand_as_one_would_type_them():
 @pytest.mark.parametrize(
     ("task", "metric", "values", "sentence"),
     [
-        ("target", "success", [1, 0], "in which a reaches the target and b does not."),
-        ("path", "success", [1, 0], "in which a succeeds and b does not."),
+        ("target", "success", [1, 0], "first in which a reaches the target and b does not."),
+        ("path", "success", [1, 0], "first in which a succeeds and b does not."),
         (
             *("target", "success", [0, 1]),
-            "in which b reaches the target and a does not; the other way round there is none.",
+            "first in which b reaches the target and a does not; "
+            "the other way round there is none.",
         ),
         (
             *("target", "time_to_goal_s", [0.625, 1.5]),
-            "in which a and b differ most in time to goal, 0.62 against 1.50 s.",
+            "one in which a and b differ most in time to goal, 0.62 against 1.50 s.",
         ),
     ],
 )
 def test_a_chosen_episode_says_why(task, metric, values, sentence):
     chosen = {"episode": 17, "controller": "a", "reference": "b", "metric": metric}
     protocol = {"task": task, "film": {"flat": {**chosen, "values": values}}}
-    assert contrast_text(protocol, "flat") == f"Episode 17: the first {sentence}"
+    assert contrast_text(protocol, "flat") == f"Episode 17: the {sentence}"
 
 
 def test_an_episode_without_a_contrast_says_so_and_one_that_was_asked_for_nothing():
