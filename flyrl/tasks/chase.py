@@ -11,7 +11,6 @@ from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -22,7 +21,15 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, error, is_inside, success_in_time, to_yaw_frame
+from flyrl.tasks.terms import (
+    EDGE_MARGIN,
+    FAILURES,
+    SMOOTHNESS,
+    error,
+    is_inside,
+    success_in_time,
+    to_yaw_frame,
+)
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import Within, ordered
 

@@ -14,9 +14,8 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import FAILURES, error, lost_time
+from flyrl.tasks.terms import FAILURES, SMOOTHNESS, error, lost_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 

@@ -5,13 +5,13 @@ from functools import partial
 from typing import Annotated, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import (
     SUCCESS,
     Array,
@@ -22,9 +22,21 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, error, is_inside, success_in_time
+from flyrl.tasks.terms import (
+    EDGE_MARGIN,
+    FAILURES,
+    SMOOTHNESS,
+    direction_b,
+    elapsed,
+    error,
+    is_inside,
+    success_in_time,
+)
 from flyrl.terrains import TARGET_MARKER, Terrain
 from flyrl.validation import Within
+
+PATH_SPACING: Final = 0.5
+"""mm between two points of a path."""
 
 LEFT_PATH: Final = "left_path"
 """Outcome of a fly that is off a narrow path."""
@@ -45,15 +57,15 @@ def draw_path(
     """
     from scipy.ndimage import gaussian_filter1d  # noqa: PLC0415 - slow to import
 
-    steps = round(length / terms.PATH_SPACING)
-    noise = gaussian_filter1d(rng.normal(size=steps), smoothness / terms.PATH_SPACING)
+    steps = round(length / PATH_SPACING)
+    noise = gaussian_filter1d(rng.normal(size=steps), smoothness / PATH_SPACING)
     curvature = difficulty * (noise / np.abs(noise).max() / radius)
     first = difficulty * rng.uniform(-np.pi, np.pi)
-    direction = first + np.cumsum(curvature) * terms.PATH_SPACING
+    direction = first + np.cumsum(curvature) * PATH_SPACING
     offsets = np.cumsum(np.stack([np.cos(direction), np.sin(direction)], axis=1), axis=0)
     last = round(steps * (1 + difficulty) / 2) - 1
     offsets[last:] = offsets[last]
-    return np.asarray(np.vstack([start, start + offsets * terms.PATH_SPACING]))
+    return np.asarray(np.vstack([start, start + offsets * PATH_SPACING]))
 
 
 def sample_episode(
@@ -88,6 +100,44 @@ def sample_episode(
     return replace(episode, goal=(end_x, end_y), command=command)
 
 
+def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Distance to the nearest point of the path, mm, and its number, both (n,)."""
+    path = state.command.reshape(len(position_w), -1, 2)
+    distances = np.linalg.norm(path - position_w[:, None, :2], axis=2)
+    nearest = distances.argmin(axis=1)
+    return distances[np.arange(len(nearest)), nearest], nearest
+
+
+def off_path(state: TaskState) -> Array:
+    """Distance to the path, mm, (n,)."""
+    return path_position(state, state.fly.position_w)[0]
+
+
+def path_direction_b(state: TaskState, look_ahead: float) -> Array:
+    """Unit vector to the path's point that is `look_ahead`, mm, beyond the nearest one, (n, 2)."""
+    _, nearest = path_position(state, state.fly.position_w)
+    path = state.command.reshape(len(nearest), -1, 2)
+    ahead = np.minimum(nearest + round(look_ahead / PATH_SPACING), path.shape[1] - 1)
+    return direction_b(state, path[np.arange(len(nearest)), ahead])
+
+
+def path_distance(state: TaskState) -> Array:
+    """Distance to the path in units of 5 mm, (n, 1)."""
+    return off_path(state)[:, None] / 5.0
+
+
+def path_progress(state: TaskState) -> Array:
+    """By how much the path's nearest point moved on, mm, (n,)."""
+    _, now = path_position(state, state.fly.position_w)
+    _, before = path_position(state, state.previous.position_w)
+    return np.asarray((now - before) * PATH_SPACING)
+
+
+def path_deviation(state: TaskState) -> Array:
+    """Distance to the path, times the time since the last decision, mm s, (n,)."""
+    return off_path(state) * elapsed(state)
+
+
 def was_followed(state: TaskState, reach: float, tolerance: float) -> Mask:
     """Whether the path's end is reached, and the fly kept to the path on the way, (n,)."""
     mean_deviation = state.totals["deviation"] / np.maximum(state.fly.time, 1e-9)
@@ -96,7 +146,7 @@ def was_followed(state: TaskState, reach: float, tolerance: float) -> Mask:
 
 def has_left_path(state: TaskState, width: float) -> Mask:
     """Whether the thorax is further than `width`, mm, from the path, (n,)."""
-    return terms.off_path(state) > width
+    return off_path(state) > width
 
 
 @TaskFunction
@@ -140,13 +190,13 @@ def path(
         observation=(
             ObservationTerm(
                 "target_direction", (2,), -1.0, 1.0,
-                partial(terms.path_direction_b, look_ahead=look_ahead),
+                partial(path_direction_b, look_ahead=look_ahead),
                 f"cos and sin of the bearing of a point {look_ahead:g} mm ahead on the path, left "
                 "positive",
                 is_bearing=True,
             ),
             ObservationTerm(
-                "path_distance", (1,), 0.0, 4.0, terms.path_distance,
+                "path_distance", (1,), 0.0, 4.0, path_distance,
                 "distance to the path, in 5 mm",
             ),
             ObservationTerm(
@@ -156,8 +206,8 @@ def path(
             *SENSES,
         ),
         reward=(
-            RewardTerm("progress", 0.2, terms.path_progress, "mm along the path"),
-            RewardTerm("deviation", -0.5, terms.path_deviation, "mm from the path, times s"),
+            RewardTerm("progress", 0.2, path_progress, "mm along the path"),
+            RewardTerm("deviation", -0.5, path_deviation, "mm from the path, times s"),
             *success_in_time(followed, "the path was followed to its end", failures),
             *SMOOTHNESS,
         ),
@@ -171,7 +221,7 @@ def path(
         f"{length / 2:g} to {length:g} mm",
         success=f"thorax within {reach:g} mm of the path's end, having kept to the path within "
         f"{tolerance:g} mm on average",
-        errors=(error("path_error_mm", length, terms.off_path),),
+        errors=(error("path_error_mm", length, off_path),),
         decisive=("success", "path_error_mm"),
         compared=("time_to_goal_s", "path_error_mm"),
     )  # fmt: skip

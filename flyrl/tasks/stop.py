@@ -9,7 +9,6 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.target import sample_episode
 from flyrl.tasks.task import (
     SUCCESS,
@@ -20,7 +19,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, lost_time
+from flyrl.tasks.terms import FAILURES, SMOOTHNESS, lost_time
 from flyrl.terrains import TARGET_MARKER
 from flyrl.validation import Within, ordered
 

@@ -12,7 +12,6 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -31,6 +30,7 @@ from flyrl.tasks.task import (
 from flyrl.tasks.terms import (
     EDGE_MARGIN,
     FAILURES,
+    SMOOTHNESS,
     decisions_lost,
     error,
     is_inside,

@@ -1,7 +1,8 @@
 """Terms that tasks are made of: pure functions from a `TaskState` to arrays.
 
 The first axis of every result is the simulation. What ends in `_b` is in the fly's own frame:
-x forward along the heading's horizontal direction, y to the left.
+x forward along the heading's horizontal direction, y to the left. Terms of a path or a
+finish line are with their tasks.
 """
 
 from collections.abc import Callable
@@ -35,9 +36,6 @@ _COS_FALL_TILT = float(np.cos(FALL_TILT))
 
 STRIDE_S = 1 / 12
 """s; period of the oscillators. Speed and yaw rate sway with it, by more than what is tolerated."""
-
-PATH_SPACING = 0.5
-"""mm between two points of a path."""
 
 EDGE_MARGIN: Final = 1.5
 """mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
@@ -122,14 +120,6 @@ def command_deviation(state: TaskState, command_s: float, tolerance: Pair) -> Ar
     return deviation / tolerance
 
 
-def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Distance to the nearest point of the path, mm, and its number, both (n,)."""
-    path = state.command.reshape(len(position_w), -1, 2)
-    distances = np.linalg.norm(path - position_w[:, None, :2], axis=2)
-    nearest = distances.argmin(axis=1)
-    return distances[np.arange(len(nearest)), nearest], nearest
-
-
 # --- observations --------------------------------------------------------------------------
 
 
@@ -151,24 +141,6 @@ def commanded_direction_b(state: TaskState) -> Array:
 def forward_direction_b(state: TaskState) -> Array:
     """Unit vector along the world's x axis: (cos, sin) of its bearing, (n, 2)."""
     return _unit_vectors(-state.fly.yaw)
-
-
-def finish_distance(state: TaskState, finish_line: float) -> Array:
-    """Distance to the finish line at an x, mm, along +x in units of 15 mm, (n, 1)."""
-    return (finish_line - state.fly.position_w[:, :1]) / 15.0
-
-
-def path_direction_b(state: TaskState, look_ahead: float) -> Array:
-    """Unit vector to the path's point that is `look_ahead`, mm, beyond the nearest one, (n, 2)."""
-    _, nearest = path_position(state, state.fly.position_w)
-    path = state.command.reshape(len(nearest), -1, 2)
-    ahead = np.minimum(nearest + round(look_ahead / PATH_SPACING), path.shape[1] - 1)
-    return direction_b(state, path[np.arange(len(nearest)), ahead])
-
-
-def path_distance(state: TaskState) -> Array:
-    """Distance to the path in units of 5 mm, (n, 1)."""
-    return off_path(state)[:, None] / 5.0
 
 
 def commanded_velocity(state: TaskState, command_s: float) -> Array:
@@ -256,16 +228,6 @@ def turn_to_heading(state: TaskState) -> Array:
     return np.asarray(np.abs(np.rad2deg(heading_error(state))))
 
 
-def turn_to_finish(state: TaskState) -> Array:
-    """Angle between the heading and the world's x axis, deg, (n,)."""
-    return np.asarray(np.abs(np.rad2deg(state.fly.yaw)))
-
-
-def off_path(state: TaskState) -> Array:
-    """Distance to the path, mm, (n,)."""
-    return path_position(state, state.fly.position_w)[0]
-
-
 def off_speed(state: TaskState, command_s: float, tolerance: Pair) -> Array:
     """Mean forward speed from the commanded one, mm/s, (n,)."""
     return np.abs(command_deviation(state, command_s, tolerance)[:, 0]) * tolerance[0]
@@ -327,16 +289,19 @@ def time_on_command(state: TaskState, command_s: float, tolerance: Pair) -> Arra
     return np.where(is_on, elapsed(state), 0.0)
 
 
-def path_progress(state: TaskState) -> Array:
-    """By how much the path's nearest point moved on, mm, (n,)."""
-    _, now = path_position(state, state.fly.position_w)
-    _, before = path_position(state, state.previous.position_w)
-    return np.asarray((now - before) * PATH_SPACING)
+def drive_change(state: TaskState) -> Array:
+    """By how much the drive changed with this decision, summed over both sides, (n,)."""
+    change: Array = np.abs(state.body.actuation - state.previous.actuation).sum(axis=1)
+    return change
 
 
-def path_deviation(state: TaskState) -> Array:
-    """Distance to the path, times the time since the last decision, mm s, (n,)."""
-    return off_path(state) * elapsed(state)
+def joint_work(state: TaskState) -> Array:
+    """Positive work of the 42 joints' servos in a decision, by torques and velocities at its end.
+
+    nJ (µN·mm), (n,).
+    """
+    power = state.fly.actuator_torques * state.fly.joint_velocities
+    return np.asarray(np.maximum(power, 0.0).sum(axis=1) * elapsed(state))
 
 
 # --- terminations --------------------------------------------------------------------------
@@ -345,11 +310,6 @@ def path_deviation(state: TaskState) -> Array:
 def is_at_target(state: TaskState, reach: float) -> Mask:
     """Whether the thorax is within `reach` of the target, mm, horizontally, (n,)."""
     return np.asarray(goal_distance(state.fly.position_w, state.goal) < reach)
-
-
-def has_crossed(state: TaskState, finish_line: float) -> Mask:
-    """Whether the thorax is beyond an x, mm, (n,)."""
-    return np.asarray(state.fly.position_w[:, 0] > finish_line)
 
 
 def lasted(state: TaskState, reward: str, seconds: float) -> Mask:
@@ -370,7 +330,13 @@ def has_left(state: TaskState) -> Mask:
     return np.asarray(~is_inside(x, y, state.bounds) | (z < state.bounds.z_min))
 
 
-# --- failures, the rows that every table shares ---------------------------------------------
+# --- rows that tables share ----------------------------------------------------------------
+
+SMOOTHNESS: Final = (
+    RewardTerm("drive_change", 0.0, drive_change, "change of the drive, summed over both sides"),
+    RewardTerm("work", 0.0, joint_work, "nJ that the joints do, as sampled at decisions"),
+)
+"""Rows of a reward table that count nothing until task.weights gives them a weight."""
 
 FAILURES: Final = (
     Termination(FALL, has_fallen),

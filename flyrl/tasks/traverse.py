@@ -3,14 +3,24 @@
 from functools import partial
 from typing import Annotated
 
+import numpy as np
+
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
-from flyrl.tasks.task import SUCCESS, ObservationTerm, RewardTerm, Task, Termination
-from flyrl.tasks.terms import FAILURES, error, success_in_time
+from flyrl.tasks.task import (
+    SUCCESS,
+    Array,
+    Mask,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    TaskState,
+    Termination,
+)
+from flyrl.tasks.terms import FAILURES, SMOOTHNESS, error, success_in_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within
 
@@ -33,6 +43,21 @@ def sample_episode(
     return bare_episode(terrain, seed, difficulty)
 
 
+def finish_distance(state: TaskState, finish_line: float) -> Array:
+    """Distance to the finish line at an x, mm, along +x in units of 15 mm, (n, 1)."""
+    return (finish_line - state.fly.position_w[:, :1]) / 15.0
+
+
+def turn_to_finish(state: TaskState) -> Array:
+    """Angle between the heading and the world's x axis, deg, (n,)."""
+    return np.asarray(np.abs(np.rad2deg(state.fly.yaw)))
+
+
+def has_crossed(state: TaskState, finish_line: float) -> Mask:
+    """Whether the thorax is beyond an x, mm, (n,)."""
+    return np.asarray(state.fly.position_w[:, 0] > finish_line)
+
+
 @TaskFunction
 def traverse(
     finish_line: Annotated[float, Within(3, 1e4)] = 22.0,
@@ -47,7 +72,7 @@ def traverse(
     time_limit
         s until the episode is cut off.
     """
-    crossed = partial(terms.has_crossed, finish_line=finish_line)
+    crossed = partial(has_crossed, finish_line=finish_line)
     return Task(
         observation=(
             ObservationTerm(
@@ -57,7 +82,7 @@ def traverse(
             ),
             ObservationTerm(
                 "finish_distance", (1,), -4.0, 4.0,
-                partial(terms.finish_distance, finish_line=finish_line),
+                partial(finish_distance, finish_line=finish_line),
                 "distance to the finish line along +x, in 15 mm",
             ),
             *SENSES,
@@ -71,7 +96,7 @@ def traverse(
         time_limit_s=time_limit,
         sample_episode=partial(sample_episode, finish_line=finish_line),
         success=f"thorax beyond x = {finish_line:g} mm",
-        errors=(error("heading_error_deg", 180.0, terms.turn_to_finish),),
+        errors=(error("heading_error_deg", 180.0, turn_to_finish),),
         decisive=("advance_mm",),
         compared=("time_to_goal_s", "advance_mm", "speed_mm_s"),
     )  # fmt: skip

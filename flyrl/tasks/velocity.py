@@ -17,9 +17,8 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.smoothness import SMOOTHNESS
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import FAILURES, error
+from flyrl.tasks.terms import FAILURES, SMOOTHNESS, error
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 

@@ -183,20 +183,6 @@ def test_the_velocity_over_a_decision_is_way_and_turn_over_time() -> None:
     np.testing.assert_allclose(found, [[15.0, 2.5]])
 
 
-def test_progress_along_a_path_counts_its_points() -> None:
-    path = np.stack([np.arange(20) * 0.5, np.zeros(20)], axis=1).ravel()
-    before = fly_state(position_w=[[1.1, 1, 0]], time=[1.0])
-    after = fly_state(position_w=[[2.6, -0.5, 0]], time=[1.1])
-    state = task_state(after, before, command=[path])
-    assert terms.path_progress(state) == pytest.approx(1.5)
-    assert terms.path_deviation(state) == pytest.approx(0.1 * np.hypot(0.1, 0.5))
-    # 4 mm beyond the nearest point, (2.5, 0)
-    expected = np.array([6.5 - 2.6, 0.5])
-    np.testing.assert_allclose(
-        terms.path_direction_b(state, 4.0)[0], expected / np.hypot(*expected)
-    )
-
-
 def test_the_way_forward_is_along_the_heading_before() -> None:
     before = fly_state(rotation_w=turned(yaw=np.pi / 2))
     after = fly_state(position_w=[[1, 2, 0]], rotation_w=turned(yaw=0.0))
