@@ -9,9 +9,9 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
+from flyrl.envs.bodies import RENDERING, View
 from flyrl.envs.config import config_for
 from flyrl.envs.core import BatchedEnv
-from flyrl.envs.rendering import RENDERING, View
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.tasks import Episode
 from flyrl.validation import known_keys

@@ -1,8 +1,8 @@
-"""Bodies as an environment steps them: with the ground, the pushes and the delays of episodes."""
+"""Bodies of an environment: as it steps them, with what episodes ask for, and pictures of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
-from typing import Any, Final, cast
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from flyrl.envs.config import EnvConfig
 from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.flies import FlyBatch, FlyState
+from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.randomisation import UNVARIED
+from flyrl.simulation.rendering import BodyRenderer, Camera
 from flyrl.simulation.scene import build_scene
 from flyrl.tasks import Episode
 from flyrl.tasks.episode import PUSH_ARM, PUSH_S
 from flyrl.terrains import NOWHERE
+from flyrl.validation import Within, check_fields, one_of
 
 ABOVE_GROUND: Final = 0.02
 """mm; a marker lies that far above the ground, to be seen."""
@@ -188,3 +191,77 @@ class Bodies:
         yaw = now.yaw
         force_w = to_the_left[:, None] * np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
         cast(FlyBatch, self.batch).push(force_w[moved], -PUSH_ARM * to_the_left[moved], moved)
+
+
+RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
+"""What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
+
+
+LARGEST_SIDE: Final = 4096
+"""Of a picture, px."""
+
+IN_SCENE: Final = ("target", "leg_colours", "trace", "forces")
+"""Fields of an Overlay that a renderer draws; the others are written onto videos afterwards."""
+
+Drawn = Overlay | Sequence[str]
+"""What is drawn beside the body: an Overlay, or names in `IN_SCENE`, those beside the target."""
+
+
+@dataclass(frozen=True)
+class View:
+    """How pictures of an environment look.
+
+    Parameters
+    ----------
+    camera
+        "follow" looks from ahead, "top" straight down, "goal" from the start towards the target,
+        where there is one (see `FlyRenderer`). A worm has no goal camera: there it is "follow".
+    overlay
+        What is drawn beside the body; names stand for an Overlay that has these and the target.
+    width, height
+        Of the picture, px.
+
+    Raises
+    ------
+    ValueError
+        There is no such camera or overlay, or a side is too long.
+    """
+
+    camera: Camera = "follow"
+    overlay: Drawn = PLAIN
+    width: Annotated[int, Within(1, LARGEST_SIDE)] = 640
+    height: Annotated[int, Within(1, LARGEST_SIDE)] = 480
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if isinstance(self.overlay, str):
+            raise ValueError(
+                f"overlay must be an Overlay, or a list of {', '.join(IN_SCENE)}, got "
+                f"{self.overlay!r}"
+            )
+        if not isinstance(self.overlay, Overlay):
+            for name in self.overlay:
+                one_of("overlay", name, IN_SCENE)
+
+    @property
+    def drawn(self) -> Overlay:
+        """What is drawn beside the body."""
+        if isinstance(self.overlay, Overlay):
+            return self.overlay
+        return replace(PLAIN, **dict.fromkeys(self.overlay, True))
+
+
+USUAL_VIEW: Final = View()
+
+
+def make_renderer(config: EnvConfig, view: View) -> BodyRenderer:
+    """Renderer of the bodies of an environment.
+
+    Raises
+    ------
+    RenderingUnavailableError
+        If no GL context can be made.
+    """
+    drawn_by: type[BodyRenderer] = config.scene.batch_class.renderer
+    camera = view.camera if view.camera in drawn_by.cameras else drawn_by.cameras[0]
+    return drawn_by(config.scene, view.width, view.height, camera, view.drawn)

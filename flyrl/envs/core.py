@@ -9,9 +9,8 @@ import numpy as np
 from gymnasium.error import ClosedEnvironmentError
 from numpy.typing import NDArray
 
-from flyrl.envs.bodies import Bodies
+from flyrl.envs.bodies import USUAL_VIEW, Bodies, View, make_renderer
 from flyrl.envs.config import EnvConfig, Observation
-from flyrl.envs.rendering import USUAL_VIEW, View, make_renderer
 from flyrl.envs.task_batch import TaskBatch, Transition, check_terms, generator
 from flyrl.simulation.batch import MOST_SIMS, Batch
 from flyrl.simulation.flies import FlyBatch

@@ -12,8 +12,8 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from flyrl.envs.adapter import Adapter, episode_with_options, row_of
+from flyrl.envs.bodies import RENDERING
 from flyrl.envs.config import Observation
-from flyrl.envs.rendering import RENDERING
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.tasks import RUNNING, Episode
 from flyrl.tasks.actions import action_vectors
@@ -42,7 +42,7 @@ class FlyrlEnv(Adapter, gymnasium.Env[Any, Any]):
     render_mode
         None or "rgb_array".
     **settings
-        Fields of `EnvConfig` and of `flyrl.envs.rendering.View`, and settings of the task.
+        Fields of `EnvConfig` and of `flyrl.envs.bodies.View`, and settings of the task.
 
     Raises
     ------
@@ -126,7 +126,7 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
     render_mode
         None or "rgb_array".
     **settings
-        Fields of `EnvConfig` and of `flyrl.envs.rendering.View`, and settings of the task.
+        Fields of `EnvConfig` and of `flyrl.envs.bodies.View`, and settings of the task.
 
     Raises
     ------

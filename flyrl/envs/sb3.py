@@ -11,8 +11,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from flyrl.envs.adapter import Adapter, episode_with_options, row_of
+from flyrl.envs.bodies import RENDERING
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.rendering import RENDERING
 from flyrl.tasks.target import compute_reward, compute_terminated
 from flyrl.validation import random_seed
 
@@ -41,7 +41,7 @@ class FlyrlVecEnv(Adapter, VecEnv):
     render_mode
         None or "rgb_array".
     **settings
-        Fields of `EnvConfig`, in place of those of `config`, and of `flyrl.envs.rendering.View`,
+        Fields of `EnvConfig`, in place of those of `config`, and of `flyrl.envs.bodies.View`,
         and settings of the task.
 
     Raises

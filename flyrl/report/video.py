@@ -14,9 +14,8 @@ from typing import Final, NamedTuple
 import imageio_ffmpeg
 import numpy as np
 
-from flyrl.envs.bodies import Bodies
+from flyrl.envs.bodies import Bodies, View, make_renderer
 from flyrl.envs.core import BatchedEnv
-from flyrl.envs.rendering import View, make_renderer
 from flyrl.evaluation import Entrant, EvaluationConfig
 from flyrl.evaluation.episodes import Json
 from flyrl.progress import progress_bar

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flyrl.envs.bodies import View
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.envs.rendering import View
 from flyrl.rollouts import run_episodes
 from flyrl.simulation.rendering import RenderingUnavailableError
 from tests.simulation.puck import Puck, glide
