@@ -26,7 +26,6 @@ from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, code_digests, code_of
 from flyrl.text import csv_text
-from flyrl.training.checkpoint import checkpoint_file, save_checkpoint
 from flyrl.training.config import (
     CurriculumConfig,
     TrainingConfig,
@@ -34,7 +33,7 @@ from flyrl.training.config import (
     training_record,
 )
 from flyrl.training.models import learner_state
-from flyrl.training.run_folder import write_json
+from flyrl.training.run_folder import checkpoint_file, save_checkpoint, write_json
 from flyrl.training.runs import STATUS_FILE, checkpoint_files
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)

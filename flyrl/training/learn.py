@@ -16,12 +16,11 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, load_bundle
 from flyrl.training.algorithms import ON_POLICY
 from flyrl.training.callback import GoesOn, RunCallback, fly_env, interruption
-from flyrl.training.checkpoint import load_latest_checkpoint
 from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
 from flyrl.training.loggers import Outcome
 from flyrl.training.metrics import RemoteLog, metrics_logger
 from flyrl.training.models import build_model, restore_learner
-from flyrl.training.run_folder import create_folder, note_resumption
+from flyrl.training.run_folder import create_folder, load_latest_checkpoint, note_resumption
 from flyrl.training.runs import (
     CONFIG_FILE,
     ResumeError,

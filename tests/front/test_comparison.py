@@ -15,9 +15,8 @@ from flyrl.front.comparison import (
     table,
     telling_keys,
 )
-from flyrl.training.checkpoint import checkpoint_file
 from flyrl.training.config import TrainingConfig
-from flyrl.training.run_folder import create_folder
+from flyrl.training.run_folder import checkpoint_file, create_folder
 from flyrl.training.runs import held, read_run
 from tests.training.folders import make_run
 

@@ -14,9 +14,8 @@ from safetensors.numpy import load_file
 import flyrl
 from flyrl.front.runs import TrainingInterrupted, learn
 from flyrl.tasks import TASKS
-from flyrl.training.checkpoint import checkpoint_file
 from flyrl.training.config import config_from_keywords
-from flyrl.training.run_folder import create_folder
+from flyrl.training.run_folder import checkpoint_file, create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
 

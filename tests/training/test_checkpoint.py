@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from flyrl.training.checkpoint import (
+from flyrl.training.run_folder import (
     checkpoint_file,
     load_checkpoint,
     load_latest_checkpoint,

@@ -19,7 +19,6 @@ from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS, ON_POLICY, AlgorithmConfig
-from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
 from flyrl.training.models import (
     PRIVATE,
     HindsightBuffer,
@@ -27,6 +26,7 @@ from flyrl.training.models import (
     learner_state,
     restore_learner,
 )
+from flyrl.training.run_folder import load_checkpoint, save_checkpoint
 from tests.tiny import TINY_ENV
 
 TRANSLATED = {

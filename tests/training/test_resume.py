@@ -14,9 +14,9 @@ from flyrl.policies import load_policy
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import RunCallback
-from flyrl.training.checkpoint import load_checkpoint, save_checkpoint
 from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig, training_record
 from flyrl.training.learn import Run, resume, train
+from flyrl.training.run_folder import load_checkpoint, save_checkpoint
 from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
 from tests.tiny import TINY_ENV
 from tests.training.folders import make_run

@@ -5,9 +5,8 @@ import yaml
 
 from flyrl.files import replacing
 from flyrl.simulation.physics import PRESET_VERSIONS
-from flyrl.training.checkpoint import checkpoint_file
 from flyrl.training.config import TrainingConfig, training_record
-from flyrl.training.run_folder import create_folder, note_resumption
+from flyrl.training.run_folder import checkpoint_file, create_folder, note_resumption
 from flyrl.training.runs import read_run
 from tests.training.folders import checkout, make_run
 
