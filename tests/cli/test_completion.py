@@ -8,8 +8,8 @@ from pathlib import Path
 import argcomplete
 import pytest
 
-from flyrl.cli.completion import offered as values_offered
 from flyrl.cli.main import command_parsers
+from flyrl.cli.main import offered as values_offered
 
 ASKED = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_SUPPRESS_SPACE": "1"}
 BREAKS = " \t\n\"'><=;|&(:"
