@@ -72,6 +72,6 @@ gl.settle()  # before anything imports MuJoCo
 
 # A shell that waits for completions makes no environment, and Gymnasium takes most of its wait.
 if "_ARGCOMPLETE" not in os.environ:
-    from flyrl.envs.registration import register_envs
+    from flyrl.front.environments import register_envs
 
     register_envs()

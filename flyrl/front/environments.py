@@ -1,17 +1,41 @@
-"""Environments by the name of their task."""
+"""Environments by the name of their task, and by their ids in Gymnasium."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
-from flyrl.envs.registration import ENV_IDS, own_spec
-from flyrl.tasks import Task, TaskSettings, task_from
-
 if TYPE_CHECKING:
     from flyrl.envs.sb3 import FlyrlVecEnv
+    from flyrl.tasks import Task, TaskSettings
+
+# Names alone, since this is imported with flyrl: the tasks themselves load MuJoCo and Numba.
+_TASKS: Final = (
+    "target",
+    "velocity",
+    "path",
+    "traverse",
+    "heading",
+    "slalom",
+    "chase",
+    "stop",
+    "hybrid_turning",
+    "joints",
+    "joints_box",
+    "worm_hang",
+    "worm_hang_box",
+    "worm_crawl",
+    "worm_crawl_box",
+)
+_GOAL_TASKS: Final = ("target_goal",)
+
+ENV_IDS: Final = {
+    f"flyrl/{''.join(part.capitalize() for part in name.split('_'))}-v0": name
+    for name in (*_TASKS, *_GOAL_TASKS)
+}
+"""Gymnasium id -> task."""
 
 
 def make(task: TaskSettings | Task, **settings: Any) -> gymnasium.Env[Any, Any]:
@@ -63,10 +87,35 @@ def make_sb3(task: TaskSettings | Task, num_envs: int = 1, **settings: Any) -> F
     return FlyrlVecEnv(None, num_envs, task=task, **settings)
 
 
+def register_envs() -> None:
+    """Register every id; a second call changes nothing."""
+    for env_id, task in ENV_IDS.items():
+        if env_id not in gymnasium.registry:
+            spec = _own_spec(task, task in _GOAL_TASKS)
+            gymnasium.register(
+                id=env_id,
+                entry_point=spec.entry_point,
+                vector_entry_point=spec.vector_entry_point,
+                kwargs=spec.kwargs,
+            )
+
+
+def _own_spec(task: Any, has_goals: bool) -> EnvSpec:
+    """What Gymnasium makes a task of one's own from, of which it has no id."""
+    return EnvSpec(
+        id="flyrl/Task-v0",
+        entry_point=f"flyrl.envs.gym:{'FlyrlGoalEnv' if has_goals else 'FlyrlEnv'}",
+        vector_entry_point="flyrl.envs.gym:FlyrlVectorEnv",
+        kwargs={"task": task},
+    )
+
+
 def _spec(task: TaskSettings | Task) -> str | EnvSpec:
     """Id of a built-in task, or what Gymnasium makes another one from."""
+    from flyrl.tasks import Task, task_from  # noqa: PLC0415  (loads MuJoCo)
+
     ids = {name: env_id for env_id, name in ENV_IDS.items()}
     if isinstance(task, str) and task in ids:
         return ids[task]
     has_goals = (task if isinstance(task, Task) else task_from(task)).has_goals
-    return own_spec(task, has_goals)
+    return _own_spec(task, has_goals)

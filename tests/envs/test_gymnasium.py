@@ -17,8 +17,8 @@ from stable_baselines3.common.env_checker import check_env as check_sb3
 
 import flyrl
 from flyrl.envs.core import EnvConfig
-from flyrl.envs.registration import ENV_IDS
 from flyrl.envs.sb3 import FlyrlVecEnv
+from flyrl.front.environments import ENV_IDS
 from flyrl.tasks import TASKS, Task
 
 
