@@ -1,13 +1,19 @@
-"""The episode of each terrain that tells the best learned entrant from the reference."""
+"""Where entrants differ: in which episode most, and by their steering or by their legs."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from flyrl.evaluation.episodes import Json
-from flyrl.evaluation.summary import best_of, metric_values
+from flyrl.evaluation.statistics import Interval, paired_difference, success_rate
+from flyrl.evaluation.summary import best_of, metric_values, paired_values
+from flyrl.policies.laws import split_legs
+from flyrl.tasks import SUCCESS
 
 
 def contrasts(rows: pd.DataFrame, protocol: Json) -> Json:
@@ -60,3 +66,74 @@ def _contrast(rows: pd.DataFrame, learned: str, protocol: Json) -> Json:
                 "values": [float(own[episode]), float(other[episode])],
             }
     return {"episode": 0}
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """An entrant by what steers it and by its legs.
+
+    Attributes
+    ----------
+    name
+        Of the entrant.
+    success
+        Its success rate.
+    of_legs, of_steering
+        Mean difference, of the task's first decisive metric on the same episodes, to the entrant
+        with the same steering on the first legs, and to that with the first steering on the same
+        legs; None of the first itself, and where there is no such entrant.
+    """
+
+    name: str
+    success: Interval
+    of_legs: Interval | None
+    of_steering: Interval | None
+
+
+def crossing(
+    rows: pd.DataFrame, protocol: Json, rng: np.random.Generator
+) -> Mapping[str, Mapping[str, Crossed]]:
+    """Entrants by steering and leg controller; empty where nobody was put on other legs with @.
+
+    Parameters
+    ----------
+    rows
+        Episodes on one terrain under one condition.
+    protocol
+        Of the evaluation.
+    rng
+        Source of the resampling.
+    """
+    walked = dict(iter(rows.groupby("controller", observed=True)))
+    groups: dict[tuple[str, str | None], dict[str, str]] = {}
+    for entrant in protocol["entrants"]:
+        if (legs := entrant.get("leg_controller")) and entrant["name"] in walked:
+            group = groups.setdefault((entrant["policy"], entrant["sha256"]), {})
+            group.setdefault(legs, entrant["name"])
+    names: dict[str, dict[str, str]] = {}
+    for (text, _), group in groups.items():
+        if len(group) > 1:
+            called = {split_legs(name)[0] for name in group.values()}
+            names[called.pop() if len(called) == 1 else text] = group
+    if not any(split_legs(name)[1] for group in names.values() for name in group.values()):
+        return {}
+    first, first_legs = next(iter(names.values())), next(iter(next(iter(names.values()))))
+
+    def difference(name: str, other: str | None) -> Interval | None:
+        if other is None or other == name:
+            return None
+        metric, horizon_s = protocol["decisive"][0], protocol["horizon_s"]
+        return paired_difference(paired_values(walked[name], walked[other], metric, horizon_s), rng)
+
+    return {
+        steering: {
+            legs: Crossed(
+                name,
+                success_rate(int((walked[name]["outcome"] == SUCCESS).sum()), len(walked[name])),
+                of_legs=difference(name, group.get(first_legs)),
+                of_steering=difference(name, first.get(legs)),
+            )
+            for legs, name in group.items()
+        }
+        for steering, group in names.items()
+    }

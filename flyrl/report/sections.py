@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
-from flyrl.evaluation.crossing import crossing
+from flyrl.evaluation.contrast import crossing
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flyrl.evaluation.crossing import crossing
+from flyrl.evaluation.contrast import crossing
 from flyrl.evaluation.episodes import episode_row, episode_table
 from tests.synthetic import TASK, judged_by, make_record
 
