@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from flyrl.bodies.contact import ContactConfig
 from flyrl.bodies.fly import FlyConfig
+from flyrl.bodies.surface import ContactConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TASKS

@@ -16,8 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
-from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY, ContactConfig, SurfaceContact
-from flyrl.bodies.look import COLOURS, VISUAL_GROUP, add_light, set_look
+from flyrl.bodies.surface import (
+    COLLISION_GROUP,
+    COLOURS,
+    GRAVITY,
+    VISUAL_GROUP,
+    ContactConfig,
+    SurfaceContact,
+    add_light,
+    set_look,
+)
 from flyrl.bodies.table import (
     REFLECTION,
     BodyName,

@@ -12,8 +12,8 @@ from typing import Annotated, ClassVar, Final, Literal, NamedTuple
 import mujoco
 import numpy as np
 
-from flyrl.bodies.contact import COLLISION_GROUP, GRAVITY
 from flyrl.bodies.fly import PLANES
+from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY
 from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 

@@ -196,7 +196,6 @@ class Bodies:
 RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
 """What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
 
-
 LARGEST_SIDE: Final = 4096
 """Of a picture, px."""
 

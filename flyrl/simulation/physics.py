@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import mujoco
 
-from flyrl.bodies.contact import GRAVITY, ContactConfig, SurfaceContact
+from flyrl.bodies.surface import GRAVITY, ContactConfig, SurfaceContact
 from flyrl.bodies.worm import TIMESTEP as WORM_TIMESTEP
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, check_fields

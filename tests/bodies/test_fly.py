@@ -15,8 +15,8 @@ from flyrl.anatomy import (
     LEGS,
     PASSIVE_TARSUS_JOINTS,
 )
-from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.fly import FlyConfig, build_fly, stretch_pose
+from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.bodies.table import BODY_NAMES, body_table, leg_collision
 from flyrl.controllers import Joints
 from flyrl.resources import assets_folder

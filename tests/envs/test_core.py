@@ -6,7 +6,7 @@ import functools
 import numpy as np
 import pytest
 
-from flyrl.bodies.contact import ContactConfig, SurfaceContact
+from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.task_batch import Transition
 from flyrl.policies import OpenLoop

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from flyrl.anatomy import CONTACT_SEGMENTS
-from flyrl.bodies.contact import ContactConfig
 from flyrl.bodies.fly import FlyConfig
+from flyrl.bodies.surface import ContactConfig
 from flyrl.controllers import CONTROLLERS
 from flyrl.simulation import callback, engine, native
 from flyrl.simulation.engine import layout

@@ -2,8 +2,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.bodies.contact import ContactConfig, SurfaceContact
 from flyrl.bodies.fly import build_fly
+from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.simulation.scene import drop_idle_shapes, pair_with_planes
 from flyrl.terrains import TERRAINS, add_terrain
 

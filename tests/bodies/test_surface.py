@@ -1,6 +1,6 @@
 import pytest
 
-from flyrl.bodies.contact import ContactConfig, SurfaceContact
+from flyrl.bodies.surface import ContactConfig, SurfaceContact
 
 
 @pytest.mark.parametrize(
