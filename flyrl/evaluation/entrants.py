@@ -273,11 +273,8 @@ def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
         record = policy.bundle.env.get("task")
         then = _changes(record if isinstance(record, dict) else {})
         now = _changes(task_record(task))
-        if then == now:
-            raise PolicyFileError(f"{file}: {error}") from error
-        raise PolicyFileError(
-            f"{file}: {error}; it was trained with {then}, here it is {now}"
-        ) from error
+        changed = "" if then == now else f"; it was trained with {then}, here it is {now}"
+        raise PolicyFileError(f"{file}: {error}{changed}") from error
 
 
 def _changes(record: Mapping[str, Any]) -> str:

@@ -6,6 +6,7 @@ import copy
 import functools
 import importlib
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Protocol
 
@@ -19,7 +20,18 @@ from flyrl.files import file_digest
 from flyrl.muscles import AttachedMuscle
 from flyrl.simulation.callback import install
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
-from flyrl.terrains import Flat, Prop, Terrain
+from flyrl.terrains import (
+    FLAT_GROUND,
+    FLOOR,
+    GROUP,
+    HEIGHT_FIELD,
+    NOWHERE,
+    Flat,
+    Ground,
+    Prop,
+    Terrain,
+    box_colours,
+)
 from flyrl.validation import FloatArray, Within, check_fields
 
 
@@ -226,3 +238,72 @@ def build_scene(config: SceneConfig, visual: bool = False) -> Scene:
 def _compiled(config: SceneConfig, visual: bool, profile_digest: str | None) -> Scene:
     scene: Scene = config.batch_class.build(config, visual)
     return scene
+
+
+class GroundLayer:
+    """Where the ground of a scene lies in its model, and how another one is laid there."""
+
+    def __init__(self, scene: Scene) -> None:
+        terrain, model = scene.config.terrain, scene.model
+        self._compiled = terrain.compiled()
+        self.usual = terrain.draw(terrain.seed)
+        ids = {model.geom(i).name: i for i in range(model.ngeom)}
+        self._field, self._plane = ids.get(HEIGHT_FIELD), ids.get(FLOOR, ids.get(FLAT_GROUND))
+        self._first = ids.get("ground_0", 0)
+        boxes = np.arange(self._first, self._first + len(self._compiled.boxes.centres))
+        self._groups = [boxes[group] for group in terrain.groups or [slice(None)]]
+        self._bodies = [model.body(f"{GROUP}{i}").id for i in range(len(terrain.groups))]
+        self.fields = ["geom_pos", "geom_size", "opt.gravity"]
+        if self._bodies:
+            self.fields += ["body_pos"]
+        if (heights := terrain.heights()) is not None:
+            self._lowest = float(heights.values.min())
+            if scene.config.physics.collision_detection == "native":
+                self.fields += ["opt.disableflags"]
+
+    def ids(self, ground: Ground) -> NDArray[np.intp]:
+        """Geoms that are the boxes of a ground."""
+        return np.empty(0, np.intp) if ground.group is None else self._groups[ground.group]
+
+    def check(self, ground: Ground) -> None:
+        """Raise ValueError unless every box lies within the one that was compiled."""
+        own, hull, ids = ground.boxes, self._compiled.boxes, self.ids(ground) - self._first
+        centres, half_sizes = hull.centres[ids], hull.half_sizes[ids]
+        if own.centres.shape != centres.shape:
+            raise ValueError(
+                f"a ground of {len(own.centres)} boxes was drawn; the terrain's hull() has "
+                f"{len(centres)}"
+            )
+        beyond = np.abs(own.centres - centres) + own.half_sizes - half_sizes
+        if beyond.size and beyond.max() > 1e-9:
+            box = int(beyond.max(axis=1).argmax())
+            raise ValueError(
+                f"box {box} of a ground that was drawn lies {beyond.max():g} mm beyond that of the "
+                "terrain's hull()"
+            )
+
+    def show(self, ground: Ground, model: mujoco.MjModel) -> None:
+        """Lay a ground in a model that is drawn; its boxes may have other ids, all as much more."""
+        more = model.geom("ground_0").id - self._first if len(self.ids(ground)) else 0
+        fields = ("geom_pos", "geom_size", "body_pos")
+        self.lay(ground, {name: getattr(model, name) for name in fields}, more)
+        if len(ground.boxes.centres):
+            model.geom_rgba[self.ids(ground) + more] = box_colours(ground.boxes)
+
+    def lay(self, ground: Ground, fields: Mapping[str, NDArray[Any]], more: int = 0) -> None:
+        """Write a ground into fields of a model; what it does without lies far below it."""
+        places, ids = fields["geom_pos"], self.ids(ground) + more
+        places[ids], fields["geom_size"][ids] = ground.boxes.centres, ground.boxes.half_sizes
+        for group, body in enumerate(self._bodies):
+            fields["body_pos"][body] = 0.0 if group == ground.group else NOWHERE
+        if self._plane is not None:
+            places[self._plane, 2] = NOWHERE[2] if ground.floor is None else ground.floor
+        if self._field is not None:
+            x, y, z = NOWHERE if ground.shift is None else ground.shift
+            places[self._field] = (x, y, z + self._lowest)
+        if (gravity := fields.get("opt.gravity")) is not None:
+            gravity[:] = np.linalg.norm(gravity) * np.array(ground.down)
+        if (flags := fields.get("opt.disableflags")) is not None:
+            # boxes keep their exact contact where there is no field, see `PhysicsConfig`
+            exact = mujoco.mjtDisableBit.mjDSBL_NATIVECCD.value
+            flags[...] = flags & ~exact if ground.shift is None else flags | exact
