@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import mujoco
 import numpy as np
@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from flyrl.anatomy import END_EFFECTORS, JOINTS, LEG_SEGMENTS, LEGS, Leg
 from flyrl.bodies.surface import (
-    COLLISION_GROUP,
-    COLOURS,
     GRAVITY,
     VISUAL_GROUP,
     ContactConfig,
-    SurfaceContact,
     add_light,
+    add_material,
     set_look,
+    touching,
 )
 from flyrl.bodies.table import (
     REFLECTION,
@@ -230,7 +229,7 @@ def add_trunk(spec: mujoco.MjSpec, contact: ContactConfig) -> None:
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=(*start, *end),
         size=(radius, 0, 0),
-        **_touching(PROPS, contact.box),
+        **touching(PROPS, contact.box),
     )
 
 
@@ -309,26 +308,8 @@ def _add_collision(
     }
     if body.name.endswith(contact.plane_segments):
         to_planes = {"capsule": capsule, "hull": hull}[contact.plane_shape]
-        body.add_geom(name=f"{body.name}_plane", **to_planes, **_touching(PLANES, contact.plane))
-    body.add_geom(name=f"{body.name}_box", **hull, **_touching(BOXES, contact.box))
-
-
-def _touching(ground: int, contact: SurfaceContact) -> dict[str, Any]:
-    """Properties of a shape of a leg that meets the ground's shapes of one contact bit."""
-    return {
-        "mass": 0,
-        "group": COLLISION_GROUP,
-        "contype": 0,
-        "conaffinity": ground,
-        # A higher priority than the ground's makes these figures those of the contact.
-        "priority": 1,
-        "condim": contact.condim,
-        "friction": contact.friction,
-        "solref": contact.solref,
-        "solimp": contact.solimp,
-        "margin": contact.margin,
-        "rgba": (0.2, 0.5, 0.9, 0.5),
-    }
+        body.add_geom(name=f"{body.name}_plane", **to_planes, **touching(PLANES, contact.plane))
+    body.add_geom(name=f"{body.name}_box", **hull, **touching(BOXES, contact.box))
 
 
 def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:
@@ -339,20 +320,11 @@ def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:
         # Decimated surfaces are not watertight; their volume is never asked for.
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
-    part = max((key for key in COLOURS if key in row.name), key=len)
-    if spec.material(part) is None:
-        shiny = part in ("Eye", "Wing")
-        spec.add_material(
-            name=part,
-            rgba=COLOURS[part],
-            specular=0.5 if shiny else 0.15,
-            shininess=0.6 if shiny else 0.2,
-        )
     body.add_geom(
         name=f"{row.name}_visual",
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=row.name,
-        material=part,
+        material=add_material(spec, row.name),
         mass=0,
         group=VISUAL_GROUP,
         contype=0,

@@ -1,7 +1,7 @@
 """Surfaces of bodies: their contact with planes and boxes, under gravity, and how they look."""
 
 from dataclasses import dataclass, field
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import mujoco
 import numpy as np
@@ -89,12 +89,30 @@ class ContactConfig:
             )
 
 
+def touching(ground: int, contact: SurfaceContact) -> dict[str, Any]:
+    """Properties of a shape of a leg that meets the ground's shapes of one contact bit."""
+    return {
+        "mass": 0,
+        "group": COLLISION_GROUP,
+        "contype": 0,
+        "conaffinity": ground,
+        # A higher priority than the ground's makes these figures those of the contact.
+        "priority": 1,
+        "condim": contact.condim,
+        "friction": contact.friction,
+        "solref": contact.solref,
+        "solimp": contact.solimp,
+        "margin": contact.margin,
+        "rgba": (0.2, 0.5, 0.9, 0.5),
+    }
+
+
 _VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
 """Middle of the fly in the thorax frame, mm."""
 
 Colour = tuple[float, float, float, float]
 
-COLOURS: Final[dict[str, Colour]] = {
+_COLOURS: Final[dict[str, Colour]] = {
     "Thorax": (0.50, 0.33, 0.17, 1.0),
     "Head": (0.56, 0.38, 0.20, 1.0),
     "Eye": (0.48, 0.07, 0.06, 1.0),
@@ -116,6 +134,20 @@ COLOURS: Final[dict[str, Colour]] = {
     "Tarsus": (0.71, 0.53, 0.29, 1.0),
 }
 """Colour by the part of a body's name that it contains; the longest match wins."""
+
+
+def add_material(spec: mujoco.MjSpec, body: str) -> str:
+    """Material of a body by its name, added to the specification if it is not there; its name."""
+    part = max((key for key in _COLOURS if key in body), key=len)
+    if spec.material(part) is None:
+        shiny = part in ("Eye", "Wing")
+        spec.add_material(
+            name=part,
+            rgba=_COLOURS[part],
+            specular=0.5 if shiny else 0.15,
+            shininess=0.6 if shiny else 0.2,
+        )
+    return part
 
 
 def add_light(spec: mujoco.MjSpec, root: str) -> None:
