@@ -38,7 +38,7 @@ def _drives(env, wanted, decisions):
     drives = []
     for _ in range(decisions):
         env.step(np.broadcast_to(env.task.actions.of(wanted), (env.num_envs, 2)))
-        drives.append(env.state.command[0].copy())
+        drives.append(env.state.actuation[0].copy())
     return np.array(drives)
 
 
@@ -52,7 +52,7 @@ def test_a_drive_follows_its_actions_whatever_the_decision_interval(interval_s, 
     fall = rise[-1] * np.exp(-time_s / 0.05)
     np.testing.assert_allclose(_drives(env, (0.0, 0.0), decisions), fall, atol=1e-12)
     env.reset(seeds=[1])
-    np.testing.assert_array_equal(env.state.command, [[0.0, 0.0]])
+    np.testing.assert_array_equal(env.state.actuation, [[0.0, 0.0]])
 
 
 def test_a_restored_drive_goes_on_from_where_it_was():
