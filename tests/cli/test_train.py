@@ -52,7 +52,7 @@ def test_wrong_command_lines_end_in_one_line(tmp_path, run_here, arguments, mess
 def test_help_names_the_choices(run_here):
     result = run_here("train.py", "--help")
     assert result.returncode == 0
-    assert "terrain: air, ball, blocks, flat, gapped, hills" in result.stdout
+    assert "terrain: air, any, ball, blocks, flat, gapped, hills" in result.stdout
 
 
 @pytest.mark.slow
