@@ -112,12 +112,13 @@ def trainings(entrants: Sequence[Json]) -> dict[str, tuple[str, ...]]:
 
 
 def _training(entrant: Json) -> str:
-    """All that decides what a training leads to, but for its seed."""
+    """All that decides what a training leads to, but for its seed, and the legs that it steers."""
     training: dict[str, Any] = entrant.get("training") or {}
     settings = training.get("settings")
     if settings is None:  # of unknown training: alone
         return str(entrant["name"])
-    return json.dumps([training.get("algo"), settings, entrant.get("trained_in")], sort_keys=True)
+    decides = [training.get("algo"), settings, entrant.get("trained_in")]
+    return json.dumps([*decides, entrant.get("leg_controller")], sort_keys=True)
 
 
 SECOND_METRIC: Final = {

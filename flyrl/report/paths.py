@@ -46,6 +46,9 @@ MARGIN: Final = 2.0
 LEAST_VIEW: Final = 8.0
 """Least extent of a view either way, mm."""
 
+_SHORT_NAME: Final = 18
+"""Characters of a name that stands beside the count of successes in full size."""
+
 _PANEL_IN: Final = (2.8, 3.6)
 """Width of a panel, and its largest height, inches."""
 
@@ -277,7 +280,9 @@ def _panels(
     lines = -(-len(drawn) // COLUMNS)
     with panels(lines, COLUMNS, 0.4 + height * lines, sharex=True, sharey=True) as (figure, grid):
         for axes, (controller, own) in zip(grid, drawn, strict=False):
-            axes.set_title(f"{controller}  ", loc="left", fontweight="bold")
+            # with room for the count
+            size = 10 if len(controller) <= _SHORT_NAME else 7
+            axes.set_title(f"{controller}  ", loc="left", fontweight="bold", fontsize=size)
             reached = sum(walk.outcome == SUCCESS for walk in own)
             text = f"{reached}/{len(own)}" if len(own) > 1 else outcome_name(own[0].outcome)
             axes.set_title(text, loc="right", color=MUTED)

@@ -61,6 +61,11 @@ def test_a_row_per_training_and_a_column_per_terrain():
     ]
 
 
+def test_a_policy_on_other_legs_is_no_other_seed_of_its_training():
+    legs = [entrant(f"a@{each}", FLAT, leg_controller=each) for each in ("hybrid", "cpg")]
+    assert [each.names for each in matrix(legs, TWO_ROWS).rows] == [("a@hybrid",), ("a@cpg",)]
+
+
 def test_a_few_seeds_have_the_rate_of_all_their_episodes():
     pair = [entrant("a", FLAT, 0), entrant("b", FLAT, 1)]
     found = matrix(pair, [row("a", "flat", 10), row("b", "flat", 4), row("a", "blocks", 1)])
