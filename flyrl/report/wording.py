@@ -10,6 +10,7 @@ from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.summary import Leader
 from flyrl.evaluation.trainings import trainings
+from flyrl.policies.laws import split_legs
 
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are written as 0."""
@@ -131,11 +132,14 @@ def level_text(effects: str) -> str:
 
 def training_note(protocol: Json) -> str:
     """Number of training seeds behind each learned policy, with a caution at one."""
+    found = trainings(protocol["entrants"])
+    # those that were put on other legs were not trained once more
+    found = {each: names for each, names in found.items() if not split_legs(names[0])[1]} or found
     parts = [
         f"{label}: {len(names)} training seed{'s' if len(names) > 1 else ''}"
-        for label, names in trainings(protocol["entrants"]).items()
+        for label, names in found.items()
     ]
-    single = any(len(names) == 1 for names in trainings(protocol["entrants"]).values())
+    single = any(len(names) == 1 for names in found.values())
     caution = " (other seeds may do better or worse)" if single else ""
     text = f"{'; '.join(parts)}{caution}." if parts else ""
     return text[:1].upper() + text[1:]
