@@ -46,7 +46,9 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
     failed = [i for i, record in enumerate(bound) if not record.success]
     alone = BatchedEnv(config)
     planner = Planner(alone, law)
-    with progress_bar(len(failed), is_shown=True, unit="episode", description="planning") as bar:
+    with progress_bar(
+        len(failed), is_shown=bool(failed), unit="episode", description="planning"
+    ) as bar:
         for i in failed:
             (record,) = run_episodes(alone, planner, [drawn[i]])
             bound[i] = max(bound[i], record, key=_worth)
