@@ -24,6 +24,7 @@ from flyrl.evaluation.statistics import (
     performance_profile,
     success_rate,
 )
+from flyrl.policies.laws import split_legs
 from flyrl.terrains import Terrain, terrain_label, terrain_on_record
 
 PROFILE_AT: Final = tuple(np.round(np.linspace(0.0, 1.0, 21), 2).tolist())
@@ -112,13 +113,13 @@ def trainings(entrants: Sequence[Json]) -> dict[str, tuple[str, ...]]:
 
 
 def _training(entrant: Json) -> str:
-    """All that decides what a training leads to, but for its seed, and the legs that it steers."""
+    """All that decides what a training leads to, but for its seed, and the legs that it was put on."""
     training: dict[str, Any] = entrant.get("training") or {}
     settings = training.get("settings")
     if settings is None:  # of unknown training: alone
         return str(entrant["name"])
     decides = [training.get("algo"), settings, entrant.get("trained_in")]
-    return json.dumps([*decides, entrant.get("leg_controller")], sort_keys=True)
+    return json.dumps([*decides, split_legs(entrant["name"])[1]], sort_keys=True)
 
 
 SECOND_METRIC: Final = {

@@ -62,7 +62,7 @@ def test_a_row_per_training_and_a_column_per_terrain():
 
 
 def test_a_policy_on_other_legs_is_no_other_seed_of_its_training():
-    legs = [entrant(f"a@{each}", FLAT, leg_controller=each) for each in ("hybrid", "cpg")]
+    legs = [entrant(f"a@{each}", FLAT) for each in ("hybrid", "cpg")]
     assert [each.names for each in matrix(legs, TWO_ROWS).rows] == [("a@hybrid",), ("a@cpg",)]
 
 

@@ -103,7 +103,7 @@ def test_training_seeds_are_counted_with_a_caution_at_one():
     both = [{**entrant, "name": name} for name in ("a", "b")]
     assert training_note({"entrants": both}) == "Learned with ppo: 2 training seeds."
     assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
-    moved = {**both[0], "name": "a@cpg", "leg_controller": "cpg"}
+    moved = {**both[0], "name": "a@cpg"}
     assert training_note({"entrants": [moved, *both]}).count("training seed") == 1
 
 
