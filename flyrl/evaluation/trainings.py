@@ -113,7 +113,7 @@ def trainings(entrants: Sequence[Json]) -> dict[str, tuple[str, ...]]:
 
 
 def _training(entrant: Json) -> str:
-    """All that decides what a training leads to, but for its seed, and the legs that it was put on."""
+    """All that decides what a training leads to, but for its seed; and legs it was put on."""
     training: dict[str, Any] = entrant.get("training") or {}
     settings = training.get("settings")
     if settings is None:  # of unknown training: alone
