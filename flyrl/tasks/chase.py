@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
+from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, beyond_reach
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
@@ -31,7 +31,7 @@ from flyrl.tasks.terms import (
     to_yaw_frame,
 )
 from flyrl.terrains import Prop, Terrain
-from flyrl.validation import Within, ordered
+from flyrl.validation import Within
 
 COURSE_POINTS = 50
 """Places on the target's way that must lie on the terrain."""
@@ -159,9 +159,7 @@ def chase(
     time_limit
         s until the episode is cut off.
     """
-    near, far = ordered("task.distance", distance)
-    if reach >= near:
-        raise ValueError(f"task.reach must be below the least task.distance, {near}, got {reach}")
+    near, far = beyond_reach("task.distance", distance, reach)
     caught = partial(is_caught, reach=reach)
     return Task(
         observation=(

@@ -7,7 +7,7 @@ import numpy as np
 
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.terrains import SPAWN_CLEARANCE, Terrain
-from flyrl.validation import Within, check_fields
+from flyrl.validation import Within, check_fields, ordered
 
 PUSH_S = 0.2
 """s; how long a push lasts. Where that is no whole number of decisions, it lasts for the nearest
@@ -100,6 +100,14 @@ class Episode:
     def ground_seed(self) -> int:
         """Seed of the ground on random terrain."""
         return FIRST_GROUND_SEED + self.seed if self.ground is None else self.ground
+
+
+def beyond_reach(name: str, distances: tuple[float, float], reach: float) -> tuple[float, float]:
+    """Least and greatest of `distances`, mm; ValueError unless both lie beyond `reach`."""
+    near, far = ordered(name, distances)
+    if reach >= near:
+        raise ValueError(f"task.reach must be below the least {name}, {near}, got {reach}")
+    return near, far
 
 
 def draw_spawn(terrain: Terrain, rng: np.random.Generator) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
+from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, beyond_reach
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
@@ -23,9 +23,9 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, SMOOTHNESS, error, is_inside, lost_time
+from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, SMOOTHNESS, cost_of_time, error, is_inside
 from flyrl.terrains import Prop, Terrain
-from flyrl.validation import Within, ordered
+from flyrl.validation import Within
 
 
 def sample_episode(
@@ -147,9 +147,7 @@ def slalom(
     time_limit
         s until the episode is cut off.
     """
-    near, far = ordered("task.spacing", spacing)
-    if reach >= near:
-        raise ValueError(f"task.reach must be below the least task.spacing, {near}, got {reach}")
+    near, far = beyond_reach("task.spacing", spacing, reach)
     return Task(
         observation=(
             ObservationTerm(
@@ -170,9 +168,7 @@ def slalom(
         reward=(
             RewardTerm("progress", 0.2, progress, "mm closer to the gate that is due"),
             RewardTerm("gates", 1.0, partial(is_at_gate, reach=reach), "a gate is reached"),
-            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-            # no failure may save the time that it cuts off
-            lost_time(-0.5),
+            *cost_of_time(),
             *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, partial(has_passed_all, gates=gates)), *FAILURES),

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import TIME
+from flyrl.tasks.episode import TIME, beyond_reach
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import sample_episode
@@ -19,9 +19,9 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, SMOOTHNESS, lost_time
+from flyrl.tasks.terms import FAILURES, SMOOTHNESS, cost_of_time
 from flyrl.terrains import TARGET_MARKER
-from flyrl.validation import Within, ordered
+from flyrl.validation import Within
 
 
 def time_stood(state: TaskState, reach: float, tolerance: float) -> Array:
@@ -62,9 +62,7 @@ def stop(
     time_limit
         s until the episode is cut off.
     """
-    near, far = ordered("task.distance", distance)
-    if reach >= near:
-        raise ValueError(f"task.reach must be below the least task.distance, {near}, got {reach}")
+    near, far = beyond_reach("task.distance", distance, reach)
     has_stood = partial(terms.lasted, reward="standing", seconds=kept)
     return Task(
         observation=(
@@ -85,9 +83,7 @@ def stop(
                 "standing", 2.0 / kept, partial(time_stood, reach=reach, tolerance=tolerance),
                 f"s of standing there, slower than {tolerance:g} mm/s",
             ),
-            RewardTerm("time", -0.5, terms.elapsed, "s gone by"),
-            # no failure may save the time that it cuts off
-            lost_time(-0.5),
+            *cost_of_time(),
             *SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, has_stood), *FAILURES),

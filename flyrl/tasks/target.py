@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, draw_oscillators, draw_spawn
+from flyrl.tasks.episode import (
+    MOST_DRAWS,
+    TIME,
+    Episode,
+    beyond_reach,
+    draw_oscillators,
+    draw_spawn,
+)
 from flyrl.tasks.function import TaskFunction, variant_of
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
@@ -37,7 +44,7 @@ from flyrl.tasks.terms import (
     success_in_time,
 )
 from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
-from flyrl.validation import Within, ordered
+from flyrl.validation import Within
 
 
 def sample_episode(
@@ -126,9 +133,7 @@ def target(
     time_limit
         s until the episode is cut off.
     """
-    near, far = ordered("task.distance", distance)
-    if reach >= near:
-        raise ValueError(f"task.reach must be below the least task.distance, {near}, got {reach}")
+    near, far = beyond_reach("task.distance", distance, reach)
     at_target = partial(terms.is_at_target, reach=reach)
     return Task(
         observation=(

@@ -382,8 +382,9 @@ def success_in_time(
 
     `holds` says where the task is solved, (n,).
     """
-    return (
-        RewardTerm("success", 2.0, holds, description),
-        RewardTerm("time", -0.5, elapsed, "s gone by"),
-        lost_time(-0.5, failures),
-    )
+    return RewardTerm("success", 2.0, holds, description), *cost_of_time(failures)
+
+
+def cost_of_time(failures: tuple[Termination, ...] = FAILURES) -> tuple[RewardTerm, ...]:
+    """Rows of a reward table: time costs, and no failure saves the time that it cuts off."""
+    return RewardTerm("time", -0.5, elapsed, "s gone by"), lost_time(-0.5, failures)
