@@ -6,7 +6,7 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal
@@ -77,9 +77,6 @@ TRUNK: Final = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
 
 TETHER: Final = 1e3
 """g (and g·mm²): inertia that holds the thorax, a million times the fly's; it has no weight."""
-
-_LEG_BODIES: Final = tuple(f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS)
-"""How the names of the bodies of legs begin; the classic coxa is three bodies."""
 
 
 @dataclass(frozen=True)
@@ -202,7 +199,7 @@ def build_fly(
 
     shapes = {row.segment: row for row in leg_collision()}
     for row in table.bodies:
-        if row.name.startswith(config.missing_legs):
+        if is_of_legs(row.name, config.missing_legs):
             ghost = replace(
                 row, mass=GHOST * row.mass, inertia=tuple(GHOST * i for i in row.inertia)
             )
@@ -219,6 +216,11 @@ def build_fly(
         spec.joint(ROOT_JOINT).armature = TETHER
     add_light(spec, ROOT_BODY)
     return spec
+
+
+def is_of_legs(body: str, legs: Sequence[Leg]) -> bool:
+    """Whether a body, by its name, is part of one of these legs; the classic coxa is three."""
+    return body.startswith(tuple(leg + segment for leg in legs for segment in LEG_SEGMENTS))
 
 
 def add_trunk(spec: mujoco.MjSpec, contact: ContactConfig) -> None:
@@ -278,7 +280,7 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool) -> mujoco.Mjs
     )
     if row.parent is None:
         body.add_freejoint(name=ROOT_JOINT)
-    if rigid_head and not row.name.startswith(_LEG_BODIES):
+    if rigid_head and not is_of_legs(row.name, LEGS):
         return body
     for joint in row.joints:
         hinge = body.add_joint(
