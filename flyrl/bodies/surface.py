@@ -15,6 +15,8 @@ COLLISION_GROUP: Final = 3
 """Of geoms that touch."""
 VISUAL_GROUP: Final = 1
 """Of geoms that are drawn."""
+HIDDEN_GROUP: Final = 5
+"""Of geoms that would be drawn, but for an episode without them."""
 
 PlaneShape = Literal["capsule", "hull"]
 

@@ -147,7 +147,7 @@ def _replacing(drawn: Any, name: str, given: Any) -> Any:
     if isinstance(drawn, Randomisation):
         if not isinstance(given, Mapping):
             raise ValueError(
-                f"reset option 'randomisation' must be a dict of numbers by name; got {given!r}"
+                f"reset option 'randomisation' must be a dict of values by name; got {given!r}"
             )
         known_keys("reset option 'randomisation'", given, [item.name for item in fields(drawn)])
         return replace(drawn, **given)

@@ -359,7 +359,8 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
 def randomisation_text(record: Any) -> str:
     """What is randomised, as one would type it, from the "randomisation" of a record."""
     given = record.items() if isinstance(record, dict) else ()
-    return ", ".join(f"{name}={value}" for name, value in given if value) or "none"
+    # without quotes: a shell would take them off
+    return ", ".join(f"{name}={value}" for name, value in given if value).replace("'", "") or "none"
 
 
 def plain(value: Any) -> Any:

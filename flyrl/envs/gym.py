@@ -1,7 +1,6 @@
 """One body, or many over the native batch, as environments of Gymnasium."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
 from typing import Any
 
 import gymnasium
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from flyrl.envs.adapter import Adapter, episode_with_options, row_of
 from flyrl.envs.bodies import RENDERING
 from flyrl.envs.config import Observation
-from flyrl.simulation.randomisation import UNVARIED, Randomisation
+from flyrl.simulation.randomisation import UNVARIED
 from flyrl.tasks import RUNNING, Episode
 from flyrl.tasks.actions import action_vectors
 from flyrl.tasks.target import compute_reward, compute_terminated
@@ -27,13 +26,14 @@ class FlyrlEnv(Adapter, gymnasium.Env[Any, Any]):
     `reset` takes the options "init_phases" and "init_magnitudes" (six numbers each, ordered as
     anatomy.LEGS), "spawn_position" (x, y, z in mm), "spawn_yaw" (rad), "goal" (the target's x and
     y in mm), "command" and "pushes" (as many numbers as the task's, see docs/tasks.md),
-    "randomisation" (numbers by name, see `Randomisation`), on random terrain "ground" (a seed), and
+    "randomisation" (values by name, see `Randomisation`), on random terrain "ground" (a seed), and
     of a worm "joint_angles" (rad, head to tail), which replace what the seed draws, or "episode",
     which replaces all of it.
     `info` holds numbers, under the same keys after a reset and a step: "outcome" (a code, whose
     name is `outcomes[code]`), "is_success" and "time_s"; on random terrain also "ground"; with a
-    body other than the scene's own "randomisation"; and in a task with goals "is_failure" and
-    "decisions_lost" (how many before the time limit the failure cut off; 0 without one).
+    body other than the scene's own "randomisation" (see `Randomisation.numbers`); and in a task
+    with goals "is_failure" and "decisions_lost" (how many before the time limit the failure cut
+    off; 0 without one).
 
     A copy, deep or by pickle, is made anew from the settings, and must be reset.
 
@@ -82,7 +82,7 @@ class FlyrlEnv(Adapter, gymnasium.Env[Any, Any]):
         info = {key: np.asarray(values)[0].item() for key, values in facts.items()}
         (episode,) = self.core.episodes
         if episode is not None and episode.randomisation != UNVARIED:
-            info["randomisation"] = asdict(episode.randomisation)
+            info["randomisation"] = episode.randomisation.numbers()
         return info
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -159,7 +159,9 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         self._max_episode_steps = max_episode_steps
         self._elapsed_steps = np.zeros(num_envs, dtype=np.int64)
         self._is_varied = np.zeros(num_envs, dtype=bool)
-        self._drawn = {item.name: np.zeros(num_envs) for item in fields(Randomisation)}
+        self._drawn = {
+            name: np.zeros(num_envs, type(usual)) for name, usual in UNVARIED.numbers().items()
+        }
         self._running = self.outcomes.index(RUNNING)
 
     def reset(
@@ -253,8 +255,8 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         for i in ids:
             if (episode := self.core.episodes[i]) is not None:
                 self._is_varied[i] = episode.randomisation != UNVARIED
-                for name, values in self._drawn.items():
-                    values[i] = getattr(episode.randomisation, name)
+                for name, value in episode.randomisation.numbers().items():
+                    self._drawn[name][i] = value
         return observation
 
     def _info(

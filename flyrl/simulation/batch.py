@@ -238,7 +238,7 @@ class Batch(NativeBatch):
         self._variation = Variation(scene.model, self._batch)
 
     def vary(self, ids: Ids, randomisations: Sequence[Randomisation]) -> None:
-        """Make flies differ from the scene's own in friction, mass, servos and adhesion.
+        """Make flies differ from the scene's own in friction, mass, servos, adhesion and legs.
 
         It holds until the next command, and leaves the other simulations alone. On random terrain,
         set the ground before: with other masses, MuJoCo derives its bounds too. Sensor noise and
@@ -329,11 +329,14 @@ class Batch(NativeBatch):
     def copy_into(self, sim: int, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Pose a model of the same body as simulation `sim`, for rendering, and lay its ground.
 
+        A leg that the simulation lacks is hidden.
+
         The model may have more in it than the batch's (meshes, props that are not solid) as long
         as the joints, the terrain and the props are the same.
         """
         if self.scene.config.terrain.random:
             self._layer.show(self.ground(sim), model)
+        self._variation.show(sim, model)
         super().copy_into(sim, model, data)
         if self._props:
             data.mocap_pos[:] = self.props()[sim]

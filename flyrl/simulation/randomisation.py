@@ -5,7 +5,7 @@ al. 2018, arXiv:1710.06537). Ranges are settings; what was drawn from them belon
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Final
 
 import mujoco
@@ -13,8 +13,11 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from flyrl.anatomy import JOINTS
-from flyrl.validation import Within, check_fields
+from flyrl.anatomy import JOINTS, LEGS, Leg
+from flyrl.bodies.fly import GHOST, is_of_legs
+from flyrl.bodies.surface import HIDDEN_GROUP, VISUAL_GROUP
+from flyrl.simulation.engine import ENGINE, ENGINE_SIZE
+from flyrl.validation import Within, check_fields, distinct
 
 MAX_LATENCY: Final = 0.05
 """s; longest delay between a decision and its arrival at the legs."""
@@ -29,7 +32,8 @@ _FACTOR_ABOVE_0: Final = Within(0.01, 100)
 _NOISE: Final = Within(0, 100)
 _LATENCY: Final = Within(0, MAX_LATENCY)
 
-_DRAWN: Final = ("friction", "mass", "actuator_gain", "adhesion", "drive_latency")
+_RANGES: Final = ("friction", "mass", "actuator_gain", "adhesion", "drive_latency")
+_DRAWN: Final = (*_RANGES, "missing_leg")
 """In the order of the draws: a new quantity goes to the end, so that the others keep theirs."""
 
 
@@ -52,6 +56,8 @@ class Randomisation:
         see `flyrl.tasks.ObservationTerm`.
     drive_latency
         s from a decision until its drive is at the leg controller, rounded to physics steps.
+    missing_leg
+        Leg that is cut off, beside those that the scene's fly lacks (`FlyConfig.missing_legs`).
 
     Raises
     ------
@@ -65,9 +71,15 @@ class Randomisation:
     adhesion: Annotated[float, _FACTOR] = 1.0
     sensor_noise: Annotated[float, _NOISE] = 0.0
     drive_latency: Annotated[float, _LATENCY] = 0.0
+    missing_leg: Leg | None = None
 
     def __post_init__(self) -> None:
         check_fields(self, "randomisation")
+
+    def numbers(self) -> dict[str, float]:
+        """Its values by name; the missing leg's is its place in anatomy.LEGS, -1 without one."""
+        leg = -1 if self.missing_leg is None else LEGS.index(self.missing_leg)
+        return {**asdict(self), "missing_leg": leg}
 
 
 UNVARIED: Final = Randomisation()
@@ -87,11 +99,13 @@ class RandomisationConfig:
         The same in every episode.
     drive_latency
         Least and greatest, s, drawn uniformly, from 0 to `MAX_LATENCY`; None is 0.
+    missing_leg
+        Legs of which one is cut off in every episode, each as likely; (): none.
 
     Raises
     ------
     ValueError
-        A range or number that is not allowed.
+        A range, number or leg that is not allowed.
     """
 
     friction: Annotated[Range | None, _FACTOR] = None
@@ -100,10 +114,12 @@ class RandomisationConfig:
     adhesion: Annotated[Range | None, _FACTOR] = None
     sensor_noise: Annotated[float, _NOISE] = 0.0
     drive_latency: Annotated[Range | None, _LATENCY] = None
+    missing_leg: tuple[Leg, ...] = ()
 
     def __post_init__(self) -> None:
         check_fields(self, "randomisation")
-        for name in _DRAWN:
+        distinct("randomisation.missing_leg", self.missing_leg)
+        for name in _RANGES:
             given = getattr(self, name)
             if given is not None and given[0] > given[1]:
                 raise ValueError(f"randomisation.{name} must be (least, greatest), got {given!r}")
@@ -115,14 +131,18 @@ class RandomisationConfig:
 
     def draw(self, seed: int) -> Randomisation:
         """Draw the fly of the episode with a seed; a range changes no draw but its own."""
-        if all(getattr(self, name) is None for name in _DRAWN):
+        if not any(getattr(self, name) for name in _DRAWN):
             return Randomisation(sensor_noise=self.sensor_noise)
-        shares = np.random.default_rng([seed, _STREAM]).random(len(_DRAWN))
-        drawn = {}
+        shares = np.random.default_rng([seed, _STREAM]).random(len(_DRAWN)).tolist()
+        drawn: dict[str, Any] = {}
         for name, share in zip(_DRAWN, shares, strict=True):
-            if (given := getattr(self, name)) is not None:
+            if not (given := getattr(self, name)):
+                continue
+            if name == "missing_leg":
+                drawn[name] = given[int(share * len(given))]
+            else:
                 low, high = given
-                drawn[name] = min(low + float(share) * (high - low), high)
+                drawn[name] = min(low + share * (high - low), high)
         return Randomisation(sensor_noise=self.sensor_noise, **drawn)
 
 
@@ -136,6 +156,7 @@ RANDOMISATIONS: Final[dict[str, RandomisationConfig]] = {
         sensor_noise=0.1,
         drive_latency=(0.0, 0.02),
     ),
+    "lesion": RandomisationConfig(missing_leg=LEGS),
 }
 """Ranges by name."""
 
@@ -154,8 +175,12 @@ _SCALED: Final[dict[str, tuple[tuple[str, tuple[Any, ...]], ...]]] = {
 """Factor of a `Randomisation` -> fields that it scales, and which of their values."""
 
 
+_NEVER: Final = -1e3
+"""mm; margin of a pair of shapes that never touch: they would have to be as deep in each other."""
+
+
 class Variation:
-    """Scales the fields of a batch's model, simulation by simulation.
+    """Changes the fields of a batch's model, simulation by simulation.
 
     A field is shared by all simulations until the first one differs: flies that never do cost
     nothing.
@@ -168,6 +193,8 @@ class Variation:
 
     def apply(self, ids: NDArray[np.intp], randomisations: Sequence[Randomisation]) -> None:
         """Give simulations `ids` their factors, always on the figures of the scene's own fly."""
+        if any(drawn.missing_leg for drawn in randomisations):
+            self._varied |= {"mass", "missing_leg"}
         for quantity, fields in _SCALED.items():
             factors = np.array([getattr(drawn, quantity) for drawn in randomisations])
             if quantity not in self._varied and (factors == 1.0).all():
@@ -177,6 +204,46 @@ class Variation:
                 own = getattr(self._model, name)[index]
                 values = self._batch.expand(name)[(slice(None), *index)]
                 values[ids] = own * factors.reshape(-1, *(1,) * own.ndim)
-            if quantity == "mass":
-                # what MuJoCo derives from masses when it compiles a model
-                self._batch.set_const(ids)
+        if "missing_leg" in self._varied:
+            for sim, drawn in zip(ids, randomisations, strict=True):
+                self._cut(sim, drawn)
+        if "mass" in self._varied:
+            # what MuJoCo derives from masses when it compiles a model
+            self._batch.set_const(ids)
+
+    def _cut(self, sim: np.intp, drawn: Randomisation) -> None:
+        """Leave of the missing leg what `FlyConfig.missing_legs` leaves, and all of the others."""
+        model, fields = self._model, ("numeric_data", "geom_conaffinity", "pair_margin")
+        for name in fields:
+            self._batch.expand(name)[sim] = getattr(model, name)
+        leg, is_missing = drawn.missing_leg, self._is_missing(sim)
+        if leg is None or is_missing[LEGS.index(leg)]:
+            return
+        is_missing[LEGS.index(leg)] = 1.0
+        bodies = _bodies(model, leg)
+        geoms = np.isin(model.geom_bodyid, bodies)
+        for name in ("body_mass", "body_inertia"):
+            ghost = GHOST * getattr(model, name)[bodies]
+            self._batch.expand(name)[sim, bodies] = ghost * drawn.mass
+        self._batch.expand("geom_conaffinity")[sim, geoms] = 0
+        pairs = geoms[model.pair_geom1] | geoms[model.pair_geom2]
+        self._batch.expand("pair_margin")[sim, pairs] = _NEVER
+
+    def _is_missing(self, sim: np.intp | int) -> NDArray[np.float64]:
+        """Whether each leg is missing, as the callbacks read it: a live view, (6,)."""
+        engine = self._batch.expand("numeric_data")[sim, :ENGINE_SIZE].view(ENGINE)[0]
+        return np.asarray(engine["is_missing"])
+
+    def show(self, sim: int, model: mujoco.MjModel) -> None:
+        """Hide the leg that a simulation lacks in a model that is drawn, and show the others."""
+        if "missing_leg" not in self._varied:
+            return
+        for leg, is_missing in zip(LEGS, self._is_missing(sim), strict=True):
+            is_drawn = np.isin(model.geom_group, (VISUAL_GROUP, HIDDEN_GROUP))
+            geoms = np.isin(model.geom_bodyid, _bodies(model, leg)) & is_drawn
+            model.geom_group[geoms] = HIDDEN_GROUP if is_missing else VISUAL_GROUP
+
+
+def _bodies(model: mujoco.MjModel, leg: Leg) -> list[int]:
+    """Bodies of a leg."""
+    return [i for i in range(model.nbody) if is_of_legs(model.body(i).name, (leg,))]

@@ -137,7 +137,7 @@ def test_a_seed_that_is_not_allowed_is_named(envs, seed):
         ("target", {"ground": -1}, "ground must be a whole number from 0"),
         ("target", {"randomisation": {"frictoin": 1.0}}, "did you mean 'friction'"),
         ("target", {"randomisation": {"mass": 0.0}}, r"mass must be .* from 0\.01 to 100, got 0"),
-        ("target", {"randomisation": 0.5}, "'randomisation' must be a dict of numbers by name"),
+        ("target", {"randomisation": 0.5}, "'randomisation' must be a dict of values by name"),
         ("velocity", {"ground": 3}, r"ground of the episode is 3; .*terrain\.random is false"),
         ("worm_hang", {"init_phases": [1] * 6}, "init_phases of an episode of a worm must be"),
         ("worm_hang", {"ground": 3}, "ground of an episode of a worm must be None, got 3"),

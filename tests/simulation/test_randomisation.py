@@ -5,8 +5,15 @@ import numpy as np
 import pytest
 from test_callback import make_batch, reset
 
+from flyrl.anatomy import LEGS
+from flyrl.bodies.surface import VISUAL_GROUP
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.randomisation import UNVARIED, Randomisation, RandomisationConfig
+from flyrl.simulation.randomisation import (
+    RANDOMISATIONS,
+    UNVARIED,
+    Randomisation,
+    RandomisationConfig,
+)
 from flyrl.simulation.scene import SceneConfig, build_scene
 
 
@@ -25,9 +32,29 @@ def test_a_range_of_one_value_gives_this_value() -> None:
     assert config.draw(11) == Randomisation(0.5, 2.0, 0.3, 0.0, 0.2, 0.05)
 
 
+def test_the_missing_leg_comes_after_the_draws_that_there_were() -> None:
+    ranges = {"friction": (0.5, 1.5), "drive_latency": (0.0, 0.05)}
+    *_, share = np.random.default_rng([8, 171_006_537]).random(6)
+    drawn = RandomisationConfig(**ranges, missing_leg=("RM", "LF", "LH")).draw(8)
+    assert drawn.missing_leg == ("RM", "LF", "LH")[int(3 * share)]
+    assert dataclasses.replace(drawn, missing_leg=None) == RandomisationConfig(**ranges).draw(8)
+
+
+def test_each_leg_is_as_likely_to_be_missing() -> None:
+    drawn = [RANDOMISATIONS["lesion"].draw(seed).missing_leg for seed in range(1200)]
+    assert all(150 < drawn.count(leg) < 250 for leg in LEGS)
+
+
+def test_the_missing_leg_as_a_number_is_its_place_among_the_legs() -> None:
+    assert Randomisation(missing_leg="LH").numbers()["missing_leg"] == 2
+    assert UNVARIED.numbers()["missing_leg"] == -1
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
+        ({"missing_leg": ("LF", "LF")}, r"randomisation\.missing_leg must not hold 'LF' twice"),
+        ({"missing_leg": ("LQ",)}, r"randomisation\.missing_leg\[0\] must be one of .*'LQ'"),
         ({"friction": (1.2, 0.8)}, r"randomisation\.friction must be \(least, greatest\), got \(1"),
         ({"mass": (0.0, 1.0)}, r"randomisation\.mass\[0\] must .* from 0\.01 to 100, got 0\.0"),
         ({"sensor_noise": -1.0}, r"randomisation\.sensor_noise must .* from 0 to 100, got -1\.0"),
@@ -49,6 +76,9 @@ FIELDS = (
     "body_inertia",
     "actuator_gainprm",
     "actuator_biasprm",
+    "numeric_data",
+    "geom_conaffinity",
+    "pair_margin",
 )
 
 
@@ -154,3 +184,65 @@ def test_varying_one_fly_in_mid_walk_leaves_the_others_their_bits() -> None:
     varied, plain = walk(batch), walk(alone)
     np.testing.assert_array_equal(varied[[0, 2]], plain[[0, 2]])
     assert np.any(varied[1] != plain[1])
+
+
+# ------------------------------------------------------------------ a leg that is missing
+
+
+def cut_before(leg: str, terrain: str = "flat", **body: object) -> FlyBatch:
+    """Two flies, of which the second one is to have no leg of this name."""
+    batch = make_batch(terrain=terrain, num_sims=2, **body)
+    batch.vary(np.array([1]), [Randomisation(missing_leg=leg)])
+    return batch
+
+
+@pytest.mark.parametrize("leg", LEGS)
+@pytest.mark.parametrize("terrain", ["flat", "mixed"])
+def test_a_fly_without_a_leg_walks_as_one_that_is_compiled_so(leg: str, terrain: str) -> None:
+    batch, compiled = (
+        cut_before(leg, terrain),
+        make_batch(terrain=terrain, num_sims=2, missing_legs=(leg,)),
+    )
+    whole, cut = walk(batch, 1000)
+    np.testing.assert_array_equal(cut, walk(compiled, 1000)[1])
+    np.testing.assert_array_equal(whole, walk(make_batch(terrain=terrain), 1000)[0])
+
+
+def test_a_fly_without_a_leg_has_the_figures_of_one_that_is_compiled_so() -> None:
+    """Under a factor on its mass, too."""
+    varied, compiled = make_batch(), make_batch(missing_legs=("RH",))
+    varied.vary(np.array([0]), [Randomisation(mass=1.1, missing_leg="RH")])
+    compiled.vary(np.array([0]), [Randomisation(mass=1.1)])
+    for name in ("body_mass", "body_inertia", "body_invweight0", "dof_invweight0", "dof_M0"):
+        ours, theirs = (getattr(each._batch.get_model(0), name) for each in (varied, compiled))
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_with_another_leg_missing_nothing_of_the_last_one_is_left() -> None:
+    batch = cut_before("LF", "mixed")
+    walk(batch, 20)
+    batch.vary(np.arange(2), [Randomisation(missing_leg="RM"), UNVARIED])
+    reset(batch)
+    cut, whole = walk(batch)
+    np.testing.assert_array_equal(cut, walk(make_batch(terrain="mixed", missing_legs=("RM",)))[0])
+    np.testing.assert_array_equal(whole, walk(make_batch(terrain="mixed", num_sims=2))[1])
+
+
+def test_a_leg_that_the_scenes_fly_lacks_stays_as_it_is() -> None:
+    batch, never = cut_before("LF", missing_legs=("LF",)), make_batch(missing_legs=("LF",))
+    np.testing.assert_array_equal(
+        batch._batch.get_model(1).body_mass, never._batch.get_model(0).body_mass
+    )
+
+
+def test_a_missing_leg_is_not_drawn() -> None:
+    batch = cut_before("LM")
+    model = build_scene(batch.scene.config, visual=True).model
+    shown = []
+    for sim in (0, 1, 0):
+        batch.copy_into(sim, model, mujoco.MjData(model))
+        bodies = model.geom_bodyid[model.geom_group == VISUAL_GROUP]
+        shown.append({model.body(body).name for body in bodies})
+    assert {name[:2] for name in shown[0] - shown[1]} == {"LM"}
+    assert not any(name.startswith("LM") for name in shown[1])
+    assert shown[2] == shown[0]
