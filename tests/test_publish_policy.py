@@ -176,10 +176,11 @@ def test_physics_of_one_s_own_is_written_out():
 
 
 def test_what_was_randomised_is_written_as_typed():
-    drawn = RandomisationConfig(friction=(0.5, 1.5), sensor_noise=0.1)
+    drawn = RandomisationConfig((0.5, 1.5), sensor_noise=0.1, missing_leg=("LF", "RM"))
     env = env_record(EnvConfig(randomisation=drawn))
     text = model_card("mine", replace(small_bundle(), env=env))
-    assert "| randomisation | friction=[0.5, 1.5], sensor_noise=0.1 |" in text.splitlines()
+    typed = "friction=[0.5, 1.5], sensor_noise=0.1, missing_leg=[LF, RM]"
+    assert f"| randomisation | {typed} |" in text.splitlines()
 
 
 def test_what_is_missing_is_said_to_be():

@@ -146,13 +146,15 @@ def test_keys_reach_the_settings():
             "task.time_limit=1.5",
             "task.weights.progress=0.1",
             "randomisation.mass=[0.5,2]",
+            "randomisation.missing_leg=[LF,RH]",
         )
     )
     task = config.env.resolved_task
     assert config.algo.settings["learning_rate"] == 1e-3
     assert config.training.curriculum == CurriculumConfig(enabled=True)
     assert config.env.scene.terrain == TERRAINS["random_blocks"]
-    assert config.env.resolved_randomisation == RandomisationConfig(mass=(0.5, 2.0))
+    drawn_from = RandomisationConfig(mass=(0.5, 2.0), missing_leg=("LF", "RH"))
+    assert config.env.resolved_randomisation == drawn_from
     weights = {term.name: term.weight for term in task.reward}
     assert weights == {
         "progress": 0.1,
@@ -169,7 +171,7 @@ def test_keys_reach_the_settings():
 @pytest.mark.parametrize(
     "overrides",
     [
-        ["algo=sac", "terrain=mixed", "randomisation=default", "seed=3"],
+        ["algo=sac", "terrain=mixed", "randomisation=lesion", "seed=3"],
         ["task=worm_hang_box", "body.hinge_axes=[y,z]", "task.weights.error=-2"],
     ],
 )

@@ -1,14 +1,16 @@
 """Simulations that start as copies of others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from flyrl.anatomy import LEGS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS
 
-CONFIG = EnvConfig(
-    task="heading", terrain="random_mixed", physics="fast", randomisation=RANDOMISATIONS["default"]
-)
+VARIED = replace(RANDOMISATIONS["default"], missing_leg=LEGS)
+CONFIG = EnvConfig("heading", terrain="random_mixed", physics="fast", randomisation=VARIED)
 
 
 def test_copies_lead_to_the_same_bits_as_what_they_copy():

@@ -6,12 +6,13 @@ import functools
 import numpy as np
 import pytest
 
+from flyrl.anatomy import LEGS
 from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.envs.task_batch import Transition
 from flyrl.policies import OpenLoop
 from flyrl.simulation.physics import PhysicsConfig
-from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.tasks import (
     TASKS,
     Episode,
@@ -29,10 +30,11 @@ FAST = PhysicsConfig(timestep=5e-4, contact=ContactConfig(plane=STIFF, box=STIFF
 
 
 NOISY = RandomisationConfig(sensor_noise=0.1)
+VARIED = dataclasses.replace(RANDOMISATIONS["default"], missing_leg=LEGS)
 CONFIGS = {
     "target": EnvConfig(physics=FAST, terrain="mixed"),
     "velocity": EnvConfig("velocity", physics=FAST, terrain="mixed"),
-    "random": EnvConfig(physics="fast", terrain="random_mixed", randomisation="default"),
+    "random": EnvConfig(physics="fast", terrain="random_mixed", randomisation=VARIED),
     "joints": EnvConfig("joints_box", physics="fast", decision_interval=0.02),
     "worm_crawl": EnvConfig("worm_crawl", randomisation=NOISY),
     "worm_hang_box": EnvConfig("worm_hang_box", randomisation=NOISY),

@@ -19,6 +19,7 @@ import flyrl
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.front.environments import ENV_IDS
+from flyrl.simulation.randomisation import RANDOMISATIONS
 from flyrl.tasks import TASKS, Task
 
 
@@ -159,7 +160,7 @@ def test_info_of_the_vector_environment_is_gymnasiums_over_single_ones(mode: Aut
         "decision_interval": 0.1,
         "physics": "fast",
         "terrain": "random_blocks",
-        "randomisation": "default",
+        "randomisation": replace(RANDOMISATIONS["default"], missing_leg=("LF", "RH")),
         "max_episode_steps": 3,
     }
     make = functools.partial(gymnasium.make_vec, "flyrl/TargetGoal-v0", 3, **settings)

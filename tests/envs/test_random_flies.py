@@ -7,8 +7,14 @@ import numpy as np
 import pytest
 
 import flyrl  # noqa: F401  (registers the ids)
+from flyrl.anatomy import LEGS
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.randomisation import UNVARIED, Randomisation, RandomisationConfig
+from flyrl.simulation.randomisation import (
+    RANDOMISATIONS,
+    UNVARIED,
+    Randomisation,
+    RandomisationConfig,
+)
 
 CONFIG = EnvConfig(physics="fast", randomisation="default")
 PLAIN = EnvConfig(physics="fast")
@@ -97,3 +103,12 @@ def test_reset_options_fix_what_they_name_and_leave_the_rest_as_drawn() -> None:
     friction = core.flies._batch.get_model(0).pair_friction
     np.testing.assert_array_equal(friction, core.scene.model.pair_friction / 2)
     assert core.flies.userdata["head"]["clock"]["latency"][0] == 25  # steps of 0.4 ms
+
+
+def test_the_missing_leg_is_an_option_by_name_and_information_by_number() -> None:
+    env = gymnasium.make("flyrl/Target-v0", physics="fast", randomisation="lesion")
+    _, info = env.reset(seed=4)
+    drawn = RANDOMISATIONS["lesion"].draw(4)
+    assert info["randomisation"]["missing_leg"] == LEGS.index(drawn.missing_leg)
+    _, info = env.reset(seed=4, options={"randomisation": {"missing_leg": "RM"}})
+    assert info["randomisation"] == Randomisation(missing_leg="RM").numbers()

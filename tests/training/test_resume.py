@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 import yaml
 
+from flyrl.anatomy import LEGS
 from flyrl.envs.core import EnvConfig
 from flyrl.policies import load_policy
+from flyrl.simulation.randomisation import RANDOMISATIONS
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import RunCallback
@@ -41,10 +43,11 @@ SAC_CONFIG = replace(
         "sac", learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)
     ),
 )
+VARIED = replace(RANDOMISATIONS["default"], missing_leg=LEGS)
 # with two episodes in a row, whatever comes of them, it gets harder
 RANDOM_CONFIG = replace(
     PPO_CONFIG,
-    env=replace(TINY_ENV, terrain="random_blocks", randomisation="default"),
+    env=replace(TINY_ENV, terrain="random_blocks", randomisation=VARIED),
     training=replace(
         SCHEDULE, curriculum=CurriculumConfig(enabled=True, step=0.06, window=2, raise_at=0.0)
     ),
