@@ -100,7 +100,7 @@ class RandomisationConfig:
     drive_latency
         Least and greatest, s, drawn uniformly, from 0 to `MAX_LATENCY`; None is 0.
     missing_leg
-        Legs of which one is cut off in every episode, each as likely; (): none.
+        Legs of which one is cut off in every episode, each as likely; None, or (), cuts off none.
 
     Raises
     ------
@@ -114,11 +114,11 @@ class RandomisationConfig:
     adhesion: Annotated[Range | None, _FACTOR] = None
     sensor_noise: Annotated[float, _NOISE] = 0.0
     drive_latency: Annotated[Range | None, _LATENCY] = None
-    missing_leg: tuple[Leg, ...] = ()
+    missing_leg: tuple[Leg, ...] | None = None
 
     def __post_init__(self) -> None:
         check_fields(self, "randomisation")
-        distinct("randomisation.missing_leg", self.missing_leg)
+        distinct("randomisation.missing_leg", self.missing_leg or ())
         for name in _RANGES:
             given = getattr(self, name)
             if given is not None and given[0] > given[1]:
