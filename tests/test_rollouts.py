@@ -20,7 +20,7 @@ def _is_over(state):
 
 
 TASK = dataclasses.replace(
-    TASKS["target"](),
+    TASKS["target_unfiltered"](),
     name="countdown",
     time_limit_s=LIMIT_S,
     terminations=(Termination("success", _is_over),),

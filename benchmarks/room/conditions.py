@@ -26,10 +26,8 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "weak_left_side": {"body": replace(FLIES["fly_muscles"], muscles=LegMuscles(left=0.5))},
     "adhesion_30": {"randomisation": RandomisationConfig(adhesion=(0.3, 0.3))},
     "latency_50_ms": {"randomisation": RandomisationConfig(drive_latency=(0.05, 0.05))},
-    "slow_drive": {"task": {"name": "target", "drive_time_constant": 0.05}},
-    "slow_drive_mixed": {
-        "task": {"name": "target", "drive_time_constant": 0.05}, "terrain": _ROUGH,
-    },
+    "unfiltered": {"task": "target_unfiltered"},
+    "unfiltered_mixed": {"task": "target_unfiltered", "terrain": _ROUGH},
     "pushes": {"task": "heading"},
     "slalom": {"task": "slalom"},
     "slalom_mixed": {"task": {"name": "slalom", "spacing": (3.0, 5.0)}, "terrain": _ROUGH},

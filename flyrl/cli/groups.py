@@ -32,7 +32,7 @@ TIME_LIMIT: Final = 3.0
 _OWN_TASK: Final[Mapping[str, Any]] = {
     "name": "???",
     "time_limit": None,
-    "drive_time_constant": 0.0,
+    "drive_time_constant": None,
     "decision_interval": None,
     "terms": [],
     "without": [],

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 # Names alone, since this is imported with flyrl: the tasks themselves load MuJoCo and Numba.
 _TASKS: Final = (
     "target",
+    "target_unfiltered",
     "velocity",
     "path",
     "traverse",

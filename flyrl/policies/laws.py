@@ -70,7 +70,9 @@ _QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest
 """The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
 without a fall, at 0.81 s instead of 1.00; on a path the literature's turn keeps closer to it."""
 
-_QUICK_TASKS: Final = ("target", "target_goal", "heading", "slalom", "chase", "stop")
+_QUICK_TASKS: Final = (
+    "target", "target_unfiltered", "target_goal", "heading", "slalom", "chase", "stop"
+)  # fmt: skip
 
 _GOALS: Final = (ACHIEVED_GOAL, DESIRED_GOAL, "compass")
 

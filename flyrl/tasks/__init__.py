@@ -46,6 +46,7 @@ from flyrl.tasks.terms import ERRORS, FAILURES
 
 TASKS.update(
     target=target.target,
+    target_unfiltered=target.target_unfiltered,
     target_goal=target.target_goal,
     velocity=velocity.velocity,
     path=path.path,

@@ -22,6 +22,7 @@ from flyrl.tasks.task import (
     Termination,
 )
 from flyrl.tasks.terms import (
+    DRIVE_TIME_CONSTANT_S,
     EDGE_MARGIN,
     FAILURES,
     SMOOTHNESS,
@@ -185,6 +186,7 @@ def chase(
         ),
         terminations=(Termination(SUCCESS, caught), *FAILURES),
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(Prop("target", "marker", (reach,), (0.85, 0.2, 0.2, 0.6), path=revolved),),
         sample_episode=partial(
             sample_episode, distance=distance, speed=speed, radius=radius, time_limit=time_limit

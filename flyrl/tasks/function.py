@@ -163,8 +163,8 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     settings
         A mapping holds the parameters of the task function and, of every task, `terms` (names,
         module:attribute), `without`, `weights` (see `extended`), `time_limit` (s) and
-        `drive_time_constant` (s, see `Task`). With None, `time_limit` is the usual
-        one. `decision_interval` belongs to the environment.
+        `drive_time_constant` (s, see `Task`). None, for either, is the usual one.
+        `decision_interval` belongs to the environment.
     worm
         Of a task for worms; None is the usual one.
 
@@ -186,7 +186,9 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     task = function(**given)
     if limit is not None and "time_limit" not in function.parameters:
         task = replace(task, time_limit_s=positive("task.time_limit", limit))
-    task = _following(task, settings.get("drive_time_constant", task.drive_time_constant_s))
+    constant = settings.get("drive_time_constant")
+    if constant is not None:
+        task = _following(task, constant)
     changes = _Changes(
         **{key: settings[key] for key in ("terms", "without", "weights") if key in settings}
     )

@@ -15,7 +15,7 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import FAILURES, SMOOTHNESS, error, lost_time
+from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, lost_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 
@@ -101,6 +101,7 @@ def heading(
         ),
         terminations=FAILURES,
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(sample_episode, turn=turn, push=push, push_times=push_times),
         difficulty=f"turn, from 0 to ±{turn:g}°, and pushes, from none to "
         f"{weakest:g}-{strongest:g} µN",

@@ -23,6 +23,7 @@ from flyrl.tasks.task import (
     Termination,
 )
 from flyrl.tasks.terms import (
+    DRIVE_TIME_CONSTANT_S,
     EDGE_MARGIN,
     FAILURES,
     SMOOTHNESS,
@@ -213,6 +214,7 @@ def path(
         ),
         terminations=(Termination(SUCCESS, followed), *failures),
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(TARGET_MARKER,),
         sample_episode=partial(
             sample_episode, length=length, radius=radius, smoothness=smoothness

@@ -23,7 +23,15 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import EDGE_MARGIN, FAILURES, SMOOTHNESS, cost_of_time, error, is_inside
+from flyrl.tasks.terms import (
+    DRIVE_TIME_CONSTANT_S,
+    EDGE_MARGIN,
+    FAILURES,
+    SMOOTHNESS,
+    cost_of_time,
+    error,
+    is_inside,
+)
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import Within
 
@@ -173,6 +181,7 @@ def slalom(
         ),
         terminations=(Termination(SUCCESS, partial(has_passed_all, gates=gates)), *FAILURES),
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=tuple(gate_marker(index, gates, reach) for index in range(gates)),
         sample_episode=partial(sample_episode, gates=gates, spacing=spacing, turn=turn),
         difficulty=f"spacing of the gates, from {near:g} mm to {near:g}-{far:g}, and turns from "

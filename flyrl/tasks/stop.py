@@ -19,7 +19,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, SMOOTHNESS, cost_of_time
+from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, cost_of_time
 from flyrl.terrains import TARGET_MARKER
 from flyrl.validation import Within
 
@@ -88,6 +88,7 @@ def stop(
         ),
         terminations=(Termination(SUCCESS, has_stood), *FAILURES),
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(TARGET_MARKER,),
         sample_episode=partial(sample_episode, distance=distance, bearing=bearing),
         difficulty=f"distance of the place, from {near:g} mm to {near:g}-{far:g}, and its "

@@ -35,6 +35,7 @@ from flyrl.tasks.task import (
     Termination,
 )
 from flyrl.tasks.terms import (
+    DRIVE_TIME_CONSTANT_S,
     EDGE_MARGIN,
     FAILURES,
     SMOOTHNESS,
@@ -155,6 +156,7 @@ def target(
         ),
         terminations=(Termination(SUCCESS, at_target), *FAILURES),
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(TARGET_MARKER,),
         sample_episode=partial(sample_episode, distance=distance, bearing=bearing),
         difficulty=f"distance of the target, from {near:g} mm to {near:g}-{far:g}, and its "
@@ -162,6 +164,17 @@ def target(
         success=f"thorax within {reach:g} mm of the target",
         errors=(error("heading_error_deg", 180.0, terms.turn_to_target),),
     )  # fmt: skip
+
+
+@variant_of(target)
+def target_unfiltered(task: Task) -> Task:
+    """Steer to a target as in version 0.1: the drive acts at once, and its change costs nothing."""
+    free = {term: replace(term, weight=0.0) for term in SMOOTHNESS}
+    return replace(
+        task,
+        reward=tuple(free.get(term, term) for term in task.reward),
+        drive_time_constant_s=0.0,
+    )
 
 
 GOAL_UNIT: Final = 10.0

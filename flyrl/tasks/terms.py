@@ -332,6 +332,10 @@ def has_left(state: TaskState) -> Mask:
 
 # --- rows that tables share ----------------------------------------------------------------
 
+DRIVE_TIME_CONSTANT_S: Final = 0.05
+"""Of steering tasks. A descending neuron is no switch: in hoverflies its response to an impulse
+peaks after 17 ms and returns slowly (J. Exp. Biol. 224, 2021, doi 10.1242/jeb.242833)."""
+
 SMOOTHNESS: Final = (
     RewardTerm("drive_change", 0.0, drive_change, "change of the drive, summed over both sides"),
     RewardTerm("work", 0.0, joint_work, "nJ that the joints do, as sampled at decisions"),

@@ -20,7 +20,7 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.tasks.terms import FAILURES, SMOOTHNESS, error, success_in_time
+from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, success_in_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within
 
@@ -94,6 +94,7 @@ def traverse(
         ),
         terminations=(Termination(SUCCESS, crossed), *FAILURES),
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(sample_episode, finish_line=finish_line),
         success=f"thorax beyond x = {finish_line:g} mm",
         errors=(error("heading_error_deg", 180.0, turn_to_finish),),

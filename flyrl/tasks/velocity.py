@@ -18,7 +18,7 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import FAILURES, SMOOTHNESS, error
+from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
 
@@ -113,6 +113,7 @@ def velocity(
         ),
         terminations=FAILURES,
         time_limit_s=time_limit,
+        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(
             sample_episode, speed=speed, yaw_rate=yaw_rate,
             commands=math.ceil(time_limit / command_time - 1e-9),

@@ -261,7 +261,8 @@ def pushed(*pushes: float) -> Episode:
 
 
 def test_a_push_from_the_left_at_the_abdomen_turns_the_fly_to_the_left() -> None:
-    env = BatchedEnv(EnvConfig(task="heading", physics="fast"), 3)
+    heading = {"name": "heading", "drive_time_constant": 0.0}
+    env = BatchedEnv(EnvConfig(heading, physics="fast"), 3)
     env.reset(episodes=[pushed(0.5, -8.0), pushed(), pushed(0.5, 8.0)])
     walk = env.task.actions.of(np.ones((3, 2)))
     for _ in range(25):

@@ -54,9 +54,8 @@ def test_mass_on_one_random_ground_leaves_nothing_behind_on_the_next() -> None:
 
 def test_latency_holds_each_decision_back_by_its_time() -> None:
     """45 ms of 20 ms decisions: at 1 ms per step, the first is at the legs in step 46."""
-    config = EnvConfig(
-        physics="fast", randomisation=RandomisationConfig(drive_latency=(0.045,) * 2)
-    )
+    late = RandomisationConfig(drive_latency=(0.045,) * 2)
+    config = EnvConfig("target_unfiltered", physics="fast", randomisation=late)
     assert config.scene.queue_places == 3
     env = BatchedEnv(config, 1)
     env.reset(seeds=[0])

@@ -60,7 +60,7 @@ def test_the_record_says_what_to_make_the_task_of(monkeypatch):
         "bearing": 180.0,
         "reach": 1.0,
         "time_limit": 6.0,
-        "drive_time_constant": 0.0,
+        "drive_time_constant": 0.05,
         "terms": ["own_terms:HEIGHT", "own_terms:TILT"],
         "without": ["observation.tilt", "reward.success"],
         "weights": {

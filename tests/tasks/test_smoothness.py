@@ -11,7 +11,7 @@ from tests.tasks.test_terms import fly_state, task_state
 
 CHANGE, WORK = SMOOTHNESS
 STEERING = ("target", "velocity", "path", "traverse", "heading", "slalom", "chase", "stop")
-SMOOTH = {"name": "target", "drive_time_constant": 0.05}
+FOR_FLIES = (*STEERING, "target_goal")
 
 
 def test_a_change_of_drive_adds_up_over_both_sides():
@@ -44,7 +44,7 @@ def _drives(env, wanted, decisions):
 
 @pytest.mark.parametrize(("interval_s", "decisions"), [(0.02, 5), (0.01, 10), (0.05, 2)])
 def test_a_drive_follows_its_actions_whatever_the_decision_interval(interval_s, decisions):
-    env = BatchedEnv(EnvConfig(SMOOTH, decision_interval=interval_s), 1, 1)
+    env = BatchedEnv(EnvConfig("target", decision_interval=interval_s), 1, 1)
     env.reset(seeds=[0])
     time_s = interval_s * np.arange(1, decisions + 1)[:, None]
     rise = (1.0, -0.4) * (1 - np.exp(-time_s / 0.05))  # from rest
@@ -56,7 +56,7 @@ def test_a_drive_follows_its_actions_whatever_the_decision_interval(interval_s, 
 
 
 def test_a_restored_drive_goes_on_from_where_it_was():
-    first, second = (BatchedEnv(EnvConfig(SMOOTH), 1, 1) for _ in range(2))
+    first, second = (BatchedEnv(EnvConfig("target"), 1, 1) for _ in range(2))
     first.reset(seeds=[0])
     _drives(first, (1.0, 0.5), 3)
     second.restore(first.snapshot())
@@ -64,18 +64,29 @@ def test_a_restored_drive_goes_on_from_where_it_was():
     np.testing.assert_array_equal(_drives(second, (0.0, 1.0), 1), expected)
 
 
-def test_without_a_time_constant_the_drive_is_what_is_asked_for():
-    env = BatchedEnv(EnvConfig("target"), 1, 1)
+def test_an_unfiltered_drive_is_what_is_asked_for():
+    env = BatchedEnv(EnvConfig("target_unfiltered"), 1, 1)
     env.reset(seeds=[0])
     np.testing.assert_array_equal(_drives(env, (1.0, -0.25), 1), [[1.0, -0.25]])
 
 
+def test_an_unfiltered_target_rewards_no_smoothness():
+    smooth, unfiltered = TASKS["target"](), TASKS["target_unfiltered"]()
+    assert [term.weight for term in unfiltered.reward[-2:]] == [0.0, 0.0]
+    assert unfiltered.reward[:-2] == smooth.reward[:-2]
+
+
+@pytest.mark.parametrize("name", FOR_FLIES)
+def test_steering_is_smooth(name):
+    assert TASKS[name]().drive_time_constant_s == 0.05
+
+
 def test_the_time_constant_is_a_setting_of_the_environment_and_on_record():
-    env = flyrl.make("target", drive_time_constant=0.05)
+    env = flyrl.make("target", drive_time_constant=0.1)
     task = env.unwrapped.core.task
     env.close()
-    assert task.drive_time_constant_s == 0.05
-    assert task_record(task)["drive_time_constant"] == 0.05
+    assert task.drive_time_constant_s == 0.1
+    assert task_record(task)["drive_time_constant"] == 0.1
     assert task_from(task_record(task)) == task
 
 
