@@ -114,6 +114,11 @@ def draw_target(
     )
 
 
+_CHANGE, _WORK = SMOOTHNESS
+_SMOOTHNESS: Final = (_CHANGE, replace(_WORK, weight=-5e-4))
+"""Of a fly that has time: it reaches the target with less haste, and two thirds of the work."""
+
+
 @TaskFunction
 def target(
     distance: Annotated[tuple[float, float], Within(0, 1000)] = (5.0, 15.0),
@@ -152,7 +157,7 @@ def target(
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
             *success_in_time(at_target, "the target is reached"),
-            *SMOOTHNESS,
+            *_SMOOTHNESS,
         ),
         terminations=(Termination(SUCCESS, at_target), *FAILURES),
         time_limit_s=time_limit,
@@ -169,7 +174,7 @@ def target(
 @variant_of(target)
 def target_unfiltered(task: Task) -> Task:
     """Steer to a target as in version 0.1: the drive acts at once, and its change costs nothing."""
-    free = {term: replace(term, weight=0.0) for term in SMOOTHNESS}
+    free = {term: replace(term, weight=0.0) for term in _SMOOTHNESS}
     return replace(
         task,
         reward=tuple(free.get(term, term) for term in task.reward),

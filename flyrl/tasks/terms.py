@@ -337,10 +337,10 @@ DRIVE_TIME_CONSTANT_S: Final = 0.05
 peaks after 17 ms and returns slowly (J. Exp. Biol. 224, 2021, doi 10.1242/jeb.242833)."""
 
 SMOOTHNESS: Final = (
-    RewardTerm("drive_change", 0.0, drive_change, "change of the drive, summed over both sides"),
+    RewardTerm("drive_change", -0.03, drive_change, "change of the drive, summed over both sides"),
     RewardTerm("work", 0.0, joint_work, "nJ that the joints do, as sampled at decisions"),
 )
-"""Rows of a reward table that count nothing until task.weights gives them a weight."""
+"""Rows of a reward table. Work counts nothing until a task, or task.weights, gives it a weight."""
 
 FAILURES: Final = (
     Termination(FALL, has_fallen),

@@ -123,7 +123,7 @@ def test_a_policy_goes_to_where_the_target_was_put(fly):
         fly.change("steering", "target-flat")
         fly.point(fly.data.qpos[0] + 5.0, fly.data.qpos[1] + side)
         # from 6.4 mm away
-        fly.step(20)
+        fly.step(24)
         assert values(fly)["to the target, mm"] < 2.0
 
 

@@ -67,8 +67,8 @@ def test_the_record_says_what_to_make_the_task_of(monkeypatch):
             "progress": 0.1,
             "time": -0.5,
             "lost_time": -0.5,
-            "drive_change": 0.0,
-            "work": 0.0,
+            "drive_change": -0.03,
+            "work": -0.0005,
         },
     }
     assert task_from(task_record(task)) == task
