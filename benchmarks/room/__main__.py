@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
-from benchmarks.room.law import PUBLISHED, tuned
+from benchmarks.room.law import published, tuned
 from benchmarks.room.planner import Planner
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
@@ -37,9 +37,9 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
     env = BatchedEnv(config, 8)
     settings = tuned(env)
     drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
-    published, law = PUBLISHED.policy(env.task), settings.policy(env.task)
+    literature, law = (each.policy(env.task) for each in (published(env.task)[0], settings))
     walked = {
-        "published": run_episodes(env, published, drawn),
+        "published": run_episodes(env, literature, drawn),
         "tuned": run_episodes(env, law, drawn),
     }
     bound = [max(pair, key=_worth) for pair in zip(*walked.values(), strict=True)]

@@ -123,7 +123,7 @@ def test_a_policy_goes_to_where_the_target_was_put(fly):
         fly.change("steering", "target-flat")
         fly.point(fly.data.qpos[0] + 5.0, fly.data.qpos[1] + side)
         # from 6.4 mm away
-        fly.step(24)
+        fly.step(22)
         assert values(fly)["to the target, mm"] < 2.0
 
 
@@ -319,10 +319,10 @@ def test_the_panel_tells_of_legs_and_rewards(fly):
     assert (rows.any(axis=1) & ~rows.all(axis=1)).any()
     assert [list(shares) for (shares,) in drawn(fly, "bars")] == [list(LEGS)] * 2
     for (shown,), time_s in zip(drawn(fly, "values", "Reward"), (0.02, 0.2), strict=True):
-        assert list(shown) == ["progress", "success", "time", "sum"]
-        progress, success, time, whole = shown.values()
-        assert (success, time) == pytest.approx((0.0, -0.5 * time_s))
-        assert whole == pytest.approx(progress + success + time)
+        assert list(shown) == ["progress", "success", "time", "drive_change", "work", "sum"]
+        *parts, whole = shown.values()
+        assert parts[1:3] == pytest.approx([0.0, -0.5 * time_s])
+        assert whole == pytest.approx(sum(parts))
     options = {name: options for name, _, options, _ in drawn(fly, "choice")}
     assert options["steering"] == ("by hand", "pursuit", "target-flat")
     assert options["terrain"] == tuple(KINDS)

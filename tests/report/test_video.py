@@ -127,7 +127,8 @@ def test_a_video_shows_something_that_moves(video, tmp_path):
 
 def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
     drawn = RandomisationConfig(mass=(2.0, 2.0), drive_latency=(0.03, 0.03))
-    task = TASKS["target_unfiltered"]()  # a filtered drive would change with every finer decision
+    # a filtered drive would change with every finer decision
+    task = dataclasses.replace(CONFIG.task, drive_time_constant_s=0.0)
     config = dataclasses.replace(CONFIG, task=task, randomisation=drawn)
     (entrant,) = make_entrants(config)
     terrain = config.terrain_configs[0]
