@@ -295,6 +295,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
             sections.terrain_section(results, terrain, videos, examples)
             for terrain in protocol["terrains"]
         ],
+        "lead": sections.lead_section(results, videos),
         "note": additions.get("note"),
         "drive_map_starts": drive_map.starts if drive_map else 0,
         "mdp": table,

@@ -83,6 +83,34 @@ def table_row(row: Json) -> Json:
     }
 
 
+def lead_videos(protocol: Json, videos: Sequence[Video]) -> list[Video]:
+    """Both of a contrast, the learned one first, that a report leads with; empty without any.
+
+    It is the first in which the learned entrant succeeds and the reference does not, else the first
+    in which they differ.
+    """
+    contrasts = {name: each for name, each in protocol.get("film", {}).items() if "metric" in each}
+    # values of success where the learned one alone succeeds
+    ranked = sorted(contrasts, key=lambda terrain: contrasts[terrain]["values"] != [1.0, 0.0])
+    for terrain in ranked:
+        of = contrasts[terrain]
+        place = terrain, of["episode"]
+        filmed = {each.controller: each for each in videos if (each.terrain, each.episode) == place}
+        if filmed.keys() >= {of["controller"], of["reference"]}:
+            return [filmed[of["controller"]], filmed[of["reference"]]]
+    return []
+
+
+def lead_section(results: Results, videos: Sequence[Video]) -> Json | None:
+    """What a report leads with: the videos of `lead_videos`, and why these; None without any."""
+    pair = lead_videos(results.protocol, videos)
+    if not pair:
+        return None
+    terrain, episode = pair[0].terrain, pair[0].episode
+    text = contrast_text(results.protocol, terrain)
+    return {"terrain": terrain, "text": text, "player": player(terrain, episode, pair, ())}
+
+
 def terrain_section(
     results: Results, terrain: Json, videos: Sequence[Video], examples: Sequence[EpisodeRecord]
 ) -> Json:
@@ -93,13 +121,15 @@ def terrain_section(
     terrain
         Entry of the protocol.
     videos, examples
-        Of all terrains.
+        Of all terrains; those of `lead_videos` are left to the summary.
     """
     name, protocol = terrain["name"], results.protocol
     usual = compared_conditions(protocol["vary"])[0].label
     summary = [row for row in results.summaries if row["terrain"] == name]
     walked = results.episodes[results.episodes["terrain"] == name]
-    filmed = by_episode(videos, examples, name)
+    leading = lead_videos(protocol, videos)
+    filmed = by_episode([each for each in videos if each not in leading], examples, name)
+    lead = next(((each.terrain, each.episode) for each in leading), None)
     logs = [record.gait for record in gait_examples(examples, name) if record.gait]
     return {
         "name": name,
@@ -121,7 +151,10 @@ def terrain_section(
             walked[walked["condition"] == usual], protocol, np.random.default_rng(protocol["seed"])
         ),
         "chosen": contrast_text(protocol, name),
-        "players": [player(name, episode, *shown) for episode, shown in filmed.items()],
+        "players": [
+            {**player(name, episode, *shown), "has_lead": (name, episode) == lead}
+            for episode, shown in filmed.items()
+        ],
     }
 
 

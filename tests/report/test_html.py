@@ -258,6 +258,23 @@ def test_the_reason_why_an_episode_was_chosen_stands_with_its_video(few):
     assert page.words.index("Episode 0: the first") < page.words.index("Everybody on episode 0")
 
 
+def test_a_report_leads_with_where_the_learned_one_alone_succeeds(few):
+    first = few.summaries[0]["controller"]
+    other = next(row["controller"] for row in few.summaries if row["controller"] != first)
+    pair = {"controller": first, "reference": other}
+    chosen = {
+        "flat": {**pair, "episode": 0, "metric": "speed_mm_s", "values": [2.0, 1.0]},
+        "mixed": {**pair, "episode": 0, "metric": "success", "values": [1.0, 0.0]},
+    }
+    films = [film(name, terrain) for terrain in chosen for name in (other, first)]
+    page = format_report(replace(few, protocol={**few.protocol, "film": chosen}), videos=films)
+    summary, *grounds = page.split('<section class="page"')[1:4]
+    assert f"On mixed. Episode 0: the first in which {first} " in summary
+    assert summary.index(f"></span>{first} ") < summary.index(f"></span>{other} ")
+    # those on flat stay there, and nothing is embedded twice
+    assert [part.count("<video") for part in (summary, *grounds)] == [2, 2, 0]
+
+
 def test_sections_without_content_are_left_out(text):
     for heading in ("Over seeds", "Who is missing", "as published"):
         assert heading not in text
