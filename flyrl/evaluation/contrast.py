@@ -1,4 +1,4 @@
-"""Where entrants differ: in which episode most, and by their steering or by their legs."""
+"""Where entrants differ: in which episode most, by their steering or legs, by the ground."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from flyrl.evaluation.statistics import Interval, paired_difference, success_rat
 from flyrl.evaluation.summary import best_of, metric_values, paired_values
 from flyrl.policies.laws import split_legs
 from flyrl.tasks import SUCCESS
+from flyrl.tasks.episode import FIRST_GROUND_SEED
+from flyrl.terrains import AnyGround, terrain_on_record
 
 
 def contrasts(rows: pd.DataFrame, protocol: Json) -> Json:
@@ -66,6 +68,28 @@ def _contrast(rows: pd.DataFrame, learned: str, protocol: Json) -> Json:
                 "values": [float(own[episode]), float(other[episode])],
             }
     return {"episode": 0}
+
+
+def success_by_kind(rows: pd.DataFrame, config: Json) -> dict[str, dict[str, Interval]]:
+    """Success rate of each entrant on each kind of ground; empty where all are of one kind.
+
+    Parameters
+    ----------
+    rows
+        Episodes on one terrain under one condition.
+    config
+        Of the terrain, in the protocol.
+    """
+    ground = terrain_on_record(config)
+    if not isinstance(ground, AnyGround):
+        return {}
+    kinds = {seed: ground.kind(FIRST_GROUND_SEED + int(seed)) for seed in rows["seed"].unique()}
+    table: dict[str, dict[str, Interval]] = {}
+    for name, walked in rows.groupby("controller", observed=True, sort=False):
+        by_kind = walked["success"].groupby(walked["seed"].map(kinds))
+        rates = {str(kind): success_rate(int(each.sum()), len(each)) for kind, each in by_kind}
+        table[str(name)] = rates
+    return table
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
-from flyrl.evaluation.contrast import crossing
+from flyrl.evaluation.contrast import crossing, success_by_kind
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results
@@ -127,6 +127,7 @@ def terrain_section(
     usual = compared_conditions(protocol["vary"])[0].label
     summary = [row for row in results.summaries if row["terrain"] == name]
     walked = results.episodes[results.episodes["terrain"] == name]
+    of_usual = walked[walked["condition"] == usual]
     leading = lead_videos(protocol, videos)
     filmed = by_episode([each for each in videos if each not in leading], examples, name)
     lead = next(((each.terrain, each.episode) for each in leading), None)
@@ -147,9 +148,8 @@ def terrain_section(
             if row["paired"]
         ],
         "reasons": _reasons(summary),
-        "crossing": crossing(
-            walked[walked["condition"] == usual], protocol, np.random.default_rng(protocol["seed"])
-        ),
+        "crossing": crossing(of_usual, protocol, np.random.default_rng(protocol["seed"])),
+        "kinds": success_by_kind(of_usual, terrain["config"]),
         "chosen": contrast_text(protocol, name),
         "players": [
             {**player(name, episode, *shown), "has_lead": (name, episode) == lead}

@@ -1,10 +1,14 @@
 """Steering crossed with legs."""
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
-from flyrl.evaluation.contrast import crossing
+from flyrl.evaluation.contrast import crossing, success_by_kind
 from flyrl.evaluation.episodes import episode_row, episode_table
+from flyrl.tasks.episode import FIRST_GROUND_SEED
+from flyrl.terrains import AnyGround
 from tests.synthetic import TASK, judged_by, make_record
 
 # successes of eight episodes
@@ -80,3 +84,22 @@ def test_the_rate_has_the_interval_of_all_rates(crossed):
 
 def test_without_other_legs_there_is_nothing_to_cross():
     assert not crossing(rows(["pursuit", "hybrid"]), PROTOCOL, np.random.default_rng(0))
+
+
+def test_success_is_told_kind_by_kind_of_ground():
+    walked = rows(["pursuit@cpg"])
+    ground = AnyGround(kinds=("flat", "blocks"))
+    kinds = [ground.kind(FIRST_GROUND_SEED + seed) for seed in walked["seed"]]
+    expected = {
+        kind: np.mean(
+            [each for each, at in zip(walked["success"], kinds, strict=True) if at == kind]
+        )
+        for kind in kinds
+    }
+    found = success_by_kind(walked, {**asdict(ground)})["pursuit@cpg"]
+    assert {kind: rate.value for kind, rate in found.items()} == expected
+    assert len(expected) == 2
+
+
+def test_ground_of_one_kind_is_not_divided():
+    assert success_by_kind(rows(["pursuit"]), {"name": "blocks"}) == {}
