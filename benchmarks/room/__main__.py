@@ -11,10 +11,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
+from benchmarks.room.figure import draw, rate, verdict
 from benchmarks.room.law import published, tuned
 from benchmarks.room.planner import Planner
 from flyrl.envs.core import BatchedEnv, EnvConfig
@@ -74,15 +73,15 @@ def _row(records: list[EpisodeRecord]) -> dict[str, Any]:
 
 
 def table(results: dict[str, Any]) -> str:
-    """Share of successes with intervals, in %, and the room between the tuned law and the bound."""
+    """Share of successes with intervals, in %, the room above the tuned law, and the verdict."""
     lines = [
-        "| condition | published law | tuned law | bound | room |",
-        "|---|---|---|---|---|",
+        "| condition | published law | tuned law | bound | room | verdict |",
+        "|---|---|---|---|---|---|",
     ]
     for name, row in results.items():
         rates = [_percent(row[who]["success"]) for who in ("published", "tuned", "bound")]
-        room = np.mean(row["bound"]["success"]) - np.mean(row["tuned"]["success"])
-        lines.append(f"| {name} | {' | '.join(rates)} | {100 * room:.0f} |")
+        room = 100 * (rate(row, "bound") - rate(row, "tuned"))
+        lines.append(f"| {name} | {' | '.join(rates)} | {room:.0f} | {verdict(row)} |")
     return "\n".join(lines)
 
 
@@ -101,6 +100,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=20, help="held-out ones per condition")
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--show", action="store_true", help="only print what is in --output")
+    parser.add_argument("--figure", type=Path, help="draw what is in --output, SVG or PNG")
     given = parser.parse_args()
     names = given.conditions or list(CONDITIONS)
     for name in names:
@@ -115,6 +115,8 @@ def main() -> None:
         results[name] = measure(config, given.episodes)
         record = {"machine": machine(), "episodes": given.episodes, "conditions": results}
         write_text(given.output, json.dumps(record, indent=1))
+    if given.figure:
+        draw(results, given.figure)
     print(table(results))
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.room.__main__ import table
+from benchmarks.room.figure import verdict
 from benchmarks.room.law import score
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
@@ -55,3 +56,11 @@ def test_the_room_is_what_the_bound_has_before_the_tuned_law():
     assert last[1].strip() == "blocks"
     assert last[4].strip().startswith("75 [")
     assert last[5].strip() == "25"
+    assert last[6].strip() == "room"
+
+
+@pytest.mark.parametrize(("law", "bound", "expected"), [(20, 20, "law"), (2, 3, "nothing")])
+def test_without_room_the_law_is_enough_or_nothing_is(law, bound, expected):
+    wins = {"tuned": law, "bound": bound}
+    row = {who: {"success": [True] * n + [False] * (20 - n)} for who, n in wins.items()}
+    assert verdict(row) == expected

@@ -1,0 +1,64 @@
+"""Picture of the room: what laws and the bound reach, condition by condition."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from flyrl.evaluation.statistics import success_rate
+from flyrl.files import replacing
+
+ENOUGH: Final = 0.95
+"""Share of successes from which on a law is enough."""
+
+LEAST_ROOM: Final = 0.15
+"""Between the tuned law and the bound, from which on learning is worth a try."""
+
+_WHO: Final = {
+    "published": ("law as published", "#9a9a9a"),
+    "tuned": ("law tuned here", "#0072b2"),
+    "bound": ("bound", "#d55e00"),
+}
+
+
+def rate(row: Mapping[str, Any], who: str) -> float:
+    """Share of successes of the published law, the tuned one, or the bound."""
+    return float(np.mean(row[who]["success"]))
+
+
+def verdict(row: Mapping[str, Any]) -> str:
+    """Whether the tuned law is enough, there is room above it, or nothing helps much."""
+    law, bound = rate(row, "tuned"), rate(row, "bound")
+    if bound - law >= LEAST_ROOM:
+        return "room"
+    return "law" if law >= ENOUGH else "nothing"
+
+
+def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
+    """Draw shares of successes with their 95 % intervals, most room on top; SVG or PNG."""
+    ordered = sorted(
+        results, key=lambda name: rate(results[name], "bound") - rate(results[name], "tuned")
+    )
+    figure, axes = plt.subplots(figsize=(7.0, 1.2 + 0.28 * len(ordered)), layout="constrained")
+    for offset, (who, (label, colour)) in zip((0.2, 0.0, -0.2), _WHO.items(), strict=True):
+        wins = [results[name][who]["success"] for name in ordered]
+        rates = [success_rate(sum(each), len(each)) for each in wins]
+        values = np.array([[each.low, each.value, each.high] for each in rates], dtype=float)
+        spread = np.abs(values[:, [0, 2]] - values[:, [1]]).T
+        axes.errorbar(
+            100 * values[:, 1], np.arange(len(ordered)) + offset, xerr=100 * spread, label=label,
+            color=colour, fmt="o", markersize=4, linewidth=1,
+        )  # fmt: skip
+    for place, name in enumerate(ordered):
+        if verdict(results[name]) == "room":
+            axes.axhspan(place - 0.5, place + 0.5, color="#f0e442", alpha=0.25, linewidth=0)
+    axes.set_yticks(range(len(ordered)), [name.replace("_", " ") for name in ordered])
+    axes.set(
+        xlabel="successes, % (95 % intervals)", xlim=(-2, 102), ylim=(-0.6, len(ordered) - 0.4)
+    )
+    axes.legend(loc="lower left", frameon=False)
+    with replacing(path) as partial:
+        figure.savefig(partial, format=path.suffix[1:])
+    plt.close(figure)
