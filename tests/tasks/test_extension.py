@@ -68,7 +68,7 @@ def test_the_record_says_what_to_make_the_task_of(monkeypatch):
             "time": -0.5,
             "lost_time": -0.5,
             "drive_change": -0.03,
-            "work": -0.0005,
+            "work": -0.0012,
         },
     }
     assert task_from(task_record(task)) == task
