@@ -1,6 +1,7 @@
 """Command lines in the documentation, and how each is run or checked."""
 
 import importlib.util
+import json
 import re
 import shlex
 import tomllib
@@ -47,7 +48,10 @@ NEEDS_MORE = {"resume", "launcher", "hydra.sweep.dir", "logger"}
 """Keys of commands that go on with what is there, run elsewhere, or speak to a service; tests/cli
 and tests/training/loggers run such."""
 
-SHORT = ("task.time_limit=0.2",)
+SHORT = ("task.time_limit=0.1",)
+COARSE = ("physics=fast",)
+"""For flies, where a command does not ask for other physics."""
+
 SHORT_TRAINING = {
     "total_timesteps": 32,
     "num_envs": 2,
@@ -130,10 +134,23 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
     return found
 
 
-def trained(command: str, overrides: tuple[str, ...], folder: Path) -> Run | None:
-    """Train as the command does, but for `SHORT`; of a sweep, its first run.
+def trained(
+    command: str, overrides: tuple[str, ...], folder: Path, before: dict[str, Run]
+) -> Run | None:
+    """Train as the command does, but for `SHORT` and `COARSE`; of a sweep, its first run.
 
-    None if it is not, since it needs more than is there; then its arguments are checked.
+    Parameters
+    ----------
+    command, overrides
+        The same.
+    folder
+        Where the run gets its own.
+    before
+        Runs by their settings; one with the same settings is not repeated, a new one is added.
+
+    Returns
+    -------
+    None if it is not trained, since it needs more than is there; then its arguments are checked.
     """
     keys = {each.partition("=")[0] for each in overrides}
     if keys & NEEDS_MORE:
@@ -143,11 +160,14 @@ def trained(command: str, overrides: tuple[str, ...], folder: Path) -> Run | Non
     values = _values("train", [*single, *SHORT])
     values["training"] |= SHORT_TRAINING
     values["algo"] |= {key: SHORT_LEARNING[key] for key in SHORT_LEARNING.keys() & values["algo"]}
-    return train(training_config(values), folder)
+    settings = json.dumps(values, sort_keys=True)
+    if settings not in before:
+        before[settings] = train(training_config(values), folder)
+    return before[settings]
 
 
 def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
-    """Evaluate as the command does, but for `SHORT`; one value of what varies, one terrain.
+    """Evaluate as the command does, but for `SHORT` and `COARSE`: one terrain, one value of each.
 
     Parameters
     ----------
@@ -169,7 +189,9 @@ def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
 
 
 def _values(program: str, overrides: Sequence[str]) -> dict[str, Any]:
-    return composed_values(program, with_own_things(overrides))
+    is_coarse = not any(each.startswith(("physics=", "task=worm")) for each in overrides)
+    chosen = [*overrides, *COARSE] if is_coarse else overrides
+    return composed_values(program, with_own_things(chosen))
 
 
 def check(command: str, *, is_whole: bool = True) -> None:

@@ -54,11 +54,11 @@ FAILING = dict(_failing())
 def test_every_training_runs_and_every_evaluation_too(folder_of, subtests):
     folder_of("docs/controllers.md")
     folder = folder_of("docs/tasks.md")
-    learned = {}
+    before, learned = {}, {}
     for overrides, (page, command) in composed("train").items():
         if command not in FAILING:
             with subtests.test(f"{page}: {command}"):
-                run = trained(command, overrides, folder / "runs")
+                run = trained(command, overrides, folder / "runs", before)
                 if run is not None:
                     assert (run.folder / "last.safetensors").exists()
                     learned[_terms(overrides)] = run.folder
