@@ -10,7 +10,7 @@ import pytest
 from benchmarks.walking import PUBLISHED, paired_interval, speed, walk
 from flyrl.bodies.fly import FlyConfig
 
-CONDITIONS = 6
+CONDITIONS = 4
 
 pytestmark = pytest.mark.slow
 
@@ -24,8 +24,8 @@ def final_x(controller: str, conditions: int) -> np.ndarray:
 
 
 def test_cpg_on_the_classic_body_covers_the_published_distance() -> None:
-    # they spread by 0.4 mm: a median of 5 is known to a tenth of the published distance
-    assert np.median(final_x("cpg", 5)) == pytest.approx(4.9, rel=0.15)
+    # they spread by 0.4 mm: a median of 3 is known to 0.3 mm, the tolerance is 0.7
+    assert np.median(final_x("cpg", 3)) == pytest.approx(4.9, rel=0.15)
 
 
 def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_first() -> None:
@@ -33,10 +33,10 @@ def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_
 
     The published 2.6 and 2.7 mm are single runs. flygym 0.2.5 itself, run with seeds 0 to 19, has
     2.78 or 2.90 mm where a foreleg is first (9 seeds) and 3.26 or 3.37 mm where a middle leg is.
-    With the same leg first, seeds differ by some 0.01 mm: the first 6 tell as much as 20.
+    With the same leg first, seeds differ by some 0.01 mm: one of each tells as much as 20.
     """
-    distances = final_x("rule_based", 6)
-    first_legs = np.array([np.random.RandomState(seed).choice([0, 1, 3, 4]) for seed in range(6)])
+    distances = final_x("rule_based", 2)
+    first_legs = np.array([np.random.RandomState(seed).choice([0, 1, 3, 4]) for seed in range(2)])
     foreleg_first = distances[np.isin(first_legs, [0, 3])]
     middle_leg_first = distances[np.isin(first_legs, [1, 4])]
     assert np.median(foreleg_first) == pytest.approx(2.6, rel=0.15)
@@ -76,9 +76,10 @@ def test_negative_drives_walk_backwards() -> None:
 @pytest.mark.parametrize("terrain", ["gapped", "blocks", "mixed"])
 def test_reflexes_get_through_where_the_cpg_alone_gets_stuck(terrain: str) -> None:
     hybrid, cpg = (
-        speed(walk((1, 1), 1.5, CONDITIONS, terrain=terrain, controller=name)[0], 1.5)
+        speed(walk((1, 1), 1.0, CONDITIONS, terrain=terrain, controller=name)[0], 1.0)
         for name in ("hybrid", "cpg")
     )
+    # 7, 5 and 4 mm/s faster on average; by chance, one in 16 sets of 4 pairs agrees on the sign
     low, _ = paired_interval(hybrid - cpg)
     assert low > 0
     assert np.median(hybrid) >= 5.0
