@@ -20,10 +20,10 @@ class Playing:
         self.process, self.url, self._log = process, url, log
 
     def entries(self):
-        return [json.loads(line) for line in self._log.read_text().splitlines()]
+        return [json.loads(line) for line in self._lines()]
 
     def latest(self):
-        return json.loads(self._log.read_text().splitlines()[-1])
+        return json.loads(self._lines()[-1])
 
     def until(self, is_so, limit_s=90.0):
         """Wait for an entry that is so, as the last; return it."""
@@ -31,10 +31,13 @@ class Playing:
         while time.monotonic() < end:
             assert self.process.poll() is None, "it has ended"
             # the page is served before there is something to play, and a log
-            if self.entries() and is_so(entry := self.latest()):
+            if (lines := self._lines()) and is_so(entry := json.loads(lines[-1])):
                 return entry
             time.sleep(0.02)
         raise AssertionError(f"the log never says so; its end: {self.entries()[-3:]}")
+
+    def _lines(self):
+        return self._log.read_text().splitlines()
 
     def interrupt(self):
         """Ctrl-C; return the exit status and what was said."""

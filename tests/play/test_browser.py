@@ -22,6 +22,12 @@ SCALE = 0.5
 COARSE = 0.2
 """The same where no test looks at the picture."""
 
+SLOW_DISPLAY = """
+    const draw = window.requestAnimationFrame.bind(window);
+    window.requestAnimationFrame = (next) => setTimeout(() => draw(next), 100);
+"""
+"""At most nine pictures a second: software draws each, on a whole core if nothing stops it."""
+
 SCENE_HEIGHT = HEIGHT - 32
 """px; below is the viewer's own bar."""
 
@@ -126,6 +132,7 @@ def toy(tmp_path_factory, browser):
 def open_page(browser, played, scale=SCALE):
     size = {"width": WIDTH, "height": HEIGHT}
     page = browser.new_page(viewport=size, device_scale_factor=scale)
+    page.add_init_script(SLOW_DISPLAY)
     page.goto(played.url)
     played.until(lambda entry: entry["is_watched"])
     return page
