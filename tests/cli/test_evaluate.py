@@ -73,10 +73,11 @@ def own_policies(tmp_path, monkeypatch):
 
 
 def test_who_crashes_is_told_and_the_rest_are_reported(run_here, tmp_path, own_policies):
-    # with videos and close-ups of those who are left, which the coarse physics makes cheaper
+    # with videos and close-ups of those who are left, which the coarsest physics makes cheaper
     short = [argument for argument in SHORT if not argument.endswith("=false")]
-    asked = ("policies=[own_policies:broken]", "controllers=[zero]", "physics=fast", "folder=out")
-    result = run_here("evaluate.py", *asked, *short)
+    asked = ("policies=[own_policies:broken]", "controllers=[zero]", "folder=out")
+    coarse = ("physics=fast", "physics.timestep=0.002", "film=[0]")
+    result = run_here("evaluate.py", *asked, *coarse, *short)
     assert result.returncode == 1, result.stderr
     assert (
         "warning: broken crashed on flat and is excluded there: ArithmeticError: out of ideas"

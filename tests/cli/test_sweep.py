@@ -191,7 +191,7 @@ def test_a_sweep_started_again_leaves_resumes_and_starts(tmp_path, train_here):
             if sum(file.stat().st_size > 0 for file in sweep.glob("*/progress.csv")) == 2:
                 os.kill(os.getpid(), signal.SIGTERM)
                 return
-            time.sleep(0.002)
+            time.sleep(0.01)
 
     thread = threading.Thread(target=interrupt)
     thread.start()

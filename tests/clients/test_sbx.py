@@ -9,7 +9,9 @@ pytestmark = pytest.mark.slow  # JAX compiles
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_policy_learns_and_decides():
+def test_a_policy_learns_and_decides(monkeypatch):
+    # its compiler is to be quick, not what it makes
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=0")
     from sbx import SAC
 
     model = SAC("MlpPolicy", ID, learning_starts=8, seed=0)
