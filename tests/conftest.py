@@ -17,6 +17,9 @@ def pytest_configure():
     # most of the time of a short command
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     sys.dont_write_bytecode = False
+    # the search for garbage took a twelfth of the time; what a test leaves open is still an error,
+    # at the latest when pytest ends and frees everything
+    gc.set_threshold(10_000, 10, 50)
 
 
 def pytest_collection_modifyitems(items):
@@ -25,12 +28,8 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Look for garbage less often, and not among the modules: it took a twelfth of the time.
-
-    What a test leaves open is still an error, at the latest when pytest ends and frees everything.
-    """
+    """Keep the modules, which last to the end, out of the search for garbage."""
     gc.freeze()
-    gc.set_threshold(10_000, 10, 50)
 
 
 @pytest.fixture

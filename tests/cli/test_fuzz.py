@@ -58,7 +58,8 @@ def keys(program):
 def overrides(program):
     """Some arguments, most of them wrong."""
     signs = st.sampled_from(["=", "=", "=", "=", "", "+="])
-    one = st.tuples(keys(program), signs, VALUES).map("".join)
+    names = st.deferred(lambda: keys(program))  # not yet when the tests are collected
+    one = st.tuples(names, signs, VALUES).map("".join)
     return st.lists(one, min_size=1, max_size=2)
 
 
