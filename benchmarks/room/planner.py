@@ -35,11 +35,11 @@ class PlannerConfig:
         Standard deviation of the first draw, in units of an action.
     """
 
-    candidates: int = 24
+    candidates: int = 16
     rounds: int = 2
     best: int = 5
     knots: int = 5
-    every: int = 5
+    every: int = 10
     spread: float = 0.5
 
 
