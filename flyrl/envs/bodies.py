@@ -93,13 +93,6 @@ class Bodies:
         self._set_props(np.array(started, dtype=np.intp), [*filter(None, episodes)])
         self.pushes = snapshot["pushes"]
 
-    def copy_from(self, other: "Bodies", rows: Ids) -> None:
-        """Put bodies where others are, (num_envs,), that were started with the same episodes."""
-        self.batch.restore(other.batch.integration_state()[rows])
-        self.pushes = other.pushes[rows]
-        if self._scene.props:
-            self.batch.set_props(np.arange(len(rows)), other.batch.prop_starts[rows])
-
     def _lay_ground(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Lay the ground of episodes that start, where the terrain is random."""
         terrain = self._scene.terrain

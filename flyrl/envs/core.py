@@ -311,19 +311,11 @@ class BatchedEnv:
             If there is not one simulation for each, or one was never reset.
         """
         rows = np.array(sims, dtype=np.intp)
-        episodes = [other.episodes[i] for i in rows if other.episodes[i] is not None]
-        if rows.shape != (self.num_envs,) or len(episodes) != self.num_envs:
+        if rows.shape != (self.num_envs,) or any(other.episodes[i] is None for i in rows):
             raise ValueError(
                 f"sims must be {self.num_envs} simulations that were reset, got {sims}"
             )
-        if episodes != self.episodes:
-            self.reset(episodes=episodes)
-        self.simulation.copy_from(other.simulation, rows)
-        self.state = self._previous = replace(
-            self.state,
-            **{item.name: getattr(other.state, item.name)[rows] for item in fields(self.state)},
-        )
-        self._scores.copy_from(other._scores, rows)
+        self.restore(_rows_of(other.snapshot(), rows))
         return self.observe()
 
     def observe(self) -> Observation:
@@ -342,6 +334,15 @@ class BatchedEnv:
     def failure_info(self) -> dict[str, NDArray[Any]]:
         """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
         return failure_info(self.task_state()) if self.task.has_goals else {}
+
+
+def _rows_of(snapshot: Any, rows: NDArray[np.intp]) -> Any:
+    """Some simulations of a snapshot; what is one for all stays."""
+    if isinstance(snapshot, Mapping):
+        return {name: _rows_of(each, rows) for name, each in snapshot.items()}
+    if isinstance(snapshot, list):
+        return [snapshot[i] for i in rows]
+    return snapshot[rows] if isinstance(snapshot, np.ndarray) else snapshot
 
 
 def _where(mask: NDArray[np.bool_], chosen: Any, other: Any) -> Any:

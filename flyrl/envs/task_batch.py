@@ -97,13 +97,6 @@ class SensorNoise:
         self._rngs = [state and generator(state) for state in snapshot["generators"]]
         self.is_on = bool(self._strength.any())
 
-    def copy_from(self, other: "SensorNoise", rows: NDArray[np.intp]) -> None:
-        """Take over the noise, and what it is drawn from, of others, (num_envs,)."""
-        self._strength, self._noise = other._strength[rows], other._noise[rows]
-        rngs = [other._rngs[i] for i in rows]
-        self._rngs = [rng and generator(rng.bit_generator.state) for rng in rngs]
-        self.is_on = other.is_on
-
 
 def generator(state: Mapping[str, Any]) -> np.random.Generator:
     """Generator that goes on from the state of another."""
@@ -284,7 +277,7 @@ class TaskBatch:
             "goal": None if self.goal is None else self.goal.copy(),
             "command": None if self.command is None else self.command.copy(),
             "noise": self._noise.snapshot(),
-            "totals": self._totals.copy(),
+            "totals": self._totals.T.copy(),
             "means": {name: mean.copy() for name, mean in self._means.items()},
             "decisions": self._decisions.copy(),
         }
@@ -293,20 +286,10 @@ class TaskBatch:
         """Put back what `snapshot` returned."""
         self.goal, self.command = snapshot["goal"], snapshot["command"]
         self._noise.restore(snapshot["noise"])
-        self._totals[:] = snapshot["totals"]
+        self._totals[:] = snapshot["totals"].T
         for name, mean in self._means.items():
             mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
-
-    def copy_from(self, other: "TaskBatch", rows: NDArray[np.intp]) -> None:
-        """Take over what came of the episodes of others so far, (num_envs,)."""
-        assert other.goal is not None and other.command is not None  # they were reset
-        self.goal, self.command = other.goal[rows], other.command[rows]
-        self._decisions = other._decisions[rows]
-        self._totals[:] = other._totals[:, rows]
-        for name, mean in self._means.items():
-            mean[:] = other._means[name][rows]
-        self._noise.copy_from(other._noise, rows)
 
 
 def check_terms(task: Task, state: TaskState) -> None:
