@@ -161,8 +161,8 @@ def test_keys_reach_the_settings():
         "success": 2.0,
         "time": -0.5,
         "lost_time": -0.5,
-        "drive_change": 0.0,
-        "work": 0.0,
+        "drive_change": -0.03,
+        "work": -0.0012,
     }
     assert task.time_limit_s == 1.5
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)

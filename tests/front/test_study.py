@@ -113,7 +113,7 @@ def test_the_study_is_written_down(study):
 def test_a_study_with_other_settings_is_another(study, capsys):
     name = ("--name", "two", "--trials", "2")
     assert _tune(study, *name, overrides=["algo.gamma=0.5"]) == 2
-    assert "settings.algo.gamma is 0.98, now 0.5" in capsys.readouterr().err
+    assert "settings.algo.gamma is 0.995, now 0.5" in capsys.readouterr().err
     assert _tune(study, *name, space=SPACE.replace("3e-2", "4e-2")) == 2
     assert "learning_rate.attributes.high is 0.03, now 0.04" in capsys.readouterr().err
     assert _tune(study, *name, "--seed", "1") == 2

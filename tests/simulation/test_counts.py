@@ -21,7 +21,7 @@ TRIPOD = (0.0, np.pi, 0.0, np.pi, 0.0, np.pi)
 @pytest.mark.parametrize("physics", FLY_PRESETS)
 def test_a_decision_advances_time_and_controller_once_per_physics_step(physics: str) -> None:
     """20 ms at 12 Hz; magnitudes approach 1 by Euler steps, so they tell the number of steps."""
-    env = BatchedEnv(EnvConfig(task="target", physics=physics), 2, num_threads=1)
+    env = BatchedEnv(EnvConfig("target_unfiltered", physics=physics), 2, num_threads=1)
     timestep = PHYSICS_PRESETS[physics].timestep
     steps = {"reference": 200, "balanced": 50, "fast": 20}[physics]
     assert env.config.steps_per_decision == steps
