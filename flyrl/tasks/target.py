@@ -116,7 +116,7 @@ def draw_target(
 
 _CHANGE, _WORK = SMOOTHNESS
 _SMOOTHNESS: Final = (_CHANGE, replace(_WORK, weight=-1.2e-3))
-"""Of a fly that has time: it reaches the target with less haste, and two thirds of the work."""
+"""Of a fly that has time: it reaches the target with less haste, at three quarters of the work."""
 
 
 @TaskFunction
