@@ -339,7 +339,11 @@ class BatchedEnv:
 def _rows_of(snapshot: Any, rows: NDArray[np.intp]) -> Any:
     """Some simulations of a snapshot; what is one for all stays."""
     if isinstance(snapshot, Mapping):
-        return {name: _rows_of(each, rows) for name, each in snapshot.items()}
+        # totals have a row per term of the reward, and a column per simulation
+        return {
+            name: each[:, rows] if name == "totals" else _rows_of(each, rows)
+            for name, each in snapshot.items()
+        }
     if isinstance(snapshot, list):
         return [snapshot[i] for i in rows]
     return snapshot[rows] if isinstance(snapshot, np.ndarray) else snapshot

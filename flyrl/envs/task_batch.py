@@ -277,7 +277,7 @@ class TaskBatch:
             "goal": None if self.goal is None else self.goal.copy(),
             "command": None if self.command is None else self.command.copy(),
             "noise": self._noise.snapshot(),
-            "totals": self._totals.T.copy(),
+            "totals": self._totals.copy(),
             "means": {name: mean.copy() for name, mean in self._means.items()},
             "decisions": self._decisions.copy(),
         }
@@ -286,7 +286,7 @@ class TaskBatch:
         """Put back what `snapshot` returned."""
         self.goal, self.command = snapshot["goal"], snapshot["command"]
         self._noise.restore(snapshot["noise"])
-        self._totals[:] = snapshot["totals"].T
+        self._totals[:] = snapshot["totals"]
         for name, mean in self._means.items():
             mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
