@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
-from benchmarks.room.figure import draw, rate, verdict
+from benchmarks.room.figure import draw, room, verdict
 from benchmarks.room.law import published, tuned
 from benchmarks.room.planner import Planner
 from flyrl.envs.core import BatchedEnv, EnvConfig
@@ -80,8 +80,7 @@ def table(results: dict[str, Any]) -> str:
     ]
     for name, row in results.items():
         rates = [_percent(row[who]["success"]) for who in ("published", "tuned", "bound")]
-        room = 100 * (rate(row, "bound") - rate(row, "tuned"))
-        lines.append(f"| {name} | {' | '.join(rates)} | {room:.0f} | {verdict(row)} |")
+        lines.append(f"| {name} | {' | '.join(rates)} | {100 * room(row):.0f} | {verdict(row)} |")
     return "\n".join(lines)
 
 

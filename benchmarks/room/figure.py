@@ -28,19 +28,21 @@ def rate(row: Mapping[str, Any], who: str) -> float:
     return float(np.mean(row[who]["success"]))
 
 
+def room(row: Mapping[str, Any]) -> float:
+    """Success rate of the bound less that of the tuned law."""
+    return rate(row, "bound") - rate(row, "tuned")
+
+
 def verdict(row: Mapping[str, Any]) -> str:
     """Whether the tuned law is enough, there is room above it, or nothing helps much."""
-    law, bound = rate(row, "tuned"), rate(row, "bound")
-    if bound - law >= LEAST_ROOM:
+    if room(row) >= LEAST_ROOM:
         return "room"
-    return "law" if law >= ENOUGH else "nothing"
+    return "law" if rate(row, "tuned") >= ENOUGH else "nothing"
 
 
 def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Draw shares of successes with their 95 % intervals, most room on top; SVG or PNG."""
-    ordered = sorted(
-        results, key=lambda name: rate(results[name], "bound") - rate(results[name], "tuned")
-    )
+    ordered = sorted(results, key=lambda name: room(results[name]))
     figure, axes = plt.subplots(figsize=(7.0, 1.2 + 0.28 * len(ordered)), layout="constrained")
     for offset, (who, (label, colour)) in zip((0.2, 0.0, -0.2), _WHO.items(), strict=True):
         wins = [results[name][who]["success"] for name in ordered]

@@ -236,6 +236,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     """All that the page's template is given; see `write_report`."""
     protocol, summary = results.protocol, results.summaries
     videos, examples = additions.get("videos", ()), additions.get("examples", ())
+    leading = sections.lead_videos(protocol, videos)
     drive_map, steering = additions.get("drive_map"), additions.get("steering")
     names = [row["controller"] for row in summary]
     names += [entrant["name"] for entrant in protocol["entrants"]]
@@ -292,10 +293,10 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "episodes": sections.episodes_section(results, shown),
         "filmed": sorted({f"{video.terrain}/{video.episode}" for video in videos}),
         "terrains": [
-            sections.terrain_section(results, terrain, videos, examples)
+            sections.terrain_section(results, terrain, videos, examples, leading)
             for terrain in protocol["terrains"]
         ],
-        "lead": sections.lead_section(results, videos),
+        "lead": sections.lead_section(protocol, leading),
         "note": additions.get("note"),
         "drive_map_starts": drive_map.starts if drive_map else 0,
         "mdp": table,

@@ -101,18 +101,21 @@ def lead_videos(protocol: Json, videos: Sequence[Video]) -> list[Video]:
     return []
 
 
-def lead_section(results: Results, videos: Sequence[Video]) -> Json | None:
+def lead_section(protocol: Json, pair: Sequence[Video]) -> Json | None:
     """What a report leads with: the videos of `lead_videos`, and why these; None without any."""
-    pair = lead_videos(results.protocol, videos)
     if not pair:
         return None
     terrain, episode = pair[0].terrain, pair[0].episode
-    text = contrast_text(results.protocol, terrain)
+    text = contrast_text(protocol, terrain)
     return {"terrain": terrain, "text": text, "player": player(terrain, episode, pair, ())}
 
 
 def terrain_section(
-    results: Results, terrain: Json, videos: Sequence[Video], examples: Sequence[EpisodeRecord]
+    results: Results,
+    terrain: Json,
+    videos: Sequence[Video],
+    examples: Sequence[EpisodeRecord],
+    leading: Sequence[Video] = (),
 ) -> Json:
     """Tables and videos of a terrain; where quantities were varied, what their doses are.
 
@@ -120,15 +123,14 @@ def terrain_section(
     ----------
     terrain
         Entry of the protocol.
-    videos, examples
-        Of all terrains; those of `lead_videos` are left to the summary.
+    videos, examples, leading
+        Of all terrains; the `lead_videos` are left to the summary.
     """
     name, protocol = terrain["name"], results.protocol
     usual = compared_conditions(protocol["vary"])[0].label
     summary = [row for row in results.summaries if row["terrain"] == name]
     walked = results.episodes[results.episodes["terrain"] == name]
     of_usual = walked[walked["condition"] == usual]
-    leading = lead_videos(protocol, videos)
     filmed = by_episode([each for each in videos if each not in leading], examples, name)
     lead = next(((each.terrain, each.episode) for each in leading), None)
     logs = [record.gait for record in gait_examples(examples, name) if record.gait]

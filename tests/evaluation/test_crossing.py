@@ -96,7 +96,7 @@ def test_success_is_told_kind_by_kind_of_ground():
         )
         for kind in kinds
     }
-    found = success_by_kind(walked, {**asdict(ground)})["pursuit@cpg"]
+    found = success_by_kind(walked, asdict(ground))["pursuit@cpg"]
     assert {kind: rate.value for kind, rate in found.items()} == expected
     assert len(expected) == 2
 
