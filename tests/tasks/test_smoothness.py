@@ -29,6 +29,8 @@ def test_only_positive_work_counts():
 
 @pytest.mark.parametrize("name", STEERING)
 def test_every_steering_task_can_weigh_them(name):
+    usual = TASKS[name]().reward[-2:]
+    assert [term.compute for term in usual] == [term.compute for term in SMOOTHNESS]
     weighed = task_from({"name": name, "weights": {"drive_change": -0.05, "work": -0.001}})
     assert [term.weight for term in weighed.reward[-2:]] == [-0.05, -0.001]
 
