@@ -138,6 +138,7 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
     """
     try:
         from flyrl.play import page as pages  # noqa: PLC0415
+        from flyrl.play import server  # noqa: PLC0415
     except ImportError as error:
         raise ValueError(
             f"mujoco.studio, which shows the page, cannot be used ({error}); "
@@ -147,11 +148,11 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
 
     try:
         with (
-            pages.listen(options.port) as listening,
+            server.listen(options.port) as listening,
             (options.log or Path(os.devnull)).open("w", encoding="utf-8") as log,
             pages.serve(listening) as page,
         ):
-            address = pages.url(listening)
+            address = server.url(listening)
             print(f"{options.name}: {address} (Ctrl-C ends it)", flush=True)
             from flyrl.play.recording import VideoRecorder  # noqa: PLC0415
             from flyrl.play.session import Session  # noqa: PLC0415

@@ -1,42 +1,29 @@
 """The page: what is played, in MuJoCo's web viewer, with a panel, on this computer alone.
 
 A single loop steps the simulation, reads keys and mouse, and draws. The viewer knows a copy of the
-model without forces. The page is served from the start, and waits for the model. By itself MuJoCo's
-server listens on every interface, and answers whatever page a browser has open.
+model without forces. The page is served from the start, and waits for the model.
 """
 
-import asyncio
 import contextlib
 import copy
 import io
 import logging
 import math
 import socket
-import threading
 import time
-from collections.abc import Awaitable, Callable, Iterator
-from dataclasses import dataclass, field
-from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
 
 import mujoco
 import numpy as np
 from mujoco.studio import launch_thread, messages, viewer_protocol, web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
-from mujoco.studio.web import web_server
 
 from flyrl.play.panel import Panel, Setting
+from flyrl.play.server import PageUnavailableError, Service, served_on
 
 if TYPE_CHECKING:  # the page is served before that is imported, which takes seconds
     from flyrl.play.session import Session
-
-ADDRESS: Final = "127.0.0.1"
-
-_WAIT_S: Final = 0.05
-"""Time between two looks whether there is a model to show."""
-
-_GOODBYE_S: Final = 0.2
-"""Time that a page has to close its connections when the server ends."""
 
 _PAUSED_FRAME_S: Final = 1 / 25
 """Time from one state that is sent to the next while time stands still; else the viewer's own."""
@@ -68,42 +55,6 @@ _CLICK: Final = "click"
 """Among the keys: what a click on the ground does."""
 
 
-class PageUnavailableError(OSError):
-    """MuJoCo's web viewer does not start here."""
-
-
-def listen(port: int) -> socket.socket:
-    """Listen on this computer alone.
-
-    Parameters
-    ----------
-    port : 0 for any free one.
-
-    Raises
-    ------
-    OSError
-        The port is in use, or not allowed.
-    """
-    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    try:
-        # connections that an earlier page left behind would keep the port for a minute
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listening.bind((ADDRESS, port))
-        listening.listen()
-    except OSError as error:
-        listening.close()
-        reason = str(error.strerror).lower()
-        raise OSError(
-            f"cannot listen on port {port} ({reason}); choose another with --port, 0 for any"
-        ) from error
-    return listening
-
-
-def url(listening: socket.socket) -> str:
-    """Address of the page that is served there."""
-    return f"http://{ADDRESS}:{listening.getsockname()[1]}/"
-
-
 @contextlib.contextmanager
 def serve(listening: socket.socket) -> Iterator["Page"]:
     """Serve a page, which waits for something to play.
@@ -121,7 +72,7 @@ def serve(listening: socket.socket) -> Iterator["Page"]:
     logging.getLogger("WebServer").setLevel(logging.WARNING)  # it tells who comes and goes
     config = viewer_protocol.ViewerConfig(title="flyrl play", gfx="web")
     endpoint, _ = launch_thread.make_thread_endpoints()
-    with _served_on(listening) as service:
+    with served_on(listening) as service:
         try:
             with _silence():
                 viewer = web_viewer.WebViewer(config, endpoint)
@@ -133,87 +84,6 @@ def serve(listening: socket.socket) -> Iterator["Page"]:
             if not service.is_guarded.wait(timeout=10.0):  # s
                 raise PageUnavailableError("mujoco.studio does not serve its page")
             yield Page(viewer, service)
-
-
-@dataclass
-class Service:
-    """Service of a page, as the page's thread and the server's know it.
-
-    Attributes
-    ----------
-    is_confined
-        Whether the viewer took the socket that it was given.
-    is_guarded
-        Set when the server starts, guarded.
-    is_ready
-        Whether there is a model to show; whoever asks for it waits until then.
-    connections
-        Number of the page's WebSockets that are open; a browser that shows it has two.
-    """
-
-    is_confined: bool = False
-    is_guarded: threading.Event = field(default_factory=threading.Event)
-    is_ready: bool = False
-    connections: int = 0
-
-
-@contextlib.contextmanager
-def _served_on(listening: socket.socket) -> Iterator[Service]:
-    """Within the block, MuJoCo's web server listens on this socket only and refuses other pages.
-
-    Whatever port is asked for. A request that names another host (as of a site that claims our
-    address for its name), or another page as its origin, is answered 403; so is a WebSocket
-    without an origin.
-    """
-    port = listening.getsockname()[1]
-    hosts = [f"{name}:{port}" for name in (ADDRESS, "localhost")]
-    service = Service()
-
-    def give(host: str, port: int = 0) -> socket.socket:
-        service.is_confined = True
-        return listening
-
-    bind, serve = web_server.bind_public_socket, web_server.serve
-    web_server.bind_public_socket = give
-    web_server.serve = _guarded(serve, hosts, service)
-    try:
-        yield service
-    finally:
-        web_server.bind_public_socket, web_server.serve = bind, serve
-
-
-def _guarded(serve: Callable[..., Any], hosts: list[str], service: Service) -> Callable[..., Any]:
-    """Like `websockets.serve`, for requests to these hosts from their own pages alone."""
-    origins = [f"http://{host}" for host in hosts]
-
-    def guarded(
-        handler: Callable[[Any], Awaitable[None]],
-        *,
-        process_request: Callable[[Any, Any], Any],
-        **settings: Any,
-    ) -> Any:
-        async def handle(connection: Any) -> None:
-            service.connections += 1
-            try:
-                await handler(connection)
-            finally:
-                service.connections -= 1
-
-        async def process(connection: Any, request: Any) -> Any:
-            named, from_ = (request.headers.get_all(name) for name in ("Host", "Origin"))
-            if not named or not set(named) <= set(hosts) or not set(from_) <= set(origins):
-                return connection.respond(HTTPStatus.FORBIDDEN, "only this page may ask\n")
-            while request.path.startswith("/model") and not service.is_ready:
-                await asyncio.sleep(_WAIT_S)
-            return process_request(connection, request)
-
-        service.is_guarded.set()
-        # controllers may have to be compiled before there is a model, which takes a minute;
-        # a page that is still open at the end need not say goodbye
-        settings |= {"open_timeout": None, "close_timeout": _GOODBYE_S}
-        return serve(handle, process_request=process, origins=origins, **settings)
-
-    return guarded
 
 
 class Page:

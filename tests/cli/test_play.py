@@ -3,7 +3,7 @@ import sys
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.play.page import listen
+from flyrl.play.server import listen
 
 
 def only_line(capsys):
@@ -60,8 +60,9 @@ def test_a_log_that_cannot_be_written(tmp_path, capsys):
 
 
 def test_without_the_web_viewer(monkeypatch, capsys):
-    monkeypatch.delattr("flyrl.play.page")  # imported above
-    monkeypatch.delitem(sys.modules, "flyrl.play.page")
+    for name in ("flyrl.play.page", "flyrl.play.server"):  # imported above
+        monkeypatch.delattr(name, raising=False)
+        monkeypatch.delitem(sys.modules, name, raising=False)
     monkeypatch.setitem(sys.modules, "mujoco.studio.web", None)
     assert main(["play", "worm", "--no-browser", "--port", "0"]) == 2
     line = only_line(capsys)
