@@ -7,7 +7,7 @@ a condition that is in the file already is left alone.
 import argparse
 import json
 import sys
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +20,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
 from flyrl.evaluation.statistics import success_rate
 from flyrl.files import write_text
+from flyrl.policies.fixed import Pursuit
 from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.validation import one_of
@@ -36,7 +37,7 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
     env = BatchedEnv(config, 8)
     settings = tuned(env)
     drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
-    literature, law = (each.policy(env.task) for each in (published(env.task)[0], settings))
+    literature, law = (Pursuit(env.task, **each) for each in (published(env.task)[0], settings))
     walked = {
         "published": run_episodes(env, literature, drawn),
         "tuned": run_episodes(env, law, drawn),
@@ -53,7 +54,7 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
             bound[i] = max(bound[i], record, key=_worth)
             bar.update()
     return {
-        "law": asdict(settings),
+        "law": dict(settings),
         "horizon_s": bound[0].horizon_s,
         **{name: _row(records) for name, records in {**walked, "bound": bound}.items()},
     }

@@ -5,10 +5,11 @@ from dataclasses import replace
 from typing import Any, Final
 
 from flyrl.bodies.fly import FLIES, LegMuscles
-from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 
 _BODY: Final = FLIES["current"]
 _ROUGH: Final = "random_mixed"
+_LESION: Final = RANDOMISATIONS["lesion"]
 
 CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "flat": {},
@@ -23,6 +24,7 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "front_leg_cut": {"body": replace(_BODY, missing_legs=("LF",))},
     "middle_leg_cut": {"body": replace(_BODY, missing_legs=("LM",))},
     "hind_leg_cut": {"body": replace(_BODY, missing_legs=("LH",))},
+    "any_leg_cut": {"terrain": "any", "randomisation": _LESION},
     "weak_left_side": {"body": replace(FLIES["fly_muscles"], muscles=LegMuscles(left=0.5))},
     "adhesion_30": {"randomisation": RandomisationConfig(adhesion=(0.3, 0.3))},
     "latency_50_ms": {"randomisation": RandomisationConfig(drive_latency=(0.05, 0.05))},

@@ -1,54 +1,39 @@
 """The law `pursuit`, tuned for a condition with as many decisions as a training has."""
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.policies.fixed import Pursuit
+from flyrl.policies.laws import QUICK_PURSUIT, pursuit_brake
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Task
 
-STAGES: Final = ((48, 8), (12, 16), (4, 32), (2, 64))
-"""Settings that are still in, and episodes that each walks: 832 in all, of up to 150 decisions
-(successive halving); a training has 120,000."""
+STAGES: Final = ((24, 8), (8, 16), (3, 32))
+"""Settings that are still in, and episodes that each walks: 416 in all, of up to 150 decisions
+(successive halving); the main job trains for 40,000 at most."""
 
-
-@dataclass(frozen=True)
-class Settings:
-    """Of `flyrl.policies.fixed.Pursuit`."""
-
-    gain: float
-    forward: float
-    weakest: float
-    strongest: float
-    brake: float = 0.0
-
-    def policy(self, task: Task) -> Pursuit:
-        """The law with these settings."""
-        return Pursuit(task, **asdict(self))
-
-
-PUBLISHED: Final = Settings(1.0, 1.0, 0.2, 1.2)
-QUICK: Final = Settings(2.0, 1.5, 0.0, 1.5)
+Settings = Mapping[str, float]
+"""Of `flyrl.policies.fixed.Pursuit`, by name."""
 
 
 def published(task: Task) -> tuple[Settings, Settings]:
-    """The literature's turn and a quick one; where the fly is to stop, both brake."""
-    brake = 1.5 * task.parameters["reach"] if task.name == "stop" else 0.0
-    return replace(PUBLISHED, brake=brake), replace(QUICK, brake=brake)
+    """The literature's turn and the quick one; where the fly is to stop, both brake."""
+    brake = {"brake": pursuit_brake(task)}
+    return brake, {**QUICK_PURSUIT, **brake}
 
 
 def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
     """Draw settings: the gain log-uniformly, the drives and, to stop, the brake uniformly."""
-    return Settings(
-        gain=float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))),
-        forward=float(rng.uniform(0.4, 1.5)),
-        weakest=float(rng.uniform(-0.5, 0.6)),
-        strongest=float(rng.uniform(0.8, 1.5)),
-        brake=float(rng.uniform(0.5, 4.0)) if task.name == "stop" else 0.0,
-    )
+    return {
+        "gain": float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))),
+        "forward": float(rng.uniform(0.4, 1.5)),
+        "weakest": float(rng.uniform(-0.5, 0.6)),
+        "strongest": float(rng.uniform(0.8, 1.5)),
+        "brake": float(rng.uniform(0.5, 4.0)) if pursuit_brake(task) else 0.0,
+    }
 
 
 def score(records: list[EpisodeRecord]) -> float:
@@ -69,7 +54,8 @@ def tuned(env: BatchedEnv, seed: int = 0) -> Settings:
             env.config.sample_episode(int(each)) for each in rng.integers(2**31, size=episodes)
         ]
         scores = [
-            score(run_episodes(env, settings.policy(env.task), drawn)) for settings in left[:count]
+            score(run_episodes(env, Pursuit(env.task, **settings), drawn))
+            for settings in left[:count]
         ]
         left = [left[i] for i in np.argsort(-np.array(scores), kind="stable")]
     return left[0]

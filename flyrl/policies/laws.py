@@ -66,7 +66,7 @@ class FixedLaw:
         return not self.sees or any(shown.keys() >= set(terms) for terms in self.sees)
 
 
-_QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
+QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
 """The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
 without a fall, at 0.81 s instead of 1.00; on a path the literature's turn keeps closer to it."""
 
@@ -81,11 +81,15 @@ def _held(left: float, right: float) -> Callable[[Task], FixedPolicy]:
     return lambda task: ConstantDrive(left, right, task)
 
 
+def pursuit_brake(task: Task) -> float:
+    """Distance from which on a pursuing fly brakes, mm; 0 where it need not stop, or sees none."""
+    stops = task.name == "stop" and "target_distance" in task.slices()
+    return 1.5 * task.parameters["reach"] if stops else 0.0
+
+
 def _pursue(task: Task) -> FixedPolicy:
-    tuned: dict[str, float] = dict(_QUICK_PURSUIT) if task.name in _QUICK_TASKS else {}
-    if task.name == "stop" and "target_distance" in task.slices():
-        tuned["brake"] = 1.5 * task.parameters["reach"]
-    return Pursuit(task, **tuned)
+    tuned = QUICK_PURSUIT if task.name in _QUICK_TASKS else {}
+    return Pursuit(task, brake=pursuit_brake(task), **tuned)
 
 
 _AHEAD: Final = "constant drive (1, 1)"
