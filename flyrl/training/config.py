@@ -97,6 +97,11 @@ class ScheduleConfig:
         Whether to draw one on stderr.
     curriculum
         Whether and how the episodes get harder on the way.
+    teacher
+        Whose decisions the training starts from: a fixed law, as "pursuit", or a policy; see
+        `flyrl.training.imitation`. None starts from chance.
+    demonstrations
+        How many decisions of the teacher, beside `total_timesteps`; None is 5,000, if there is one.
     """
 
     total_timesteps: Annotated[int, Within(1, 10**12)] = 120_000
@@ -111,9 +116,16 @@ class ScheduleConfig:
     checkpoints_kept: Annotated[int, Within(1, 10**6)] = 2
     progress_bar: bool = True
     curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
+    teacher: str | None = None
+    demonstrations: Annotated[int | None, Within(1, 10**7)] = None
 
     def __post_init__(self) -> None:
         check_fields(self, "training")
+        if self.teacher is None and self.demonstrations is not None:
+            raise ValueError(
+                "training.demonstrations must be null without a training.teacher, "
+                f"got {self.demonstrations}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,6 +181,17 @@ class TrainingConfig:
             raise ValueError(
                 "training.curriculum.enabled must be false where all episodes are equally hard, "
                 f"got true in {task.name!r} on {terrain.name!r} with terrain.random=false"
+            )
+        if self.training.teacher is not None and task.has_goals:
+            raise ValueError(
+                f"training.teacher must be null in a task with goals, as {task.name!r}, "
+                f"got {self.training.teacher!r}"
+            )
+        is_normalised = self.algo.settings["normalize_observation"]
+        if self.training.teacher and is_normalised and self.algo.name in ON_POLICY:
+            raise ValueError(
+                "algo.normalize_observation must be false with a training.teacher, whose actions "
+                f"{self.algo.name} learns before the statistics are known, got true"
             )
         self.algo.check_num_envs(self.training.num_envs)
         if self.algo.settings.get("her"):

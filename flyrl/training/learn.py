@@ -17,6 +17,7 @@ from flyrl.policies import LearnedPolicy, load_bundle
 from flyrl.training.algorithms import ON_POLICY
 from flyrl.training.callback import GoesOn, RunCallback, fly_env, interruption
 from flyrl.training.config import WITHOUT_EFFECT, TrainingConfig, training_record
+from flyrl.training.imitation import imitate, teacher_of
 from flyrl.training.loggers import Outcome
 from flyrl.training.metrics import RemoteLog, metrics_logger
 from flyrl.training.models import build_model, restore_learner
@@ -233,6 +234,8 @@ def _prepare(config: TrainingConfig) -> BaseAlgorithm:
     """Untrained model in its environment; ValueError if something is missing for the run."""
     if config.logger is not None:
         config.logger.check_installed()
+    if config.training.teacher is not None:
+        teacher_of(config)
     torch.set_num_threads(config.training.torch_threads)
     env = FlyrlVecEnv(config.env, config.training.num_envs, config.training.num_threads)
     model = build_model(config.algo, env, config.seed)
@@ -288,6 +291,8 @@ def _update(
             if state is not None:
                 _restore(model, callback, state, folder)
                 total -= model.num_timesteps
+            elif config.training.teacher is not None:
+                imitate(model, config)
             model.learn(
                 total,
                 callback=callback,
