@@ -25,9 +25,13 @@ from flyrl.training.config import TrainingConfig
 DECISIONS: Final = 5_000
 """Of the teacher, unless another number is asked for."""
 
-_EPOCHS: Final = 50
-_FLIES_PER_BATCH: Final = 8
-_LEARNING_RATE: Final = 1e-3
+_UPDATES: Final = 600
+_LEARNING_RATE: Final = 3e-3
+_BATCH: Final = 512
+"""Decisions."""
+
+_PIECE: Final = 50
+"""Decisions in a row, for a policy with a memory."""
 
 Values = NDArray[np.float32]
 
@@ -103,31 +107,35 @@ def _demonstration(config: TrainingConfig) -> Iterator[_Decision]:
 
 def _clone(model: OnPolicyAlgorithm, decisions: list[_Decision], seed: int) -> None:
     """Fit actions and values of a policy to the teacher's, with the noise that it explores with."""
+    policy = model.policy
+    recurrent = policy if isinstance(policy, RecurrentActorCriticPolicy) else None
     parts = [np.stack(part, axis=1) for part in list(zip(*decisions, strict=True))[:5]]
     observations, actions, rewards, _, done = map(torch.as_tensor, parts)
     starts = torch.ones_like(rewards)
     starts[:, 1:] = done[:, :-1].float()
-    returns, is_known = _returns(rewards, done, model.gamma)
-    policy = model.policy
+    returns, is_known = discounted_returns(rewards, done, model.gamma)
+    length = min(_PIECE, len(decisions)) if recurrent else 1
+    whole = len(decisions) // length * length
+    pieces = [
+        part[:, :whole].reshape(-1, length, *part.shape[2:])
+        for part in (observations, actions, returns, is_known, starts)
+    ]
     weights = [each for name, each in policy.named_parameters() if name != "log_std"]
     optimiser = torch.optim.Adam(weights, lr=_LEARNING_RATE)
     generator = torch.Generator().manual_seed(seed)
-    for _ in range(_EPOCHS):
-        order = torch.randperm(len(rewards), generator=generator)
-        for flies in torch.split(order, _FLIES_PER_BATCH):
-            more: tuple[Any, ...] = ()
-            if isinstance(policy, RecurrentActorCriticPolicy):
-                more = (_no_memory(policy, len(flies)), starts[flies].flatten())
-            values, log_likelihood, _ = policy.evaluate_actions(
-                observations[flies].flatten(0, 1), actions[flies].flatten(0, 1), *more
-            )
-            missed = (values.flatten() - returns[flies].flatten()) * is_known[flies].flatten()
-            optimiser.zero_grad()
-            torch.autograd.backward(0.5 * missed.square().mean() - log_likelihood.mean())
-            optimiser.step()
+    count = _BATCH // length
+    for _ in range(_UPDATES):
+        rows = torch.randint(len(pieces[0]), (count,), generator=generator)
+        seen, acted, worth, is_known, first = (part[rows].flatten(0, 1) for part in pieces)
+        memory = (_no_memory(recurrent, count), first) if recurrent else ()
+        values, log_likelihood, _ = policy.evaluate_actions(seen, acted, *memory)
+        missed = (values.flatten() - worth) * is_known
+        optimiser.zero_grad()
+        torch.autograd.backward(0.5 * missed.square().mean() - log_likelihood.mean())
+        optimiser.step()
 
 
-def _returns(
+def discounted_returns(
     rewards: torch.Tensor, done: torch.Tensor, gamma: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Discounted rewards until the episode's end, (n, t), and whether that is among them."""

@@ -42,6 +42,7 @@ SAC_CONFIG = replace(
     algo=AlgorithmConfig(
         "sac", learning_starts=100, batch_size=16, gradient_steps=1, hidden_layers=(16,)
     ),
+    training=replace(SCHEDULE, teacher="pursuit", demonstrations=40),
 )
 VARIED = replace(RANDOMISATIONS["default"], missing_leg=LEGS)
 # with two episodes in a row, whatever comes of them, it gets harder
