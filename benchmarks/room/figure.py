@@ -10,8 +10,8 @@ import numpy as np
 from flyrl.evaluation.statistics import success_rate
 from flyrl.files import replacing
 
-ENOUGH: Final = 0.95
-"""Share of successes from which on a law is enough."""
+ENOUGH: Final = 0.85
+"""Share of successes from which on a law is enough: above it there is no room to speak of."""
 
 LEAST_ROOM: Final = 0.15
 """Between the tuned law and the bound, from which on learning is worth a try."""
