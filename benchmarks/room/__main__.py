@@ -1,7 +1,8 @@
 """Where a law is enough, where nothing helps, and where there is room for learning.
 
 From the root of the repository: `python -m benchmarks.room` for every condition, or some by name;
-a condition that is in the file already is left alone.
+a condition that is in the file already is left alone. With `--policy`, a learned one meets both
+laws under these conditions, on more episodes than the planner has time for.
 """
 
 import argparse
@@ -11,15 +12,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
-from benchmarks.room.figure import draw, room, verdict
-from benchmarks.room.law import published, tuned
+from benchmarks.room.figure import LEAST_ROOM, draw, room, verdict
+from benchmarks.room.law import Settings, published, tuned
 from benchmarks.room.planner import Planner
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
-from flyrl.evaluation.statistics import success_rate
+from flyrl.evaluation.statistics import Interval, paired_difference, success_rate
 from flyrl.files import write_text
+from flyrl.policies import load_policy
 from flyrl.policies.fixed import Pursuit
 from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, run_episodes
@@ -60,6 +64,18 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
     }
 
 
+def learned(config: EnvConfig, policy: str, law: Settings, episodes: int) -> dict[str, Any]:
+    """Successes of a learned policy and of both laws, on held-out episodes of one condition."""
+    env = BatchedEnv(config, 8)
+    drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
+    who = {
+        "policy": load_policy(policy, env.task),
+        "published": Pursuit(env.task, **published(env.task)[0]),
+        "tuned": Pursuit(env.task, **law),
+    }
+    return {name: _row(run_episodes(env, each, drawn)) for name, each in who.items()}
+
+
 def _worth(record: EpisodeRecord) -> tuple[bool, float]:
     return record.success, -record.duration_s if record.success else record.return_
 
@@ -82,13 +98,35 @@ def table(results: dict[str, Any]) -> str:
     for name, row in results.items():
         rates = [_percent(row[who]["success"]) for who in ("published", "tuned", "bound")]
         lines.append(f"| {name} | {' | '.join(rates)} | {100 * room(row):.0f} | {verdict(row)} |")
+    if any("learned" in row for row in results.values()):
+        lines += [
+            "",
+            "| condition | best law | policy | policy - law | share of the room |",
+            "|---|---|---|---|---|",
+        ]
+    for name, row in results.items():
+        if "learned" in row:
+            won = {who: np.array(each["success"]) for who, each in row["learned"].items()}
+            law = max(won["published"], won["tuned"], key=np.mean)
+            gain = 1.0 * won["policy"] - law
+            between = paired_difference(gain, np.random.default_rng(0))
+            spread = "" if between.low is None else _interval(between)
+            closed = f"{100 * gain.mean() / room(row):.0f} %" if room(row) >= LEAST_ROOM else ""
+            rates = [_percent(list(each)) for each in (law, won["policy"])]
+            gained = f"{100 * gain.mean():+.0f}{spread}"
+            lines.append(f"| {name} | {' | '.join(rates)} | {gained} | {closed} |")
     return "\n".join(lines)
 
 
 def _percent(successes: list[bool]) -> str:
     rate = success_rate(sum(successes), len(successes))
-    assert rate.value is not None and rate.low is not None and rate.high is not None
-    return f"{100 * rate.value:.0f} [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"
+    assert rate.value is not None
+    return f"{100 * rate.value:.0f}{_interval(rate)}"
+
+
+def _interval(rate: Interval) -> str:
+    assert rate.low is not None and rate.high is not None
+    return f" [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"
 
 
 def main() -> None:
@@ -101,6 +139,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--show", action="store_true", help="only print what is in --output")
     parser.add_argument("--figure", type=Path, help="draw what is in --output, SVG or PNG")
+    parser.add_argument("--policy", help="that meets the laws under these conditions")
     given = parser.parse_args()
     names = given.conditions or list(CONDITIONS)
     for name in names:
@@ -108,12 +147,16 @@ def main() -> None:
     found = json.loads(given.output.read_text()) if given.output.exists() else {}
     results = found.get("conditions", {})
     for name in [] if given.show else names:
-        if name in results:
+        if name in results and given.policy is None:
             continue
         print(f"{name} …", file=sys.stderr)
         config = replace(EnvConfig(), **CONDITIONS[name])
-        results[name] = measure(config, given.episodes)
-        record = {"machine": machine(), "episodes": given.episodes, "conditions": results}
+        if given.policy is None:
+            results[name] = measure(config, given.episodes)
+        else:
+            law = results[name]["law"]
+            results[name]["learned"] = learned(config, given.policy, law, given.episodes)
+        record = {"machine": machine(), "conditions": results}
         write_text(given.output, json.dumps(record, indent=1))
     if given.figure:
         draw(results, given.figure)

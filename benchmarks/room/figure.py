@@ -20,6 +20,7 @@ _WHO: Final = {
     "published": ("law as published", "#9a9a9a"),
     "tuned": ("law tuned here", "#0072b2"),
     "bound": ("bound", "#d55e00"),
+    "policy": ("learned", "#009e73"),
 }
 
 
@@ -44,13 +45,18 @@ def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Draw shares of successes with their 95 % intervals, most room on top; SVG or PNG."""
     ordered = sorted(results, key=lambda name: room(results[name]))
     figure, axes = plt.subplots(figsize=(7.0, 1.2 + 0.28 * len(ordered)), layout="constrained")
-    for offset, (who, (label, colour)) in zip((0.2, 0.0, -0.2), _WHO.items(), strict=True):
-        wins = [results[name][who]["success"] for name in ordered]
-        rates = [success_rate(sum(each), len(each)) for each in wins]
+    for offset, (who, (label, colour)) in zip((0.3, 0.1, -0.1, -0.3), _WHO.items(), strict=True):
+        rows = [{**results[name], **results[name].get("learned", {})} for name in ordered]
+        places = [i for i, row in enumerate(rows) if who in row]
+        if not places:
+            continue
+        rates = [
+            success_rate(sum(each), len(each)) for each in (rows[i][who]["success"] for i in places)
+        ]
         values = np.array([[each.low, each.value, each.high] for each in rates], dtype=float)
         spread = np.abs(values[:, [0, 2]] - values[:, [1]]).T
         axes.errorbar(
-            100 * values[:, 1], np.arange(len(ordered)) + offset, xerr=100 * spread, label=label,
+            100 * values[:, 1], np.array(places) + offset, xerr=100 * spread, label=label,
             color=colour, fmt="o", markersize=4, linewidth=1,
         )  # fmt: skip
     for place, name in enumerate(ordered):

@@ -59,6 +59,20 @@ def test_the_room_is_what_the_bound_has_before_the_tuned_law():
     assert last[6].strip() == "room"
 
 
+def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
+    rates = {"published": [1, 0, 0, 0], "tuned": [1, 1, 0, 0], "bound": [1, 1, 1, 1]}
+    results = {"blocks": {who: {"success": row} for who, row in rates.items()}}
+    longer = {"published": [1, 1, 1, 0, 0, 0], "tuned": [0, 1, 0, 0, 0, 0]}
+    longer["policy"] = [1, 1, 1, 1, 0, 0]
+    results["blocks"]["learned"] = {who: {"success": row} for who, row in longer.items()}
+    *_, law, policy, gain, share, _ = table(results).splitlines()[-1].split("|")
+    assert law.strip().startswith("50 [")
+    assert policy.strip().startswith("67 [")
+    assert gain.strip().startswith("+17")
+    # 1 / 6 of 1 / 2
+    assert share.strip() == "33 %"
+
+
 @pytest.mark.parametrize(("law", "bound", "expected"), [(20, 20, "law"), (2, 3, "nothing")])
 def test_without_room_the_law_is_enough_or_nothing_is(law, bound, expected):
     wins = {"tuned": law, "bound": bound}
