@@ -8,10 +8,11 @@ For an interpreter of its own, in which flyrl is not installed, from the root of
     /tmp/flygym025/bin/python -m benchmarks.fidelity.classic_reference runs/flygym025
 
 The controllers' loops are the package's own, on the model that it compiles. Only the fly's
-observation is cut down to what those loops read, or 20 starts would take a day. One file per run,
-as of `reference.py`; `python -m benchmarks.fidelity classic --collect runs/flygym025` adds them to
-`reference_classic.json`. With `--tutorial` the flies start as in the package's tutorial: at the
-origin, 0.2 mm up, phases and magnitudes drawn from a seed (there 0, for 0.5 s).
+observation is cut down to what those loops read: 20 starts on rough ground take an hour so, and
+four otherwise. One file per run, as of `reference.py`; `python -m benchmarks.fidelity classic
+--collect runs/flygym025` adds them to `reference_classic.json`. With `--tutorial` the flies start
+as in the package's tutorial: at the origin, 0.2 mm up, phases and magnitudes drawn from a seed
+(there 0, for 0.5 s).
 """
 
 import argparse
