@@ -1,6 +1,7 @@
 """Is it true? Walking beside flygym-gymnasium, steering and turning, and whether presets blow up.
 
-From the root of the repository: `python -m benchmarks.fidelity walking|steering|turning|stability`.
+From the root of the repository:
+`python -m benchmarks.fidelity walking|classic|steering|turning|stability`.
 """
 
 import argparse
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.fidelity import results, stability, steering, steering_table, turning
+from benchmarks.fidelity import classic, results, stability, steering, steering_table, turning
 from benchmarks.fidelity.calibration import CHOOSING_SEEDS
 from benchmarks.fidelity.compare import table
 from benchmarks.fidelity.flyrl_runs import config, walk_straight
@@ -57,6 +58,23 @@ def _arguments() -> argparse.Namespace:
     walking.add_argument(
         "--collect", type=Path, metavar="FOLDER",
         help="run nothing, add the runs of reference.py in FOLDER to reference.json",
+    )  # fmt: skip
+
+    tutorials = studies.add_parser(
+        "classic", parents=[common], help="the classic body, beside flygym 0.2.5"
+    )
+    tutorials.add_argument("--conditions", type=int, default=20, help="starts, a seed each")
+    tutorials.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
+    tutorials.add_argument("--seconds", type=float, default=1.0, help="simulated time of a run")
+    tutorials.add_argument(
+        "--output", type=Path, default=Path("runs/classic.json"), help="where the runs are written"
+    )
+    tutorials.add_argument(
+        "--show", action="store_true", help="run nothing, print what is in --output"
+    )
+    tutorials.add_argument(
+        "--collect", type=Path, metavar="FOLDER",
+        help="run nothing, add the runs of classic_reference.py in FOLDER to the reference",
     )  # fmt: skip
 
     turn = studies.add_parser(
@@ -128,6 +146,30 @@ def _run(chosen: argparse.Namespace) -> list[results.Row]:
     return rows
 
 
+def _walk_classic(chosen: argparse.Namespace) -> None:
+    if chosen.collect is not None:
+        known = (
+            results.read(classic.REFERENCE)
+            if classic.REFERENCE.exists()
+            else {"machines": [], "runs": []}
+        )
+        results.write(classic.REFERENCE, results.collect(chosen.collect, known, to_row=classic.row))
+        return
+    seeds = range(chosen.first_seed, chosen.first_seed + chosen.conditions)
+    if not chosen.show:
+        rows = []
+        for physics in chosen.physics:
+            for terrain in classic.GROUNDS:
+                for controller in classic.CONTROLLERS:
+                    print(f"{physics} {terrain} {controller}", file=sys.stderr)
+                    rows += classic.walk_classic(
+                        physics, terrain, controller, seeds, chosen.seconds, chosen.threads
+                    )
+        results.write(chosen.output, {"machines": [machine()], "runs": rows})
+    published = results.read(classic.REFERENCE)["runs"]
+    print(classic.tables(published, results.read(chosen.output)["runs"]))
+
+
 def _turn(chosen: argparse.Namespace) -> None:
     first = None
     levels = turning.drives(chosen.size)
@@ -187,7 +229,13 @@ def _stay_stable(chosen: argparse.Namespace) -> None:
 def main() -> None:
     """Run a study, or read it, and print it."""
     chosen = _arguments()
-    studies = {"walking": _walk, "turning": _turn, "steering": _steer, "stability": _stay_stable}
+    studies = {
+        "walking": _walk,
+        "classic": _walk_classic,
+        "turning": _turn,
+        "steering": _steer,
+        "stability": _stay_stable,
+    }
     studies[chosen.study](chosen)
 
 

@@ -1,7 +1,7 @@
 """Results as JSON: one row per run, with the walking statistics of its trajectory."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,8 +28,15 @@ def row(walk: Trajectory, **about: Any) -> Row:
     return {**about, "seconds": round(float(walk.time[-1]), 4), "statistics": figures}
 
 
-def collect(folder: Path, known: Mapping[str, Any]) -> dict[str, Any]:
+def collect(
+    folder: Path, known: Mapping[str, Any], to_row: Callable[..., Row] = row
+) -> dict[str, Any]:
     """Add the runs that `reference.py` has finished in `folder` to those that are known.
+
+    Parameters
+    ----------
+    to_row
+        Takes a trajectory and what its run was, by keyword, and gives what is stored of it.
 
     Raises
     ------
@@ -39,7 +46,7 @@ def collect(folder: Path, known: Mapping[str, Any]) -> dict[str, Any]:
     found = {(*cell(run), run["seed"]): run for run in known["runs"]}
     machines = [*known["machines"]]
     for machine, about, samples in finished(folder, "runs"):
-        walked = row(trajectory(samples), **about)
+        walked = to_row(trajectory(samples), **about)
         found[(*cell(walked), walked["seed"])] = walked
         if machine not in machines:
             machines.append(machine)

@@ -178,9 +178,9 @@ def build_fly(
     `adhesion_{leg}` as anatomy.LEGS, whose control is 0 to 1.
 
     Only leg segments can touch something, and only the ground (planes with contype `PLANES`, boxes
-    with contype `BOXES`, conaffinity 0): the published models let the legs, and nothing else of the
-    fly, collide with the floor. (They also let legs collide with each other; here legs pass through
-    each other.)
+    with contype `BOXES`, conaffinity 0): so does the published current model. (The classic one's
+    abdomen and head collide with the floor too, see docs/fidelity.md. Both also let legs collide
+    with each other; here legs pass through each other.)
 
     Parameters
     ----------
