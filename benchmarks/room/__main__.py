@@ -18,7 +18,7 @@ from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
 from benchmarks.room.figure import LEAST_ROOM, draw, room, verdict
 from benchmarks.room.law import Settings, published, tuned
-from benchmarks.room.planner import Planner
+from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
 from flyrl.evaluation.statistics import Interval, paired_difference, success_rate
@@ -26,17 +26,22 @@ from flyrl.files import write_text
 from flyrl.policies import load_policy
 from flyrl.policies.fixed import Pursuit
 from flyrl.progress import progress_bar
-from flyrl.rollouts import EpisodeRecord, run_episodes
+from flyrl.rollouts import EpisodeRecord, Policy, run_episodes
+from flyrl.tasks import Episode
 from flyrl.validation import one_of
+
+ROBUST: Final = PlannerConfig(tries=4, noise=0.1)
+"""Of a planner that knows the state and the ground, and not where a stumble leads."""
 
 OUTPUT: Final = Path(__file__).parent / "room.json"
 
 
 def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
-    """Successes and times of the published law, the tuned one, and the bound, of one condition.
+    """Successes and times of the published law, the tuned one, and two bounds, of one condition.
 
-    The bound of an episode is the best of both laws and the planner, which is only asked where
-    they fail.
+    The bound of an episode is the best of both laws and a planner that knows the future, which is
+    only asked where they fail. The robust one is that of a planner whose plans have to do in
+    futures that differ a little, alone on all episodes.
     """
     env = BatchedEnv(config, 8)
     settings = tuned(env)
@@ -48,20 +53,33 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
     }
     bound = [max(pair, key=_worth) for pair in zip(*walked.values(), strict=True)]
     failed = [i for i, record in enumerate(bound) if not record.success]
-    alone = BatchedEnv(config)
-    planner = Planner(alone, law)
-    with progress_bar(
-        len(failed), is_shown=bool(failed), unit="episode", description="planning"
-    ) as bar:
-        for i in failed:
-            (record,) = run_episodes(alone, planner, [drawn[i]])
-            bound[i] = max(bound[i], record, key=_worth)
-            bar.update()
+    planned = _planned(config, law, [drawn[i] for i in failed], PlannerConfig(), "planning")
+    for i, record in zip(failed, planned, strict=True):
+        bound[i] = max(bound[i], record, key=_worth)
+    robust = _planned(config, law, drawn, ROBUST, "planning without luck")
     return {
         "law": dict(settings),
         "horizon_s": bound[0].horizon_s,
-        **{name: _row(records) for name, records in {**walked, "bound": bound}.items()},
+        **{
+            name: _row(records)
+            for name, records in {**walked, "bound": bound, "robust": robust}.items()
+        },
     }
+
+
+def _planned(
+    config: EnvConfig, law: Policy, episodes: list[Episode], how: PlannerConfig, text: str
+) -> list[EpisodeRecord]:
+    """Walk by a planner, one episode after the other."""
+    env = BatchedEnv(config)
+    planner, records = Planner(env, law, how), []
+    with progress_bar(
+        len(episodes), is_shown=bool(episodes), unit="episode", description=text
+    ) as bar:
+        for episode in episodes:
+            records += run_episodes(env, planner, [episode])
+            bar.update()
+    return records
 
 
 def learned(config: EnvConfig, policy: str, law: Settings, episodes: int) -> dict[str, Any]:
@@ -92,11 +110,12 @@ def _row(records: list[EpisodeRecord]) -> dict[str, Any]:
 def table(results: dict[str, Any]) -> str:
     """Share of successes with intervals, in %, the room above the tuned law, and the verdict."""
     lines = [
-        "| condition | published law | tuned law | bound | room | verdict |",
-        "|---|---|---|---|---|---|",
+        "| condition | published law | tuned law | robust bound | bound | room | verdict |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, row in results.items():
-        rates = [_percent(row[who]["success"]) for who in ("published", "tuned", "bound")]
+        who = ("published", "tuned", "robust", "bound")
+        rates = [_percent(row[each]["success"]) if each in row else "" for each in who]
         lines.append(f"| {name} | {' | '.join(rates)} | {100 * room(row):.0f} | {verdict(row)} |")
     if any("learned" in row for row in results.values()):
         lines += [

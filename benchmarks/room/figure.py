@@ -19,6 +19,7 @@ LEAST_ROOM: Final = 0.15
 _WHO: Final = {
     "published": ("law as published", "#9a9a9a"),
     "tuned": ("law tuned here", "#0072b2"),
+    "robust": ("robust bound", "#cc79a7"),
     "bound": ("bound", "#d55e00"),
     "policy": ("learned", "#009e73"),
 }
@@ -45,7 +46,9 @@ def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     """Draw shares of successes with their 95 % intervals, most room on top; SVG or PNG."""
     ordered = sorted(results, key=lambda name: room(results[name]))
     figure, axes = plt.subplots(figsize=(7.0, 1.2 + 0.28 * len(ordered)), layout="constrained")
-    for offset, (who, (label, colour)) in zip((0.3, 0.1, -0.1, -0.3), _WHO.items(), strict=True):
+    for offset, (who, (label, colour)) in zip(
+        (0.32, 0.16, 0.0, -0.16, -0.32), _WHO.items(), strict=True
+    ):
         rows = [{**results[name], **results[name].get("learned", {})} for name in ordered]
         places = [i for i, row in enumerate(rows) if who in row]
         if not places:

@@ -33,6 +33,12 @@ class PlannerConfig:
         Decisions between two plans.
     spread
         Standard deviation of the first draw, in units of an action.
+    tries
+        Copies that a plan is tried on; what they bring on average counts.
+    noise
+        Standard deviation by which the actions on each copy differ, decision by decision. On rough
+        ground the least disturbance soon leads elsewhere; without noise, a plan may have been
+        chosen for luck that only this one future has.
     """
 
     candidates: int = 16
@@ -41,14 +47,17 @@ class PlannerConfig:
     knots: int = 5
     every: int = 10
     spread: float = 0.5
+    tries: int = 1
+    noise: float = 0.0
 
 
 class Planner:
     """Adds to a law's actions what brings the most reward on copies of the simulation.
 
     Model-predictive control by the cross-entropy method (Rubinstein 1999,
-    doi 10.1023/A:1010091220143). It knows the simulation, its future included, which no fly does:
-    what it reaches bounds what a policy can, from above as far as it searches well.
+    doi 10.1023/A:1010091220143). It knows the simulation, which no fly does: what it reaches bounds
+    what a policy can, from above as far as it searches well. Without noise it knows the very
+    future.
 
     Parameters
     ----------
@@ -66,7 +75,7 @@ class Planner:
         self, env: BatchedEnv, law: Policy, config: PlannerConfig = PlannerConfig(), seed: int = 0
     ) -> None:
         self._env, self._law, self._config = env, law, config
-        self._copies = BatchedEnv(env.config, config.candidates)
+        self._copies = BatchedEnv(env.config, config.candidates * config.tries)
         self._rng = np.random.default_rng(seed)
         low, high = env.task.actions.bounds
         self._low, self._high = low, high
@@ -118,18 +127,21 @@ class Planner:
 
     def _scores(self, plans: Array) -> Array:
         """Reward of each plan (candidates, knots, k) until the horizon or the episode's end."""
-        copies = self._copies
+        copies, config = self._copies, self._config
+        plans = np.repeat(plans, config.tries, axis=0)
         observation = copies.copy_from(self._env, [0] * len(plans))
         scores, active = np.zeros(len(plans)), np.arange(len(plans))
         for weights in self._weights:
-            actions = self._act(observation, np.einsum("k,nkd->nd", weights, plans))
+            offsets = np.einsum("k,nkd->nd", weights, plans)
+            offsets += self._rng.normal(0.0, config.noise, offsets.shape)
+            actions = self._act(observation, offsets)
             transition = copies.step(actions, ids=active)
             observation = transition.observation
             scores[active] += transition.reward[active]
             active = active[~transition.done[active]]
             if not active.size:
                 break
-        return scores
+        return np.asarray(scores.reshape(-1, config.tries).mean(axis=1))
 
 
 def _weights(times: Array, knots: Array) -> Array:

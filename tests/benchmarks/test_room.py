@@ -54,9 +54,10 @@ def test_the_room_is_what_the_bound_has_before_the_tuned_law():
     results = {"blocks": {who: {"success": row} for who, row in rates.items()}}
     last = table(results).splitlines()[-1].split("|")
     assert last[1].strip() == "blocks"
-    assert last[4].strip().startswith("75 [")
-    assert last[5].strip() == "25"
-    assert last[6].strip() == "room"
+    assert last[4].strip() == ""
+    assert last[5].strip().startswith("75 [")
+    assert last[6].strip() == "25"
+    assert last[7].strip() == "room"
 
 
 def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
