@@ -69,7 +69,7 @@ def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:
     axes.set(
         xlabel="successes, % (95 % intervals)", xlim=(-2, 102), ylim=(-0.6, len(ordered) - 0.4)
     )
-    figure.legend(loc="outside upper center", ncols=5, frameon=False)
+    figure.legend(loc="outside upper center", ncols=5, frameon=False, handlelength=1, fontsize=8)
     with replacing(path) as partial:
         figure.savefig(partial, format=path.suffix[1:])
     plt.close(figure)
