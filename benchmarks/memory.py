@@ -1,4 +1,4 @@
-"""What a policy's memory tells of the leg that is cut off.
+"""Which leg is cut off, read from a policy's memory.
 
 From the root of the repository: `python -m benchmarks.memory <policy>`, of one with an LSTM that
 was trained with `randomisation=lesion`.
