@@ -12,7 +12,6 @@ from flyrl.files import write_bytes
 from flyrl.report import record_videos, write_learning_curve
 from flyrl.tasks import Task, TaskSettings
 from flyrl.training.config import TrainingConfig, config_from_keywords, training_record
-from flyrl.training.imitation import DECISIONS
 from flyrl.training.learn import Run
 from flyrl.training.learn import resume as resume_run
 from flyrl.training.learn import train as start
@@ -166,9 +165,8 @@ def simulated_shares(
     films = (len(entrants) + 1) * sum(map(len, compared.filmed().values()))
     simulated_s = walks * len(compared.conditions) * compared.episodes * compared.horizon_s
     schedule = config.training
-    taught = (schedule.demonstrations or DECISIONS) if schedule.teacher else 0
     return {
-        "teacher": 0.7 * taught * config.env.decision_interval_s,
+        "teacher": 0.7 * schedule.num_demonstrations * config.env.decision_interval_s,
         "training": schedule.total_timesteps * config.env.decision_interval_s,
         "evaluating": 0.5 * simulated_s,
         "filming": 75.0 * films if videos else 0.0,

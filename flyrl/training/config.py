@@ -127,6 +127,11 @@ class ScheduleConfig:
                 f"got {self.demonstrations}"
             )
 
+    @property
+    def num_demonstrations(self) -> int:
+        """Decisions of the teacher; 0 without one."""
+        return 0 if self.teacher is None else self.demonstrations or 5_000
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig:

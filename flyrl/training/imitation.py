@@ -22,9 +22,6 @@ from flyrl.policies.fixed import FixedPolicy
 from flyrl.progress import progress_bar
 from flyrl.training.config import TrainingConfig
 
-DECISIONS: Final = 5_000
-"""Of the teacher, unless another number is asked for."""
-
 _UPDATES: Final = 600
 _LEARNING_RATE: Final = 3e-3
 _BATCH: Final = 512
@@ -86,7 +83,7 @@ def _demonstration(config: TrainingConfig) -> Iterator[_Decision]:
     env.seed(int(np.random.default_rng([config.seed, 1]).integers(2**30)))
     observation, state = env.reset(), None
     done = np.ones(schedule.num_envs, dtype=bool)
-    count = -(-(schedule.demonstrations or DECISIONS) // schedule.num_envs)
+    count = -(-schedule.num_demonstrations // schedule.num_envs)
     with progress_bar(
         count * schedule.num_envs,
         is_shown=schedule.progress_bar,

@@ -128,6 +128,8 @@ def train(
     LoggerError
         The logger cannot be used. Once training has begun, that is a warning.
     """
+    if config.training.teacher is not None:
+        teacher_of(config)  # before there is a folder; a run that is resumed needs it no more
     model = _prepare(config)
     folder = create_folder(config, Path(runs), command, label)
     with held(folder):
@@ -234,8 +236,6 @@ def _prepare(config: TrainingConfig) -> BaseAlgorithm:
     """Untrained model in its environment; ValueError if something is missing for the run."""
     if config.logger is not None:
         config.logger.check_installed()
-    if config.training.teacher is not None:
-        teacher_of(config)
     torch.set_num_threads(config.training.torch_threads)
     env = FlyrlVecEnv(config.env, config.training.num_envs, config.training.num_threads)
     model = build_model(config.algo, env, config.seed)
