@@ -44,38 +44,27 @@ def _arguments() -> argparse.Namespace:
     walking.add_argument(
         "--controllers", nargs="+", choices=results.CONTROLLERS, default=results.CONTROLLERS
     )
-    walking.add_argument(
-        "--conditions", type=int, default=20, help="initial conditions, a seed each"
-    )
-    walking.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
-    walking.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
-    walking.add_argument(
-        "--output", type=Path, default=Path("runs/fidelity.json"), help="where the runs are written"
-    )
-    walking.add_argument(
-        "--show", action="store_true", help="run nothing, print what is in --output"
-    )
-    walking.add_argument(
-        "--collect", type=Path, metavar="FOLDER",
-        help="run nothing, add the runs of reference.py in FOLDER to reference.json",
-    )  # fmt: skip
-
     tutorials = studies.add_parser(
         "classic", parents=[common], help="the classic body, beside flygym 0.2.5"
     )
-    tutorials.add_argument("--conditions", type=int, default=20, help="starts, a seed each")
-    tutorials.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
-    tutorials.add_argument("--seconds", type=float, default=1.0, help="simulated time of a run")
-    tutorials.add_argument(
-        "--output", type=Path, default=Path("runs/classic.json"), help="where the runs are written"
+    compared = (
+        (walking, 1.5, "fidelity", "reference.py"),
+        (tutorials, 1.0, "classic", "classic_reference.py"),
     )
-    tutorials.add_argument(
-        "--show", action="store_true", help="run nothing, print what is in --output"
-    )
-    tutorials.add_argument(
-        "--collect", type=Path, metavar="FOLDER",
-        help="run nothing, add the runs of classic_reference.py in FOLDER to the reference",
-    )  # fmt: skip
+    for study, seconds, name, script in compared:
+        study.add_argument("--conditions", type=int, default=20, help="starts, a seed each")
+        study.add_argument("--first-seed", type=int, default=JUDGING_SEED, help=seed_help)
+        study.add_argument("--seconds", type=float, default=seconds, help="simulated time of a run")
+        study.add_argument(
+            "--output", type=Path, default=Path(f"runs/{name}.json"), help="where the runs go"
+        )
+        study.add_argument(
+            "--show", action="store_true", help="run nothing, print what is in --output"
+        )
+        study.add_argument(
+            "--collect", type=Path, metavar="FOLDER",
+            help=f"run nothing, add the runs of {script} in FOLDER to the reference",
+        )  # fmt: skip
 
     turn = studies.add_parser(
         "turning", parents=[common], help="yaw rate over a grid of drives; the first preset is 1"
