@@ -33,6 +33,8 @@ class DriveMap:
 
     Attributes
     ----------
+    terrain
+        Where.
     drives
         Values of the drive, the same for both sides, shape (k,).
     speed_mm_s
@@ -45,6 +47,7 @@ class DriveMap:
         Standard errors of the means, shape (k, k); None of a single start.
     """
 
+    terrain: str
     drives: FloatArray
     speed_mm_s: FloatArray
     yaw_rate_deg_s: FloatArray
@@ -105,7 +108,7 @@ def measure_drive_map(
         mean_and_error(values.reshape(has_walked.shape) / duration, has_walked)
         for values in (way, np.rad2deg(turned))
     )
-    return DriveMap(drives, speed, yaw_rate, starts, speed_error, yaw_rate_error)
+    return DriveMap(terrain.label, drives, speed, yaw_rate, starts, speed_error, yaw_rate_error)
 
 
 def mean_and_error(values: FloatArray, has_walked: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -35,6 +35,7 @@ from flyrl.report.html import REPORT_FILE, Additions, format_report
 from flyrl.report.video import FILMED
 from flyrl.simulation.rendering import Camera
 from flyrl.tasks import Task, TaskSettings
+from flyrl.terrains import Flat
 from flyrl.training.learn import Run
 from flyrl.training.runs import is_run, read_run
 from flyrl.validation import did_you_mean
@@ -158,7 +159,10 @@ class Comparison(Results):
             additions = Additions(
                 videos=filmed,
                 examples=examples,
-                drive_map=measure_drive_map(config, terrain) if has_map else None,
+                # grounds that differ from start to start would tell little of a drive
+                drive_map=measure_drive_map(config, Flat() if terrain.random else terrain)
+                if has_map
+                else None,
                 steering=measure_steering(config, entrants, terrain) if close_ups else None,
                 curves=training_evaluations(self.protocol["entrants"]),
                 note=note,

@@ -298,7 +298,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         ],
         "lead": sections.lead_section(protocol, leading),
         "note": additions.get("note"),
-        "drive_map_starts": drive_map.starts if drive_map else 0,
+        "drive_map": drive_map,
         "mdp": table,
         "parameters": parameters_text(protocol),
         "failures": [outcome_name(each) for each in failures],

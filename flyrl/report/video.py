@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import itertools
+import os
 import sys
 import tempfile
 from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,7 +32,7 @@ from flyrl.report.captions import (
 )
 from flyrl.simulation.batch import Batch
 from flyrl.simulation.marks import FORCE_PER_MM, Overlay
-from flyrl.simulation.rendering import RenderingUnavailableError
+from flyrl.simulation.rendering import RenderingUnavailableError, can_draw_in_threads
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import Terrain
 
@@ -79,6 +81,9 @@ MAX_BYTES: Final = 2 * 10**6
 
 ALL_BYTES: Final = 4 * 10**6
 """Of all videos of a report together; in the page a third more, which leaves room below 8 MB."""
+
+_MOST_AT_A_TIME: Final = 4
+"""Entrants that are filmed at once: the pictures of a film take 100 MB until it is encoded."""
 
 _CRFS: Final = (25, 31, 37, 43, 49)
 """x264's quality, finest first; a video that is too large is tried again with the next."""
@@ -151,25 +156,38 @@ def record_videos(
     note goes to stderr as well, in one line, and nothing is raised.
     """
     filmed = config.filmed(chosen)
-    jobs = [
-        (terrain, index, entrant)
+    places = {
+        entrant.name: [
+            (terrain, index)
+            for terrain in config.terrain_configs
+            for index in filmed[terrain.label]
+            if (entrant.name, terrain.label) not in missing
+        ]
         for entrant in entrants
-        for terrain in config.terrain_configs
-        for index in filmed[terrain.label]
-        if (entrant.name, terrain.label) not in missing
-    ]
+    }
+    count = sum(map(len, places.values()))
     videos: list[Video] = []
-    max_bytes = min(MAX_BYTES, ALL_BYTES // max(len(jobs), 1))
+    max_bytes = min(MAX_BYTES, ALL_BYTES // max(count, 1))
+
+    def of_entrant(entrant: Entrant) -> list[Video]:
+        return [
+            record_video(config, entrant, where, config.draw_episodes(where)[i], i, view, max_bytes)
+            for where, i in places[entrant.name]
+        ]
+
+    threads = min(config.num_threads or os.cpu_count() or 1, _MOST_AT_A_TIME)
     try:
         imageio_ffmpeg.get_ffmpeg_exe()
-        with progress_bar(
-            len(jobs), is_shown=config.progress, unit=" videos", description="filming"
-        ) as bar:
-            for terrain, index, entrant in jobs:
-                drawn = config.draw_episodes(terrain)[index]
-                film = record_video(config, entrant, terrain, drawn, index, view, max_bytes)
-                videos.append(film)
-                bar.update()
+        with (
+            progress_bar(
+                count, is_shown=config.progress, unit=" videos", description="filming"
+            ) as bar,
+            # nobody's own code is called by two threads at once, unless it is in two entrants
+            ThreadPoolExecutor(threads if can_draw_in_threads() else 1) as pool,
+        ):
+            for films in pool.map(of_entrant, entrants):
+                videos += films
+                bar.update(len(films))
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
         note = f"Videos are left out: {' '.join(str(error).split())}"
         print(note, file=sys.stderr)

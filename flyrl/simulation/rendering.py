@@ -298,12 +298,22 @@ def _gl_context(width: int, height: int) -> Any:
         # PyTorch's optimisers load it, where it is, and each brings an LLVM, as Mesa does: loaded
         # after Mesa's, Triton's crashes the process
         importlib.import_module("triton")
-    screen = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
-    if sys.platform == "linux" and not any(os.environ.get(name) for name in screen):
+    if _is_without_screen():
         from mujoco.egl import GLContext  # noqa: PLC0415 - loads libEGL, which may be missing
 
         return GLContext(width, height)
     return mujoco.GLContext(width, height)
+
+
+def _is_without_screen() -> bool:
+    screen = ("MUJOCO_GL", "DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform == "linux" and not any(os.environ.get(name) for name in screen)
+
+
+def can_draw_in_threads() -> bool:
+    """Whether several renderers can draw at once; GLFW's windows belong to the main thread."""
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    return _is_without_screen() or asked in ("egl", "osmesa")
 
 
 _CRAWLING: Final[dict[Camera, tuple[float, float, float]]] = {

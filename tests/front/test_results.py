@@ -56,6 +56,12 @@ def test_a_report_is_one_file(results, tmp_path):
     assert read_origin(path)["episodes_sha256"] == episodes_digest(results.episodes)
 
 
+def test_drives_are_shown_on_flat_ground_where_the_grounds_differ(tmp_path):
+    walked = flyrl.evaluate("cpg", terrains="random_gapped", **SHORT)
+    text = walked.report(tmp_path / "report.html", videos=False).read_text()
+    assert "at constant drives on flat ground" in text
+
+
 def test_what_a_report_holds_can_be_repeated(run_here, tmp_path):
     walked = flyrl.evaluate(
         ["zero", "target-flat"],

@@ -100,7 +100,7 @@ def drive_map():
     left, right = np.meshgrid(drives, drives, indexing="ij")
     speed = 10 * (left + right) / 2
     speed[0, 4] = np.nan
-    return DriveMap(drives, speed, 100 * (right - left))
+    return DriveMap("flat", drives, speed, 100 * (right - left))
 
 
 def steering():
