@@ -82,8 +82,11 @@ def _held(left: float, right: float) -> Callable[[Task], FixedPolicy]:
 
 
 def pursuit_brake(task: Task) -> float:
-    """Distance from which on a pursuing fly brakes, mm; 0 where it need not stop, or sees none."""
-    stops = task.name == "stop" and "target_distance" in task.slices()
+    """Distance from which on a pursuing fly brakes, mm; 0 where it need not stop, or sees none.
+
+    At a path's end it pays to wait: that counts once the fly's mean distance to the path is small.
+    """
+    stops = task.name in ("stop", "path") and "target_distance" in task.slices()
     return 1.5 * task.parameters["reach"] if stops else 0.0
 
 
