@@ -128,7 +128,7 @@ def own_overrides(job: Sequence[str]) -> tuple[str, ...]:
     return tuple(item for item in job if not item.lstrip("+~").startswith(keys))
 
 
-def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
+def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictConfig | None:
     """Compose what the overrides on a command line ask for, with every choice that is swept.
 
     Parameters
@@ -140,7 +140,8 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
 
     Returns
     -------
-    The sweep that the command line asks for, if it does.
+    The sweep that the command line asks for; else the config of a run, with Hydra's own; or None,
+    where Hydra has more to do than to compose it: to show something, or as its own settings say.
 
     Raises
     ------
@@ -196,7 +197,8 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | None:
                 f"{several[0]} names several values: add -m to run each of them, or quotes if it "
                 "is one value"
             )
-        return None
+        is_plain = own_overrides(asked) == tuple(asked) and not (own or options.experimental_rerun)
+        return next(iter(composed.values())) if is_plain else None
     return Sweep(
         Path(ours.sweep.dir),
         any(each.key_or_group == "hydra.sweep.dir" for each in overrides),

@@ -91,7 +91,7 @@ def run_command(
         command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
         sys.argv[1:] = with_own_things(arguments)  # where Hydra reads them
         asked = check_arguments(config_name, sys.argv[1:])
-        names = job_names(asked.jobs if asked else ())
+        names = job_names(asked.jobs if isinstance(asked, Sweep) else ())
         here, process = Path.cwd(), os.getpid()
         full_errors = os.environ.get(_FULL_ERRORS)
 
@@ -124,10 +124,13 @@ def run_command(
         )(job)
         # Hydra raises its own errors then, instead of printing their tracebacks
         with _variable(_FULL_ERRORS, "1"):
-            if asked is None:
-                start_hydra()
-            else:
+            if isinstance(asked, Sweep):
                 _run_sweep(asked, start_hydra, end_of_sweep, stopped_by)
+            elif asked is None:
+                start_hydra()
+            else:  # Hydra would compose it twice more
+                HydraConfig.instance().set_config(asked)
+                job(OmegaConf.masked_copy(asked, [str(key) for key in asked if key != "hydra"]))
 
 
 @contextlib.contextmanager

@@ -175,11 +175,16 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
     ValueError
         An override that `train.py` refuses, or that asks for more than one run.
     """
-    from flyrl.cli.arguments import check_arguments, with_own_things  # noqa: PLC0415
+    from flyrl.cli.arguments import (  # noqa: PLC0415
+        Sweep,
+        check_arguments,
+        with_own_things,
+    )
     from flyrl.cli.groups import composed  # noqa: PLC0415
 
     overrides = with_own_things(overrides)
-    if (sweep := check_arguments("train", ["-m", *overrides])) and len(sweep.jobs) != 1:
+    sweep = check_arguments("train", ["-m", *overrides])
+    if isinstance(sweep, Sweep) and len(sweep.jobs) != 1:
         raise ValueError(
             "flyrl tune trains one after the other, and searches what the search space says; it "
             f"takes no sweep, got {' '.join(overrides)}"

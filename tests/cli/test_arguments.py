@@ -1,8 +1,10 @@
 from itertools import pairwise
 
 import pytest
+from omegaconf import OmegaConf
 
-from flyrl.cli.arguments import UsageError, check_arguments, with_own_things
+from flyrl.cli.arguments import Sweep, UsageError, check_arguments, with_own_things
+from flyrl.cli.groups import composed
 from flyrl.resources import configs_folder
 
 
@@ -93,9 +95,18 @@ def test_a_launcher_makes_a_sweep_whose_jobs_do_not_name_it():
     assert (str(sweep.folder), sweep.is_named) == ("x", True)
 
 
-@pytest.mark.parametrize("arguments", [["seed=1"], ["launcher=joblib", "--cfg", "job"]])
-def test_no_sweep(arguments):
+@pytest.mark.parametrize("arguments", [["hydra.run.dir=x"], ["launcher=joblib", "--cfg", "job"]])
+def test_what_hydra_has_to_do_itself(arguments):
     assert check_arguments("train", arguments) is None
+
+
+def test_the_config_of_a_run_is_what_hydra_composes():
+    config = check_arguments("train", ["seed=1", "task=path"])
+    settings = OmegaConf.to_container(config, resolve=False)
+    assert settings.pop("hydra")["overrides"]["task"] == ["seed=1", "task=path"]
+    assert OmegaConf.to_container(OmegaConf.create(settings), resolve=True) == composed(
+        "train", ["seed=1", "task=path"]
+    )
 
 
 @pytest.mark.parametrize(
@@ -123,7 +134,7 @@ def test_things_of_ones_own_are_written_as_hydra_knows_them(given, expected, job
     found = with_own_things(given.split())
     assert found == expected.split()
     sweep = check_arguments("train", found)
-    assert (len(sweep.jobs) if sweep else 0) == jobs
+    assert (len(sweep.jobs) if isinstance(sweep, Sweep) else 0) == jobs
 
 
 def test_an_earlier_name_is_understood_and_warned_of(capsys):

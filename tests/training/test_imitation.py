@@ -1,20 +1,23 @@
 """A training that starts from a teacher's decisions."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
 from flyrl.envs.sb3 import FlyrlVecEnv
-from flyrl.policies import load_policy
+from flyrl.policies import load_policy, named_policies
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.config import ScheduleConfig, TrainingConfig
 from flyrl.training.imitation import discounted_returns, imitate
-from flyrl.training.learn import train
+from flyrl.training.learn import resume, train
 from flyrl.training.models import build_model
-from tests.tiny import TINY_ENV
+from flyrl.training.runs import read_run
+from tests.tiny import TINY, TINY_ENV
 
 SCHEDULE = ScheduleConfig(
     num_envs=4, num_threads=1, progress_bar=False, teacher="pursuit", demonstrations=98
@@ -114,3 +117,13 @@ def test_a_teacher_that_does_not_fit_is_refused(tmp_path, changes, message):
             tmp_path,
         )
     assert not list(tmp_path.iterdir())
+
+
+def test_a_run_goes_on_without_its_teacher(tmp_path):
+    teacher = Path(shutil.copy(named_policies()["target-flat"], tmp_path))
+    schedule = replace(TINY.training, teacher=str(teacher), demonstrations=40)
+    config = replace(TINY, training=schedule)
+    folder = train(config, tmp_path / "runs", goes_on=lambda evaluations: False).folder
+    teacher.unlink()
+    resume(config, folder)
+    assert read_run(folder).state == "finished"
