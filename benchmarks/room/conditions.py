@@ -9,6 +9,7 @@ from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 
 _BODY: Final = FLIES["current"]
 _ROUGH: Final = "random_mixed"
+_TIGHT: Final = {"name": "slalom", "spacing": (3.0, 5.0), "turn": 120.0, "time_limit": 3.0}
 _LESION: Final = RANDOMISATIONS["lesion"]
 
 CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -32,10 +33,13 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "unfiltered_mixed": {"task": "target_unfiltered", "terrain": _ROUGH},
     "pushes": {"task": "heading"},
     "slalom": {"task": "slalom"},
+    "slalom_tight": {"task": _TIGHT},
     "slalom_mixed": {"task": {"name": "slalom", "spacing": (3.0, 5.0)}, "terrain": _ROUGH},
     "chase": {"task": "chase"},
+    "chase_fast": {"task": {"name": "chase", "speed": 14.0}},
     "chase_mixed": {"task": "chase", "terrain": _ROUGH},
     "stop": {"task": "stop"},
+    "stop_precisely": {"task": {"name": "stop", "reach": 0.5, "kept": 1.0}},
     "stop_mixed": {"task": "stop", "terrain": _ROUGH},
     "path": {"task": "path"},
     "narrow_path": {"task": {"name": "path", "width": 2.0}},

@@ -26,13 +26,17 @@ def published(task: Task) -> tuple[Settings, Settings]:
 
 
 def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
-    """Draw settings: the gain log-uniformly, the drives and, to stop, the brake uniformly."""
+    """Draw settings: the gain log-uniformly, the drives and what a task asks for uniformly.
+
+    That is a brake, to stop, and a lead, to catch what moves.
+    """
     return {
         "gain": float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))),
         "forward": float(rng.uniform(0.4, 1.5)),
         "weakest": float(rng.uniform(-0.5, 0.6)),
         "strongest": float(rng.uniform(0.8, 1.5)),
         "brake": float(rng.uniform(0.5, 4.0)) if pursuit_brake(task) else 0.0,
+        "lead": float(rng.uniform(0.0, 0.6)) if "target_velocity" in task.slices() else 0.0,
     }
 
 

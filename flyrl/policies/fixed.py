@@ -123,6 +123,9 @@ class Pursuit(_DrivePolicy):
     brake
         Where the fly is to stop at the target: distance, mm, from which on the drive falls, to 0 at
         half of it; the task shows `target_distance`. 0 lets it walk on.
+    lead
+        Where the target moves: time, s, ahead of it; the fly turns to where the target, going on
+        straight, will be by then. The task shows `target_distance` and `target_velocity`.
     """
 
     def __init__(
@@ -134,9 +137,11 @@ class Pursuit(_DrivePolicy):
         weakest: float = 0.2,
         strongest: float = 1.2,
         brake: float = 0.0,
+        lead: float = 0.0,
     ) -> None:
         super().__init__(task)
         self._brake = brake
+        self._lead = lead
         self._gain = gain
         self._forward = forward
         self._bounds = (weakest, strongest)
@@ -152,6 +157,9 @@ class Pursuit(_DrivePolicy):
 
     def _towards(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         """Vectors towards the target in the body frame, forward and left: (2, n)."""
+        if self._lead > 0.0:
+            offset_mm = 15.0 * shown["target_distance"] * shown["target_direction"]
+            return np.asarray(offset_mm + 20.0 * self._lead * shown["target_velocity"]).T
         if "target_direction" in shown:
             return shown["target_direction"].T
         x, y = (shown[DESIRED_GOAL] - shown[ACHIEVED_GOAL]).T  # world frame

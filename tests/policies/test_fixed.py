@@ -47,6 +47,19 @@ def test_pursuit_of_a_goal_turns_towards_it():
     np.testing.assert_allclose(drives, [(1.0, 1.0), (0.2, 1.2), (1.2, 0.2)], rtol=1e-6)
 
 
+def test_pursuit_with_a_lead_turns_to_where_the_target_will_be():
+    task = TASKS["chase"]()
+    # 3 mm ahead, moving to the left, to the right, and ahead, at 20 mm/s
+    drives = _drives(
+        Pursuit(task, lead=0.15), task,
+        target_direction=[(1, 0)] * 3, target_distance=[[3 / 15]] * 3,
+        target_velocity=[(0, 1), (0, -1), (1, 0)],
+    )  # fmt: skip
+    turn = np.pi / 4
+    expected = [(1 - turn, 1.2), (1.2, 1 - turn), (1.0, 1.0)]
+    np.testing.assert_allclose(drives, expected, rtol=1e-6)
+
+
 def test_open_loop_answers_speed_and_yaw_rate():
     task = TASKS["velocity"]()
     commands = np.array([(13.0, 0.0), (6.5, 0.0), (6.5, 3.2), (0.0, -3.2)]) / (20.0, 10.0)
