@@ -17,14 +17,13 @@ import numpy as np
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
 from benchmarks.room.figure import LEAST_ROOM, draw, room, verdict
-from benchmarks.room.law import Settings, published, tuned
+from benchmarks.room.law import Settings, law, published, tuned
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.config import FIRST_SEED
 from flyrl.evaluation.statistics import Interval, paired_difference, success_rate
 from flyrl.files import write_text
 from flyrl.policies import load_policy
-from flyrl.policies.fixed import Pursuit
 from flyrl.progress import progress_bar
 from flyrl.rollouts import EpisodeRecord, Policy, run_episodes
 from flyrl.tasks import Episode
@@ -47,29 +46,29 @@ def measure(config: EnvConfig, episodes: int) -> dict[str, Any]:
     env = BatchedEnv(config, 8)
     drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
     settings = published(env.task)[0]
-    walked = {"published": run_episodes(env, Pursuit(env.task, **settings), drawn)}
+    walked = {"published": run_episodes(env, law(env.task, settings), drawn)}
     if not all(record.success for record in walked["published"]):
         settings = tuned(env)
-    law = Pursuit(env.task, **settings)
-    walked["tuned"] = run_episodes(env, law, drawn)
+    best = law(env.task, settings)
+    walked["tuned"] = run_episodes(env, best, drawn)
     bound = [max(pair, key=_worth) for pair in zip(*walked.values(), strict=True)]
     failed = [i for i, record in enumerate(bound) if not record.success]
-    planned = _planned(config, law, [drawn[i] for i in failed], PlannerConfig(), "planning")
+    planned = _planned(config, best, [drawn[i] for i in failed], PlannerConfig(), "planning")
     for i, record in zip(failed, planned, strict=True):
         bound[i] = max(bound[i], record, key=_worth)
     rows = {name: _row(records) for name, records in {**walked, "bound": bound}.items()}
     if room(rows) >= LEAST_ROOM:
-        robust = _planned(config, law, drawn, ROBUST, "planning without luck")
+        robust = _planned(config, best, drawn, ROBUST, "planning without luck")
         rows["robust"] = _row(robust)
     return {"law": dict(settings), "horizon_s": bound[0].horizon_s, **rows}
 
 
 def _planned(
-    config: EnvConfig, law: Policy, episodes: list[Episode], how: PlannerConfig, text: str
+    config: EnvConfig, start: Policy, episodes: list[Episode], how: PlannerConfig, text: str
 ) -> list[EpisodeRecord]:
     """Walk by a planner, one episode after the other."""
     env = BatchedEnv(config)
-    planner, records = Planner(env, law, how), []
+    planner, records = Planner(env, start, how), []
     with progress_bar(
         len(episodes), is_shown=bool(episodes), unit="episode", description=text
     ) as bar:
@@ -79,14 +78,14 @@ def _planned(
     return records
 
 
-def learned(config: EnvConfig, policy: str, law: Settings, episodes: int) -> dict[str, Any]:
+def learned(config: EnvConfig, policy: str, settings: Settings, episodes: int) -> dict[str, Any]:
     """Successes of a learned policy and of both laws, on held-out episodes of one condition."""
     env = BatchedEnv(config, 8)
     drawn = [config.sample_episode(FIRST_SEED + i) for i in range(episodes)]
     who = {
         "policy": load_policy(policy, env.task),
-        "published": Pursuit(env.task, **published(env.task)[0]),
-        "tuned": Pursuit(env.task, **law),
+        "published": law(env.task, published(env.task)[0]),
+        "tuned": law(env.task, settings),
     }
     return {name: _row(run_episodes(env, each, drawn)) for name, each in who.items()}
 
@@ -123,12 +122,12 @@ def table(results: dict[str, Any]) -> str:
     for name, row in results.items():
         if "learned" in row:
             won = {who: np.array(each["success"]) for who, each in row["learned"].items()}
-            law = max(won["published"], won["tuned"], key=np.mean)
-            gain = 1.0 * won["policy"] - law
+            better = max(won["published"], won["tuned"], key=np.mean)
+            gain = 1.0 * won["policy"] - better
             between = paired_difference(gain, np.random.default_rng(0))
             spread = "" if between.low is None else _interval(between)
             closed = f"{100 * gain.mean() / room(row):.0f} %" if room(row) >= LEAST_ROOM else ""
-            rates = [_percent(list(each)) for each in (law, won["policy"])]
+            rates = [_percent(list(each)) for each in (better, won["policy"])]
             gained = f"{100 * gain.mean():+.0f}{spread}"
             lines.append(f"| {name} | {' | '.join(rates)} | {gained} | {closed} |")
     return "\n".join(lines)
@@ -170,8 +169,8 @@ def main() -> None:
         if given.policy is None:
             results[name] = measure(config, given.episodes)
         else:
-            law = results[name]["law"]
-            results[name]["learned"] = learned(config, given.policy, law, given.episodes)
+            settings = results[name]["law"]
+            results[name]["learned"] = learned(config, given.policy, settings, given.episodes)
         record = {"machine": machine(), "conditions": results}
         write_text(given.output, json.dumps(record, indent=1))
     if given.figure:

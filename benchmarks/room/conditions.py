@@ -44,6 +44,8 @@ CONDITIONS: Final[Mapping[str, Mapping[str, Any]]] = {
     "path": {"task": "path"},
     "narrow_path": {"task": {"name": "path", "width": 2.0}},
     "path_mixed": {"task": "path", "terrain": _ROUGH},
+    "velocity": {"task": "velocity"},
+    "velocity_any_leg_cut": {"task": "velocity", "randomisation": _LESION},
     "traverse_blocks": {"task": "traverse", "terrain": "random_blocks"},
 }  # fmt: skip
 """Settings of `EnvConfig` by condition; what is not named is as usual: the task `target`."""

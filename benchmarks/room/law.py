@@ -1,4 +1,4 @@
-"""The law `pursuit`, tuned for a condition with as many decisions as a training has."""
+"""A law, tuned for a condition with as many decisions as a training has."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from flyrl.envs.core import BatchedEnv
-from flyrl.policies.fixed import Pursuit
+from flyrl.policies.fixed import ClosedLoop, FixedPolicy, Pursuit
 from flyrl.policies.laws import QUICK_PURSUIT, pursuit_brake
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.tasks import Task
@@ -16,20 +16,41 @@ STAGES: Final = ((24, 8), (8, 16), (3, 32))
 (successive halving); the main job trains for 40,000 at most."""
 
 Settings = Mapping[str, float]
-"""Of `flyrl.policies.fixed.Pursuit`, by name."""
+"""Of the law, by name."""
 
 
-def published(task: Task) -> tuple[Settings, Settings]:
-    """The literature's turn and the quick one; where the fly is to stop, both brake."""
+def law(task: Task, settings: Settings) -> FixedPolicy:
+    """The law that steers in a task: `pursuit`, or `closed_loop` where there is a command."""
+    return ClosedLoop(task, **settings) if _is_commanded(task) else Pursuit(task, **settings)
+
+
+def _is_commanded(task: Task) -> bool:
+    return "command" in task.slices()
+
+
+def published(task: Task) -> tuple[Settings, ...]:
+    """The literature's turn and the quick one; where the fly is to stop, both brake.
+
+    Of a command: answered without a correction, and with the usual one.
+    """
+    if _is_commanded(task):
+        return {"speed_gain": 0.0, "yaw_gain": 0.0}, {}
     brake = {"brake": pursuit_brake(task)}
     return brake, {**QUICK_PURSUIT, **brake}
 
 
 def draw_settings(rng: np.random.Generator, task: Task) -> Settings:
-    """Draw settings: the gain log-uniformly, the drives and what a task asks for uniformly.
+    """Draw settings: the gain of a pursuit log-uniformly, all others uniformly.
 
-    That is a brake, to stop, and a lead, to catch what moves.
+    A brake, to stop, and a lead, to catch what moves, only where a task asks for them.
     """
+    if _is_commanded(task):
+        return {
+            "speed_gain": float(rng.uniform(0.0, 4.0)),
+            "yaw_gain": float(rng.uniform(0.0, 4.0)),
+            "speed": float(rng.uniform(9.0, 16.0)),
+            "yaw_rate": float(rng.uniform(4.5, 8.0)),
+        }
     return {
         "gain": float(np.exp(rng.uniform(np.log(0.3), np.log(4.0)))),
         "forward": float(rng.uniform(0.4, 1.5)),
@@ -58,8 +79,7 @@ def tuned(env: BatchedEnv, seed: int = 0) -> Settings:
             env.config.sample_episode(int(each)) for each in rng.integers(2**31, size=episodes)
         ]
         scores = [
-            score(run_episodes(env, Pursuit(env.task, **settings), drawn))
-            for settings in left[:count]
+            score(run_episodes(env, law(env.task, settings), drawn)) for settings in left[:count]
         ]
         left = [left[i] for i in np.argsort(-np.array(scores), kind="stable")]
     return left[0]

@@ -17,6 +17,7 @@ from flyrl.policies.bundle import (
     save_bundle,
 )
 from flyrl.policies.fixed import (
+    ClosedLoop,
     ConstantDrive,
     OpenLoop,
     Pursuit,
@@ -38,6 +39,7 @@ _ON_DEMAND: Final = {
 }
 
 __all__ = [
+    "ClosedLoop",
     "ConstantDrive",
     "LearnedPolicy",
     "OpenLoop",

@@ -189,10 +189,46 @@ class OpenLoop(_DrivePolicy):
         self._yaw_rate = yaw_rate
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
-        command = shown["command"]
-        forward = 20.0 * command[:, :1] / self._speed
-        turn = 10.0 * command[:, 1:] / self._yaw_rate * np.array([-1.0, 1.0])
+        asked = self._asked(shown)
+        forward = 20.0 * asked[:, :1] / self._speed
+        turn = 10.0 * asked[:, 1:] / self._yaw_rate * np.array([-1.0, 1.0])
         return np.asarray(forward + turn)
+
+    def _asked(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        """Speed and yaw rate to bring about, in the command's units, (n, 2)."""
+        return shown["command"]
+
+
+class ClosedLoop(OpenLoop):
+    """Answer a command as `OpenLoop` does, and correct by the velocity that is felt.
+
+    To speed and yaw rate that are commanded it adds, times a gain, what they lack.
+
+    Parameters
+    ----------
+    task
+        What it acts in; it shows the `command`, and the `mean_velocity` in the same units.
+    speed_gain, yaw_gain
+        Of the correction.
+    speed, yaw_rate
+        As of `OpenLoop`.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        *,
+        speed_gain: float = 1.0,
+        yaw_gain: float = 1.0,
+        speed: float = 13.0,
+        yaw_rate: float = 6.4,
+    ) -> None:
+        super().__init__(task, speed=speed, yaw_rate=yaw_rate)
+        self._gains = np.array([speed_gain, yaw_gain])
+
+    def _asked(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        command = shown["command"]
+        return np.asarray(command + self._gains * (command - shown["mean_velocity"]))
 
 
 class FunctionPolicy(FixedPolicy):

@@ -11,6 +11,7 @@ from flyrl.controllers import CONTROLLERS
 from flyrl.controllers.reflexes import ReflexesName
 from flyrl.entry_points import is_entry_point
 from flyrl.policies.fixed import (
+    ClosedLoop,
     ConstantDrive,
     FixedPolicy,
     OpenLoop,
@@ -115,6 +116,12 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
         (("target_direction",), _GOALS),
     ),
     "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),
+    "closed_loop": FixedLaw(
+        "hybrid",
+        "drive that answers the command, corrected by the velocity that is felt",
+        ClosedLoop,
+        (("command", "mean_velocity"),),
+    ),
     "zero": FixedLaw("hybrid", "constant drive (0, 0)", _held(0.0, 0.0)),
     "worm_cpg": FixedLaw(None, "CPG that sends waves along the worm", WormCPG, (("heading",),)),
     "worm_reflex": FixedLaw(

@@ -195,14 +195,18 @@ def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("task", "other"),
-    [("target", "open_loop"), ("velocity", "pursuit"), ("target_goal", "open_loop")],
+    ("task", "others"),
+    [
+        ("target", ("open_loop", "closed_loop")),
+        ("velocity", ("pursuit",)),
+        ("target_goal", ("open_loop", "closed_loop")),
+    ],
 )
-def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, other):
+def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, others):
     assert names(EvaluationConfig(task=task)) == [
         name
         for name, fixed in FIXED.items()
-        if fixed.is_usual and name != other and fixed.legs is not None
+        if fixed.is_usual and name not in others and fixed.legs is not None
     ]
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import (
+    ClosedLoop,
     OpenLoop,
     Pursuit,
     Relaxed,
@@ -66,6 +67,18 @@ def test_open_loop_answers_speed_and_yaw_rate():
     drives = _drives(OpenLoop(task), task, command=commands)
     expected = [(1.0, 1.0), (0.5, 0.5), (0.0, 1.0), (0.5, -0.5)]
     np.testing.assert_allclose(drives, expected, atol=1e-6)
+
+
+def test_closed_loop_adds_what_speed_and_yaw_rate_lack():
+    task = TASKS["velocity"]()
+    units = (20.0, 10.0)
+    drives = _drives(
+        ClosedLoop(task, speed_gain=0.5, yaw_gain=2.0), task,
+        command=np.array([(6.5, 0.0), (6.5, 0.0)]) / units,
+        mean_velocity=np.array([(6.5, 0.0), (3.9, -0.64)]) / units,
+    )  # fmt: skip
+    # 1.3 mm/s more, and 1.28 rad/s to the left
+    np.testing.assert_allclose(drives, [(0.5, 0.5), (0.6 - 0.2, 0.6 + 0.2)], rtol=1e-6)
 
 
 # ------------------------------------------------------------------ functions

@@ -35,11 +35,11 @@ def test_a_fixed_law_is_loaded_by_name_for_the_first_task_that_shows_what_it_nee
 
 
 def test_a_fixed_law_is_made_for_the_task():
-    pursuit, constant = load_policy("pursuit", "path"), load_policy("constant(1.2, 0.4)")
-    observation = np.zeros((1, sum(term.size for term in TASKS["path"]().observation)))
-    observation[0, TASKS["path"]().slices()["target_direction"]] = (0, 1)  # to the left
-    drive = TASKS["path"]().actions.commands(pursuit.predict(observation)[0])
-    np.testing.assert_allclose(drive, [[0.2, 1.2]], atol=1e-6)
+    pursuit, constant = load_policy("pursuit", "target"), load_policy("constant(1.2, 0.4)")
+    observation = np.zeros((1, sum(term.size for term in TASKS["target"]().observation)))
+    observation[0, TASKS["target"]().slices()["target_direction"]] = (0, 1)  # to the left
+    drive = TASKS["target"]().actions.commands(pursuit.predict(observation)[0])
+    np.testing.assert_allclose(drive, [[0.0, 1.5]], atol=1e-6)
     drive = TASKS["target"]().actions.commands(constant.predict(observation)[0])
     np.testing.assert_allclose(drive, [[1.2, 0.4]], atol=1e-6)
 
