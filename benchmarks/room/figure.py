@@ -36,9 +36,13 @@ def room(row: Mapping[str, Any]) -> float:
 
 
 def verdict(row: Mapping[str, Any]) -> str:
-    """Whether the tuned law is enough, there is room above it, or nothing helps much."""
+    """Whether the tuned law is enough, there is room above it, or luck, or nothing helps much.
+
+    It is luck where a planner that must not count on the very future reaches little more.
+    """
     if room(row) >= LEAST_ROOM:
-        return "room"
+        is_luck = "robust" in row and rate(row, "robust") - rate(row, "tuned") < LEAST_ROOM
+        return "luck" if is_luck else "room"
     return "law" if rate(row, "tuned") >= ENOUGH else "nothing"
 
 

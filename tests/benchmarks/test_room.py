@@ -74,8 +74,15 @@ def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
     assert share.strip() == "33 %"
 
 
-@pytest.mark.parametrize(("law", "bound", "expected"), [(20, 20, "law"), (2, 3, "nothing")])
-def test_without_room_the_law_is_enough_or_nothing_is(law, bound, expected):
-    wins = {"tuned": law, "bound": bound}
+@pytest.mark.parametrize(
+    ("wins", "expected"),
+    [
+        ({"tuned": 20, "bound": 20}, "law"),
+        ({"tuned": 2, "bound": 3}, "nothing"),
+        ({"tuned": 10, "bound": 15, "robust": 13}, "room"),
+        ({"tuned": 10, "bound": 20, "robust": 12}, "luck"),
+    ],
+)
+def test_what_the_room_is(wins, expected):
     row = {who: {"success": [True] * n + [False] * (20 - n)} for who, n in wins.items()}
     assert verdict(row) == expected
