@@ -140,7 +140,7 @@ PURSUIT: Final = "pursuit"
 def pilots(given: str | None = None) -> dict[str, Policy]:
     """Make the policies that can steer to a target, by name.
 
-    They are `PURSUIT`, all policies that come with flyrl and fit, and the one that is given.
+    They are `PURSUIT`, those that come with flyrl and learned that, and the one that is given.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def pilots(given: str | None = None) -> dict[str, Policy]:
     found: dict[str, Policy] = {PURSUIT: FIXED[PURSUIT].make(PLAY_TASK)}
     for name, file in named_policies().items():
         policy = LearnedPolicy(load_bundle(file))
-        if _misfit(policy) is None:
+        if policy.bundle.env["task"]["name"] == PLAY_TASK.name and _misfit(policy) is None:
             found[name] = policy
     if given is not None and given not in found:
         names = ", ".join(found)
