@@ -22,6 +22,12 @@ Law = Callable[[float, Mapping[str, FloatArray]], Any]
 _STEP_S: Final = 1e-3
 """s; at most as long does an oscillator advance at a time."""
 
+SPEED: Final = 13.0
+"""mm/s that a drive of 1 on both sides brings about on flat ground."""
+
+YAW_RATE: Final = 6.4
+"""rad/s that a drive of 1 more on the right and 1 less on the left would bring about there."""
+
 COUPLING_WEIGHT: Final = 10.0
 CONVERGENCE_RATE: Final = 20.0
 """Of the oscillators, 1/s, as in the fly's CPG."""
@@ -183,7 +189,7 @@ class OpenLoop(_DrivePolicy):
         rad/s that a drive of 1 more on the right and 1 less on the left would bring about.
     """
 
-    def __init__(self, task: Task, *, speed: float = 13.0, yaw_rate: float = 6.4) -> None:
+    def __init__(self, task: Task, *, speed: float = SPEED, yaw_rate: float = YAW_RATE) -> None:
         super().__init__(task)
         self._speed = speed
         self._yaw_rate = yaw_rate
@@ -220,8 +226,8 @@ class ClosedLoop(OpenLoop):
         *,
         speed_gain: float = 1.0,
         yaw_gain: float = 1.0,
-        speed: float = 13.0,
-        yaw_rate: float = 6.4,
+        speed: float = SPEED,
+        yaw_rate: float = YAW_RATE,
     ) -> None:
         super().__init__(task, speed=speed, yaw_rate=yaw_rate)
         self._gains = np.array([speed_gain, yaw_gain])

@@ -312,8 +312,9 @@ def _is_without_screen() -> bool:
 
 def can_draw_in_threads() -> bool:
     """Whether several renderers can draw at once; GLFW's windows belong to the main thread."""
-    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
-    return _is_without_screen() or asked in ("egl", "osmesa")
+    settled_on = getattr(mujoco, "GLContext", None)
+    name = getattr(settled_on, "__module__", "")
+    return _is_without_screen() or name in ("mujoco.egl", "mujoco.osmesa")
 
 
 _CRAWLING: Final[dict[Camera, tuple[float, float, float]]] = {

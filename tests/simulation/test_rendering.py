@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 from test_worms import CRAWLING, HANGING, make_batch
@@ -13,6 +14,7 @@ from flyrl.simulation.rendering import (
     FlyRenderer,
     RenderingUnavailableError,
     WormRenderer,
+    can_draw_in_threads,
     line_of_sight,
     pixels_per_mm,
 )
@@ -33,6 +35,17 @@ def test_a_camera_looks_along_its_angles():
     np.testing.assert_allclose(line_of_sight(90, 0), (0, 1, 0), atol=1e-12)
     np.testing.assert_allclose(line_of_sight(0, -90), (0, 0, -1), atol=1e-12)
     np.testing.assert_allclose(line_of_sight(180, -60), (-0.5, 0, -np.sqrt(0.75)), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("library", "expected"),
+    [("mujoco.glfw", False), ("mujoco.egl", True), ("mujoco.osmesa", True)],
+)
+def test_windows_alone_are_drawn_in_one_thread(monkeypatch, library, expected):
+    monkeypatch.setenv("DISPLAY", ":0")
+    context = type("GLContext", (), {"__module__": library})
+    monkeypatch.setattr(mujoco, "GLContext", context, raising=False)
+    assert can_draw_in_threads() is expected
 
 
 def test_a_camera_that_does_not_exist_is_refused():

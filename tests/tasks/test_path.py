@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-from flyrl.policies import load_policy
-from flyrl.tasks import TASKS
 from flyrl.tasks.path import path_deviation, path_direction_b, path_progress
 from tests.tasks.test_terms import fly_state, task_state
 
@@ -19,14 +17,3 @@ def test_progress_along_a_path_counts_its_points() -> None:
     # 4 mm beyond the nearest point, (2.5, 0)
     expected = np.array([6.5 - 2.6, 0.5])
     np.testing.assert_allclose(path_direction_b(state, 4.0)[0], expected / np.hypot(*expected))
-
-
-@pytest.mark.parametrize(("distance", "share"), [(5.0, 1.0), (1.125, 0.5), (0.7, 0.0)])
-def test_pursuit_waits_at_the_paths_end(distance: float, share: float) -> None:
-    path = TASKS["path"]()
-    places = path.slices()
-    observation = np.zeros((1, max(place.stop for place in places.values())))
-    observation[0, places["target_direction"]] = (1, 0)
-    observation[0, places["target_distance"]] = distance / 15
-    drive = path.actions.commands(load_policy("pursuit", "path").predict(observation)[0])
-    np.testing.assert_allclose(drive, [[share] * 2], atol=1e-6)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from flyrl.policies import load_policy
 from flyrl.tasks import TASKS
 from tests.tasks.test_terms import fly_state, task_state
 
@@ -32,16 +31,6 @@ def test_standing_is_worth_as_much_however_long():
     for kept in (0.5, 2.0):
         standing = next(term for term in TASKS["stop"](kept=kept).reward if term.name == "standing")
         assert standing.weight * kept == pytest.approx(2.0)
-
-
-@pytest.mark.parametrize(("distance", "share"), [(5.0, 1.0), (1.5, 1.0), (1.125, 0.5), (0.7, 0.0)])
-def test_pursuit_brakes_at_the_place(distance, share):
-    places = STOP.slices()
-    observation = np.zeros((1, max(place.stop for place in places.values())))
-    observation[0, places["target_direction"]] = (1, 0)
-    observation[0, places["target_distance"]] = distance / 15
-    drive = STOP.actions.commands(load_policy("pursuit", "stop").predict(observation)[0])
-    np.testing.assert_allclose(drive, [[1.5 * share] * 2], atol=1e-6)
 
 
 def test_a_reach_beyond_the_nearest_place_is_refused():
