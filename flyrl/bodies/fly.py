@@ -72,8 +72,17 @@ BOXES: Final = 2
 PROPS: Final = 4
 """Contact bit of solid props, which stop the trunk too."""
 
-TRUNK: Final = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
-"""Ends and radius of the capsule that stands for thorax, head and abdomen, mm, thorax frame."""
+Point = tuple[float, float, float]
+Capsule = tuple[Point, Point, float]
+"""Ends and radius, mm, thorax frame."""
+
+TRUNK: Final[Capsule] = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
+"""Stands for thorax, head and abdomen."""
+
+ABDOMEN: Final[Capsule] = ((-1.0, 0.0, -0.1), (-1.75, 0.0, -0.5), 0.38)
+HEAD: Final[Capsule] = ((0.28, 0.0, 0.0), (0.28, 0.0, -0.2), 0.35)
+"""What the classic abdomen, and its head with the proboscis, are to the ground; to 0.1 mm the
+meshes."""
 
 TETHER: Final = 1e3
 """g (and g·mm²): inertia that holds the thorax, a million times the fly's; it has no weight."""
@@ -177,10 +186,9 @@ def build_fly(
     an angle in rad, or with muscles motors, whose control is a torque in µN·mm; then 6 adhesions
     `adhesion_{leg}` as anatomy.LEGS, whose control is 0 to 1.
 
-    Only leg segments can touch something, and only the ground (planes with contype `PLANES`, boxes
-    with contype `BOXES`, conaffinity 0): so does the published current model. (The classic one's
-    abdomen and head collide with the floor too, see docs/fidelity.md. Both also let legs collide
-    with each other; here legs pass through each other.)
+    Leg segments can touch the ground (planes with contype `PLANES`, boxes with contype `BOXES`,
+    conaffinity 0), of the classic body abdomen and head too: so do the published models. (Both also
+    let legs collide with each other; here legs pass through each other.)
 
     Parameters
     ----------
@@ -210,6 +218,9 @@ def build_fly(
             _add_collision(spec, body, shape, contact)
         if visual and row.mesh is not None:
             _add_mesh(spec, body, row)
+    if config.name == "classic":
+        _add_capsule(spec, "abdomen", ABDOMEN, PLANES | BOXES, contact)
+        _add_capsule(spec, "head", HEAD, PLANES | BOXES, contact)
     _add_actuators(spec, table, config)
     _fix_joints(spec, config)
     if config.tethered:
@@ -225,14 +236,7 @@ def is_of_legs(body: str, legs: Sequence[Leg]) -> bool:
 
 def add_trunk(spec: mujoco.MjSpec, contact: ContactConfig) -> None:
     """Let the trunk of a fly touch solid props, as its legs do."""
-    start, end, radius = TRUNK
-    spec.body("Thorax").add_geom(
-        name="trunk",
-        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-        fromto=(*start, *end),
-        size=(radius, 0, 0),
-        **touching(PROPS, contact.box),
-    )
+    _add_capsule(spec, "trunk", TRUNK, PROPS, contact)
 
 
 def start_pose(config: FlyConfig) -> NDArray[np.float64]:
@@ -312,6 +316,20 @@ def _add_collision(
         to_planes = {"capsule": capsule, "hull": hull}[contact.plane_shape]
         body.add_geom(name=f"{body.name}_plane", **to_planes, **touching(PLANES, contact.plane))
     body.add_geom(name=f"{body.name}_box", **hull, **touching(BOXES, contact.box))
+
+
+def _add_capsule(
+    spec: mujoco.MjSpec, name: str, shape: Capsule, touches: int, contact: ContactConfig
+) -> None:
+    """Add a part of the trunk, as what it is to the ground or to props."""
+    start, end, radius = shape
+    spec.body(ROOT_BODY).add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=(*start, *end),
+        size=(radius, 0, 0),
+        **touching(touches, contact.box),
+    )
 
 
 def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:

@@ -299,11 +299,12 @@ def test_only_the_named_segments_have_a_shape_for_planes():
 # ------------------------------------------------------------------ standing
 
 
-def standing_on(terrain):
+LOPSIDED = FlyConfig(symmetric=False)
+
+
+def standing_on(terrain, body=LOPSIDED):
     """A fly that was put down in the stretch pose and has held the neutral pose for 0.1 s."""
-    config = SceneConfig(
-        FlyConfig(symmetric=False), TERRAINS[terrain], Joints(), PHYSICS_PRESETS["reference"]
-    )
+    config = SceneConfig(body, TERRAINS[terrain], Joints(), PHYSICS_PRESETS["reference"])
     flies = FlyBatch(build_scene(config), num_threads=1)
     place = (0.0, 0.0, config.terrain.base_height + SPAWN_CLEARANCE)
     start = config.controller.initial_state()
@@ -314,6 +315,19 @@ def standing_on(terrain):
     assert not state.is_unstable.any()
     touching = np.flatnonzero(state.contact_forces_w[0].any(axis=1))
     return state, {CONTACT_SEGMENTS[i] for i in touching}
+
+
+@pytest.mark.parametrize("terrain", ["flat", "blocks"])
+def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sinks(terrain):
+    classic, current = (
+        standing_on(terrain, FlyConfig(name, missing_legs=LEGS))[0]
+        for name in ("classic", "current")
+    )
+    ground = TERRAINS[terrain].base_height
+    assert 0.4 < classic.position_w[0, 2] - ground < 1.0
+    assert abs(classic.velocity_w[0, 2]) < 1.0
+    # in 0.1 s it falls 49 mm
+    assert current.position_w[0, 2] < -40.0
 
 
 def test_the_fly_stands_on_its_six_leg_tips():
