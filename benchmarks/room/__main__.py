@@ -8,7 +8,9 @@ laws under these conditions, on more episodes than the planner has time for.
 import argparse
 import json
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -149,8 +151,33 @@ def _interval(rate: Interval) -> str:
     return f" [{100 * rate.low:.0f}, {100 * rate.high:.0f}]"
 
 
-def _write(results: dict[str, Any], output: Path) -> None:
-    write_text(output, json.dumps({"machine": machine(), "conditions": results}, indent=1))
+def _add_what_is_missing(
+    results: dict[str, Any], names: list[str], episodes: int
+) -> Iterator[None]:
+    """Measure conditions, one step after another; what takes longest comes last."""
+    for name in names:
+        if name not in results:
+            results[name] = measure(_config(name), episodes)
+            yield
+    for name in names:
+        row = results[name]
+        if room(row) >= LEAST_ROOM and "robust" not in row:
+            row["robust"] = without_luck(_config(name), row["law"], len(row["bound"]["success"]))
+            yield
+
+
+def _add_learned(
+    policy: str, results: dict[str, Any], names: list[str], episodes: int
+) -> Iterator[None]:
+    for name in names:
+        row = results[name]
+        row["learned"] = learned(_config(name), policy, row["law"], episodes)
+        yield
+
+
+def _config(name: str) -> EnvConfig:
+    print(f"{name} …", file=sys.stderr)
+    return replace(EnvConfig(), **CONDITIONS[name])
 
 
 def main() -> None:
@@ -170,21 +197,11 @@ def main() -> None:
         one_of("conditions", name, CONDITIONS)
     found = json.loads(given.output.read_text()) if given.output.exists() else {}
     results = found.get("conditions", {})
-    for name in [] if given.show else names:
-        print(f"{name} …", file=sys.stderr)
-        config = replace(EnvConfig(), **CONDITIONS[name])
-        if given.policy is not None:
-            settings = results[name]["law"]
-            results[name]["learned"] = learned(config, given.policy, settings, given.episodes)
-            _write(results, given.output)
-            continue
-        if name not in results:
-            results[name] = measure(config, given.episodes)
-            _write(results, given.output)
-        row = results[name]
-        if room(row) >= LEAST_ROOM and "robust" not in row:
-            row["robust"] = without_luck(config, row["law"], len(row["bound"]["success"]))
-            _write(results, given.output)
+    if not given.show:
+        do = _add_what_is_missing if given.policy is None else partial(_add_learned, given.policy)
+        for _ in do(results, names, given.episodes):
+            record = {"machine": machine(), "conditions": results}
+            write_text(given.output, json.dumps(record, indent=1))
     if given.figure:
         draw(results, given.figure)
     print(table(results))
