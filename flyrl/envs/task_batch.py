@@ -21,8 +21,7 @@ from flyrl.tasks import (
     Task,
     TaskState,
 )
-
-Array = NDArray[np.float64]
+from flyrl.validation import FloatArray
 
 _STREAM: Final = 171_006_538
 """Sets the generators of the noise apart from the task's, which have the same seed."""
@@ -167,8 +166,8 @@ class TaskBatch:
         interval_s = self._interval_s = config.decision_interval_s
         limit = task.time_limit_s
         self.max_decisions = None if limit is None else round(limit / interval_s)
-        self.goal: Array | None = None
-        self.command: Array | None = None
+        self.goal: FloatArray | None = None
+        self.command: FloatArray | None = None
         self._bounds = config.scene.terrain.bounds
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._totals = np.zeros((len(task.reward), num_envs))
@@ -198,7 +197,7 @@ class TaskBatch:
             mean[ids] = 0.0
         self._decisions[ids] = 0
 
-    def state(self, body: Any, previous: Any, props: Array) -> TaskState:
+    def state(self, body: Any, previous: Any, props: FloatArray) -> TaskState:
         """What the task's terms are computed from."""
         if self.goal is None or self.command is None:
             raise RuntimeError("the environment must be reset first")
@@ -220,7 +219,7 @@ class TaskBatch:
         )
 
     def decide(
-        self, body: Any, previous: Any, props: Array, moved: NDArray[np.intp] | slice
+        self, body: Any, previous: Any, props: FloatArray, moved: NDArray[np.intp] | slice
     ) -> Transition:
         """Count a decision of the simulations that moved: reward it, and end what it ends."""
         self._decisions[moved] += 1

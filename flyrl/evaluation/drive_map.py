@@ -8,17 +8,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation.config import FIRST_SEED, EvaluationConfig
 from flyrl.evaluation.entrants import Entrant
+from flyrl.rollouts import BoolArray
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, Drives
 from flyrl.terrains import Terrain
-from flyrl.validation import at_least
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from flyrl.validation import FloatArray, at_least
 
 SETTLE_S: Final = 0.25
 """Until the gait has settled, s: three strides."""

@@ -28,9 +28,8 @@ from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.tasks import RUNNING, TaskState
 from flyrl.tasks.hybrid_turning import thorax
 from flyrl.terrains import Ball
-from flyrl.validation import float_array, positive
+from flyrl.validation import FloatArray, float_array, positive
 
-Array = NDArray[np.float64]
 Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLike]
 """A pair (left, right), or a function of the time, s, and the observation that returns one."""
 
@@ -107,7 +106,7 @@ def walk(
     return _record(config, commands, num_steps, every, seed)
 
 
-Commands = Callable[[int, float, Any], Array]
+Commands = Callable[[int, float, Any], FloatArray]
 """Command at a physics step, a time (s) and an observation, (k,)."""
 
 
@@ -130,7 +129,7 @@ def _replay(
     grips = np.ones((count, NUM_LEGS)) if adhesion is None else adhesion
     grips = float_array("adhesion", grips, (count, NUM_LEGS), minimum=0.0, maximum=1.0)
 
-    def command(step: int, time_s: float, seen: Any) -> Array:
+    def command(step: int, time_s: float, seen: Any) -> FloatArray:
         place = min(step * timestep * rate, count - 1.0)
         before = int(place)
         share = place - before
@@ -180,7 +179,7 @@ class Walk:
 
     env: BatchedEnv
     states: list[FlyState]
-    rows: Array
+    rows: FloatArray
     outcome: str
 
     def frame(self) -> pd.DataFrame:
@@ -209,7 +208,7 @@ class Walk:
             "stumbles": (fly.stumbling > 0.0).astype(np.float64),
             **{f"f{axis}": forces[:, :, i] for i, axis in enumerate("xyz")},
         }
-        columns: dict[str, Array] = {
+        columns: dict[str, FloatArray] = {
             "time_s": fly.time,
             **dict(zip(_BODY, body.T, strict=True)),
             **(_fictive_way(fly) if isinstance(scene.terrain, Ball) else {}),
@@ -310,7 +309,7 @@ def _stacked(states: list[FlyState]) -> FlyState:
     )
 
 
-def _stance(fly: FlyState) -> Array:
+def _stance(fly: FlyState) -> FloatArray:
     """1 for each leg that is on the ground with its tip at rest since the sample before, (T, 6)."""
     grounded = np.empty((len(fly.time), NUM_LEGS))
     grounded_legs_of(fly.contact_forces_w, grounded)
@@ -319,7 +318,7 @@ def _stance(fly: FlyState) -> Array:
     return grounded
 
 
-def _fictive_way(fly: FlyState) -> dict[str, Array]:
+def _fictive_way(fly: FlyState) -> dict[str, FloatArray]:
     """Way and yaw that the ball's turning amounts to, by the trapezoidal rule."""
     time, (forward, left, turning) = fly.time, fly.fictive_velocity_b.T
     yaw = cumulative_trapezoid(turning, time, initial=0)

@@ -14,13 +14,11 @@ from typing import Final
 
 import matplotlib as mpl
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from flyrl.simulation.marks import LEG_COLOURS
+from flyrl.simulation.rendering import Picture
 from flyrl.validation import FloatArray
-
-Picture = NDArray[np.uint8]
 
 LENGTHS_MM: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 """That a scale bar can have."""

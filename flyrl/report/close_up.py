@@ -34,9 +34,7 @@ from flyrl.report.style import (
     svg_text,
 )
 from flyrl.rollouts import BoolArray, EpisodeRecord
-from flyrl.validation import one_of
-
-FloatArray = NDArray[np.float64]
+from flyrl.validation import FloatArray, one_of
 
 SHOWN_S: Final = 1.0
 """How much of an episode a gait diagram shows, s: twelve strides."""

@@ -15,7 +15,6 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
 from flyrl.controllers import (
@@ -49,9 +48,8 @@ from flyrl.report.style import (
     add_legend,
     panels,
 )
+from flyrl.rollouts import BoolArray
 from flyrl.validation import FloatArray
-
-BoolArray = NDArray[np.bool_]
 
 TIMESTEP_S: Final = 1e-3
 """Of what is integrated here, s."""

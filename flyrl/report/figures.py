@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
@@ -35,8 +34,7 @@ from flyrl.report.style import (
 )
 from flyrl.rollouts import BoolArray
 from flyrl.tasks import SUCCESS
-
-FloatArray = NDArray[np.float64]
+from flyrl.validation import FloatArray
 
 MAX_DOTS: Final = 400
 """Dots of one row beyond which their outline stands for them, to keep the page small."""

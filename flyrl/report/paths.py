@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
-from numpy.typing import NDArray
 
 from flyrl.evaluation.episodes import Json, Trajectory
 from flyrl.report.style import (
@@ -27,8 +26,8 @@ from flyrl.report.style import (
 from flyrl.report.wording import outcome_name
 from flyrl.tasks import SUCCESS, Episode
 from flyrl.terrains import NOWHERE, Bounds, Ground, Terrain, terrain_on_record
+from flyrl.validation import FloatArray
 
-FloatArray = NDArray[np.float64]
 Frame = tuple[FloatArray, FloatArray]
 """Origin (2,), and what turns rows that are points, less that, into the frame, (2, 2)."""
 

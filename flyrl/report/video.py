@@ -22,7 +22,6 @@ from flyrl.evaluation import Entrant, EvaluationConfig
 from flyrl.evaluation.episodes import Json
 from flyrl.progress import progress_bar
 from flyrl.report.captions import (
-    Picture,
     clock_text,
     ending_text,
     jpeg,
@@ -32,7 +31,7 @@ from flyrl.report.captions import (
 )
 from flyrl.simulation.batch import Batch
 from flyrl.simulation.marks import FORCE_PER_MM, Overlay
-from flyrl.simulation.rendering import RenderingUnavailableError, can_draw_in_threads
+from flyrl.simulation.rendering import Picture, RenderingUnavailableError, can_draw_in_threads
 from flyrl.tasks import RUNNING, Episode
 from flyrl.terrains import Terrain
 

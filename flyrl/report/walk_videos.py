@@ -19,11 +19,11 @@ from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.muscles import load_creature
 from flyrl.muscles.attachment import STEP, Moment, recruit_stepwise
-from flyrl.report.captions import Picture, clock_text, jpeg, tension_bars, titled, with_legend
+from flyrl.report.captions import clock_text, jpeg, tension_bars, titled, with_legend
 from flyrl.report.video import FLY_PACE, FPS, HOLD_FRAMES, encode, measured
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.marks import Overlay
-from flyrl.simulation.rendering import Camera, FlyRenderer, Offscreen
+from flyrl.simulation.rendering import Camera, FlyRenderer, Offscreen, Picture
 from flyrl.simulation.worms import add_surroundings, side_view
 
 WIDTH: Final = 640

@@ -17,8 +17,7 @@ from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import Scene
 from flyrl.terrains import BALL, Ball
-
-Array = NDArray[np.float64]
+from flyrl.validation import FloatArray
 
 
 @dataclass(frozen=True)
@@ -62,43 +61,43 @@ class FlyState:
         Whether the simulation blew up since its reset, (n,).
     """
 
-    time: Array
-    position_w: Array
-    velocity_w: Array
-    rotation_w: Array
-    angular_velocity_w: Array
-    joint_angles: Array
-    joint_velocities: Array
-    actuator_torques: Array
-    contact_forces_w: Array
-    end_effectors_w: Array
-    command: Array
-    phases: Array
-    magnitudes: Array
-    retraction: Array
-    stumbling: Array
-    adhesion: Array
-    muscle_tensions: Array
-    fictive_velocity_b: Array
+    time: FloatArray
+    position_w: FloatArray
+    velocity_w: FloatArray
+    rotation_w: FloatArray
+    angular_velocity_w: FloatArray
+    joint_angles: FloatArray
+    joint_velocities: FloatArray
+    actuator_torques: FloatArray
+    contact_forces_w: FloatArray
+    end_effectors_w: FloatArray
+    command: FloatArray
+    phases: FloatArray
+    magnitudes: FloatArray
+    retraction: FloatArray
+    stumbling: FloatArray
+    adhesion: FloatArray
+    muscle_tensions: FloatArray
+    fictive_velocity_b: FloatArray
     is_unstable: NDArray[np.bool_]
 
     @property
-    def actuation(self) -> Array:
+    def actuation(self) -> FloatArray:
         """What the fly does by command, as a rollout records it: `command`."""
         return self.command
 
     @property
-    def heading_w(self) -> Array:
+    def heading_w(self) -> FloatArray:
         """Unit vectors along the thorax, tail to head, (n, 3)."""
         return self.rotation_w[:, :, 0]
 
     @property
-    def yaw(self) -> Array:
+    def yaw(self) -> FloatArray:
         """Heading's angle from +x, counter-clockwise from above, rad in (-pi, pi], (n,)."""
         return np.arctan2(self.rotation_w[:, 1, 0], self.rotation_w[:, 0, 0])
 
     @property
-    def up_b(self) -> Array:
+    def up_b(self) -> FloatArray:
         """The world's up direction in the thorax frame, (n, 3); (0, 0, 1) when level."""
         return self.rotation_w[:, 2, :]
 
@@ -150,7 +149,7 @@ class FlyBatch(Batch):
         self.controllers = self.userdata["controller"]
         self.senses, self.output, self._clock = head["senses"], head["output"], head["clock"]
         names = self.controllers.dtype.names or ()
-        self._legs: dict[str, Array] = {
+        self._legs: dict[str, FloatArray] = {
             name: self.controllers[name] if name in names else np.zeros((n, 6)) for name in SHOWN
         }
         names = scene.userdata.names or ()

@@ -17,7 +17,7 @@ from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.rendering import WormRenderer
 from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
 from flyrl.terrains import add_terrain
-from flyrl.validation import float_array, one_of
+from flyrl.validation import FloatArray, float_array, one_of
 
 
 def add_surroundings(spec: mujoco.MjSpec) -> None:
@@ -52,8 +52,6 @@ def side_view(config: WormConfig) -> mujoco.MjvCamera:
     return camera
 
 
-Array = NDArray[np.float64]
-
 HANGING_CLEARANCE: Final = 2.0
 """How far above the ground the end of a hanging worm's tail is, mm."""
 
@@ -83,25 +81,25 @@ class WormState:
         Whether the simulation blew up since its reset, (n,).
     """
 
-    time: Array
-    position_w: Array
-    velocity_w: Array
-    yaw: Array
-    joint_angles: Array
-    joint_velocities: Array
-    neurons: Array
-    tensions: Array
+    time: FloatArray
+    position_w: FloatArray
+    velocity_w: FloatArray
+    yaw: FloatArray
+    joint_angles: FloatArray
+    joint_velocities: FloatArray
+    neurons: FloatArray
+    tensions: FloatArray
     is_unstable: NDArray[np.bool_]
 
     @property
-    def actuation(self) -> Array:
+    def actuation(self) -> FloatArray:
         """What the worm does by command, as a rollout records it: `tensions`."""
         return self.tensions
 
     @property
-    def bend(self) -> Array:
+    def bend(self) -> FloatArray:
         """Sum of the joints' angles, rad, (n,)."""
-        total: Array = self.joint_angles.sum(axis=1)
+        total: FloatArray = self.joint_angles.sum(axis=1)
         return total
 
 
@@ -179,7 +177,7 @@ class WormBatch(Batch):
         self._crawls = scene.config.body.mount == "crawling"
 
     @cached_property
-    def _resting(self) -> Array:
+    def _resting(self) -> FloatArray:
         return np.array([attached.muscle.tension(0) for attached in self.scene.muscles])
 
     def start(self, ids: Ids, episodes: Sequence[Any]) -> None:
@@ -280,14 +278,14 @@ class WormBatch(Batch):
 
     # Sums over segments are loops: in NumPy's, the order may depend on the number of simulations.
 
-    def _mean_middle(self) -> Array:
+    def _mean_middle(self) -> FloatArray:
         """Mean of the segments' middles, (n, 3)."""
         total = np.zeros((self.num_sims, 3))
         for geom in self.segment_geoms:
             total += self._middles[:, geom]
         return total / len(self.segment_geoms)
 
-    def _mean_velocity(self) -> Array:
+    def _mean_velocity(self) -> FloatArray:
         """Velocity of the mean of the segments' middles, (n, 3).
 
         Every joint turns the middles of all segments behind it about its anchor.
@@ -307,12 +305,12 @@ class WormBatch(Batch):
         total /= len(self.segment_geoms)
         return total + self._qvel[:, :3] if self._crawls else total
 
-    def _yaw(self) -> Array:
+    def _yaw(self) -> FloatArray:
         """Direction from the last segment's middle to the first one's, (n,)."""
         if not self._crawls:
             return np.zeros(self.num_sims)
         first, last = self.segment_geoms[[0, -1]]
         x = self._middles[:, first, 0] - self._middles[:, last, 0]
         y = self._middles[:, first, 1] - self._middles[:, last, 1]
-        yaw: Array = np.arctan2(y, x)
+        yaw: FloatArray = np.arctan2(y, x)
         return yaw

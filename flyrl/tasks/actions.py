@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flyrl.controllers.controller import (
     DRIVE,
@@ -17,10 +17,9 @@ from flyrl.controllers.controller import (
     NUM_LEGS,
     Command,
 )
+from flyrl.validation import FloatArray
 
 __all__ = ["DRIVE_HIGH", "DRIVE_LOW", "Actions", "Drives", "JointTargets", "Neurons"]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ class Drives:
         return len(self.command.names)
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest value of an action's components, (k,) each."""
         ranges = zip(self.command.low, self.command.high, strict=True)
         given = [
@@ -64,23 +63,23 @@ class Drives:
         """Gymnasium's space of an action."""
         return _box(*self.bounds)
 
-    def commands(self, actions: ArrayLike) -> Array:
+    def commands(self, actions: ArrayLike) -> FloatArray:
         """Map actions (..., k), clipped to their range, to commands (..., k)."""
         low, high = self.bounds
         clipped = np.clip(np.asarray(actions, dtype=np.float64), low, high)
         if self.low is None:
             return clipped
         least, greatest = self._command_range
-        commands: Array = least + (clipped - low) / (high - low) * (greatest - least)
+        commands: FloatArray = least + (clipped - low) / (high - low) * (greatest - least)
         return commands
 
-    def of(self, commands: ArrayLike) -> Array:
+    def of(self, commands: ArrayLike) -> FloatArray:
         """Map commands to the actions that give them; the inverse of `commands`."""
         given = np.asarray(commands, dtype=np.float64)
         if self.low is None:
             return given
         (low, high), (least, greatest) = self.bounds, self._command_range
-        actions: Array = low + (given - least) / (greatest - least) * (high - low)
+        actions: FloatArray = low + (given - least) / (greatest - least) * (high - low)
         return actions
 
     def of_command(self, command: Command) -> "Drives":
@@ -89,7 +88,7 @@ class Drives:
         return Drives(command=command) if is_scaled else Drives(None, None, command)
 
     @property
-    def _command_range(self) -> tuple[Array, Array]:
+    def _command_range(self) -> tuple[FloatArray, FloatArray]:
         return np.array(self.command.low), np.array(self.command.high)
 
 
@@ -118,7 +117,7 @@ class JointTargets(Drives):
         joints = _box(low[:NUM_JOINTS], high[:NUM_JOINTS])
         return spaces.Dict({"joints": joints, "adhesion": spaces.MultiBinary(NUM_LEGS)})
 
-    def commands(self, actions: ArrayLike) -> Array:
+    def commands(self, actions: ArrayLike) -> FloatArray:
         """Take actions (..., 48) as they are: no joint has a limit, and reflexes go beyond π."""
         return np.asarray(actions, dtype=np.float64)
 
@@ -145,7 +144,7 @@ class Neurons:
     creature = "worm"
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest value of an action's components, (M,) each."""
         return np.full(self.size, self.low), np.full(self.size, self.high)
 
@@ -163,7 +162,7 @@ class Neurons:
         """Components of an action."""
         return len(self.pools)
 
-    def commands(self, actions: ArrayLike) -> Array:
+    def commands(self, actions: ArrayLike) -> FloatArray:
         """Map actions (..., M) to the whole numbers of neurons, (..., M), within the pools.
 
         Raises
@@ -186,7 +185,7 @@ class Neurons:
         clipped = np.clip(given, self.low, self.high)
         return np.round((clipped - self.low) / (self.high - self.low) * last)
 
-    def of(self, neurons: ArrayLike) -> Array:
+    def of(self, neurons: ArrayLike) -> FloatArray:
         """Map numbers of neurons to the actions that command them; the inverse of `commands`."""
         given = np.asarray(neurons, dtype=np.float64)
         if self.is_integer:
@@ -195,7 +194,7 @@ class Neurons:
         return self.low + given / last * (self.high - self.low)
 
 
-def action_vectors(actions: Any) -> Array:
+def action_vectors(actions: Any) -> FloatArray:
     """Actions as an action space has them, as vectors, (…, size)."""
     if not isinstance(actions, Mapping):
         return np.asarray(actions, dtype=np.float64)
@@ -203,7 +202,7 @@ def action_vectors(actions: Any) -> Array:
     return np.concatenate([*parts], axis=-1)
 
 
-def _box(low: Array, high: Array) -> spaces.Box:
+def _box(low: FloatArray, high: FloatArray) -> spaces.Box:
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 

@@ -13,7 +13,6 @@ from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
-    Array,
     Mask,
     ObservationTerm,
     RewardTerm,
@@ -32,13 +31,13 @@ from flyrl.tasks.terms import (
     to_yaw_frame,
 )
 from flyrl.terrains import Prop, Terrain
-from flyrl.validation import Within
+from flyrl.validation import FloatArray, Within
 
 COURSE_POINTS = 50
 """Places on the target's way that must lie on the terrain."""
 
 
-def revolved(places: Array, time_s: Array, command: Array) -> Array:
+def revolved(places: FloatArray, time_s: FloatArray, command: FloatArray) -> FloatArray:
     """Places (n, 3), mm, after a time (n,), s, around the centres that commands say.
 
     Parameters
@@ -101,24 +100,24 @@ def now(state: TaskState) -> TaskState:
     return replace(state, goal=state.props[:, 0, :2])
 
 
-def target_direction_b(state: TaskState) -> Array:
+def target_direction_b(state: TaskState) -> FloatArray:
     """Unit vector to the target, (n, 2); see `terms.target_direction_b`."""
     return terms.target_direction_b(now(state))
 
 
-def target_distance(state: TaskState) -> Array:
+def target_distance(state: TaskState) -> FloatArray:
     """Distance to the target in units of 15 mm, (n, 1)."""
     return terms.target_distance(now(state))
 
 
-def target_velocity_b(state: TaskState) -> Array:
+def target_velocity_b(state: TaskState) -> FloatArray:
     """Velocity of the target, forward and leftward, in units of 20 mm/s, (n, 2)."""
     offset = state.props[:, 0, :2] - state.command[:, :2]
     velocity_w = state.command[:, 2:] * np.stack([-offset[:, 1], offset[:, 0]], axis=1)
     return to_yaw_frame(velocity_w, state.fly.yaw) / 20.0
 
 
-def progress(state: TaskState) -> Array:
+def progress(state: TaskState) -> FloatArray:
     """By how much the distance to the target shrank, by its motion and the fly's, mm, (n,)."""
     place = state.props[:, 0]
     before = revolved(place, state.previous.time - state.fly.time, state.command)[:, :2]
@@ -132,7 +131,7 @@ def is_caught(state: TaskState, reach: float) -> Mask:
     return terms.is_at_target(now(state), reach)
 
 
-def turn_to_target(state: TaskState) -> Array:
+def turn_to_target(state: TaskState) -> FloatArray:
     """Angle between the heading and the bearing of the target, deg, (n,)."""
     return terms.turn_to_target(now(state))
 

@@ -14,12 +14,13 @@ from flyrl.tasks import terms
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets
 from flyrl.tasks.episode import TIME, Episode, draw_oscillators, draw_spawn
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.task import Array, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.task import ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.tasks.terms import FAILURES, to_yaw_frame
 from flyrl.terrains import Terrain
+from flyrl.validation import FloatArray
 
 
-def joint_states(state: TaskState) -> Array:
+def joint_states(state: TaskState) -> FloatArray:
     """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
     fly = state.fly
     table = np.empty((len(fly.time), 3, 42))
@@ -29,7 +30,7 @@ def joint_states(state: TaskState) -> Array:
     return table
 
 
-def thorax(state: TaskState) -> Array:
+def thorax(state: TaskState) -> FloatArray:
     """Position (mm), velocity (mm/s), yaw-pitch-roll (rad), their rates (rad/s), (n, 4, 3).
 
     Yaw-pitch-roll are the intrinsic z-y-x angles of the thorax.

@@ -14,7 +14,6 @@ from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
-    Array,
     Mask,
     ObservationTerm,
     RewardTerm,
@@ -34,7 +33,7 @@ from flyrl.tasks.terms import (
     success_in_time,
 )
 from flyrl.terrains import TARGET_MARKER, Terrain
-from flyrl.validation import Within
+from flyrl.validation import FloatArray, Within
 
 PATH_SPACING: Final = 0.5
 """mm between two points of a path."""
@@ -50,7 +49,7 @@ def draw_path(
     length: float,
     radius: float,
     smoothness: float,
-) -> Array:
+) -> FloatArray:
     """Points PATH_SPACING apart from `start`, mm, (k, 2).
 
     With the difficulty, the first direction grows from straight ahead to any, the curves from none
@@ -101,7 +100,7 @@ def sample_episode(
     return replace(episode, goal=(end_x, end_y), command=command)
 
 
-def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[np.intp]]:
+def path_position(state: TaskState, position_w: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
     """Distance to the nearest point of the path, mm, and its number, both (n,)."""
     path = state.command.reshape(len(position_w), -1, 2)
     distances = np.linalg.norm(path - position_w[:, None, :2], axis=2)
@@ -109,12 +108,12 @@ def path_position(state: TaskState, position_w: Array) -> tuple[Array, NDArray[n
     return distances[np.arange(len(nearest)), nearest], nearest
 
 
-def off_path(state: TaskState) -> Array:
+def off_path(state: TaskState) -> FloatArray:
     """Distance to the path, mm, (n,)."""
     return path_position(state, state.fly.position_w)[0]
 
 
-def path_direction_b(state: TaskState, look_ahead: float) -> Array:
+def path_direction_b(state: TaskState, look_ahead: float) -> FloatArray:
     """Unit vector to the path's point that is `look_ahead`, mm, beyond the nearest one, (n, 2)."""
     _, nearest = path_position(state, state.fly.position_w)
     path = state.command.reshape(len(nearest), -1, 2)
@@ -122,19 +121,19 @@ def path_direction_b(state: TaskState, look_ahead: float) -> Array:
     return direction_b(state, path[np.arange(len(nearest)), ahead])
 
 
-def path_distance(state: TaskState) -> Array:
+def path_distance(state: TaskState) -> FloatArray:
     """Distance to the path in units of 5 mm, (n, 1)."""
     return off_path(state)[:, None] / 5.0
 
 
-def path_progress(state: TaskState) -> Array:
+def path_progress(state: TaskState) -> FloatArray:
     """By how much the path's nearest point moved on, mm, (n,)."""
     _, now = path_position(state, state.fly.position_w)
     _, before = path_position(state, state.previous.position_w)
     return np.asarray((now - before) * PATH_SPACING)
 
 
-def path_deviation(state: TaskState) -> Array:
+def path_deviation(state: TaskState) -> FloatArray:
     """Distance to the path, times the time since the last decision, mm s, (n,)."""
     return off_path(state) * elapsed(state)
 

@@ -14,7 +14,6 @@ from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
-    Array,
     ErrorTerm,
     Mask,
     ObservationTerm,
@@ -33,7 +32,7 @@ from flyrl.tasks.terms import (
     is_inside,
 )
 from flyrl.terrains import Prop, Terrain
-from flyrl.validation import Within
+from flyrl.validation import FloatArray, Within
 
 
 def sample_episode(
@@ -90,17 +89,17 @@ def towards(state: TaskState, ahead: int = 0) -> TaskState:
     return replace(state, goal=places[np.arange(len(places)), due])
 
 
-def gate_direction_b(state: TaskState, ahead: int = 0) -> Array:
+def gate_direction_b(state: TaskState, ahead: int = 0) -> FloatArray:
     """Unit vector to a gate, (n, 2); see `terms.target_direction_b`."""
     return terms.target_direction_b(towards(state, ahead))
 
 
-def gate_distance(state: TaskState) -> Array:
+def gate_distance(state: TaskState) -> FloatArray:
     """Distance to the gate that is due, in units of 15 mm, (n, 1)."""
     return terms.target_distance(towards(state))
 
 
-def progress(state: TaskState) -> Array:
+def progress(state: TaskState) -> FloatArray:
     """By how much the distance to the gate that is due shrank, mm, (n,)."""
     return terms.progress(towards(state))
 
@@ -115,12 +114,12 @@ def has_passed_all(state: TaskState, gates: int) -> Mask:
     return _passed(state) >= gates
 
 
-def turn_to_gate(state: TaskState) -> Array:
+def turn_to_gate(state: TaskState) -> FloatArray:
     """Angle between the heading and the bearing of the gate that is due, deg, (n,)."""
     return terms.turn_to_target(towards(state))
 
 
-def gates_left(state: TaskState, gates: int) -> Array:
+def gates_left(state: TaskState, gates: int) -> FloatArray:
     """Number of gates that were not reached yet, (n,)."""
     return np.maximum(gates - state.totals["gates"], 0.0)
 

@@ -12,7 +12,6 @@ from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import sample_episode
 from flyrl.tasks.task import (
     SUCCESS,
-    Array,
     ObservationTerm,
     RewardTerm,
     Task,
@@ -21,10 +20,10 @@ from flyrl.tasks.task import (
 )
 from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, cost_of_time
 from flyrl.terrains import TARGET_MARKER
-from flyrl.validation import Within
+from flyrl.validation import FloatArray, Within
 
 
-def time_stood(state: TaskState, reach: float, tolerance: float) -> Array:
+def time_stood(state: TaskState, reach: float, tolerance: float) -> FloatArray:
     """Time since the last decision where the fly stands within reach, mm, else 0, s, (n,).
 
     A thorax that moves along the ground by less than `tolerance`, mm/s, on average over the

@@ -25,7 +25,6 @@ from flyrl.tasks.task import (
     DESIRED_GOAL,
     IS_FAILURE,
     SUCCESS,
-    Array,
     Mask,
     ObservationTerm,
     OfGoals,
@@ -45,7 +44,7 @@ from flyrl.tasks.terms import (
     success_in_time,
 )
 from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
-from flyrl.validation import Within
+from flyrl.validation import FloatArray, Within
 
 
 def sample_episode(
@@ -189,11 +188,11 @@ _BOUND: Final = 10.0
 """Of a goal's coordinates, in GOAL_UNIT: the edge of flat ground, the widest of all."""
 
 
-def _place(state: TaskState) -> Array:
+def _place(state: TaskState) -> FloatArray:
     return state.fly.position_w[:, :2] / GOAL_UNIT
 
 
-def _goal(state: TaskState) -> Array:
+def _goal(state: TaskState) -> FloatArray:
     return state.goal / GOAL_UNIT
 
 
@@ -205,7 +204,7 @@ DESIRED: Final = ObservationTerm(
 )
 
 
-def distance(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> Array:
+def distance(achieved_goal: ArrayLike, desired_goal: ArrayLike) -> FloatArray:
     """Distance between goals (..., 2), mm, (...)."""
     offset = np.asarray(desired_goal, np.float64) - np.asarray(achieved_goal, np.float64)
     return np.asarray(GOAL_UNIT * np.hypot(offset[..., 0], offset[..., 1]))
@@ -218,17 +217,17 @@ def is_reached(achieved_goal: ArrayLike, desired_goal: ArrayLike, reach: float) 
 
 def is_away(
     achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike, reach: float
-) -> Array:
+) -> FloatArray:
     """1 where goals (..., 2) do not lie within `reach`, mm, of each other, else 0, (...)."""
     return np.asarray(~is_reached(achieved_goal, desired_goal, reach), dtype=np.float64)
 
 
-def distances(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
+def distances(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> FloatArray:
     """Distance between goals (..., 2), mm, for this decision and each that is lost, (...)."""
     return np.asarray(distance(achieved_goal, desired_goal) * (1.0 + np.asarray(lost)))
 
 
-def decisions(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> Array:
+def decisions(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike) -> FloatArray:
     """Decisions that are lost, whatever the goals, (...)."""
     return np.asarray(lost, dtype=np.float64)
 
@@ -243,7 +242,7 @@ def at_goal(state: TaskState, reach: float) -> Mask:
     return is_reached(*_goals(state), reach)
 
 
-def _now(state: TaskState, of_goals: OfGoals) -> Array:
+def _now(state: TaskState, of_goals: OfGoals) -> FloatArray:
     """Reward of the goals as they are observed and of the decisions that are lost, (n,)."""
     return of_goals(*_goals(state), decisions_lost(state))
 
@@ -255,7 +254,7 @@ def goal_reward(name: str, weight: float, of_goals: OfGoals, description: str) -
 
 def compute_reward(
     task: Task, achieved_goal: ArrayLike, desired_goal: ArrayLike, info: Any
-) -> Array:
+) -> FloatArray:
     """Reward of having achieved a goal when another was desired, in a task with goals.
 
     Parameters

@@ -15,13 +15,12 @@ from flyrl.simulation.worms import WormState
 from flyrl.tasks.actions import Actions, Drives
 from flyrl.tasks.episode import Episode
 from flyrl.terrains import Bounds, Prop, Terrain
-from flyrl.validation import Within, check_fields
+from flyrl.validation import FloatArray, Within, check_fields
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Compute = Callable[[Any], Array]
+Compute = Callable[[Any], FloatArray]
 """From a `TaskState` to values (n, …)."""
-OfGoals = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
+OfGoals = Callable[[ArrayLike, ArrayLike, ArrayLike], FloatArray]
 """From achieved and desired goals, and the decisions that a failure cut off, to rewards."""
 
 RUNNING: Final = "running"
@@ -75,12 +74,12 @@ class TaskState:
 
     body: BodyState
     previous: BodyState
-    props: Array
-    goal: Array
-    command: Array
-    totals: Mapping[str, Array]
-    means: Mapping[str, Array]
-    decisions_left: Array
+    props: FloatArray
+    goal: FloatArray
+    command: FloatArray
+    totals: Mapping[str, FloatArray]
+    means: Mapping[str, FloatArray]
+    decisions_left: FloatArray
     decision_interval_s: float
     bounds: Bounds
 
@@ -95,7 +94,7 @@ class TaskState:
         return cast(WormState, self.body)
 
     @property
-    def remaining_s(self) -> Array:
+    def remaining_s(self) -> FloatArray:
         """Time left before the time limit, s, (n,); infinite without one."""
         return self.decisions_left * self.decision_interval_s
 
@@ -136,12 +135,12 @@ class ObservationTerm:
         """Number of values."""
         return int(np.prod(self.shape))
 
-    def spreads(self) -> Array:
+    def spreads(self) -> FloatArray:
         """`spread` of every value, of the term's shape."""
         rows = np.reshape(self.spread, (-1,) + (1,) * (len(self.shape) - 1))
         return np.array(np.broadcast_to(rows, self.shape), dtype=np.float64)
 
-    def shown(self, values: Array) -> NDArray[np.float32]:
+    def shown(self, values: FloatArray) -> NDArray[np.float32]:
         """Values (n, *shape) as they are observed: within the bounds, and rounded."""
         # np.clip takes twice as long for a single fly
         return np.minimum(np.maximum(values, self.low), self.high).astype(np.float32)
@@ -158,7 +157,7 @@ class RewardTerm:
 
     name: str
     weight: float
-    compute: Callable[[Any], Array | Mask]
+    compute: Callable[[Any], FloatArray | Mask]
     description: str
     of_goals: OfGoals | None = None
 

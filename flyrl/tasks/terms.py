@@ -18,7 +18,6 @@ from flyrl.tasks.task import (
     FALL,
     IS_FAILURE,
     LEFT_ARENA,
-    Array,
     Compute,
     ErrorTerm,
     Mask,
@@ -27,6 +26,7 @@ from flyrl.tasks.task import (
     Termination,
 )
 from flyrl.terrains import Bounds
+from flyrl.validation import FloatArray
 
 FALL_TILT = np.deg2rad(75.0)
 """rad; a thorax tilted further than this from level has fallen over."""
@@ -46,7 +46,7 @@ CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
 
 
-def to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
+def to_yaw_frame(vector_w: FloatArray, yaw: NDArray[np.float64]) -> FloatArray:
     """Rotate horizontal vectors (n, 2) from the world into the body's yaw frame."""
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = vector_w[:, 0], vector_w[:, 1]
@@ -56,7 +56,7 @@ def to_yaw_frame(vector_w: Array, yaw: NDArray[np.float64]) -> Array:
     return vector_b
 
 
-def direction_b(state: TaskState, place_w: Array) -> Array:
+def direction_b(state: TaskState, place_w: FloatArray) -> FloatArray:
     """Unit vector to a place (n, 2), mm: (cos, sin) of its bearing, left positive, (n, 2)."""
     offset_b = to_yaw_frame(place_w - state.fly.position_w[:, :2], state.fly.yaw)
     return np.asarray(offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9))
@@ -72,46 +72,46 @@ def is_inside(x: Any, y: Any, bounds: Bounds, margin: float = 0.0) -> Any:
     )
 
 
-def goal_distance(position_w: Array, goal: Array) -> Array:
+def goal_distance(position_w: FloatArray, goal: FloatArray) -> FloatArray:
     """Horizontal distance from the thorax to the target, mm, (n,)."""
     offset = goal - position_w[:, :2]
     return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
 
 
-def _unit_vectors(angle: Array) -> Array:
+def _unit_vectors(angle: FloatArray) -> FloatArray:
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def heading_error(state: TaskState) -> Array:
+def heading_error(state: TaskState) -> FloatArray:
     """Angle from the fly's heading to the commanded one, left positive, rad, (n,)."""
     error = state.command[:, 0] - state.fly.yaw
     return np.asarray((error + np.pi) % (2 * np.pi) - np.pi)
 
 
-def command_at(state: TaskState, time: Array, command_s: float) -> Array:
+def command_at(state: TaskState, time: FloatArray, command_s: float) -> FloatArray:
     """Commanded forward speed (mm/s) and yaw rate (rad/s) at a time since the reset, (n, 2).
 
     Each command holds for `command_s`, s, and the last one on.
     """
     commands = state.command.reshape(len(time), -1, 2)
     number = np.minimum(_command_number(time, command_s), commands.shape[1] - 1)
-    chosen: Array = commands[np.arange(len(time)), number]
+    chosen: FloatArray = commands[np.arange(len(time)), number]
     return chosen
 
 
-def _command_number(time: Array, command_s: float) -> NDArray[np.intp]:
+def _command_number(time: FloatArray, command_s: float) -> NDArray[np.intp]:
     # a time that is a command's end but for rounding belongs to the next
     return np.floor(time / command_s + 1e-6).astype(np.intp)
 
 
-def velocity_over_decision(state: TaskState) -> Array:
+def velocity_over_decision(state: TaskState) -> FloatArray:
     """Forward speed (mm/s) and yaw rate (rad/s), averaged over the last decision, (n, 2)."""
     turned = (state.fly.yaw - state.previous.yaw + np.pi) % (2 * np.pi) - np.pi
     duration = np.maximum(elapsed(state), 1e-9)
     return np.stack([forward_way(state), turned], axis=1) / duration[:, None]
 
 
-def command_deviation(state: TaskState, command_s: float, tolerance: Pair) -> Array:
+def command_deviation(state: TaskState, command_s: float, tolerance: Pair) -> FloatArray:
     """Mean speed and yaw rate minus the command, in units of what is tolerated, (n, 2).
 
     `tolerance` is mm/s and rad/s.
@@ -123,75 +123,75 @@ def command_deviation(state: TaskState, command_s: float, tolerance: Pair) -> Ar
 # --- observations --------------------------------------------------------------------------
 
 
-def target_direction_b(state: TaskState) -> Array:
+def target_direction_b(state: TaskState) -> FloatArray:
     """Unit vector to the target: (cos, sin) of its bearing, left positive, (n, 2)."""
     return direction_b(state, state.goal)
 
 
-def target_distance(state: TaskState) -> Array:
+def target_distance(state: TaskState) -> FloatArray:
     """Distance to the target in units of 15 mm, (n, 1)."""
     return goal_distance(state.fly.position_w, state.goal)[:, None] / 15.0
 
 
-def commanded_direction_b(state: TaskState) -> Array:
+def commanded_direction_b(state: TaskState) -> FloatArray:
     """Unit vector along the commanded heading: (cos, sin) of the error, (n, 2)."""
     return _unit_vectors(heading_error(state))
 
 
-def forward_direction_b(state: TaskState) -> Array:
+def forward_direction_b(state: TaskState) -> FloatArray:
     """Unit vector along the world's x axis: (cos, sin) of its bearing, (n, 2)."""
     return _unit_vectors(-state.fly.yaw)
 
 
-def commanded_velocity(state: TaskState, command_s: float) -> Array:
+def commanded_velocity(state: TaskState, command_s: float) -> FloatArray:
     """Commanded forward speed in units of 20 mm/s, and yaw rate in units of 10 rad/s, (n, 2)."""
     return command_at(state, state.fly.time, command_s) / (20.0, 10.0)
 
 
-def command_time_left(state: TaskState, command_s: float) -> Array:
+def command_time_left(state: TaskState, command_s: float) -> FloatArray:
     """Time until the next command, s, (n, 1)."""
     time = state.fly.time
     return ((_command_number(time, command_s) + 1) * command_s - time)[:, None]
 
 
-def mean_velocity(state: TaskState) -> Array:
+def mean_velocity(state: TaskState) -> FloatArray:
     """Mean of `velocity_over_decision`, in units of 20 mm/s and 10 rad/s, (n, 2)."""
     return state.means["velocity"] / (20.0, 10.0)
 
 
-def velocity_b(state: TaskState) -> Array:
+def velocity_b(state: TaskState) -> FloatArray:
     """Forward and leftward velocity in units of 20 mm/s, (n, 2)."""
     return to_yaw_frame(state.body.velocity_w[:, :2], state.body.yaw) / 20.0
 
 
-def heading_rate(state: TaskState) -> Array:
+def heading_rate(state: TaskState) -> FloatArray:
     """Yaw rate in units of 10 rad/s, left positive, (n, 1)."""
     return state.fly.angular_velocity_w[:, 2:] / 10.0
 
 
-def compass(state: TaskState) -> Array:
+def compass(state: TaskState) -> FloatArray:
     """Cosine and sine of the heading from +x, (n, 2)."""
     return _unit_vectors(state.body.yaw)
 
 
-def tilt_b(state: TaskState) -> Array:
+def tilt_b(state: TaskState) -> FloatArray:
     """Horizontal components of the world's up direction in the thorax frame, (n, 2)."""
     return state.fly.up_b[:, :2]
 
 
-def phase_vectors(state: TaskState) -> Array:
+def phase_vectors(state: TaskState) -> FloatArray:
     """Cosines, then sines, of the six legs' phases, (n, 12)."""
     return np.concatenate([np.cos(state.fly.phases), np.sin(state.fly.phases)], axis=1)
 
 
-def leg_contacts(state: TaskState) -> Array:
+def leg_contacts(state: TaskState) -> FloatArray:
     """1 for each leg that touches the ground, (n, 6)."""
     is_grounded = np.empty((len(state.fly.time), 6))
     grounded_legs_of(state.fly.contact_forces_w, is_grounded)
     return is_grounded
 
 
-def reflexes(state: TaskState) -> Array:
+def reflexes(state: TaskState) -> FloatArray:
     """Correction amounts over their cap: six of retraction, six of stumbling, (n, 12)."""
     return np.concatenate([state.fly.retraction, state.fly.stumbling], axis=1) / CORRECTION_CAP
 
@@ -217,23 +217,23 @@ def error(name: str, worst: float, compute: Compute) -> ErrorTerm:
     return ErrorTerm(name, worst, compute, *ERRORS[name])
 
 
-def turn_to_target(state: TaskState) -> Array:
+def turn_to_target(state: TaskState) -> FloatArray:
     """Angle between the heading and the bearing of the target, deg, (n,)."""
     forward, left = target_direction_b(state).T
     return np.asarray(np.abs(np.rad2deg(np.arctan2(left, forward))))
 
 
-def turn_to_heading(state: TaskState) -> Array:
+def turn_to_heading(state: TaskState) -> FloatArray:
     """Angle between the heading and the commanded one, deg, (n,)."""
     return np.asarray(np.abs(np.rad2deg(heading_error(state))))
 
 
-def off_speed(state: TaskState, command_s: float, tolerance: Pair) -> Array:
+def off_speed(state: TaskState, command_s: float, tolerance: Pair) -> FloatArray:
     """Mean forward speed from the commanded one, mm/s, (n,)."""
     return np.abs(command_deviation(state, command_s, tolerance)[:, 0]) * tolerance[0]
 
 
-def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> Array:
+def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> FloatArray:
     """Mean yaw rate from the commanded one, deg/s, (n,)."""
     return np.rad2deg(np.abs(command_deviation(state, command_s, tolerance)[:, 1]) * tolerance[1])
 
@@ -241,40 +241,40 @@ def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> Array:
 # --- rewards -------------------------------------------------------------------------------
 
 
-def progress(state: TaskState) -> Array:
+def progress(state: TaskState) -> FloatArray:
     """By how much the distance to the target shrank, mm, (n,)."""
     return goal_distance(state.previous.position_w, state.goal) - goal_distance(
         state.fly.position_w, state.goal
     )
 
 
-def forward_progress(state: TaskState) -> Array:
+def forward_progress(state: TaskState) -> FloatArray:
     """Displacement along +x, mm, (n,)."""
     return state.body.position_w[:, 0] - state.previous.position_w[:, 0]
 
 
-def forward_way(state: TaskState) -> Array:
+def forward_way(state: TaskState) -> FloatArray:
     """Displacement along the heading before it, mm, (n,)."""
     way_w = (state.fly.position_w - state.previous.position_w)[:, :2]
     return np.asarray(to_yaw_frame(way_w, state.previous.yaw)[:, 0])
 
 
-def elapsed(state: TaskState) -> Array:
+def elapsed(state: TaskState) -> FloatArray:
     """Time since the last decision, s, (n,)."""
     return state.fly.time - state.previous.time
 
 
-def time_along_heading(state: TaskState) -> Array:
+def time_along_heading(state: TaskState) -> FloatArray:
     """Time since the last decision, times the cosine of the heading's error, s, (n,)."""
     return elapsed(state) * np.cos(heading_error(state))
 
 
-def time_on_heading(state: TaskState, tolerance: float) -> Array:
+def time_on_heading(state: TaskState, tolerance: float) -> FloatArray:
     """Time since the last decision where the heading is within a tolerance, rad, s, (n,)."""
     return np.where(np.abs(heading_error(state)) < tolerance, elapsed(state), 0.0)
 
 
-def time_tracked(state: TaskState, command_s: float, tolerance: Pair) -> Array:
+def time_tracked(state: TaskState, command_s: float, tolerance: Pair) -> FloatArray:
     """Time since the last decision, times how well the command was followed (0 to 1), s, (n,).
 
     exp(-(d / 2)²) of both deviations d from the command; see `command_deviation`.
@@ -283,19 +283,19 @@ def time_tracked(state: TaskState, command_s: float, tolerance: Pair) -> Array:
     return np.asarray(elapsed(state) * np.exp(-(deviation**2).sum(axis=1)))
 
 
-def time_on_command(state: TaskState, command_s: float, tolerance: Pair) -> Array:
+def time_on_command(state: TaskState, command_s: float, tolerance: Pair) -> FloatArray:
     """Time since the last decision where both means are as commanded, else 0, s, (n,)."""
     is_on = (np.abs(command_deviation(state, command_s, tolerance)) < 1.0).all(axis=1)
     return np.where(is_on, elapsed(state), 0.0)
 
 
-def drive_change(state: TaskState) -> Array:
+def drive_change(state: TaskState) -> FloatArray:
     """By how much the drive changed with this decision, summed over both sides, (n,)."""
-    change: Array = np.abs(state.body.actuation - state.previous.actuation).sum(axis=1)
+    change: FloatArray = np.abs(state.body.actuation - state.previous.actuation).sum(axis=1)
     return change
 
 
-def joint_work(state: TaskState) -> Array:
+def joint_work(state: TaskState) -> FloatArray:
     """Positive work of the 42 joints' servos in a decision, by torques and velocities at its end.
 
     nJ (µN·mm), (n,).
@@ -356,17 +356,17 @@ def has_failed(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -
     return is_failure
 
 
-def decisions_lost(state: TaskState) -> Array:
+def decisions_lost(state: TaskState) -> FloatArray:
     """Decisions left where the fly failed, else 0, (n,)."""
     return np.where(has_failed(state), state.decisions_left, 0.0)
 
 
-def time_lost(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -> Array:
+def time_lost(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -> FloatArray:
     """Time left, s, where the fly failed, else 0, (n,)."""
     return np.where(has_failed(state, failures), state.remaining_s, 0.0)
 
 
-def failure_info(state: TaskState) -> dict[str, Array | Mask]:
+def failure_info(state: TaskState) -> dict[str, FloatArray | Mask]:
     """What replay with other goals must know of a decision besides its goals, (n,) by key."""
     return {IS_FAILURE: has_failed(state), DECISIONS_LOST: decisions_lost(state)}
 

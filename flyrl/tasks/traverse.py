@@ -12,7 +12,6 @@ from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import (
     SUCCESS,
-    Array,
     Mask,
     ObservationTerm,
     RewardTerm,
@@ -22,7 +21,7 @@ from flyrl.tasks.task import (
 )
 from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, success_in_time
 from flyrl.terrains import Terrain
-from flyrl.validation import Within
+from flyrl.validation import FloatArray, Within
 
 
 def sample_episode(
@@ -43,12 +42,12 @@ def sample_episode(
     return bare_episode(terrain, seed, difficulty)
 
 
-def finish_distance(state: TaskState, finish_line: float) -> Array:
+def finish_distance(state: TaskState, finish_line: float) -> FloatArray:
     """Distance to the finish line at an x, mm, along +x in units of 15 mm, (n, 1)."""
     return (finish_line - state.fly.position_w[:, :1]) / 15.0
 
 
-def turn_to_finish(state: TaskState) -> Array:
+def turn_to_finish(state: TaskState) -> FloatArray:
     """Angle between the heading and the world's x axis, deg, (n,)."""
     return np.asarray(np.abs(np.rad2deg(state.fly.yaw)))
 

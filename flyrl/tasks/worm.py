@@ -17,15 +17,15 @@ from flyrl.muscles import MotorPool
 from flyrl.tasks.actions import Neurons
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.task import Array, Mask, ObservationTerm, RewardTerm, Task, TaskState
+from flyrl.tasks.task import Mask, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.tasks.terms import compass, error, forward_progress, velocity_b
 from flyrl.terrains import Terrain
-from flyrl.validation import Within, one_of
+from flyrl.validation import FloatArray, Within, one_of
 
 _ANGLE = Within(0, 3)
 
 
-def joint_velocities(state: TaskState) -> Array:
+def joint_velocities(state: TaskState) -> FloatArray:
     """Velocities of the joints, 5 rad/s, (n, J)."""
     return state.worm.joint_velocities / 5.0
 
@@ -35,17 +35,17 @@ def has_crawled(state: TaskState, way: float) -> Mask:
     return np.asarray(state.totals["progress"] >= way)
 
 
-def bend_error(state: TaskState) -> Array:
+def bend_error(state: TaskState) -> FloatArray:
     """Bend less what is asked for, rad, (n, 1)."""
     return state.worm.bend[:, None] - state.command
 
 
-def absolute_bend_error(state: TaskState) -> Array:
+def absolute_bend_error(state: TaskState) -> FloatArray:
     """How far the bend is off what is asked for, rad, (n,)."""
     return np.abs(bend_error(state)[:, 0])
 
 
-def bend_error_deg(state: TaskState) -> Array:
+def bend_error_deg(state: TaskState) -> FloatArray:
     """The same, deg, (n,)."""
     return np.degrees(absolute_bend_error(state))
 
@@ -55,7 +55,7 @@ def has_bent(state: TaskState, tolerance: float) -> Mask:
     return np.asarray(absolute_bend_error(state) < tolerance)
 
 
-def recruited_share(state: TaskState, pools: tuple[int, ...]) -> Array:
+def recruited_share(state: TaskState, pools: tuple[int, ...]) -> FloatArray:
     """Share of a worm's motor neurons that are recruited, 0 to 1, (n,).
 
     The first neuron of a pool always is, so it does not count.

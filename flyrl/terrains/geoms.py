@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import BOXES, PLANES, PROPS
-from flyrl.terrains.terrain import Array, Bounds, Boxes, Heights, Terrain
-from flyrl.validation import Within, check_fields
+from flyrl.terrains.terrain import Bounds, Boxes, Heights, Terrain
+from flyrl.validation import FloatArray, Within, check_fields
 
 GROUND_FRICTION: Final = (1.0, 0.005, 0.0001)
 """Sliding, torsional (mm), rolling (mm)."""
@@ -66,7 +66,7 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     _add_plane(spec, name, ground.floor, bounds, material.name)
 
 
-def box_colours(boxes: Boxes) -> Array:
+def box_colours(boxes: Boxes) -> FloatArray:
     """Grey-greens that get lighter with height, RGBA (n, 4).
 
     Where all boxes are level, neighbours alternate.
@@ -196,7 +196,7 @@ def _add_sky(spec: mujoco.MjSpec) -> None:
 
 Shape = Literal["sphere", "cylinder", "box", "marker"]
 
-Path = Callable[[Array, Array, Array], Array]
+Path = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
 """From starts (n, 3), mm, the time since the reset (n,), s, and what episodes ask for (n, size of
 their command) to positions (n, 3), mm."""
 

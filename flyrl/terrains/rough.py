@@ -13,8 +13,8 @@ from typing import Annotated, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.terrains.terrain import Array, Bounds, Boxes, Terrain, check_ranges
-from flyrl.validation import Within, ordered
+from flyrl.terrains.terrain import Bounds, Boxes, Terrain, check_ranges
+from flyrl.validation import FloatArray, Within, ordered
 
 Ids = NDArray[np.intp]
 
@@ -101,7 +101,9 @@ class _Rough(Terrain):
         high = np.max([ground.centres + ground.half_sizes for ground in grounds], axis=0)
         return Boxes((low + high) / 2, (high - low) / 2)
 
-    def _raised(self, heights: Array | float, gaps: Array | float, difficulty: float) -> Boxes:
+    def _raised(
+        self, heights: FloatArray | float, gaps: FloatArray | float, difficulty: float
+    ) -> Boxes:
         """Give the layout its heights and gaps, mm."""
         layout = self.layout
         centres, half_sizes = layout.boxes.centres.copy(), layout.boxes.half_sizes.copy()
@@ -289,7 +291,7 @@ def _joined(ids: list[Ids]) -> Ids:
     return np.concatenate([np.empty(0, dtype=np.intp), *ids])
 
 
-def _slabs(x_centres: Array, widths: Array, top: float, half_width: float) -> Boxes:
+def _slabs(x_centres: FloatArray, widths: FloatArray, top: float, half_width: float) -> Boxes:
     """Slabs across the whole width, with the given centres and widths in x."""
     centres = np.zeros((len(x_centres), 3))
     centres[:, 0] = x_centres

@@ -12,12 +12,9 @@ from typing import Annotated, Any, Final, cast
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from flyrl.entry_points import find, from_record, is_entry_point, is_loaded, name_of
-from flyrl.validation import Within, check_fields, one_of, ordered, within
-
-Array = NDArray[np.float64]
+from flyrl.validation import FloatArray, Within, check_fields, one_of, ordered, within
 
 SPAWN_CLEARANCE: Final = 0.5
 """How far above a terrain's `base_height` flies are put down, mm."""
@@ -52,13 +49,13 @@ class Boxes:
     half_sizes : (n, 3) mm.
     """
 
-    centres: Array = field(default_factory=lambda: np.empty((0, 3)))
-    half_sizes: Array = field(default_factory=lambda: np.empty((0, 3)))
+    centres: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    half_sizes: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
 
     @property
-    def tops(self) -> Array:
+    def tops(self) -> FloatArray:
         """Height of the upper faces, (n,) mm."""
-        tops: Array = self.centres[:, 2] + self.half_sizes[:, 2]
+        tops: FloatArray = self.centres[:, 2] + self.half_sizes[:, 2]
         return tops
 
     def top_at(self, x: float, y: float) -> float | None:
@@ -79,7 +76,7 @@ class Heights:
         Side of a cell, mm. The middle of the field lies at x = y = 0.
     """
 
-    values: Array
+    values: FloatArray
     cell: float
 
     @property
@@ -88,7 +85,7 @@ class Heights:
         rows, columns = self.values.shape
         return (columns - 1) * self.cell / 2, (rows - 1) * self.cell / 2
 
-    def at(self, x: Array | float, y: Array | float) -> Array:
+    def at(self, x: FloatArray | float, y: FloatArray | float) -> FloatArray:
         """Heights at places, bilinearly; beyond the edge those of the edge."""
         rows, columns = self.values.shape
         half_x, half_y = self.half_extent
