@@ -163,15 +163,8 @@ def chase(
     caught = partial(is_caught, reach=reach)
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0, target_direction_b,
-                "cos and sin of the target's bearing from the heading, left positive",
-                is_bearing=True,
-            ),
-            ObservationTerm(
-                "target_distance", (1,), 0.0, 4.0, target_distance,
-                "horizontal distance to the target, in 15 mm",
-            ),
+            terms.direction_term(target_direction_b, "the target's bearing from the heading"),
+            terms.distance_term(target_distance, "the target"),
             ObservationTerm(
                 "target_velocity", (2,), -5.0, 5.0, target_velocity_b,
                 "forward and leftward velocity of the target, in 20 mm/s",

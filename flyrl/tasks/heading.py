@@ -14,7 +14,7 @@ from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
-from flyrl.tasks.task import ObservationTerm, RewardTerm, Task
+from flyrl.tasks.task import RewardTerm, Task
 from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, lost_time
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
@@ -81,10 +81,8 @@ def heading(
     within = float(np.deg2rad(tolerance))
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0, terms.commanded_direction_b,
-                "cos and sin of the commanded heading from the fly's own, left positive",
-                is_bearing=True,
+            terms.direction_term(
+                terms.commanded_direction_b, "the commanded heading from the fly's own"
             ),
             *SENSES,
         ),

@@ -188,21 +188,15 @@ def path(
     failures = (*FAILURES, *off)
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0,
+            terms.direction_term(
                 partial(path_direction_b, look_ahead=look_ahead),
-                f"cos and sin of the bearing of a point {look_ahead:g} mm ahead on the path, left "
-                "positive",
-                is_bearing=True,
+                f"the bearing of a point {look_ahead:g} mm ahead on the path",
             ),
             ObservationTerm(
                 "path_distance", (1,), 0.0, 4.0, path_distance,
                 "distance to the path, in 5 mm",
             ),
-            ObservationTerm(
-                "target_distance", (1,), 0.0, 4.0, terms.target_distance,
-                "horizontal distance to the path's end, in 15 mm",
-            ),
+            terms.distance_term(terms.target_distance, "the path's end"),
             *SENSES,
         ),
         reward=(

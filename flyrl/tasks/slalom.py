@@ -157,15 +157,8 @@ def slalom(
     near, far = beyond_reach("task.spacing", spacing, reach)
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0, gate_direction_b,
-                "cos and sin of the bearing of the gate that is due, left positive",
-                is_bearing=True,
-            ),
-            ObservationTerm(
-                "target_distance", (1,), 0.0, 4.0, gate_distance,
-                "horizontal distance to the gate that is due, in 15 mm",
-            ),
+            terms.direction_term(gate_direction_b, "the bearing of the gate that is due"),
+            terms.distance_term(gate_distance, "the gate that is due"),
             ObservationTerm(
                 "next_direction", (2,), -1.0, 1.0, partial(gate_direction_b, ahead=1),
                 "cos and sin of the bearing of the gate after it, of the last again",

@@ -10,14 +10,7 @@ from flyrl.tasks.episode import TIME, beyond_reach
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.target import sample_episode
-from flyrl.tasks.task import (
-    SUCCESS,
-    ObservationTerm,
-    RewardTerm,
-    Task,
-    TaskState,
-    Termination,
-)
+from flyrl.tasks.task import SUCCESS, RewardTerm, Task, TaskState, Termination
 from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, cost_of_time
 from flyrl.terrains import TARGET_MARKER
 from flyrl.validation import FloatArray, Within
@@ -65,15 +58,8 @@ def stop(
     has_stood = partial(terms.lasted, reward="standing", seconds=kept)
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0, terms.target_direction_b,
-                "cos and sin of the place's bearing from the heading, left positive",
-                is_bearing=True,
-            ),
-            ObservationTerm(
-                "target_distance", (1,), 0.0, 4.0, terms.target_distance,
-                "horizontal distance to the place, in 15 mm",
-            ),
+            terms.direction_term(terms.target_direction_b, "the place's bearing from the heading"),
+            terms.distance_term(terms.target_distance, "the place"),
             *SENSES,
         ),
         reward=(

@@ -142,15 +142,8 @@ def target(
     at_target = partial(terms.is_at_target, reach=reach)
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0, terms.target_direction_b,
-                "cos and sin of the target's bearing from the heading, left positive",
-                is_bearing=True,
-            ),
-            ObservationTerm(
-                "target_distance", (1,), 0.0, 4.0, terms.target_distance,
-                "horizontal distance to the target, in 15 mm",
-            ),
+            terms.direction_term(terms.target_direction_b, "the target's bearing from the heading"),
+            terms.distance_term(terms.target_distance, "the target"),
             *SENSES,
         ),
         reward=(

@@ -74,11 +74,7 @@ def traverse(
     crossed = partial(has_crossed, finish_line=finish_line)
     return Task(
         observation=(
-            ObservationTerm(
-                "target_direction", (2,), -1.0, 1.0, terms.forward_direction_b,
-                "cos and sin of the bearing of the world's x axis, left positive",
-                is_bearing=True,
-            ),
+            terms.direction_term(terms.forward_direction_b, "the bearing of the world's x axis"),
             ObservationTerm(
                 "finish_distance", (1,), -4.0, 4.0,
                 partial(finish_distance, finish_line=finish_line),
