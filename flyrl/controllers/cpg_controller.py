@@ -127,6 +127,9 @@ class OscillatorController(Controller):
     coupling_weights: Annotated[SixBySix | None, Within(-1e3, 1e3)] = None
     amplitude_range: Annotated[tuple[float, float], Within(-10, 10)] = (DRIVE_LOW, DRIVE_HIGH)
 
+    state_fields: ClassVar[Any] = OSCILLATOR_STATE
+    """What a controller keeps; `OSCILLATOR_STATE`, and more."""
+
     def __post_init__(self) -> None:
         check_fields(self, "controller")
         if not self.amplitude_range[0] < self.amplitude_range[1]:
@@ -156,26 +159,27 @@ class OscillatorController(Controller):
         record["phase_biases"] = gait_phase_biases(self.gait) if biases is None else biases
         record["convergence_coefs"] = self.convergence_rate
 
-    def start_oscillators(
+    def initial_state(
         self,
-        record: np.void,
-        seed: int,
-        init_phases: ArrayLike | None,
-        init_magnitudes: ArrayLike | None,
-    ) -> None:
-        """Write the phases and magnitudes that are given, or drawn from a seed.
+        seed: int = 0,
+        init_phases: ArrayLike | None = None,
+        init_magnitudes: ArrayLike | None = None,
+    ) -> np.void:
+        """Oscillators as an episode starts, as given or drawn from a seed; all else is 0.
 
         Raises
         ------
         ValueError
             If the seed is no seed, or a given array has the wrong shape or is not finite.
         """
+        record: np.void = np.zeros(1, dtype=self.state_fields)[0]
         record["phases"], record["magnitudes"] = initial_oscillators(
             np.random.RandomState(random_seed(seed)),
             np.full(NUM_LEGS, self.amplitude),
             init_phases,
             init_magnitudes,
         )
+        return record
 
 
 @dataclass(frozen=True)
@@ -190,15 +194,4 @@ class CPG(OscillatorController):
         record: np.void = np.zeros(1, dtype=[*OSCILLATOR_PARAMETERS, *step_fields(steps)])[0]
         self.pack_oscillators(record, timestep)
         pack_step(record, steps)
-        return record
-
-    def initial_state(
-        self,
-        seed: int = 0,
-        init_phases: ArrayLike | None = None,
-        init_magnitudes: ArrayLike | None = None,
-    ) -> np.void:
-        """Oscillators as an episode starts; ValueError as in `start_oscillators`."""
-        record: np.void = np.zeros(1, dtype=OSCILLATOR_STATE)[0]
-        self.start_oscillators(record, seed, init_phases, init_magnitudes)
         return record

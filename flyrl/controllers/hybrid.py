@@ -122,6 +122,7 @@ class Hybrid(OscillatorController):
     stumbling_force: Annotated[float | None, Within(-1e6, 1e6)] = None
     stumbling_segments: tuple[Segment, ...] | None = None
 
+    state_fields: ClassVar[Any] = STATE
     step: ClassVar[Step] = staticmethod(hybrid_step)
 
     def parameters(self, timestep: float) -> np.void:
@@ -155,17 +156,6 @@ class Hybrid(OscillatorController):
             (ends + TWO_PI) / 2,
         )
         record["gain_phases"] = np.stack([*points, np.full_like(ends, TWO_PI)], axis=1)
-        return record
-
-    def initial_state(
-        self,
-        seed: int = 0,
-        init_phases: ArrayLike | None = None,
-        init_magnitudes: ArrayLike | None = None,
-    ) -> np.void:
-        """Oscillators as an episode starts, and reflexes at rest."""
-        record: np.void = np.zeros(1, dtype=STATE)[0]
-        self.start_oscillators(record, seed, init_phases, init_magnitudes)
         return record
 
 

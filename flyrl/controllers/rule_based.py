@@ -78,16 +78,14 @@ _RULE_PARAMETERS: Final = [
     ("phase_increment", "f8"),  # of a stepping leg, rad per time step
 ]
 
-_STATE: Final = np.dtype(
-    [
-        ("phases", "f8", (NUM_LEGS,)),  # rad in [0, 2π)
-        ("magnitudes", "f8", (NUM_LEGS,)),
-        ("has_started", "f8"),
-        ("is_stepping", "f8", (NUM_LEGS,)),
-        ("scores", "f8", (3, NUM_LEGS)),  # readiness of legs by each rule
-        ("random", "f8", (STATE_SIZE,)),
-    ]
-)
+_STATE: Final = [
+    ("phases", "f8", (NUM_LEGS,)),  # rad in [0, 2π)
+    ("magnitudes", "f8", (NUM_LEGS,)),
+    ("has_started", "f8"),
+    ("is_stepping", "f8", (NUM_LEGS,)),
+    ("scores", "f8", (3, NUM_LEGS)),  # readiness of legs by each rule
+    ("random", "f8", (STATE_SIZE,)),
+]
 
 
 def construct_rules_graph() -> "RulesGraph":
@@ -203,7 +201,7 @@ def advance_rules(parameters: Any, state: Any) -> None:
     parameters
         Record with the fields of `_RULE_PARAMETERS`, and "grip_start": where each leg's swing ends.
     state
-        Record of type `_STATE`. The very first step has no scores to go by.
+        Record with the fields of `_STATE`. The very first step has no scores to go by.
     """
     if state.has_started == 0.0:
         state.has_started = 1.0
@@ -278,6 +276,8 @@ class RuleBased(Controller):
     margin: Annotated[float, Within(0, 1)] = MARGIN
 
     follows_command: ClassVar[bool] = False
+    parameter_fields: ClassVar[list[Any]] = _RULE_PARAMETERS
+    state_fields: ClassVar[list[Any]] = _STATE
     step: ClassVar[Step] = staticmethod(rule_based_step)
 
     def __post_init__(self) -> None:
@@ -302,7 +302,7 @@ class RuleBased(Controller):
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes; ValueError if the time step is not above 0."""
         steps = self.load_steps()
-        record: np.void = np.zeros(1, dtype=[*_RULE_PARAMETERS, *step_fields(steps)])[0]
+        record: np.void = np.zeros(1, dtype=[*self.parameter_fields, *step_fields(steps)])[0]
         weights: dict[str, float] = {rule: getattr(self, rule) for rule in RULES}
         _pack_rules(record, self.graph(), weights, self.margin, timestep, steps.duration)
         pack_step(record, steps)
@@ -315,7 +315,7 @@ class RuleBased(Controller):
         init_magnitudes: ArrayLike | None = None,
     ) -> np.void:
         """Legs at rest, whose steps are always taken in full; ValueError if `seed` is none."""
-        record: np.void = np.zeros(1, dtype=_STATE)[0]
+        record: np.void = np.zeros(1, dtype=self.state_fields)[0]
         record["magnitudes"] = 1.0
         record["random"] = seeded_stream(seed)
         return record

@@ -49,15 +49,21 @@ class SteeredRules(RuleBased):
 
     convergence_rate: Annotated[float, Within(0, 1e3)] = TRIPOD_CONVERGENCE_RATE
 
+    # first: at the end, Numba would take the record for a subtype of the one without, and warn
+    parameter_fields: ClassVar[list[Any]] = [("followed", "f8"), *RuleBased.parameter_fields]
+    state_fields: ClassVar[list[Any]] = [
+        ("strength", "f8", (2,)),  # of each side's steps
+        *RuleBased.state_fields,
+    ]
     follows_command: ClassVar[bool] = True
     step: ClassVar[Step] = staticmethod(steered_rules_step)
 
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes; ValueError if the time step is not above 0."""
+        record = super().parameters(timestep)
         # of the way to the drive, per physics step; explicit, as the CPG's
-        return _with_field(
-            super().parameters(timestep), "followed", self.convergence_rate * timestep
-        )
+        record["followed"] = self.convergence_rate * timestep
+        return record
 
     def initial_state(
         self,
@@ -68,15 +74,4 @@ class SteeredRules(RuleBased):
         """Legs at rest, without a drive yet; ValueError if `seed` is none."""
         record = super().initial_state(seed)
         record["magnitudes"] = 0.0
-        return _with_field(record, "strength", np.zeros(2))
-
-
-def _with_field(record: np.void, name: str, value: ArrayLike) -> np.void:
-    """A record with one more field of float64 before the others."""
-    # at the end, Numba would take it for a subtype of the record without, and warn
-    fields = [(key, record.dtype[key]) for key in record.dtype.names or ()]
-    extended: np.void = np.zeros(1, dtype=[(name, "f8", np.shape(value)), *fields])[0]
-    for key, _ in fields:
-        extended[key] = record[key]
-    extended[name] = value
-    return extended
+        return record
