@@ -220,7 +220,7 @@ def check_fields(config: Any, group: str = "") -> None:
 
 
 def checked_arguments(
-    function: Callable[..., Any], given: Mapping[str, Any], group: str = ""
+    function: Callable[..., Any], given: Mapping[str, Any], group: str
 ) -> dict[str, Any]:
     """Arguments of a function by name, defaults included, checked against its annotations.
 
@@ -248,10 +248,10 @@ def checked_arguments(
             f"annotations of {getattr(function, '__qualname__', function)} cannot be read: {error}"
         ) from error
     parameters = inspect.signature(function).parameters
-    known_keys(group or "it", given, parameters)
+    known_keys(group, given, parameters)
     arguments = {}
     for name, parameter in parameters.items():
-        key = f"{group}.{name}" if group else name
+        key = f"{group}.{name}"
         value = given.get(name, parameter.default)
         if value is inspect.Parameter.empty:
             raise ValueError(f"{key} is missing")

@@ -91,25 +91,6 @@ class Trajectory:
         return Trajectory(**{name: values[kept] for name, values in vars(self).items()})
 
 
-@dataclass(frozen=True)
-class Strides:
-    """Strides of all legs, one row each.
-
-    Attributes
-    ----------
-    length
-        Horizontal, mm.
-    duration
-        s.
-    contact
-        s with contact.
-    """
-
-    length: Array
-    duration: Array
-    contact: Array
-
-
 def walking_statistics(walk: Trajectory) -> dict[str, float | None]:
     """All of `STATISTICS` for one episode, in that order."""
     seconds = float(walk.time[-1] - walk.time[0])
@@ -117,17 +98,15 @@ def walking_statistics(walk: Trajectory) -> dict[str, float | None]:
     path = path_length(walk)
     gait = walk.after(SETTLING_S)
     way = path_length(gait) if len(gait.time) > 1 else 0.0
-    strides = find_strides(gait)
-    has_strides = strides.length.size > 0
+    lengths, durations, contacts = find_strides(gait)
+    has_strides = lengths.size > 0
     return {
         "speed": displacement / seconds if seconds > 0 else None,
         "straightness": min(1.0, displacement / path) if path >= MIN_WAY else None,
         "yaw_drift": yaw_drift(walk) if seconds > 0 else None,
-        "stride_length": float(strides.length.mean()) if has_strides else None,
-        "stride_frequency": float(1.0 / strides.duration.mean()) if has_strides else None,
-        "duty_factor": float(strides.contact.sum() / strides.duration.sum())
-        if has_strides
-        else None,
+        "stride_length": float(lengths.mean()) if has_strides else None,
+        "stride_frequency": float(1.0 / durations.mean()) if has_strides else None,
+        "duty_factor": float(contacts.sum() / durations.sum()) if has_strides else None,
         "tripod": tripod_strength(gait),
         "slip": foot_way(gait) / way if way >= MIN_WAY else None,
         "fall": float(has_fallen(walk)),
@@ -189,8 +168,13 @@ def _steps_of(along: Array) -> NDArray[np.intp]:
     return np.array(rows, dtype=np.intp).reshape(-1, 3)
 
 
-def find_strides(walk: Trajectory) -> Strides:
-    """Strides of all legs, each from one anterior extreme to the next."""
+def find_strides(walk: Trajectory) -> tuple[Array, Array, Array]:
+    """Strides of all legs, each from one anterior extreme to the next.
+
+    Returns
+    -------
+    Horizontal length, mm, duration, s, and s with contact of each, (n,).
+    """
     rows = []
     for leg, found in enumerate(steps(walk)):
         for start, _, end in found:
@@ -198,8 +182,8 @@ def find_strides(walk: Trajectory) -> Strides:
             duration = walk.time[end] - walk.time[start]
             touching = walk.contact[start:end, leg].mean()
             rows.append((float(np.linalg.norm(way)), duration, touching * duration))
-    length, duration, contact = np.array(rows, dtype=np.float64).reshape(-1, 3).T
-    return Strides(length, duration, contact)
+    lengths, durations, contacts = np.array(rows, dtype=np.float64).reshape(-1, 3).T
+    return lengths, durations, contacts
 
 
 def tripod_strength(walk: Trajectory) -> float | None:

@@ -8,14 +8,13 @@ import functools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from flyrl.resources import assets_folder
 
 BodyName = Literal["current", "classic"]
-BODY_NAMES: Final[tuple[BodyName, ...]] = get_args(BodyName)
 
 Vector = Sequence[float]
 
@@ -63,7 +62,6 @@ class BodyTable:
     thorax_in_spawn_frame: Vector
     kp: float
     force_range: tuple[float, float] | None
-    adhesion_gain: float
     bodies: tuple[BodyRow, ...]
 
 
@@ -105,7 +103,6 @@ def body_table(name: BodyName) -> BodyTable:
         thorax_in_spawn_frame=tuple(content["thorax_in_spawn_frame"]),
         kp=actuators["kp"],
         force_range=None if limits is None else (limits[0], limits[1]),
-        adhesion_gain=actuators["adhesion_gain"],
         bodies=tuple(_body_row(row) for row in content["bodies"]),
     )
 

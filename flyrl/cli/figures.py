@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
         The folder cannot be made.
     """
     from flyrl.progress import progress_bar  # noqa: PLC0415
-    from flyrl.report.gallery import draw  # noqa: PLC0415
+    from flyrl.report.gallery import GALLERY, write  # noqa: PLC0415
     from flyrl.simulation.rendering import RenderingUnavailableError  # noqa: PLC0415
     from flyrl.validation import one_of  # noqa: PLC0415
 
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
         for name in names:
             bar.set_postfix_str(name)
             try:
-                draw(name, options.output)
+                write(GALLERY[name](), options.output, name)
             except (RenderingUnavailableError, RuntimeError, OSError) as error:
                 left_out.setdefault(" ".join(str(error).split()), []).append(name)
             bar.update()

@@ -7,7 +7,7 @@ and "untethered" (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
 import functools
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,7 @@ from flyrl.validation import FloatArray, float_array, one_of, positive
 
 StepsName = Literal["tethered", "untethered"]
 
-STEPS: Final[tuple[StepsName, ...]] = ("tethered", "untethered")
+STEPS: Final[tuple[StepsName, ...]] = get_args(StepsName)
 """Names of the recordings."""
 
 TWO_PI: Final = 2.0 * np.pi

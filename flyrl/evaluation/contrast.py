@@ -98,8 +98,6 @@ class Crossed:
 
     Attributes
     ----------
-    name
-        Of the entrant.
     success
         Its success rate.
     of_legs, of_steering
@@ -108,7 +106,6 @@ class Crossed:
         legs; None of the first itself, and where there is no such entrant.
     """
 
-    name: str
     success: Interval
     of_legs: Interval | None
     of_steering: Interval | None
@@ -152,7 +149,6 @@ def crossing(
     return {
         steering: {
             legs: Crossed(
-                name,
                 success_rate(int((walked[name]["outcome"] == SUCCESS).sum()), len(walked[name])),
                 of_legs=difference(name, group.get(first_legs)),
                 of_steering=difference(name, first.get(legs)),

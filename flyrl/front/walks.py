@@ -21,7 +21,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
 from flyrl.front.recordings import TORQUES, save_table
 from flyrl.report.close_up import SHOWN_JOINTS, WalkFigure, walk_figure
-from flyrl.report.video import FPS, encode
+from flyrl.report.video import FLY_PACE, FPS, encode
 from flyrl.simulation.flies import FlyState
 from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer
@@ -32,9 +32,6 @@ from flyrl.validation import FloatArray, float_array, positive
 
 Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLike]
 """A pair (left, right), or a function of the time, s, and the observation that returns one."""
-
-FRAME_S: Final = 0.01
-"""Simulated time between two pictures of a video, s: a quarter of real time."""
 
 _BODY: Final = (
     *(f"{axis}_mm" for axis in "xyz"),
@@ -290,7 +287,7 @@ class Walk:
         """
         flies, scene = self.env.flies, self.env.config.fly_scene
         time = np.array([state.time[0] for state in self.states])
-        shown = np.searchsorted(time, np.arange(0.0, time[-1] + 1e-9, FRAME_S) - 1e-9)
+        shown = np.searchsorted(time, np.arange(0.0, time[-1] + 1e-9, FLY_PACE.frame_s) - 1e-9)
         with closing(FlyRenderer(scene, *size, camera, overlay or Overlay())) as renderer:
             pictures = []
             for row in np.minimum(shown, len(time) - 1):

@@ -105,12 +105,8 @@ def leg_bars(
 
 def spans(raster: BoolArray, interval_s: float) -> list[tuple[float, float]]:
     """Start and length, s, of each time that a raster (S,) is true."""
-    padded = np.concatenate([[False], raster, [False]]).astype(np.int8)
-    starts, ends = (np.flatnonzero(np.diff(padded) == step) for step in (1, -1))
-    return [
-        (float(start * interval_s), float((end - start) * interval_s))
-        for start, end in zip(starts, ends, strict=True)
-    ]
+    edges = np.flatnonzero(np.diff(raster, prepend=False, append=False)).reshape(-1, 2)
+    return [(float(start * interval_s), float((end - start) * interval_s)) for start, end in edges]
 
 
 def drive_map_figure(

@@ -110,17 +110,6 @@ GALLERY: Final[Mapping[str, Callable[[], Plot | Film]]] = {
 """What draws or films each."""
 
 
-def draw(name: str, folder: Path) -> None:
-    """Draw one of `GALLERY`, and write its files to a folder; their names begin with the figure's.
-
-    Raises
-    ------
-    RenderingUnavailableError, RuntimeError, OSError
-        It cannot be drawn on this machine.
-    """
-    write(GALLERY[name](), folder, name)
-
-
 def write(drawn: Plot | Film, folder: Path, name: str) -> None:
     """Write name.svg and name.png, or name.mp4 and name.jpg, and name.csv to a folder.
 

@@ -17,7 +17,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from flyrl.envs.config import randomisation_text
-from flyrl.evaluation.conditions import Condition, compared_conditions
+from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.episodes import Json, episodes_digest
 from flyrl.evaluation.metrics import descriptions, metric_label, metric_named
@@ -32,7 +32,6 @@ from flyrl.report.style import colours, outcome_shapes, stylesheet, themed
 from flyrl.report.video import Video
 from flyrl.report.wording import (
     changes_text,
-    condition_text,
     effects_text,
     format_number,
     headline,
@@ -45,6 +44,7 @@ from flyrl.report.wording import (
     rates,
     shared_text,
     training_note,
+    usual_condition,
 )
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import SUCCESS, TIMEOUT
@@ -315,11 +315,6 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "physics": json.dumps(protocol["physics"], indent=1),
         "randomisation": randomisation_text(protocol.get("randomisation")),
     }
-
-
-def usual_condition(protocol: Json) -> str:
-    """Condition that figures and tables of the summary are about, in words; empty without any."""
-    return condition_text(compared_conditions(protocol["vary"])[0])
 
 
 def origin_json(results: Results) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from flyrl.evaluation.conditions import Condition
+from flyrl.evaluation.conditions import compared_conditions
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.summary import Leader
@@ -59,11 +59,12 @@ def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) ->
     return f"{_listed(names)} are level at the top {where}"
 
 
-def condition_text(condition: Condition) -> str:
-    """Label of a condition, and that it changes nothing if so; empty where nothing is varied."""
-    if condition.name and condition.is_usual:
-        return f"nothing changed ({condition.label})"
-    return condition.label
+def usual_condition(protocol: Json) -> str:
+    """Condition that the summary is about, and that it changes nothing if so; empty without any."""
+    usual = compared_conditions(protocol["vary"])[0]
+    if usual.name and usual.is_usual:
+        return f"nothing changed ({usual.label})"
+    return usual.label
 
 
 def changes_text(leaders: Sequence[Leader], usual: Sequence[Leader]) -> str:

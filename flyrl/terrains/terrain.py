@@ -301,7 +301,7 @@ TERRAINS: Final[dict[str, Terrain]] = {}
 """Terrains that go by a name; `flyrl.terrains` fills it."""
 
 
-def terrain_named(name: str, key: str = "terrain") -> Terrain:
+def terrain_named(name: str) -> Terrain:
     """Terrain of a name, built-in or module:attribute, with its usual settings.
 
     Raises
@@ -310,8 +310,8 @@ def terrain_named(name: str, key: str = "terrain") -> Terrain:
         If there is no such terrain.
     """
     if not is_entry_point(name):
-        return TERRAINS[one_of(key, name, TERRAINS)]
-    return find(key, name, KINDS, Terrain)()
+        return TERRAINS[one_of("terrain", name, TERRAINS)]
+    return find("terrain", name, KINDS, Terrain)()
 
 
 def terrain_from(record: Mapping[str, Any], key: str = "terrain") -> Terrain:

@@ -1,5 +1,5 @@
 import csv
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import mujoco
 import numpy as np
@@ -17,7 +17,7 @@ from flyrl.anatomy import (
 )
 from flyrl.bodies.fly import FlyConfig, build_fly, stretch_pose
 from flyrl.bodies.surface import ContactConfig, SurfaceContact
-from flyrl.bodies.table import BODY_NAMES, body_table, leg_collision
+from flyrl.bodies.table import BodyName, body_table, leg_collision
 from flyrl.controllers import Joints
 from flyrl.resources import assets_folder
 from flyrl.simulation.flies import FlyBatch
@@ -29,7 +29,7 @@ from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Mixed, add_terrain
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
 
 
-@pytest.fixture(scope="module", params=BODY_NAMES)
+@pytest.fixture(scope="module", params=get_args(BodyName))
 def name(request):
     return request.param
 
