@@ -8,7 +8,7 @@ means within a tolerance of what is commanded. The rest is for getting there aft
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import numpy as np
 
@@ -18,11 +18,23 @@ from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
 from flyrl.tasks.senses import SENSES
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error
+from flyrl.tasks.terms import (
+    DRIVE_TIME_CONSTANT_S,
+    EDGE_MARGIN,
+    FAILURES,
+    SMOOTHNESS,
+    error,
+    is_inside,
+)
 from flyrl.terrains import Terrain
-from flyrl.validation import Within, ordered
+from flyrl.validation import FloatArray, Within, ordered
 
 Pair = tuple[float, float]
+
+REDRAWS: Final = 100
+"""Of commands that would lead off the terrain. The easiest ones lead straight ahead, all alike."""
+
+WAY_STEP_S: Final = 0.1
 
 
 def sample_episode(
@@ -33,18 +45,41 @@ def sample_episode(
     speed: Pair,
     yaw_rate: Pair,
     commands: int,
+    command_time: float,
 ) -> Episode:
     """Draw a spawn, a number of commands (uniform), and the CPG's start.
 
-    With the difficulty, the ranges of the commands, mm/s and rad/s, grow from their middle.
+    With the difficulty, the ranges of the commands, mm/s and rad/s, grow from their middle. Where
+    they would lead off the terrain they are drawn again, `REDRAWS` times at most.
     """
+    episode = bare_episode(terrain, seed, difficulty)
     rng = np.random.default_rng([seed, 1])
     lowest, highest = np.array([speed, yaw_rate]).T
     middle, reach = (lowest + highest) / 2, difficulty * (highest - lowest) / 2
     low, high = middle - reach, middle + reach
-    drawn = rng.uniform(low, high, size=(commands, 2))
-    command = tuple(float(value) for value in drawn.ravel())
-    return replace(bare_episode(terrain, seed, difficulty), command=command)
+    for _ in range(REDRAWS):
+        drawn = rng.uniform(low, high, size=(commands, 2))
+        x, y = commanded_way(episode, drawn, command_time)
+        if is_inside(x, y, terrain.bounds, EDGE_MARGIN).all():
+            break
+    return replace(episode, command=tuple(drawn.ravel().tolist()))
+
+
+def commanded_way(episode: Episode, commands: FloatArray, command_time: float) -> FloatArray:
+    """Places x and y, mm, to which commands lead, every `WAY_STEP_S`, (2, places).
+
+    Parameters
+    ----------
+    episode
+        Where the fly starts.
+    commands
+        Forward speeds, mm/s, and yaw rates, rad/s, (k, 2), each for `command_time`, s.
+    """
+    steps = math.ceil(command_time / WAY_STEP_S)
+    forward, turn = np.repeat(commands, steps, axis=0).T * command_time / steps
+    yaw = episode.spawn_yaw + np.cumsum(turn) - turn / 2
+    x, y = episode.spawn_position_w[:2]
+    return np.array([x + np.cumsum(forward * np.cos(yaw)), y + np.cumsum(forward * np.sin(yaw))])
 
 
 @TaskFunction
@@ -116,7 +151,7 @@ def velocity(
         drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(
             sample_episode, speed=speed, yaw_rate=yaw_rate,
-            commands=math.ceil(time_limit / command_time - 1e-9),
+            commands=math.ceil(time_limit / command_time - 1e-9), command_time=command_time,
         ),
         difficulty=f"range of the commands, from {(slowest + fastest) / 2:g} mm/s to "
         f"{slowest:g}-{fastest:g}, and from {middle:g} to {turn} rad/s",

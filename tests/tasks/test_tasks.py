@@ -5,6 +5,7 @@ import pytest
 
 from flyrl.tasks import TASKS, Episode, Task
 from flyrl.tasks.episode import draw_oscillators
+from flyrl.tasks.velocity import commanded_way
 from flyrl.terrains import LITERATURE, TERRAINS, Flat
 from tests.tasks.test_terms import fly_state, task_state
 
@@ -153,6 +154,24 @@ def test_a_longer_episode_of_velocity_has_more_commands() -> None:
     assert command.shape == (12, 2)
     assert set(command[:, 0]) == {5.0}
     assert 0 <= command[:, 1].min() < command[:, 1].max() <= 1
+
+
+def test_commands_of_speed_and_yaw_rate_lead_along_lines_and_circles() -> None:
+    # 10 mm ahead from (1, 2), then half a circle to the left with a radius of 10 mm / pi
+    episode = Episode(0, (1.0, 2.0, 0.0), 0.0, ())
+    x, y = commanded_way(episode, np.array([[10.0, 0.0], [10.0, np.pi]]), 1.0)
+    assert (x[9], y[9]) == pytest.approx((11.0, 2.0))
+    assert (x[-1], y[-1]) == pytest.approx((11.0, 2.0 + 20 / np.pi), rel=5e-3)
+
+
+@pytest.mark.parametrize("terrain", LITERATURE)
+def test_commands_of_speed_and_yaw_rate_lead_along_the_terrain(terrain: str) -> None:
+    bounds = TERRAINS[terrain].bounds
+    for seed in range(20):
+        episode = VELOCITY.sample_episode(TERRAINS[terrain], seed)
+        x, y = commanded_way(episode, np.reshape(episode.command, (-1, 2)), 1.0)
+        assert bounds.x_min < x.min() <= x.max() < bounds.x_max
+        assert bounds.y_min < y.min() <= y.max() < bounds.y_max
 
 
 def test_tolerances_of_velocity_say_who_is_on_command() -> None:
