@@ -41,8 +41,11 @@ def verdict(row: Mapping[str, Any]) -> str:
     It is luck where a planner that must not count on the very future reaches little more.
     """
     if room(row) >= LEAST_ROOM:
-        is_luck = "robust" in row and rate(row, "robust") - rate(row, "tuned") < LEAST_ROOM
-        return "luck" if is_luck else "room"
+        if "robust" not in row:
+            return "room"
+        robust = row["robust"]["success"]
+        on_the_same = row["tuned"]["success"][: len(robust)]
+        return "luck" if np.mean(robust) - np.mean(on_the_same) < LEAST_ROOM else "room"
     return "law" if rate(row, "tuned") >= ENOUGH else "nothing"
 
 
