@@ -192,7 +192,7 @@ def main() -> None:
         "--robust-episodes",
         type=int,
         default=20,
-        help="of them for the robust bound, a minute each",
+        help="of them for the robust bound, minutes each",
     )
     parser.add_argument("--output", type=Path, default=OUTPUT)
     parser.add_argument("--show", action="store_true", help="only print what is in --output")

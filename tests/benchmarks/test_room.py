@@ -86,3 +86,10 @@ def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
 def test_what_the_room_is(wins, expected):
     row = {who: {"success": [True] * n + [False] * (20 - n)} for who, n in wins.items()}
     assert verdict(row) == expected
+
+
+def test_a_robust_bound_of_fewer_episodes_meets_the_law_on_the_same():
+    # the law wins the first half; so does the bound without luck, which had no more to win
+    half = [True] * 10 + [False] * 10
+    row = {"tuned": half, "bound": [True] * 20, "robust": [True] * 10}
+    assert verdict({who: {"success": success} for who, success in row.items()}) == "luck"
