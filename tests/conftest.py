@@ -1,4 +1,4 @@
-"""Order of the tests, Ctrl-C in them, what Python compiles, when it frees, terminal commands."""
+"""Order of the tests, Ctrl-C in them, bytecode, garbage; modules and commands of users."""
 
 import gc
 import os
@@ -30,6 +30,28 @@ def pytest_collection_modifyitems(items):
 def pytest_collection_finish():
     """Keep the modules, which last to the end, out of the search for garbage."""
     gc.freeze()
+
+
+@pytest.fixture
+def own_module(tmp_path, monkeypatch):
+    """Write a user's module, given its name and code, to `tmp_path`; return the file.
+
+    That is the current folder then, from which the module is imported anew.
+    """
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    written = []
+
+    def own_module(name, code):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+        written.append(name)
+        file = tmp_path / f"{name}.py"
+        file.write_text(code)
+        return file
+
+    yield own_module
+    for name in written:
+        sys.modules.pop(name, None)
 
 
 @pytest.fixture

@@ -1,4 +1,3 @@
-import sys
 from pathlib import Path
 
 import pytest
@@ -18,16 +17,8 @@ def test_anything_else(name):
     assert not is_entry_point(name)
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    yield tmp_path
-    sys.modules.pop("found_here", None)
-
-
-def test_a_module_in_the_current_folder_is_found(here):
-    (here / "found_here.py").write_text("ANSWER = 42\n")
+def test_a_module_in_the_current_folder_is_found(own_module):
+    own_module("found_here", "ANSWER = 42\n")
     assert load_module("found_here:ANSWER", "key", "a:b")["ANSWER"] == 42
 
 
@@ -38,9 +29,9 @@ def test_a_module_in_the_current_folder_is_found(here):
         ("raise KeyError('no')", "cannot be imported: KeyError"),
     ],
 )
-def test_a_module_that_cannot_be_imported(here, text, message):
+def test_a_module_that_cannot_be_imported(own_module, text, message):
     if text is not None:
-        (here / "found_here.py").write_text(text)
+        own_module("found_here", text)
     with pytest.raises(ValueError, match=message):
         load_module("found_here:ANSWER", "key", "a:b")
 

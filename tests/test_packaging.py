@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyrl.policies import LearnedPolicy, PolicyBundle, observation_layout, save_bundle
+from flyrl.policies import LearnedPolicy, observation_layout, save_bundle
 from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
+from tests.bundles import target_bundle
 from tests.tiny import TINY_ARGUMENTS
 
 ROOT = Path(__file__).parents[1]
@@ -105,21 +106,12 @@ def test_a_tiny_training_takes_package_assets_and_configs_from_the_wheel(python)
 def _save_policy(path, seed):
     """Save a policy for the task Target, and return it."""
     rng = np.random.default_rng(seed)
-    layout = observation_layout(TASKS["target"]())
-    size = sum(term.size for term in layout)
+    size = sum(term.size for term in observation_layout(TASKS["target"]()))
     layers = (
         Layer(rng.normal(size=(64, size)).astype(np.float32), np.zeros(64, np.float32)),
         Layer(rng.normal(size=(2, 64)).astype(np.float32) / 8, np.zeros(2, np.float32)),
     )
-    bundle = PolicyBundle(
-        network=MLP(layers, "tanh"),
-        squashing="tanh",
-        observation=layout,
-        action_low=(-1.0, -1.0),
-        action_high=(1.0, 1.0),
-        env={},
-        training={},
-    )
+    bundle = target_bundle(network=MLP(layers, "tanh"), squashing="tanh")
     path.parent.mkdir(parents=True, exist_ok=True)
     save_bundle(bundle, path)
     return LearnedPolicy(bundle)

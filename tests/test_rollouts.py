@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.policies import ConstantDrive, LearnedPolicy, PolicyBundle, observation_layout
+from flyrl.policies import ConstantDrive, LearnedPolicy, observation_layout
 from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer
 from flyrl.rollouts import FAILURES, num_decisions, run_episodes
 from flyrl.tasks import OUTCOMES, TASKS, ErrorTerm, Termination
 from flyrl.terrains import Flat
+from tests.bundles import target_bundle
 from tests.synthetic import make_record
 
 # Ends after 0.02, 0.04 … s, as the seed says, or after 0.1 s.
@@ -36,18 +37,8 @@ def counting_policy():
     still = np.zeros((4, size), np.float32), np.zeros((4, 1), np.float32)
     lstm = LSTM((LSTMLayer(*still, bias, np.zeros(4, np.float32)),))
     head = MLP((Layer(np.ones((2, 1), np.float32), np.zeros(2, np.float32)),), "tanh")
-    return LearnedPolicy(
-        PolicyBundle(
-            network=head,
-            squashing="clip",
-            observation=observation_layout(TASK),
-            action_low=(-1.0, -1.0),
-            action_high=(1.0, 1.0),
-            env={},
-            training={},
-            lstm=lstm,
-        )
-    )
+    layout = observation_layout(TASK)
+    return LearnedPolicy(target_bundle(network=head, observation=layout, lstm=lstm))
 
 
 def countdown(decisions):

@@ -212,6 +212,13 @@ def test_episodes_to_film_are_numbers_or_a_word(film, expected):
     assert evaluation_config(composed, own_settings(composed), "").film == expected
 
 
+def test_quantities_are_varied_from_the_command_line():
+    vary = "vary={friction: [0.5, 1], missing_legs: [[], [LM, RM]]}"
+    composed = _composed(vary, name="evaluate")
+    config = evaluation_config(composed, own_settings(composed), "")
+    assert config.vary == {"friction": (0.5, 1.0), "missing_legs": ((), ("LM", "RM"))}
+
+
 ODD = (None, True, 5, -1, 10**9, 10**400, 1e-12, 1e308, math.nan, math.inf, "", "abc", [], {}, [[]])
 
 

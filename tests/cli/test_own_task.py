@@ -1,7 +1,5 @@
 """A task of a user's own from the command line: trained, resumed, evaluated, reproduced."""
 
-import shutil
-import sys
 from pathlib import Path
 
 import pytest
@@ -19,14 +17,10 @@ TASK = ("task=my_lab:forage", "task.sources=2", "task.without=[tilt]", "task.wei
 
 
 @pytest.fixture
-def my_lab(tmp_path, monkeypatch):
+def my_lab(tmp_path, own_module):
     """The current folder, with the example's task in it."""
-    shutil.copy(ROOT / "examples" / "forage.py", tmp_path / "my_lab.py")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.delitem(sys.modules, "my_lab", raising=False)
-    yield tmp_path
-    sys.modules.pop("my_lab", None)
+    own_module("my_lab", (ROOT / "examples" / "forage.py").read_text())
+    return tmp_path
 
 
 def test_loading_a_policy_imports_nothing(tmp_path, monkeypatch):

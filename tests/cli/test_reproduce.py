@@ -15,25 +15,20 @@ from tests.tiny import TINY
 from tests.training.folders import COMMIT, make_run
 
 
-def test_a_run_is_repeated_to_the_bit(tmp_path, capsys):
-    original = train(TINY, tmp_path)
-    status = main(["reproduce", str(original.folder), "--runs-folder", str(tmp_path / "again")])
-    output = capsys.readouterr().out.splitlines()
-    assert status == 0
-    assert output[:2] == ["policy: identical, bit for bit", "evaluations: identical"]
-    repeat = output[-1].removeprefix("repeat: ")
-    assert main(["reproduce", str(original.folder), "--repeat", repeat]) == 0
-
-
-def test_a_repeat_is_told_to_no_service(tmp_path, monkeypatch, capsys):
+def test_a_run_is_repeated_to_the_bit_and_the_repeat_told_to_no_service(
+    tmp_path, monkeypatch, capsys
+):
     import mlflow
 
     monkeypatch.setenv("MLFLOW_ALLOW_FILE_STORE", "true")
     monkeypatch.setenv("MLFLOW_DISABLE_TELEMETRY", "true")
     logger = MlflowConfig(tracking_uri=(tmp_path / "store").as_uri())
     original = train(replace(TINY, logger=logger), tmp_path)
-    assert main(["reproduce", str(original.folder), "--runs-folder", str(tmp_path / "again")]) == 0
-    repeat = capsys.readouterr().out.splitlines()[-1].removeprefix("repeat: ")
+    status = main(["reproduce", str(original.folder), "--runs-folder", str(tmp_path / "again")])
+    output = capsys.readouterr().out.splitlines()
+    assert status == 0
+    assert output[:2] == ["policy: identical, bit for bit", "evaluations: identical"]
+    repeat = output[-1].removeprefix("repeat: ")
     assert main(["reproduce", str(original.folder), "--repeat", repeat]) == 0
     client = mlflow.MlflowClient(tracking_uri=logger.tracking_uri)
     assert len(client.search_runs([client.get_experiment_by_name("flyrl").experiment_id])) == 1

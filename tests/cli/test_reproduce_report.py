@@ -27,12 +27,6 @@ def test_the_same_episodes_come_to_the_same(report, tmp_path, capsys):
     assert again["episodes_sha256"] == read_origin(report)["episodes_sha256"]
 
 
-def test_a_report_alone_is_enough(report, tmp_path, capsys):
-    alone = shutil.copy(report, tmp_path)
-    assert main(["reproduce", alone]) == 0
-    assert "identical" in capsys.readouterr().out
-
-
 def test_what_differs_is_told(report, tmp_path, capsys):
     for name in ("results.json", "episodes.csv", "trajectories.npz"):
         shutil.copy(report.parent / name, tmp_path)

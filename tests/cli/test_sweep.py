@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 from pathlib import Path
 
 import psutil
@@ -273,8 +274,17 @@ def test_a_run_whose_worker_is_killed_is_not_lost_to_ray(tmp_path, train_here):
     assert (ours / "last.safetensors").read_bytes() == (theirs / "last.safetensors").read_bytes()
 
 
-def test_ray_is_asked_for_no_more_than_the_machine_has(tmp_path):
-    result = _train(tmp_path, "launcher=ray", "seed=0,1", "hydra.launcher.num_cpus=999")
+def test_ray_is_asked_for_no_more_than_the_machine_has(train_here, monkeypatch):
+    two_cores = types.SimpleNamespace(
+        init=lambda *_, **__: None,
+        cluster_resources=lambda: {"CPU": 2.0},
+        shutdown=lambda: None,
+    )
+    monkeypatch.setitem(sys.modules, "ray", two_cores)
+    for name in ("RAY_USAGE_STATS_ENABLED", "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"):
+        monkeypatch.setenv(name, "0")  # the launcher sets them
+    result = train_here("launcher=ray", "seed=0,1", "hydra.launcher.num_cpus=3")
     assert result.returncode == 2
-    assert "error: hydra.launcher.num_cpus must be at most" in result.stderr
+    message = "error: hydra.launcher.num_cpus must be at most 2, the CPUs of this machine, got 3\n"
+    assert message in result.stderr
     assert "Traceback" not in result.stderr

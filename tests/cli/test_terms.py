@@ -1,7 +1,6 @@
 """The user's own terms: as the documentation shows them, and mistyped."""
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -23,15 +22,11 @@ WEIGHTS = {"progress": 0.1}
 
 
 @pytest.fixture
-def my_terms(tmp_path, monkeypatch):
+def my_terms(tmp_path, own_module):
     """The current folder, with my_terms.py of the documentation in it."""
     (code,) = re.findall(r"^```python\n(# my_terms\.py\n.*?)^```", DOCS, re.M | re.S)
-    (tmp_path / "my_terms.py").write_text(code)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.delitem(sys.modules, "my_terms", raising=False)
-    yield tmp_path
-    sys.modules.pop("my_terms", None)
+    own_module("my_terms", code)
+    return tmp_path
 
 
 def groups(**task):

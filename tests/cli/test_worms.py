@@ -23,27 +23,6 @@ def walked(folder):
     return load_results(folder).episodes["controller"].tolist()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["task=worm_crawl", "body=current"], "body must be a worm in the task 'worm_crawl'"),
-        (["body=worm_hanger"], "error: body must be a fly in the task 'target' (current, classic,"),
-        (["task=worm_hang", "body.segments=1"], "error: body.segments must be a whole number"),
-        (["task=worm_hang", "body.mount=free"], "error: body.mount must be one of"),
-        (["task=worm_hang", "body.profile=my.png"], "error: body.profile must be one of 'human'"),
-        (["task=worm_hang", "+controller.name=cpg"], "controller"),
-        (["task=worm_hang", "task.time_limit=-3"], "error: task.time_limit must be a finite"),
-        (["task=worm_crawl", "randomisation=default"], "of a worm must be of sensor_noise alone"),
-    ],
-)
-def test_what_does_not_fit_a_worm_ends_in_one_line(tmp_path, run_here, arguments, message):
-    result = run_here("evaluate.py", *arguments)
-    assert result.returncode == 2
-    assert message in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkeypatch):
     with monkeypatch.context() as patch:
@@ -51,8 +30,11 @@ def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkey
         interrupted = run_here("train.py", "task=worm_hang", *TINY)
     assert interrupted.returncode == 128 + signal.SIGTERM
     run = interrupted.stdout.splitlines()[-1].removeprefix("run: ")
+    assert f"interrupted; resume with: resume={run}" in interrupted.stderr
+    assert read_run(tmp_path / run).state == "interrupted"
+    assert (tmp_path / run / "learning_curve.svg").is_file()
     before = load_policy(tmp_path / run / "last.safetensors").bundle.training["decisions"]
-    assert before < 64
+    assert 32 <= before < 64
     resumed = run_here("train.py", f"resume={run}", "video_after=false")
     assert resumed.returncode == 0, resumed.stderr
     bundle = load_policy(tmp_path / run / "last.safetensors").bundle

@@ -159,6 +159,8 @@ def trained(
     single = [re.sub(r"^([\w.]+=[\w-]+)(,[\w-]+)+$", r"\1", each) for each in overrides]
     values = _values("train", [*single, *SHORT])
     values["training"] |= SHORT_TRAINING
+    if values["training"]["teacher"]:
+        values["training"]["demonstrations"] = 32
     values["algo"] |= {key: SHORT_LEARNING[key] for key in SHORT_LEARNING.keys() & values["algo"]}
     settings = json.dumps(values, sort_keys=True)
     if settings not in before:

@@ -1,20 +1,18 @@
 """Every command in the documentation is one that its program takes.
 
 Trainings and evaluations run, with few decisions and episodes; of a sweep its first run, of what is
-varied one value each, of terrains one. So do `flyrl runs` and what is said to fail. Figures, pages
+varied one value each, of terrains one. So does what is said to fail. Figures, lists of runs, pages
 and tools have tests of their own; here their commands are handed to the checks that programs make
 before they begin to work. What is not even that, `NOT_CHECKED` gives the reason for.
 """
 
 import itertools
 import re
-import shlex
 import sys
 
 import pytest
 
 from flyrl.cli import evaluate, train
-from flyrl.cli.main import main
 from tests.docs.commands import (
     NOT_CHECKED,
     check,
@@ -84,15 +82,6 @@ def test_a_command_that_is_said_to_fail_says_so(command, folder_of, monkeypatch,
     assert end.value.code == 2
     expected = ".*".join(re.escape(part) for part in FAILING[command].split("…"))
     assert re.search(expected, capsys.readouterr().err, re.DOTALL)
-
-
-def test_flyrl_runs_as_it_is_shown(folder_of):
-    (folder_of("docs/sweeps.md") / "runs").mkdir()
-    shown = [each for each, _ in commands("docs/sweeps.md") if each.startswith("flyrl runs")]
-    own = [command for command in shown if "<" not in command]
-    assert len(own) > 1
-    for command in own:
-        assert main(shlex.split(command)[1:]) == 0
 
 
 def test_what_is_not_checked_is_there():

@@ -1,5 +1,6 @@
 """Blocks of the documentation that are not run: settings, models, and what programs print."""
 
+import functools
 import re
 from xml.etree import ElementTree
 
@@ -29,13 +30,18 @@ def test_the_search_space_is_one(tmp_path):
     assert len(search_space(read_space(path), compose_training([]), str(path))) == 4
 
 
+@functools.cache
+def _sources():
+    """All modules, with texts that go over several lines in one piece."""
+    text = "".join(path.read_text() for path in sorted((ROOT / "flyrl").rglob("*.py")))
+    return re.sub(r'"\s*\n\s*f?"', "", text)
+
+
 SHOWN = [block.parsed.strip() for block in blocks("docs/troubleshooting.md", "text")]
 
 
 # errors are brought about by the command before them (test_commands)
 @pytest.mark.parametrize("message", [each for each in SHOWN if not each.startswith("error: ")])
 def test_a_message_is_one_of_the_sources(message):
-    sources = "".join(path.read_text() for path in sorted((ROOT / "flyrl").rglob("*.py")))
-    joined = re.sub(r'"\s*\n\s*f?"', "", sources)
     for part in filter(None, (part.strip() for part in message.split("…"))):
-        assert part in joined
+        assert part in _sources()

@@ -30,6 +30,13 @@ def warnings_of(check: Callable[..., None], *arguments: Any, **options: Any) -> 
     return [str(warning.message) for warning in caught]
 
 
+@functools.cache
+def drawn_ids() -> set[str]:
+    """The first id of every scene: pictures of the others are of the same."""
+    scenes = {EnvConfig(task).scene: env_id for env_id, task in reversed(ENV_IDS.items())}
+    return set(scenes.values())
+
+
 @pytest.mark.parametrize("env_id", ENV_IDS)
 def test_the_checkers_have_no_remark_but_on_what_the_literature_has(
     env_id: str, capsys: pytest.CaptureFixture[str]
@@ -46,7 +53,7 @@ def test_the_checkers_have_no_remark_but_on_what_the_literature_has(
         assert sum("symmetric" in message for message in found) == is_bare
         assert sum("unconventional shape" in message for message in found) == 4 * is_bare
         assert len(found) == 5 * is_bare
-    found = warnings_of(check_gymnasium, env)
+    found = warnings_of(check_gymnasium, env, skip_render_check=env_id not in drawn_ids())
     assert all(is_bare and "symmetric" in message for message in found)
     assert len(found) <= 1
 

@@ -65,16 +65,16 @@ def test_every_setting_survives_the_spec_as_json(settings):
         assert getattr(again.unwrapped.config, name) == getattr(env.unwrapped.config, name)
 
 
+@pytest.fixture(scope="module", params=["one", "many", "worm"])
+def env(request):
+    if request.param == "many":
+        return gymnasium.make_vec(ID, num_envs=2, physics="fast", max_episode_steps=5)
+    if request.param == "worm":
+        return gymnasium.make("flyrl/WormHang-v0")
+    return gymnasium.make(ID, physics="fast")
+
+
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-@pytest.mark.parametrize(
-    "env",
-    [
-        gymnasium.make(ID, physics="fast"),
-        gymnasium.make_vec(ID, num_envs=2, physics="fast", max_episode_steps=5),
-        gymnasium.make("flyrl/WormHang-v0"),
-    ],
-    ids=["one", "many", "worm"],
-)
 def test_a_copy_is_an_environment_of_its_own_with_the_same_settings(env, copied):
     first, _ = env.reset(seed=3)
     other = copied(env)

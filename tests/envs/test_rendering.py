@@ -1,6 +1,7 @@
 """Pictures of environments: camera, size, and what is drawn beside the fly."""
 
 import copy
+from contextlib import closing
 from dataclasses import replace
 
 import gymnasium
@@ -9,22 +10,18 @@ import pytest
 
 import flyrl
 from flyrl.simulation.marks import PLAIN
-from flyrl.simulation.rendering import RenderingUnavailableError
+from tests.pictures import drawing
 
 SIZE = {"width": 160, "height": 120}
 
 
 def picture(env, steps=6):
     env.reset(seed=0)
-    try:
+    with drawing(), closing(env):
         env.render()  # where a path begins
         for _ in range(steps):
             env.step(np.float32([0.5, 0.5]))
         return env.render().astype(int)
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
-    finally:
-        env.close()
 
 
 def make(**settings):
@@ -56,23 +53,11 @@ def test_flies_of_a_batch_are_drawn_as_alone():
     single = flyrl.make("target", **view)
     envs.reset(seed=5)
     single.reset(seed=6)
-    try:
+    with drawing():
         for _ in range(3):
             envs.step(np.zeros((2, 2), np.float32))
             single.step(np.zeros(2, np.float32))
             both, alone = envs.render(), single.render()
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
     np.testing.assert_array_equal(both[1], alone)
     envs.close()
     single.close()
-
-
-def test_sb3s_environments_take_them_too():
-    venv = flyrl.make_sb3("target", num_envs=1, render_mode="rgb_array", camera="top", **SIZE)
-    venv.reset()
-    try:
-        (image,) = venv.get_images()
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
-    assert image.shape == (120, 160, 3)

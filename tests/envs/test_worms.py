@@ -9,21 +9,7 @@ import pytest
 import flyrl  # noqa: F401  (registers the ids)
 from flyrl.bodies.worm import CRAWLER, HANGER
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.rendering import RenderingUnavailableError
 from flyrl.tasks import TASKS, RewardTerm, Termination, extended
-
-
-def test_a_picture_shows_the_worm():
-    env = gymnasium.make("flyrl/WormCrawl-v0", render_mode="rgb_array")
-    env.reset(seed=0)
-    try:
-        picture = env.render().astype(int)
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
-    env.close()
-    assert picture.shape == (480, 640, 3)
-    # the only red thing
-    assert 0.005 < (picture[..., 0] - picture[..., 1] > 30).mean() < 0.3
 
 
 def test_the_time_limit_ends_an_episode_that_may_then_be_a_success():

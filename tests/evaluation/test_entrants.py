@@ -1,6 +1,5 @@
 import dataclasses
 import hashlib
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import NAME_LENGTH, free_name
 from flyrl.policies import (
-    PolicyBundle,
     PolicyFileError,
     export_sb3,
     load_bundle,
@@ -19,27 +17,18 @@ from flyrl.policies import (
 )
 from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.laws import FIXED
-from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
+from tests.bundles import target_bundle
 
 TARGET = TASKS["target"]()
 
 
 def save_policy(path, *, training=None, env=None, observation=None):
     """A policy that always answers (0.5, -0.5)."""
-    layout = observation_layout(TARGET) if observation is None else observation
-    size = sum(term.size for term in layout)
-    bias = np.array([0.5, -0.5], np.float32)
-    bundle = PolicyBundle(
-        network=MLP((Layer(np.zeros((2, size), np.float32), bias),), "tanh"),
-        squashing="clip",
-        observation=layout,
-        action_low=(-1.0, -1.0),
-        action_high=(1.0, 1.0),
-        env={"controller": dataclasses.asdict(Hybrid())} if env is None else env,
-        training={"algo": "ppo"} if training is None else training,
-    )
-    save_bundle(bundle, path)
+    fields = {} if observation is None else {"observation": observation}
+    fields["env"] = {"controller": dataclasses.asdict(Hybrid())} if env is None else env
+    fields["training"] = {"algo": "ppo"} if training is None else training
+    save_bundle(target_bundle((0.5, -0.5), **fields), path)
     return str(path)
 
 
@@ -241,9 +230,10 @@ def test_hybrid_comes_with_either_set_of_reflexes():
 
 
 @pytest.fixture
-def own_policies(tmp_path, monkeypatch):
+def own_policies(own_module):
     """A module of a user's own in the current folder, imported anew."""
-    (tmp_path / "own_policies.py").write_text(
+    return own_module(
+        "own_policies",
         "from flyrl.policies import ConstantDrive\n"
         "def steady(task):\n"
         "    return ConstantDrive(0.5, 0.5, task)\n"
@@ -254,12 +244,8 @@ def own_policies(tmp_path, monkeypatch):
         "def law(time_s, observation):\n"
         "    return 0.5 + time_s, 1\n"
         "def many(a, b, c):\n"
-        "    return 1, 1\n"
+        "    return 1, 1\n",
     )
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    yield tmp_path / "own_policies.py"
-    sys.modules.pop("own_policies", None)
 
 
 def test_a_factory_of_a_users_own_makes_an_entrant(own_policies):

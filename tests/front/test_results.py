@@ -1,9 +1,12 @@
 """Evaluations from Python: the bits of the command line, tables, reports, entrants of all kinds."""
 
+from functools import partial
+
 import pandas as pd
 import pytest
 
 import flyrl
+from flyrl.evaluation import measure_drive_map
 from flyrl.evaluation.episodes import episodes_digest
 from flyrl.front.results import training_evaluations
 from flyrl.report import read_origin
@@ -56,7 +59,9 @@ def test_a_report_is_one_file(results, tmp_path):
     assert read_origin(path)["episodes_sha256"] == episodes_digest(results.episodes)
 
 
-def test_drives_are_shown_on_flat_ground_where_the_grounds_differ(tmp_path):
+def test_drives_are_shown_on_flat_ground_where_the_grounds_differ(tmp_path, monkeypatch):
+    coarse = partial(measure_drive_map, size=3, starts=2)
+    monkeypatch.setattr("flyrl.front.results.measure_drive_map", coarse)
     walked = flyrl.evaluate("cpg", terrains="random_gapped", **SHORT)
     text = walked.report(tmp_path / "report.html", videos=False).read_text()
     assert "at constant drives on flat ground" in text

@@ -20,7 +20,7 @@ SCALE = 0.5
 """Of the pixels that are drawn, since software takes its time for each."""
 
 COARSE = 0.2
-"""The same where no test looks at the picture."""
+"""The same where much is done; pixels of 5 px still show bars and the target."""
 
 SLOW_DISPLAY = """
     const draw = window.requestAnimationFrame.bind(window);
@@ -83,12 +83,17 @@ def picture(page):
     """What the page shows above the viewer's bar."""
     shot = page.screenshot(timeout=120_000, scale="device")
     seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
-    return seen[: int(SCENE_HEIGHT * SCALE)]
+    return seen[: int(SCENE_HEIGHT * scale_of(seen))]
+
+
+def scale_of(seen):
+    """Pixels of a picture per px of the page."""
+    return seen.shape[1] / WIDTH
 
 
 def scene_of(seen):
     """What is seen beside the panel."""
-    return seen[:, int(RIGHT * SCALE) :]
+    return seen[:, int(RIGHT * scale_of(seen)) :]
 
 
 def strong(colours, channel):
@@ -101,8 +106,9 @@ def strong(colours, channel):
 
 def red_rows(seen):
     """In how many rows of the page the panel shows the bars' red."""
-    red, green, blue = np.moveaxis(seen[:, : int(RIGHT * SCALE)], -1, 0)
-    return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum() / SCALE
+    scale = scale_of(seen)
+    red, green, blue = np.moveaxis(seen[:, : int(RIGHT * scale)], -1, 0)
+    return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum() / scale
 
 
 def await_picture(page, shows):
@@ -122,14 +128,14 @@ def browser():
 def toy(tmp_path_factory, browser):
     """A toy in play, and its page."""
     with playing(tmp_path_factory.mktemp("toy") / "log.jsonl", TOY) as played:
-        page = open_page(browser, played)
+        page = open_page(browser, played, COARSE)
         yield played, page
         page.close()
         played.until(lambda entry: not entry["is_watched"])
         assert played.interrupt() == (0, "\n", "")
 
 
-def open_page(browser, played, scale=SCALE):
+def open_page(browser, played, scale):
     size = {"width": WIDTH, "height": HEIGHT}
     page = browser.new_page(viewport=size, device_scale_factor=scale)
     page.add_init_script(SLOW_DISPLAY)
@@ -205,7 +211,7 @@ class TestToy:
             green, blue = (strong(scene_of(seen), channel) for channel in (1, 2))
             if not green.any() or not blue.any():
                 return False  # the ball, which was a box, is not there yet
-            place = np.mean(np.nonzero(blue), axis=1)[::-1] / SCALE + (RIGHT, 0)
+            place = np.mean(np.nonzero(blue), axis=1)[::-1] / scale_of(seen) + (RIGHT, 0)
             return np.abs(place - GROUND).max() < 12
 
         await_picture(page, shows)
@@ -230,7 +236,7 @@ class TestToy:
         page.close()
         left = played.until(lambda entry: not entry["is_watched"])
         assert left["speed_x"] == 0
-        again = open_page(browser, played)
+        again = open_page(browser, played, SCALE)
         # what is pressed while a page is still loading counts as held from before
         await_picture(again, lambda seen: strong(scene_of(seen), 2).any())
         frames(again, 5)

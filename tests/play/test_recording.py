@@ -1,14 +1,12 @@
 """Videos of what is played."""
 
-import subprocess
-
-import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
 
 from flyrl.play import recording
 from flyrl.play.recording import VideoRecorder
+from tests.pictures import decoded
 
 _XML = """
 <mujoco>
@@ -22,14 +20,6 @@ _XML = """
   </worldbody>
 </mujoco>
 """
-
-
-def pictures(path):
-    """Pictures of a video, (n, height, width, 3)."""
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", path]
-    command += ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
-    decoded = subprocess.run(command, capture_output=True, check=True).stdout
-    return np.frombuffer(decoded, np.uint8).reshape(-1, recording.HEIGHT, recording.WIDTH, 3)
 
 
 @pytest.fixture
@@ -61,7 +51,7 @@ def test_a_video_shows_the_states_it_was_given(tmp_path, camera):
     path = tmp_path / "videos" / "ball_1.mp4"
     assert recorder.note == f"Video: {path}"
     assert [file.name for file in path.parent.iterdir()] == ["ball_1.mp4"]
-    shown = pictures(path).astype(int)
+    shown = decoded(path)[1].astype(int)
     assert shown.shape == (6, recording.HEIGHT, recording.WIDTH, 3)
     # azimuth 90 looks along +y, with +x to the right
     for picture, is_right, channel in ((0, False, 0), (2, False, 0), (4, True, 0), (5, None, 1)):
@@ -84,7 +74,7 @@ def test_a_long_video_ends_by_itself_and_no_name_is_used_twice(tmp_path, camera,
     recorder.take(*scene("1 0 0"), camera, 9)
     assert not recorder.is_on
     recorder.close()
-    assert len(pictures(tmp_path / "ball_2.mp4")) == 2
+    assert len(decoded(tmp_path / "ball_2.mp4")[1]) == 2
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path):

@@ -3,16 +3,9 @@ import pytest
 
 from flyrl.envs.core import EnvConfig
 from flyrl.policies import PolicyFileError, load_policy, named_policies, save_bundle
-from flyrl.policies.bundle import policies_folder, policy_name
+from flyrl.policies.bundle import policy_name
 from flyrl.policies.laws import FIXED
-from flyrl.resources import assets_folder
 from flyrl.tasks import TASKS
-
-
-def test_names_are_those_of_the_files():
-    files = {path.stem for path in policies_folder().glob("*.safetensors")}
-    assert list(named_policies()) == sorted(files)
-    assert policies_folder() == assets_folder() / "policies"
 
 
 def test_an_unknown_name_lists_what_there_is():

@@ -1,5 +1,6 @@
 """A report with all that one can have, made once, and what it is looked at with."""
 
+import functools
 import io
 from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
@@ -83,16 +84,23 @@ def gaited(controller, way=10):
     )
 
 
+@functools.cache
 def film(name, terrain="flat"):
     """A video whose pictures get brighter one by one, until its end."""
+    number = FILMED + HOLD_FRAMES
+    return Video(name, terrain, 0, "left_arena", number, 0.01, *_brightening(number))
+
+
+@functools.cache
+def _brightening(number):
+    """The files of such a video and of its poster."""
     pictures = [
-        np.full((48, 64, 3), DARKEST + BRIGHTER * min(number, FILMED - 1), np.uint8)
-        for number in range(FILMED + HOLD_FRAMES)
+        np.full((48, 64, 3), DARKEST + BRIGHTER * min(shown, FILMED - 1), np.uint8)
+        for shown in range(number)
     ]
     poster = io.BytesIO()
     Image.fromarray(pictures[-1]).save(poster, "JPEG")
-    mp4, number = encode(pictures), len(pictures)
-    return Video(name, terrain, 0, "left_arena", number, 0.01, mp4, poster.getvalue())
+    return encode(pictures), poster.getvalue()
 
 
 def drive_map():
@@ -122,6 +130,7 @@ def results():
             },
         },
     }
+    results.protocol["body"] = {"muscles": {}}
     for row in results.summaries:
         row["metrics"]["work_nj_per_mm"].update(n=2, mean=12.5, q1=11.0, q3=14.0)
     return results

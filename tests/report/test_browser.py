@@ -18,7 +18,7 @@ WIDE = {"width": 1200, "height": 900}
 ROWS = len(NAMES) * len(TERRAINS) * 8
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
     with chromium() as browser:
         yield browser

@@ -51,31 +51,6 @@ def test_a_recorded_step_repeats_itself_and_grows_from_the_neutral_pose():
         np.testing.assert_allclose(ramped[names].iloc[-1], table[names].iloc[-1])
 
 
-def test_a_leg_lets_go_as_long_as_it_swings():
-    steps, table = PreprogrammedSteps(), figures.adhesion_plot().table
-    for leg in LEGS:
-        start, end = steps.swing_period[leg]
-        assert 1 - table[leg].mean() == pytest.approx((end - start) / (2 * np.pi), abs=0.005)
-
-
-def test_the_graph_has_the_rules_of_the_literature():
-    table = figures.rules_graph_plot().table
-    assert table["rule"].value_counts().to_dict() == {
-        "rule1": 4,
-        "rule2_ipsi": 4,
-        "rule2_contra": 6,
-        "rule3_ipsi": 4,
-        "rule3_contra": 6,
-    }
-    inhibits = table[table["rule"] == "rule1"]
-    assert set(zip(inhibits["source"], inhibits["target"], strict=True)) == {
-        ("LM", "LF"),
-        ("LH", "LM"),
-        ("RM", "RF"),
-        ("RH", "RM"),
-    }
-
-
 @pytest.fixture(scope="module")
 def rules():
     return figures.rules_plot().table

@@ -164,19 +164,11 @@ def test_the_task_and_its_training_are_shown(page):
         assert words in page.words
 
 
-@pytest.mark.parametrize(
-    ("actions", "body", "parts"),
-    [
-        ("drives", {"muscles": {}}, "policy, leg controller, servos, body and ground"),
-        ("drives", {"muscles": {"force": 1}}, "policy, leg controller, muscles, body and ground"),
-        ("neurons", {}, "policy, muscles, body and ground"),
-    ],
-)
-def test_the_loop_has_the_parts_of_the_body(alone, actions, body, parts):
-    table = {**alone.protocol["table"], "actions": actions}
-    own = replace(alone, protocol={**alone.protocol, "table": table, "body": body})
-    text = format_report(own)
-    assert f'aria-label="Control loop: {parts}, and senses back to the policy"' in text
+def test_the_loop_has_the_parts_of_the_body(text, other):
+    """That of a worm is in test_wording."""
+    for report, actuators in ((text, "servos"), (other, "muscles")):
+        loop = f"policy, leg controller, {actuators}, body and ground, and senses back"
+        assert f'aria-label="Control loop: {loop} to the policy"' in report
 
 
 def test_metrics_have_columns_and_meanings_where_somebody_has_them(page):
@@ -232,6 +224,7 @@ def other(few):
     }
     entrants = [{**entrant, **training} for entrant in few.protocol["entrants"]]
     protocol = {**few.protocol, "crashes": [crash], "entrants": entrants}
+    protocol["body"] = {"muscles": {"force": 1}}
     with_reflexes = gaited("cpg")
     with_reflexes.gait.retraction[10:20, 2] = True
     return format_report(

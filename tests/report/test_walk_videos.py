@@ -12,7 +12,7 @@ from flyrl.bodies.worm import DEMONSTRATION
 from flyrl.report.gallery import write
 from flyrl.report.video import HOLD_FRAMES
 from flyrl.report.walk_videos import WALKS, film_walk, film_worm
-from flyrl.simulation.rendering import RenderingUnavailableError
+from tests.pictures import drawing
 from tests.report.test_captions import red
 from tests.report.test_video import read
 
@@ -21,10 +21,8 @@ from tests.report.test_video import read
 def film():
     walk = WALKS["turn_video"]
     walk = dataclasses.replace(walk, duration_s=0.03, body=WALKS["walk_cpg_without_adhesion"].body)
-    try:
+    with drawing():
         return film_walk(walk)
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
 
 
 def test_the_table_has_a_row_per_picture(film, tmp_path):
@@ -47,10 +45,8 @@ def test_the_table_tells_what_was_driven_and_what_came_of_it(film):
 
 @pytest.fixture(scope="module")
 def worm():
-    try:
+    with drawing():
         return film_worm(dataclasses.replace(DEMONSTRATION, segments=4), step=150, hold_s=0.2)
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
 
 
 def test_the_video_shows_the_bar_and_the_worm_that_bends(worm, tmp_path):

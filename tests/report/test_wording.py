@@ -37,6 +37,8 @@ def test_a_report_on_worms_does_not_speak_of_legs(task):
     config = EvaluationConfig(task=task, episodes=2, num_threads=1)
     results = evaluate(config)
     text = format_report(results, examples=results.examples)
+    loop = "policy, muscles, body and ground, and senses back to the policy"
+    assert f'aria-label="Control loop: {loop}"' in text
     # without the names of controllers and files
     text = re.sub(r"<(script|style|pre|code)\b.*?</\1>", "", text, flags=re.DOTALL)
     words = Page(text).words

@@ -12,7 +12,6 @@ from flyrl.bodies.worm import CRAWLER
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.rendering import (
     FlyRenderer,
-    RenderingUnavailableError,
     WormRenderer,
     can_draw_in_threads,
     line_of_sight,
@@ -20,6 +19,7 @@ from flyrl.simulation.rendering import (
 )
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TARGET_MARKER
+from tests.pictures import drawing
 
 
 def test_a_millimetre_in_pixels():
@@ -62,10 +62,8 @@ def test_the_target_seen_from_above_is_as_wide_as_the_scale_says():
     start = config.controller.initial_state()
     flies.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
     flies.set_props(np.array([0]), np.array([[[2.5, 0.0, 0.02]]]))
-    try:
+    with drawing():
         renderer = FlyRenderer(config, 320, 240, "top", distance=10.0)
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
     picture = renderer.render(flies, 0, (2.5, 0.0)).astype(int)
     renderer.close()
     assert renderer.pixels_per_mm == pytest.approx(240 / (2 * 0.414214 * 10.0), rel=1e-4)
@@ -89,9 +87,10 @@ def test_triton_is_loaded_before_the_graphics_library(tmp_path):
     code = (
         "import sys; sys.path.insert(0, sys.argv[1])\n"
         "from contextlib import suppress\n"
-        "from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError\n"
+        "from flyrl.bodies.worm import CRAWLER\n"
+        "from flyrl.simulation.rendering import RenderingUnavailableError, WormRenderer\n"
         "from flyrl.simulation.scene import SceneConfig\n"
-        "with suppress(RenderingUnavailableError): FlyRenderer(SceneConfig())\n"
+        "with suppress(RenderingUnavailableError): WormRenderer(SceneConfig(CRAWLER))\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=True
@@ -105,10 +104,8 @@ WIDTH, HEIGHT = 96, 64
 
 
 def drawn_worm(batch, camera="follow"):
-    try:
+    with drawing():
         renderer = WormRenderer(batch.scene.config, WIDTH, HEIGHT, camera)
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
     picture = renderer.render(batch, 0)
     renderer.close()
     return picture.astype(int)

@@ -11,7 +11,7 @@ from flyrl.controllers import Hybrid
 from flyrl.simulation.callback import install
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.worms import WormBatch
-from flyrl.terrains import TERRAINS, Prop
+from flyrl.terrains import Prop
 
 CRAWLING = build_scene(SceneConfig(CRAWLER))
 HANGING = build_scene(SceneConfig(HANGER))
@@ -191,7 +191,6 @@ def test_a_picture_has_the_same_pose(scene):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"terrain": TERRAINS["blocks"]}, "terrain .* must be one of 'flat', got 'blocks'"),
         ({"controller": Hybrid()}, "controller of a worm must be None, got Hybrid"),
         ({"props": (Prop("post", "sphere", (1.0,)),)}, "props of a worm must be"),
     ],

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.simulation.rendering import FlyRenderer, RenderingUnavailableError
+from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import SceneConfig
 from flyrl.tasks import TASKS
 from flyrl.terrains import NOWHERE, Prop
+from tests.pictures import drawing
 
 POST = Prop("post", "cylinder", (0.5, 4.0), is_solid=True)
 GHOST = Prop("ghost", "cylinder", (0.5, 4.0))
@@ -96,10 +97,8 @@ def test_the_marker_of_a_target_stands_at_the_goal():
 
 def test_a_picture_shows_where_props_are():
     env = started(task_with(Prop("ball", "sphere", (1.0,), (1.0, 0.0, 1.0, 1.0))), [NOWHERE], n=1)
-    try:
+    with drawing():
         renderer = FlyRenderer(env.config.fly_scene, 160, 120, "top")
-    except RenderingUnavailableError as error:
-        pytest.skip(str(error))
 
     def pink():
         red, green, blue = np.moveaxis(renderer.render(env.flies).astype(int), -1, 0)

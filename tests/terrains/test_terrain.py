@@ -82,7 +82,7 @@ def test_a_bad_record_is_explained(record, message):
 
 
 @pytest.fixture
-def my_ground(tmp_path, monkeypatch):
+def my_ground(own_module):
     """A module of a user's own, in the current folder."""
     code = """
         from dataclasses import dataclass
@@ -104,11 +104,8 @@ def my_ground(tmp_path, monkeypatch):
             def hull(self):
                 return Boxes(np.array([[3.0, 0.0, 0.05]]), np.array([[0.5, 10.0, 0.05]]))
     """
-    (tmp_path / "my_ground.py").write_text(textwrap.dedent(code))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
-    yield "my_ground:Ridge"
-    sys.modules.pop("my_ground", None)
+    own_module("my_ground", textwrap.dedent(code))
+    return "my_ground:Ridge"
 
 
 def test_a_terrain_of_ones_own_is_walked_on(my_ground):

@@ -3,15 +3,12 @@
 import json
 import subprocess
 
-import numpy as np
 import yaml
 
-from flyrl.policies import observation_layout
-from flyrl.policies.bundle import PolicyBundle, save_bundle
-from flyrl.policies.networks import MLP, Layer
-from flyrl.tasks import TASKS
+from flyrl.policies.bundle import save_bundle
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.config import TrainingConfig, env_record, training_record
+from tests.bundles import target_bundle
 
 _IDENTITY = ("-c", "user.name=a", "-c", "user.email=a@b.c")
 COMMIT = "0123456789abcdef0123456789abcdef01234567"
@@ -38,13 +35,7 @@ def make_run(
     (folder / "evaluations.csv").write_text("\n".join(table) + "\n")
     status = {"decisions": 200, "wall_time_s": 12.5, "interrupted_by": interrupted_by}
     (folder / "status.json").write_text(json.dumps(status))
-    layout = observation_layout(TASKS["target"]())
-    inputs = sum(term.size for term in layout)
-    layer = Layer(np.zeros((2, inputs), np.float32), np.full(2, bias, np.float32))
-    network = MLP((layer,), "tanh")
-    bundle = PolicyBundle(
-        network, "clip", layout, (-1.0, -1.0), (1.0, 1.0), env_record(config.env), {"algo": algo}
-    )
+    bundle = target_bundle((bias, bias), env=env_record(config.env), training={"algo": algo})
     save_bundle(bundle, folder / "last.safetensors")
     return folder
 

@@ -82,7 +82,13 @@ def test_what_has_no_replay_buffer_learns_to_act_as_the_teacher(algo):
     assert torch.equal(model.policy.log_std, untaught.policy.log_std)
 
 
-def test_the_same_seed_learns_the_same_bits_of_it():
+@pytest.fixture
+def few_updates(monkeypatch):
+    """Cloning that is too short to act as the teacher."""
+    monkeypatch.setattr("flyrl.training.imitation._UPDATES", 20)
+
+
+def test_the_same_seed_learns_the_same_bits_of_it(few_updates):
     one, another = (taught("ppo")[0].policy.state_dict() for _ in range(2))
     assert all(torch.equal(one[name], another[name]) for name in one)
 
@@ -119,7 +125,7 @@ def test_a_teacher_that_does_not_fit_is_refused(tmp_path, changes, message):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_run_goes_on_without_its_teacher(tmp_path):
+def test_a_run_goes_on_without_its_teacher(tmp_path, few_updates):
     teacher = Path(shutil.copy(named_policies()["target-flat"], tmp_path))
     schedule = replace(TINY.training, teacher=str(teacher), demonstrations=40)
     config = replace(TINY, training=schedule)
