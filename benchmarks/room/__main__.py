@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.machine import machine
 from benchmarks.room.conditions import CONDITIONS
-from benchmarks.room.figure import LEAST_ROOM, draw, room, verdict
+from benchmarks.room.figure import LEAST_ROOM, better_law, draw, room, verdict
 from benchmarks.room.law import Settings, law, published, tuned
 from benchmarks.room.planner import Planner, PlannerConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
@@ -111,7 +111,7 @@ def _row(records: list[EpisodeRecord]) -> dict[str, Any]:
 
 
 def table(results: dict[str, Any]) -> str:
-    """Share of successes with intervals, in %, the room above the tuned law, and the verdict."""
+    """Share of successes with intervals, in %, the room above the better law, and the verdict."""
     lines = [
         "| condition | published law | tuned law | robust bound | bound | room | verdict |",
         "|---|---|---|---|---|---|---|",
@@ -129,7 +129,7 @@ def table(results: dict[str, Any]) -> str:
     for name, row in results.items():
         if "learned" in row:
             won = {who: np.array(each["success"]) for who, each in row["learned"].items()}
-            better = max(won["published"], won["tuned"], key=np.mean)
+            better = won[better_law(row["learned"])]
             gain = 1.0 * won["policy"] - better
             between = paired_difference(gain, np.random.default_rng(0))
             spread = "" if between.low is None else _interval(between)

@@ -14,7 +14,7 @@ ENOUGH: Final = 0.85
 """Share of successes from which on a law is enough: above it there is no room to speak of."""
 
 LEAST_ROOM: Final = 0.15
-"""Between the tuned law and the bound, from which on learning is worth a try."""
+"""Between the better law and the bound, from which on learning is worth a try."""
 
 _WHO: Final = {
     "published": ("law as published", "#9a9a9a"),
@@ -30,13 +30,18 @@ def rate(row: Mapping[str, Any], who: str) -> float:
     return float(np.mean(row[who]["success"]))
 
 
+def better_law(row: Mapping[str, Any]) -> str:
+    """Law that succeeds more often, the published one or the tuned one."""
+    return max(("tuned", "published"), key=lambda law: rate(row, law))
+
+
 def room(row: Mapping[str, Any]) -> float:
-    """Success rate of the bound less that of the tuned law."""
-    return rate(row, "bound") - rate(row, "tuned")
+    """Success rate of the bound less that of the better law."""
+    return rate(row, "bound") - rate(row, better_law(row))
 
 
 def verdict(row: Mapping[str, Any]) -> str:
-    """Whether the tuned law is enough, there is room above it, or luck, or nothing helps much.
+    """Whether a law is enough, there is room above both, or luck, or nothing helps much.
 
     It is luck where a planner that must not count on the very future reaches little more.
     """
@@ -44,9 +49,9 @@ def verdict(row: Mapping[str, Any]) -> str:
         if "robust" not in row:
             return "room"
         robust = row["robust"]["success"]
-        on_the_same = row["tuned"]["success"][: len(robust)]
+        on_the_same = row[better_law(row)]["success"][: len(robust)]
         return "luck" if np.mean(robust) - np.mean(on_the_same) < LEAST_ROOM else "room"
-    return "law" if rate(row, "tuned") >= ENOUGH else "nothing"
+    return "law" if rate(row, better_law(row)) >= ENOUGH else "nothing"
 
 
 def draw(results: Mapping[str, Mapping[str, Any]], path: Path) -> None:

@@ -49,7 +49,7 @@ def test_a_law_is_better_by_its_successes_and_then_by_its_time():
     assert score([quick, failed]) == pytest.approx((1 - 0.1 / 3 - 0.1) / 2)
 
 
-def test_the_room_is_what_the_bound_has_before_the_tuned_law():
+def test_the_room_is_what_the_bound_has_before_the_better_law():
     rates = {"published": [1, 0, 0, 0], "tuned": [1, 1, 0, 0], "bound": [1, 1, 1, 0]}
     results = {"blocks": {who: {"success": row} for who, row in rates.items()}}
     last = table(results).splitlines()[-1].split("|")
@@ -77,10 +77,11 @@ def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
 @pytest.mark.parametrize(
     ("wins", "expected"),
     [
-        ({"tuned": 20, "bound": 20}, "law"),
-        ({"tuned": 2, "bound": 3}, "nothing"),
-        ({"tuned": 10, "bound": 15, "robust": 13}, "room"),
-        ({"tuned": 10, "bound": 20, "robust": 12}, "luck"),
+        ({"published": 10, "tuned": 20, "bound": 20}, "law"),
+        ({"published": 20, "tuned": 10, "bound": 20}, "law"),
+        ({"published": 2, "tuned": 2, "bound": 3}, "nothing"),
+        ({"published": 2, "tuned": 10, "bound": 15, "robust": 13}, "room"),
+        ({"published": 2, "tuned": 10, "bound": 20, "robust": 12}, "luck"),
     ],
 )
 def test_what_the_room_is(wins, expected):
@@ -91,5 +92,5 @@ def test_what_the_room_is(wins, expected):
 def test_a_robust_bound_of_fewer_episodes_meets_the_law_on_the_same():
     # the law wins the first half; so does the bound without luck, which had no more to win
     half = [True] * 10 + [False] * 10
-    row = {"tuned": half, "bound": [True] * 20, "robust": [True] * 10}
+    row = {"published": half, "tuned": half, "bound": [True] * 20, "robust": [True] * 10}
     assert verdict({who: {"success": success} for who, success in row.items()}) == "luck"
