@@ -16,6 +16,8 @@ ENOUGH: Final = 0.85
 LEAST_ROOM: Final = 0.15
 """Between the better law and the bound, from which on learning is worth a try."""
 
+LAWS: Final = ("tuned", "published")
+
 _WHO: Final = {
     "published": ("law as published", "#9a9a9a"),
     "tuned": ("law tuned here", "#0072b2"),
@@ -32,7 +34,7 @@ def rate(row: Mapping[str, Any], who: str) -> float:
 
 def better_law(row: Mapping[str, Any]) -> str:
     """Law that succeeds more often, the published one or the tuned one."""
-    return max(("tuned", "published"), key=lambda law: rate(row, law))
+    return max(LAWS, key=lambda law: rate(row, law))
 
 
 def room(row: Mapping[str, Any]) -> float:
@@ -49,8 +51,8 @@ def verdict(row: Mapping[str, Any]) -> str:
         if "robust" not in row:
             return "room"
         robust = row["robust"]["success"]
-        on_the_same = row[better_law(row)]["success"][: len(robust)]
-        return "luck" if np.mean(robust) - np.mean(on_the_same) < LEAST_ROOM else "room"
+        on_the_same = max(np.mean(row[law]["success"][: len(robust)]) for law in LAWS)
+        return "luck" if np.mean(robust) - on_the_same < LEAST_ROOM else "room"
     return "law" if rate(row, better_law(row)) >= ENOUGH else "nothing"
 
 
