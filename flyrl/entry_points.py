@@ -1,6 +1,7 @@
-"""Python objects by name, `module:attribute`, imported because the user named them."""
+"""Python objects of users: by name, `module:attribute`, imported because they named them."""
 
 import importlib
+import inspect
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import fields, replace
@@ -206,3 +207,14 @@ def look_up(
         given = type(defined[attribute]).__name__
         raise ValueError(f"{key}: {name} must be a {kind}, got a {given}")
     return cast(T, known[one_of(f"{key}, of the {kind}s in {module},", attribute, known)])
+
+
+def takes(function: Callable[..., Any], count: int) -> bool:
+    """Whether a function can be called with so many arguments by position, and no others."""
+    try:
+        inspect.signature(function).bind(*range(count))
+    except TypeError:
+        return False
+    except ValueError:  # of C's, without a signature
+        return count == 1
+    return True

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from flyrl.entry_points import check_trust, is_entry_point, load_module, named_code
+from flyrl.entry_points import check_trust, is_entry_point, load_module, named_code, takes
 
 
 @pytest.mark.parametrize("name", ["mine:make", "my.own_module:MAKE"])
@@ -57,3 +57,12 @@ def test_code_needs_consent():
         check_trust(Path("runs/a"), settings, False, "--trust")
     check_trust(Path("runs/a"), settings, True, "--trust")
     check_trust(Path("runs/a"), {"task": {"terms": []}}, False, "--trust")
+
+
+def test_functions_are_told_apart_by_their_arguments():
+    def by_time(time_s, observation):
+        return 1.0, 1.0
+
+    assert takes(by_time, 2)
+    assert not takes(by_time, 1)
+    assert takes(lambda task, speed=1.0: 0, 1)

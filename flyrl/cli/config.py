@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from flyrl.envs.config import EnvConfig
 from flyrl.evaluation import EvaluationConfig
+from flyrl.evaluation.config import ENV_GROUPS
 from flyrl.simulation.rendering import Camera
 from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
@@ -25,9 +26,6 @@ from flyrl.validation import (
 
 _GROUPS: Final = ("body", "terrain", "controller", "physics", "randomisation")
 """Groups of an environment beside its task."""
-
-_EVALUATION_GROUPS: Final = ("task", "body", "physics", "randomisation")
-"""Groups of an evaluation beside its own settings."""
 
 
 def group(config: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -144,7 +142,7 @@ _NOT_SHOWN: Final = ("progress_bar", "folder")
 _OF_EVALUATION: Final = tuple(
     each.name
     for each in fields(EvaluationConfig)
-    if each.name not in (*_EVALUATION_GROUPS, "progress", "command", "settings")
+    if each.name not in (*ENV_GROUPS, "progress", "command", "settings")
 )
 _LISTS: Final = ("policies", "controllers", "terrains", "film")
 
@@ -170,7 +168,7 @@ def evaluation_settings(config: Mapping[str, Any]) -> EvaluationSettings:
 
 def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
     """Settings of an evaluation that stand beside its groups, as in `configs/evaluate.yaml`."""
-    own = {key: value for key, value in record.items() if key not in _EVALUATION_GROUPS}
+    own = {key: value for key, value in record.items() if key not in ENV_GROUPS}
     # entrants bring their own controllers; a task for worms says that there is none
     if own.get("controller", "") is None:
         del own["controller"]
@@ -204,7 +202,7 @@ def evaluation_config(
     ValueError
         A key or value that is not allowed.
     """
-    groups = {key: group(config, key) for key in _EVALUATION_GROUPS if key in config}
+    groups = {key: group(config, key) for key in ENV_GROUPS if key in config}
     task = group(config, "task")
     asked = task.pop("decision_interval", None)
     env = env_config({**groups, "task": task})

@@ -25,6 +25,9 @@ Training draws its episodes from seeds below 2**31, and the ones it picks its be
 below this. So no policy was trained or chosen on an episode that it is compared on.
 """
 
+ENV_GROUPS: Final = ("task", "body", "physics", "randomisation")
+"""Of an environment's record, what an evaluation is composed of."""
+
 MAX_EPISODES: Final = 2**16
 MAX_SEED: Final = 2**14 - 1
 """Together they reach the largest seed there is, 2**32 - 1."""

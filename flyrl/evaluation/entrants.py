@@ -11,13 +11,13 @@ from typing import Any, Final
 
 from flyrl.controllers import DRIVE, Controller
 from flyrl.controllers.controller import controller_from, controller_named
-from flyrl.entry_points import check_trust, is_entry_point, load_module
+from flyrl.entry_points import check_trust, is_entry_point, load_module, takes
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.files import file_digest
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
 from flyrl.policies.bundle import policy_file, policy_name
-from flyrl.policies.fixed import FunctionPolicy, takes
+from flyrl.policies.fixed import FunctionPolicy
 from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named, split_legs
 from flyrl.rollouts import Policy
 from flyrl.simulation.fly_scene import fit_controller

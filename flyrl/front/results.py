@@ -25,6 +25,7 @@ from flyrl.evaluation import (
     write_results,
 )
 from flyrl.evaluation import evaluate as walk_episodes
+from flyrl.evaluation.config import ENV_GROUPS
 from flyrl.evaluation.episodes import drop_parts, episodes_digest
 from flyrl.evaluation.results import RESULTS_FILES
 from flyrl.files import OutputFolder, usable_folder, write_text
@@ -39,9 +40,6 @@ from flyrl.terrains import Flat
 from flyrl.training.learn import Run
 from flyrl.training.runs import is_run, read_run
 from flyrl.validation import did_you_mean
-
-_GROUPS: Final = ("task", "body", "physics", "randomisation")
-"""Of an environment's record, what an evaluation is composed of."""
 
 _MAX_LISTED: Final = 5
 """Episodes that differ from a report's which are listed one by one."""
@@ -368,10 +366,7 @@ def _is_fixed(entrant: Any) -> bool:
 
 
 def _record(config: EvaluationConfig) -> dict[str, Any]:
-    """Settings from which `flyrl reproduce` repeats the evaluation; none with things of Python's.
-
-    Keyed as `configs/evaluate.yaml` is.
-    """
+    """Settings by which `flyrl reproduce` repeats it, as in `configs/evaluate.yaml`, if it can."""
     is_named = isinstance(config.task, str | Mapping)
     if not is_named or not all(isinstance(each, str) for each in config.policies):
         return {}
@@ -379,10 +374,10 @@ def _record(config: EvaluationConfig) -> dict[str, Any]:
     own = {
         item.name: plain(getattr(config, item.name))
         for item in fields(config)
-        if item.name not in (*_GROUPS, "terrains", "progress", "command", "settings")
+        if item.name not in (*ENV_GROUPS, "terrains", "progress", "command", "settings")
     }
     terrains = [env_record(config.env(terrain))["terrain"] for terrain in config.terrains]
-    return {**{key: env[key] for key in _GROUPS}, **own, "terrains": terrains}
+    return {**{key: env[key] for key in ENV_GROUPS}, **own, "terrains": terrains}
 
 
 def training_evaluations(

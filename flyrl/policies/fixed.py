@@ -1,6 +1,5 @@
 """Policies that were not learned: drives, steering laws, functions, and worms' rhythms."""
 
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -275,17 +274,6 @@ class FunctionPolicy(FixedPolicy):
             )
         # as precise as an action that a network gives
         return actions.of(given).astype(np.float32) if isinstance(actions, Drives) else given
-
-
-def takes(function: Callable[..., Any], count: int) -> bool:
-    """Whether a function can be called with so many arguments by position, and no others."""
-    try:
-        inspect.signature(function).bind(*range(count))
-    except TypeError:
-        return False
-    except ValueError:  # of C's, without a signature
-        return count == 1
-    return True
 
 
 class _MusclePolicy(FixedPolicy):

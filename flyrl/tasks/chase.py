@@ -10,7 +10,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, beyond_reach
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term, distance_term
 from flyrl.tasks.task import (
     SUCCESS,
     Mask,
@@ -163,8 +163,8 @@ def chase(
     caught = partial(is_caught, reach=reach)
     return Task(
         observation=(
-            terms.direction_term(target_direction_b, "the target's bearing from the heading"),
-            terms.distance_term(target_distance, "the target"),
+            direction_term(target_direction_b, "the target's bearing from the heading"),
+            distance_term(target_distance, "the target"),
             ObservationTerm(
                 "target_velocity", (2,), -5.0, 5.0, target_velocity_b,
                 "forward and leftward velocity of the target, in 20 mm/s",

@@ -13,7 +13,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term
 from flyrl.tasks.task import RewardTerm, Task
 from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, lost_time
 from flyrl.terrains import Terrain
@@ -81,7 +81,7 @@ def heading(
     within = float(np.deg2rad(tolerance))
     return Task(
         observation=(
-            terms.direction_term(
+            direction_term(
                 terms.commanded_direction_b, "the commanded heading from the fly's own"
             ),
             *SENSES,

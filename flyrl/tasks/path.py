@@ -11,7 +11,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term, distance_term
 from flyrl.tasks.task import (
     SUCCESS,
     Mask,
@@ -188,7 +188,7 @@ def path(
     failures = (*FAILURES, *off)
     return Task(
         observation=(
-            terms.direction_term(
+            direction_term(
                 partial(path_direction_b, look_ahead=look_ahead),
                 f"the bearing of a point {look_ahead:g} mm ahead on the path",
             ),
@@ -196,7 +196,7 @@ def path(
                 "path_distance", (1,), 0.0, 4.0, path_distance,
                 "distance to the path, in 5 mm",
             ),
-            terms.distance_term(terms.target_distance, "the path's end"),
+            distance_term(terms.target_distance, "the path's end"),
             *SENSES,
         ),
         reward=(

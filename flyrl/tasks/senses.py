@@ -1,4 +1,4 @@
-"""What a fly feels of itself: the observation terms that every steering task shares.
+"""Observation terms that steering tasks share: where to go, and what a fly feels of itself.
 
 It measures its velocity, yaw rate and tilt, with noise if asked for. Drive, phases, magnitudes and
 reflexes are its own commands, and legs are on the ground or not.
@@ -9,7 +9,20 @@ from typing import Final
 
 from flyrl.tasks import terms
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW
-from flyrl.tasks.task import ObservationTerm
+from flyrl.tasks.task import Compute, ObservationTerm
+
+
+def direction_term(compute: Compute, angle: str) -> ObservationTerm:
+    """Cos and sin of the angle to turn by."""
+    text = f"cos and sin of {angle}, left positive"
+    return ObservationTerm("target_direction", (2,), -1.0, 1.0, compute, text, is_bearing=True)
+
+
+def distance_term(compute: Compute, place: str) -> ObservationTerm:
+    """Distance to a place, in 15 mm."""
+    text = f"horizontal distance to {place}, in 15 mm"
+    return ObservationTerm("target_distance", (1,), 0.0, 4.0, compute, text)
+
 
 MUSCLE_TENSIONS: Final = ObservationTerm(
     "muscle_tensions", (84,), 0.0, 1.0, attrgetter("fly.muscle_tensions"),

@@ -11,7 +11,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, beyond_reach
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term, distance_term
 from flyrl.tasks.task import (
     SUCCESS,
     ErrorTerm,
@@ -157,8 +157,8 @@ def slalom(
     near, far = beyond_reach("task.spacing", spacing, reach)
     return Task(
         observation=(
-            terms.direction_term(gate_direction_b, "the bearing of the gate that is due"),
-            terms.distance_term(gate_distance, "the gate that is due"),
+            direction_term(gate_direction_b, "the bearing of the gate that is due"),
+            distance_term(gate_distance, "the gate that is due"),
             ObservationTerm(
                 "next_direction", (2,), -1.0, 1.0, partial(gate_direction_b, ahead=1),
                 "cos and sin of the bearing of the gate after it, of the last again",

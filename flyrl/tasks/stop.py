@@ -8,7 +8,7 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, beyond_reach
 from flyrl.tasks.function import TaskFunction
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term, distance_term
 from flyrl.tasks.target import sample_episode
 from flyrl.tasks.task import SUCCESS, RewardTerm, Task, TaskState, Termination
 from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, cost_of_time
@@ -58,8 +58,8 @@ def stop(
     has_stood = partial(terms.lasted, reward="standing", seconds=kept)
     return Task(
         observation=(
-            terms.direction_term(terms.target_direction_b, "the place's bearing from the heading"),
-            terms.distance_term(terms.target_distance, "the place"),
+            direction_term(terms.target_direction_b, "the place's bearing from the heading"),
+            distance_term(terms.target_distance, "the place"),
             *SENSES,
         ),
         reward=(

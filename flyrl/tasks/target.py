@@ -18,7 +18,7 @@ from flyrl.tasks.episode import (
     draw_spawn,
 )
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term, distance_term
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -142,8 +142,8 @@ def target(
     at_target = partial(terms.is_at_target, reach=reach)
     return Task(
         observation=(
-            terms.direction_term(terms.target_direction_b, "the target's bearing from the heading"),
-            terms.distance_term(terms.target_distance, "the target"),
+            direction_term(terms.target_direction_b, "the target's bearing from the heading"),
+            distance_term(terms.target_distance, "the target"),
             *SENSES,
         ),
         reward=(

@@ -21,7 +21,6 @@ from flyrl.tasks.task import (
     Compute,
     ErrorTerm,
     Mask,
-    ObservationTerm,
     RewardTerm,
     TaskState,
     Termination,
@@ -336,19 +335,6 @@ def has_left(state: TaskState) -> Mask:
 DRIVE_TIME_CONSTANT_S: Final = 0.05
 """Of steering tasks. A descending neuron is no switch: in hoverflies its response to an impulse
 peaks after 17 ms and returns slowly (J. Exp. Biol. 224, 2021, doi 10.1242/jeb.242833)."""
-
-
-def direction_term(compute: Compute, angle: str) -> ObservationTerm:
-    """Row of an observation table: cos and sin of the angle to turn by."""
-    text = f"cos and sin of {angle}, left positive"
-    return ObservationTerm("target_direction", (2,), -1.0, 1.0, compute, text, is_bearing=True)
-
-
-def distance_term(compute: Compute, place: str) -> ObservationTerm:
-    """Row of an observation table: distance to a place, in 15 mm."""
-    text = f"horizontal distance to {place}, in 15 mm"
-    return ObservationTerm("target_distance", (1,), 0.0, 4.0, compute, text)
-
 
 SMOOTHNESS: Final = (
     RewardTerm("drive_change", -0.03, drive_change, "change of the drive, summed over both sides"),

@@ -9,7 +9,7 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import SENSES, direction_term
 from flyrl.tasks.task import (
     SUCCESS,
     Mask,
@@ -74,7 +74,7 @@ def traverse(
     crossed = partial(has_crossed, finish_line=finish_line)
     return Task(
         observation=(
-            terms.direction_term(terms.forward_direction_b, "the bearing of the world's x axis"),
+            direction_term(terms.forward_direction_b, "the bearing of the world's x axis"),
             ObservationTerm(
                 "finish_distance", (1,), -4.0, 4.0,
                 partial(finish_distance, finish_line=finish_line),

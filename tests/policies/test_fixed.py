@@ -14,7 +14,7 @@ from flyrl.policies import (
     WormCPG,
     WormReflex,
 )
-from flyrl.policies.fixed import FunctionPolicy, takes
+from flyrl.policies.fixed import FunctionPolicy
 from flyrl.tasks import TASKS, Neurons
 
 
@@ -144,12 +144,6 @@ def test_of_a_worm_a_function_returns_the_action():
 def test_another_number_of_values_is_refused():
     with pytest.raises(ValueError, match="must return 2 numbers"):
         FunctionPolicy(lambda time_s, seen: 1.0, TARGET).predict(np.zeros(NUM_INPUTS))
-
-
-def test_functions_are_told_apart_by_their_arguments():
-    assert takes(by_time, 2)
-    assert not takes(by_time, 1)
-    assert takes(lambda task, speed=1.0: 0, 1)
 
 
 # ------------------------------------------------------------------ worms
