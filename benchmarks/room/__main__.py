@@ -10,7 +10,6 @@ import json
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -152,7 +151,7 @@ def _interval(rate: Interval) -> str:
 
 
 def _add_what_is_missing(
-    robust_episodes: int, results: dict[str, Any], names: list[str], episodes: int
+    results: dict[str, Any], names: list[str], episodes: int, robust_episodes: int
 ) -> Iterator[None]:
     """Measure conditions, one step after another; what takes longest comes last."""
     for name in names:
@@ -162,14 +161,15 @@ def _add_what_is_missing(
     for name in names:
         row = results[name]
         if room(row) >= LEAST_ROOM and "robust" not in row:
-            episodes = min(robust_episodes, len(row["bound"]["success"]))
-            row["robust"] = without_luck(_config(name), row["law"], episodes)
+            walked = min(robust_episodes, len(row["bound"]["success"]))
+            row["robust"] = without_luck(_config(name), row["law"], walked)
             yield
 
 
 def _add_learned(
-    policy: str, results: dict[str, Any], names: list[str], episodes: int
+    results: dict[str, Any], names: list[str], episodes: int, policy: str
 ) -> Iterator[None]:
+    """Let a policy meet both laws, condition by condition."""
     for name in names:
         row = results[name]
         row["learned"] = learned(_config(name), policy, row["law"], episodes)
@@ -205,12 +205,13 @@ def main() -> None:
     found = json.loads(given.output.read_text()) if given.output.exists() else {}
     results = found.get("conditions", {})
     if not given.show:
-        do = (
-            partial(_add_what_is_missing, given.robust_episodes)
+        asked = results, names, given.episodes
+        steps = (
+            _add_what_is_missing(*asked, given.robust_episodes)
             if given.policy is None
-            else partial(_add_learned, given.policy)
+            else _add_learned(*asked, given.policy)
         )
-        for _ in do(results, names, given.episodes):
+        for _ in steps:
             record = {"machine": machine(), "conditions": results}
             write_text(given.output, json.dumps(record, indent=1))
     if given.figure:

@@ -81,8 +81,8 @@ TRUNK: Final[Capsule] = ((-1.2, 0.0, 0.0), (0.3, 0.0, 0.0), 0.4)
 
 ABDOMEN: Final[Capsule] = ((-1.0, 0.0, -0.1), (-1.75, 0.0, -0.5), 0.38)
 HEAD: Final[Capsule] = ((0.28, 0.0, 0.0), (0.28, 0.0, -0.2), 0.35)
-"""What the classic abdomen, and its head with the proboscis, are to the ground; to 0.1 mm the
-meshes."""
+"""What the classic abdomen, and its head with the proboscis, are to the ground; underneath, to
+0.13 mm the hulls of the meshes."""
 
 TETHER: Final = 1e3
 """g (and g·mm²): inertia that holds the thorax, a million times the fly's; it has no weight."""

@@ -248,8 +248,7 @@ class Batch:
     def integration_state(self) -> NDArray[np.float64]:
         """Everything that determines the future of each simulation, one row each (a copy).
 
-        What differs among the simulations' models does so too: see `ground` and
-        `vary`.
+        What differs among the simulations' models does so too: see `ground` and `vary`.
         """
         return np.array(self._batch.state)
 
