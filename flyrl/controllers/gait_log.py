@@ -70,13 +70,6 @@ def grounded_legs(contact_forces_w: FloatArray, is_grounded: FloatArray) -> None
 
 
 @kernel
-def grounded_legs_of(contact_forces_w: FloatArray, is_grounded: FloatArray) -> None:
-    """Apply `grounded_legs` to n flies at a time: (n, 36, 3) to (n, 6)."""
-    for i in range(len(contact_forces_w)):
-        grounded_legs(contact_forces_w[i], is_grounded[i])
-
-
-@kernel
 def _way(start_w: FloatArray, end_w: FloatArray) -> float:
     """Horizontal distance, mm."""
     dx, dy = end_w[0] - start_w[0], end_w[1] - start_w[1]
@@ -94,7 +87,7 @@ def log_gait(
     torques: FloatArray,
     velocities: FloatArray,
 ) -> None:
-    """Log one physics step in place, after its contact forces were summed.
+    """Log one physics step in place, once its contact forces and grounded legs are known.
 
     Parameters
     ----------
@@ -103,8 +96,8 @@ def log_gait(
     samples
         The latest samples, shape (places,); sample i stands at i modulo places.
     engine, head
-        Records of the model and the simulation (`engine.ENGINE`, `engine.HEAD`), with the contact
-        forces of this step.
+        Records of the model and the simulation (`engine.ENGINE`, `engine.HEAD`), with the legs
+        that are on the ground in this step.
     retraction, stumbling
         Amounts of the reflexes, shape (6,).
     torques, velocities
@@ -113,7 +106,6 @@ def log_gait(
     timestep, steps_per_sample = engine.timestep, int(engine.steps_per_gait_sample)
     adhesion, grounded = head.output.adhesion, head.is_grounded
     tips_w = head.senses.end_effectors_w
-    grounded_legs(head.senses.contact_forces_w, grounded)
     for servo in range(_NUM_SERVOS):
         power = torques[servo] * velocities[servo]
         if power > 0.0:

@@ -88,6 +88,8 @@ class EnvConfig:
     resolved_randomisation: RandomisationConfig = field(init=False, repr=False)
     scene: SceneConfig = field(init=False, repr=False)
     steps_per_decision: int = field(init=False, repr=False)
+    decision_interval_s: float = field(init=False, repr=False)
+    """How long a decision is held, s."""
 
     def __post_init__(self) -> None:
         for name in ("log_gait", "as_vectors"):
@@ -138,6 +140,7 @@ class EnvConfig:
         object.__setattr__(self, "resolved_randomisation", drawn_from)
         object.__setattr__(self, "scene", scene)
         object.__setattr__(self, "steps_per_decision", steps)
+        object.__setattr__(self, "decision_interval_s", steps * physics.timestep)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # the rest follows from these, and terms of a task may be functions that cannot be pickled
@@ -170,11 +173,6 @@ class EnvConfig:
         if self.creature != "fly":
             raise ValueError(f"task must be one for flies, got {self.resolved_task.name!r}")
         return self.scene
-
-    @property
-    def decision_interval_s(self) -> float:
-        """How long a decision is held, s."""
-        return self.steps_per_decision * self.scene.physics.timestep
 
     def sample_episode(self, seed: int, difficulty: float = 1.0) -> Episode:
         """Draw the episode with a seed: the task's, of a fly from the ranges."""

@@ -16,7 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
-from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of
+from flyrl.controllers.gait_log import STANCE_SPEED
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
 from flyrl.front.recordings import TORQUES, save_table
@@ -308,8 +308,7 @@ def _stacked(states: list[FlyState]) -> FlyState:
 
 def _stance(fly: FlyState) -> FloatArray:
     """1 for each leg that is on the ground with its tip at rest since the sample before, (T, 6)."""
-    grounded = np.empty((len(fly.time), NUM_LEGS))
-    grounded_legs_of(fly.contact_forces_w, grounded)
+    grounded = fly.is_grounded.copy()
     moved = np.linalg.norm(np.diff(fly.end_effectors_w[:, :, :2], axis=0), axis=2)
     grounded[1:] *= moved < STANCE_SPEED * np.diff(fly.time)[:, None]
     return grounded

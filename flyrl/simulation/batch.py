@@ -118,7 +118,7 @@ class Batch:
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
         self.num_sims = whole_number("num_sims", num_sims, 1, MOST_SIMS)
         whole_number("num_threads", num_threads, 0, MOST_THREADS)
-        install()
+        self._callbacks = install()
         self._batch = MujocoBatch(scene.model, self.num_sims, num_threads)
         self._process = os.getpid()
         if self.num_threads > 1:
@@ -301,4 +301,5 @@ class Batch:
                 f"threads, which are not in this one, {os.getpid()}: make it in the process that "
                 "uses it, or with num_threads=1"
             )
-        install()
+        if any(get() is not function for get, function in self._callbacks):
+            install()

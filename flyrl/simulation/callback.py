@@ -5,7 +5,7 @@ import ctypes
 import functools
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -84,8 +84,12 @@ def cache_folders() -> list[Path]:
     return sorted({Path(kernel.stats.cache_path) for kernel in kernels})
 
 
-def install() -> None:
-    """Install the callbacks into this process where they are missing; takes 0.5 µs if none is.
+def install() -> list[tuple[Callable[[], Any], Any]]:
+    """Install the callbacks into this process where they are missing.
+
+    Returns
+    -------
+    By place, what reads it, and what is there now: None where flyrl has no callback.
 
     Raises
     ------
@@ -105,9 +109,10 @@ def install() -> None:
                     f"MuJoCo's {name} is taken by {present!r}, which would change how flyrl's "
                     f"bodies move; remove it with mujoco.set_{name}(None) before they do"
                 )
-        for name, function in _c_functions().items():
-            if name in missing:
-                _PLACES[name][1](function)
+        ours = _c_functions()
+        for name in ours.keys() & missing:
+            _PLACES[name][1](ours[name])
+        return [(get, ours.get(name)) for name, (get, _) in _PLACES.items()]
 
 
 def _same_function(present: Any, ours: Any) -> bool:

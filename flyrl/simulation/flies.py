@@ -39,6 +39,9 @@ class FlyState:
     contact_forces_w
         Sum of the ground's forces on each sensed segment in the last physics step, µN,
         (n, 36, 3), ordered as anatomy.CONTACT_SEGMENTS.
+    is_grounded
+        1 for each leg that the ground pushed harder than `gait_log.CONTACT_THRESHOLD` then, else 0,
+        (n, 6).
     end_effectors_w
         Tarsus5 of each leg, mm, (n, 6, 3).
     command
@@ -70,6 +73,7 @@ class FlyState:
     joint_velocities: FloatArray
     actuator_torques: FloatArray
     contact_forces_w: FloatArray
+    is_grounded: FloatArray
     end_effectors_w: FloatArray
     command: FloatArray
     phases: FloatArray
@@ -148,6 +152,7 @@ class FlyBatch(Batch):
         head = self.userdata["head"]
         self.controllers = self.userdata["controller"]
         self.senses, self.output, self._clock = head["senses"], head["output"], head["clock"]
+        self._is_grounded = head["is_grounded"]
         names = self.controllers.dtype.names or ()
         self._legs: dict[str, FloatArray] = {
             name: self.controllers[name] if name in names else np.zeros((n, 6)) for name in SHOWN
@@ -275,6 +280,7 @@ class FlyBatch(Batch):
             joint_velocities=self._qvel[:, scene.joint_dofs],
             actuator_torques=self._actuator_force[:, :42].copy(),
             contact_forces_w=self.senses["contact_forces_w"].copy(),
+            is_grounded=self._is_grounded.copy(),
             end_effectors_w=self._xpos[:, self.end_effector_bodies],
             command=self.userdata["command"].copy(),
             **{name: values.copy() for name, values in self._legs.items()},

@@ -13,7 +13,6 @@ from flyrl.bodies.fly import FLIES, FlyConfig, add_trunk, build_fly, servo_stiff
 from flyrl.bodies.table import BodyName
 from flyrl.controllers import CONTROLLERS, Controller, Hybrid
 from flyrl.controllers.controller import compiled_step
-from flyrl.controllers.gait_log import grounded_legs_of
 from flyrl.controllers.steps import StepsName
 from flyrl.muscles import MotorPool
 from flyrl.simulation.callback import compiling, install
@@ -68,13 +67,9 @@ def leg_controller(config: SceneConfig) -> Controller:
 
 
 def compile_controllers() -> None:
-    """Compile what a first environment needs, unless that is done.
-
-    The callbacks, all built-in controllers for every fly, and what tasks call at a reset.
-    """
+    """Compile the callbacks, and all built-in controllers for every fly, unless that is done."""
     install()
     with compiling():
-        grounded_legs_of(np.zeros((1, len(CONTACT_SEGMENTS), 3)), np.empty((1, len(LEGS))))
         for kind, body in itertools.product(CONTROLLERS.values(), FLIES.values()):
             compiled_step(fit_controller(kind(), body), PHYSICS_PRESETS["balanced"].timestep)
 

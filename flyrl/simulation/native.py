@@ -34,7 +34,7 @@ from flyrl.controllers.controller import (
     NUM_LEGS,
     advance_command,
 )
-from flyrl.controllers.gait_log import GAIT_LOG, log_gait
+from flyrl.controllers.gait_log import GAIT_LOG, grounded_legs, log_gait
 from flyrl.muscles.muscle import activate, move_by_muscles
 from flyrl.simulation.engine import (
     CREATURE_HEAD,
@@ -332,6 +332,7 @@ def sensor_callback(at: Any) -> Any:
                 _int32(contact + at.dim),
                 engine.is_elliptic != 0.0,
             )
+        grounded_legs(forces_w, head.is_grounded)
         if engine.gait_places != 0.0:
             _log_gait(
                 engine,
@@ -344,5 +345,6 @@ def sensor_callback(at: Any) -> Any:
             )
         if engine.senses_contact == 0.0:
             forces_w[:, :] = 0.0
+            head.is_grounded[:] = 0.0
 
     return sense_contacts

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ class Drives:
         """Components of an action."""
         return len(self.command.names)
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest value of an action's components, (k,) each."""
         ranges = zip(self.command.low, self.command.high, strict=True)
@@ -87,7 +88,7 @@ class Drives:
         is_scaled = (self.low, self.high) == (-1.0, 1.0)
         return Drives(command=command) if is_scaled else Drives(None, None, command)
 
-    @property
+    @cached_property
     def _command_range(self) -> tuple[FloatArray, FloatArray]:
         return np.array(self.command.low), np.array(self.command.high)
 

@@ -12,7 +12,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.controllers.gait_log import grounded_legs_of
 from flyrl.tasks.task import (
     DECISIONS_LOST,
     FALL,
@@ -186,9 +185,7 @@ def phase_vectors(state: TaskState) -> FloatArray:
 
 def leg_contacts(state: TaskState) -> FloatArray:
     """1 for each leg that touches the ground, (n, 6)."""
-    is_grounded = np.empty((len(state.fly.time), 6))
-    grounded_legs_of(state.fly.contact_forces_w, is_grounded)
-    return is_grounded
+    return state.fly.is_grounded
 
 
 def reflexes(state: TaskState) -> FloatArray:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.controllers.gait_log import STANCE_SPEED, grounded_legs_of, unpack
+from flyrl.controllers.gait_log import CONTACT_THRESHOLD, STANCE_SPEED, unpack
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.scene import build_scene
 from tests.simulation.test_callback import make_batch, reset
@@ -43,8 +43,9 @@ def test_sums_and_samples_are_those_of_the_steps() -> None:
         batch.step()
         # forces, torques and reflexes are of the step from the pose before
         state = batch.state()
-        grounded = np.empty((1, 6))
-        grounded_legs_of(state.contact_forces_w, grounded)
+        forces_w = state.contact_forces_w.reshape(1, 6, 6, 3).sum(axis=2)
+        grounded = state.is_grounded
+        assert (grounded == (np.linalg.norm(forces_w, axis=2) > CONTACT_THRESHOLD)).all()
         power = state.actuator_torques[0] * before.joint_velocities[0]
         work += power[power > 0].sum() * 2e-4
         tips = before.end_effectors_w[0, :, :2]

@@ -22,6 +22,7 @@ def fly_state(n: int = 1, **changes: object) -> FlyState:
         "joint_velocities": (n, 42),
         "actuator_torques": (n, 42),
         "contact_forces_w": (n, 36, 3),
+        "is_grounded": (n, 6),
         "end_effectors_w": (n, 6, 3),
         "command": (n, 2),
         "phases": (n, 6),
@@ -88,15 +89,6 @@ def test_tilt_of_a_fly_pitched_up_and_rolled() -> None:
     np.testing.assert_allclose(terms.tilt_b(state), [[np.sin(0.3), 0]], atol=1e-12)
     state = task_state(fly_state(rotation_w=turned(roll=0.2)))
     np.testing.assert_allclose(terms.tilt_b(state), [[0, np.sin(0.2)]], atol=1e-12)
-
-
-def test_leg_contacts_sum_the_segments_of_a_leg() -> None:
-    forces = np.zeros((1, 36, 3))
-    forces[0, 6 * 2 + 1] = [0, 0, 0.6]
-    forces[0, 6 * 2 + 5] = [0, 0, 0.6]
-    forces[0, 6 * 4] = [0, 0, 0.9]
-    state = task_state(fly_state(contact_forces_w=forces))
-    assert terms.leg_contacts(state).tolist() == [[0, 0, 1, 0, 0, 0]]
 
 
 def test_yaw_pitch_roll_and_their_rates_which_are_finite_differences() -> None:
