@@ -146,7 +146,7 @@ LINES = {
     "| terrain | random_mixed |",
     "| body | current |",
     "| leg controller | hybrid |",
-    "| physics | fast, version 2 |",
+    "| physics | fast, version 3 |",
     "| randomisation | none |",
     "| algorithm | ppo |",
     "| decisions | 60000 |",
