@@ -52,6 +52,7 @@ def test_policy_solves_its_task_as_often_as_its_card_says_and_standing_does_not(
         terrains=(env.scene.terrain,),
         body=env.scene.body,
         physics=env.scene.physics,
+        randomisation=env.resolved_randomisation,
         episodes=3,
         seed=held_out["seed"] + 1,
     )
