@@ -110,8 +110,9 @@ def install() -> list[tuple[Callable[[], Any], Any]]:
                     f"bodies move; remove it with mujoco.set_{name}(None) before they do"
                 )
         ours = _c_functions()
-        for name in ours.keys() & missing:
-            _PLACES[name][1](ours[name])
+        for name in missing:
+            if name in ours:
+                _PLACES[name][1](ours[name])
         return [(get, ours.get(name)) for name, (get, _) in _PLACES.items()]
 
 

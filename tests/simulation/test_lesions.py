@@ -83,6 +83,8 @@ def test_legs_that_feel_nothing_do_not_stumble():
     assert any(state.stumbling.any() for state in feeling)
     assert not any(state.stumbling.any() for state in numb)
     assert not any(state.contact_forces_w.any() for state in numb)
+    assert any(state.is_grounded.any() for state in feeling)
+    assert not any(state.is_grounded.any() for state in numb)
     # they are on the ground all the same
     assert numb[-1].position_w[0, 2] > 0.5
 

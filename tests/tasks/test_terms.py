@@ -91,6 +91,11 @@ def test_tilt_of_a_fly_pitched_up_and_rolled() -> None:
     np.testing.assert_allclose(terms.tilt_b(state), [[0, np.sin(0.2)]], atol=1e-12)
 
 
+def test_contacts_are_the_legs_on_the_ground() -> None:
+    state = task_state(fly_state(is_grounded=[[0, 0, 1, 0, 0, 0]]))
+    assert terms.leg_contacts(state).tolist() == [[0, 0, 1, 0, 0, 0]]
+
+
 def test_yaw_pitch_roll_and_their_rates_which_are_finite_differences() -> None:
     rates, start, step = np.array([0.7, -0.4, 0.9]), np.array([0.3, 0.5, -0.8]), 1e-6
     now, later = turned(*start)[0], turned(*(start + step * rates))[0]
