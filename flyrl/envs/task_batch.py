@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from flyrl.envs.config import EnvConfig, Observation
 from flyrl.tasks import (
-    ACHIEVED_GOAL,
-    DESIRED_GOAL,
     RUNNING,
     SUCCESS,
     TIMEOUT,
@@ -21,6 +19,7 @@ from flyrl.tasks import (
     Task,
     TaskState,
 )
+from flyrl.tasks.task import as_observed
 from flyrl.validation import FloatArray
 
 _STREAM: Final = 171_006_538
@@ -43,18 +42,14 @@ class SensorNoise:
     ----------
     is_on
         Whether there is any noise now.
+    values
+        The noise, the terms side by side, (n, size).
     """
 
     def __init__(self, terms: Sequence[ObservationTerm], num_envs: int) -> None:
-        spreads = [term.spreads() for term in terms]
-        self._spread = np.concatenate([spread.ravel() for spread in spreads])
-        ends = np.cumsum([spread.size for spread in spreads])
-        self._where = {
-            term.name: (slice(int(end) - spread.size, int(end)), (num_envs, *spread.shape))
-            for term, spread, end in zip(terms, spreads, ends, strict=True)
-        }
+        self._spread = np.concatenate([term.spreads().ravel() for term in terms])
         self._strength = np.zeros(num_envs)
-        self._noise = np.zeros((num_envs, self._spread.size))
+        self.values = np.zeros((num_envs, self._spread.size))
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
         self.is_on = False
 
@@ -65,7 +60,7 @@ class SensorNoise:
         for i, episode in zip(ids, episodes, strict=True):
             is_noisy = self._strength[i] > 0.0
             self._rngs[i] = np.random.default_rng([episode.seed, _STREAM]) if is_noisy else None
-        self._noise[ids] = 0.0
+        self.values[ids] = 0.0
         self.draw(ids)
 
     def draw(self, ids: NDArray[np.intp] | slice) -> None:
@@ -74,25 +69,20 @@ class SensorNoise:
             rng = self._rngs[i]
             if rng is not None:
                 drawn = rng.standard_normal(self._spread.size)
-                self._noise[i] = self._strength[i] * self._spread * drawn
-
-    def of(self, name: str) -> NDArray[np.float64]:
-        """Noise of a term, (n, *shape)."""
-        where, shape = self._where[name]
-        return self._noise[:, where].reshape(shape)
+                self.values[i] = self._strength[i] * self._spread * drawn
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future noise depends on."""
         return {
             "strength": self._strength.copy(),
-            "noise": self._noise.copy(),
+            "noise": self.values.copy(),
             "generators": [rng and rng.bit_generator.state for rng in self._rngs],
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Put back what `snapshot` returned."""
         self._strength[:] = snapshot["strength"]
-        self._noise[:] = snapshot["noise"]
+        self.values[:] = snapshot["noise"]
         self._rngs = [state and generator(state) for state in snapshot["generators"]]
         self.is_on = bool(self._strength.any())
 
@@ -178,7 +168,14 @@ class TaskBatch:
         self._new_share = {
             term.name: -math.expm1(-interval_s / term.time_constant_s) for term in task.means
         }
-        self._noise = SensorNoise(task.observation, num_envs)
+        terms = task.observation
+        ends = np.cumsum([term.size for term in terms]).tolist()
+        self._parts = [
+            (term, slice(end - term.size, end)) for term, end in zip(terms, ends, strict=True)
+        ]
+        self._low = np.concatenate([np.full(term.size, term.low) for term in terms])
+        self._high = np.concatenate([np.full(term.size, term.high) for term in terms])
+        self._noise = SensorNoise(terms, num_envs)
         self._outcomes = task.outcomes
         self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
 
@@ -232,14 +229,14 @@ class TaskBatch:
             mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
         reward = np.zeros(len(self._decisions))
         for term, total in zip(self._task.reward, self._totals, strict=True):
-            points = term.compute(state)
+            points = state.once(term.compute)
             reward += term.weight * points
             total[moved] += points[moved]
         terminated = body.is_unstable.copy()
         outcome = np.where(terminated, self._code[UNSTABLE], self._code[RUNNING])
         is_success = np.zeros(len(reward), dtype=bool)
         for termination in self._task.terminations:
-            ends = np.asarray(termination.holds(state), dtype=bool) & ~terminated
+            ends = np.asarray(state.once(termination.holds), dtype=bool) & ~terminated
             outcome[ends] = self._code[termination.outcome]
             is_success[ends] = termination.is_success
             terminated |= ends
@@ -256,19 +253,20 @@ class TaskBatch:
 
     def observe(self, state: TaskState) -> Observation:
         """Observation of all simulations; see `Task.is_flat`."""
-        terms = {}
-        for term in self._task.observation:
-            values = term.compute(state)
-            if self._noise.is_on:
-                values = values + self._noise.of(term.name)
-            terms[term.name] = term.shown(values)
-        if not self._task.has_vectors:
-            return terms
-        names = (ACHIEVED_GOAL, DESIRED_GOAL) if self._task.has_goals else ()
-        goals = {name: terms.pop(name) for name in names}
-        rows = [values.reshape(len(values), -1) for values in terms.values()]
-        vector = np.concatenate(rows, axis=1)
-        return {**goals, "observation": vector} if goals else vector
+        n = len(self._decisions)
+        values = np.empty((n, len(self._low)))
+        for term, part in self._parts:
+            values[:, part] = np.reshape(term.compute(state), (n, -1))
+        if self._noise.is_on:
+            values += self._noise.values
+        shown = as_observed(values, self._low, self._high)
+        if self._task.is_flat:
+            return shown
+        named = self._parts[:2] if self._task.has_goals else self._parts
+        observation = {term.name: shown[:, part].reshape(n, *term.shape) for term, part in named}
+        if self._task.has_goals:
+            observation["observation"] = shown[:, named[-1][1].stop :]
+        return observation
 
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on."""

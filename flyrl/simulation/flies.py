@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -95,7 +96,7 @@ class FlyState:
         """Unit vectors along the thorax, tail to head, (n, 3)."""
         return self.rotation_w[:, :, 0]
 
-    @property
+    @cached_property
     def yaw(self) -> FloatArray:
         """Heading's angle from +x, counter-clockwise from above, rad in (-pi, pi], (n,)."""
         return np.arctan2(self.rotation_w[:, 1, 0], self.rotation_w[:, 0, 0])

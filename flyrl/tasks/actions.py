@@ -67,7 +67,8 @@ class Drives:
     def commands(self, actions: ArrayLike) -> FloatArray:
         """Map actions (..., k), clipped to their range, to commands (..., k)."""
         low, high = self.bounds
-        clipped = np.clip(np.asarray(actions, dtype=np.float64), low, high)
+        # np.clip takes twice as long
+        clipped = np.minimum(np.maximum(np.asarray(actions, dtype=np.float64), low), high)
         if self.low is None:
             return clipped
         least, greatest = self._command_range

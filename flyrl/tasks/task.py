@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final, Protocol, cast
+from typing import Annotated, Any, Final, Protocol, TypeVar, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -22,6 +22,8 @@ Compute = Callable[[Any], FloatArray]
 """From a `TaskState` to values (n, …)."""
 OfGoals = Callable[[ArrayLike, ArrayLike, ArrayLike], FloatArray]
 """From achieved and desired goals, and the decisions that a failure cut off, to rewards."""
+
+_Values = TypeVar("_Values")
 
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
@@ -82,6 +84,17 @@ class TaskState:
     decisions_left: FloatArray
     decision_interval_s: float
     bounds: Bounds
+    _known: dict[int, tuple[Any, Any]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def once(self, compute: Callable[[Any], _Values]) -> _Values:
+        """What a function of this state gives, computed when it is first asked for."""
+        if id(compute) not in self._known:
+            # kept beside its values, so that nothing else takes its id
+            self._known[id(compute)] = compute, compute(self)
+        values: _Values = self._known[id(compute)][1]
+        return values
 
     @property
     def fly(self) -> FlyState:
@@ -142,8 +155,13 @@ class ObservationTerm:
 
     def shown(self, values: FloatArray) -> NDArray[np.float32]:
         """Values (n, *shape) as they are observed: within the bounds, and rounded."""
-        # np.clip takes twice as long for a single fly
-        return np.minimum(np.maximum(values, self.low), self.high).astype(np.float32)
+        return as_observed(values, self.low, self.high)
+
+
+def as_observed(values: FloatArray, low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
+    """Values within their bounds, and rounded."""
+    # np.clip takes twice as long for a single fly
+    return np.minimum(np.maximum(values, low), high).astype(np.float32)
 
 
 @dataclass(frozen=True)

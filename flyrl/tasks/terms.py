@@ -58,7 +58,9 @@ def to_yaw_frame(vector_w: FloatArray, yaw: NDArray[np.float64]) -> FloatArray:
 def direction_b(state: TaskState, place_w: FloatArray) -> FloatArray:
     """Unit vector to a place (n, 2), mm: (cos, sin) of its bearing, left positive, (n, 2)."""
     offset_b = to_yaw_frame(place_w - state.fly.position_w[:, :2], state.fly.yaw)
-    return np.asarray(offset_b / np.maximum(np.linalg.norm(offset_b, axis=1, keepdims=True), 1e-9))
+    # np.linalg.norm, with cold caches, takes half as long again
+    length = np.sqrt((offset_b * offset_b).sum(axis=1, keepdims=True))
+    return np.asarray(offset_b / np.maximum(length, 1e-9))
 
 
 def is_inside(x: Any, y: Any, bounds: Bounds, margin: float = 0.0) -> Any:
@@ -75,6 +77,11 @@ def goal_distance(position_w: FloatArray, goal: FloatArray) -> FloatArray:
     """Horizontal distance from the thorax to the target, mm, (n,)."""
     offset = goal - position_w[:, :2]
     return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
+
+
+def distance_left(state: TaskState) -> FloatArray:
+    """Horizontal distance from the thorax to the goal now, mm, (n,)."""
+    return goal_distance(state.fly.position_w, state.goal)
 
 
 def _unit_vectors(angle: FloatArray) -> FloatArray:
@@ -129,7 +136,7 @@ def target_direction_b(state: TaskState) -> FloatArray:
 
 def target_distance(state: TaskState) -> FloatArray:
     """Distance to the target in units of 15 mm, (n, 1)."""
-    return goal_distance(state.fly.position_w, state.goal)[:, None] / 15.0
+    return state.once(distance_left)[:, None] / 15.0
 
 
 def commanded_direction_b(state: TaskState) -> FloatArray:
@@ -240,9 +247,7 @@ def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> FloatAr
 
 def progress(state: TaskState) -> FloatArray:
     """By how much the distance to the target shrank, mm, (n,)."""
-    return goal_distance(state.previous.position_w, state.goal) - goal_distance(
-        state.fly.position_w, state.goal
-    )
+    return goal_distance(state.previous.position_w, state.goal) - state.once(distance_left)
 
 
 def forward_progress(state: TaskState) -> FloatArray:
@@ -306,7 +311,7 @@ def joint_work(state: TaskState) -> FloatArray:
 
 def is_at_target(state: TaskState, reach: float) -> Mask:
     """Whether the thorax is within `reach` of the target, mm, horizontally, (n,)."""
-    return np.asarray(goal_distance(state.fly.position_w, state.goal) < reach)
+    return state.once(distance_left) < reach
 
 
 def lasted(state: TaskState, reward: str, seconds: float) -> Mask:
@@ -349,7 +354,7 @@ def has_failed(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -
     """Whether the fly failed or its physics blew up, (n,)."""
     is_failure = state.fly.is_unstable.copy()
     for failure in failures:
-        is_failure |= failure.holds(state)
+        is_failure |= state.once(failure.holds)
     return is_failure
 
 

@@ -184,3 +184,15 @@ def test_the_way_forward_is_along_the_heading_before() -> None:
     before = fly_state(rotation_w=turned(yaw=np.pi / 2))
     after = fly_state(position_w=[[1, 2, 0]], rotation_w=turned(yaw=0.0))
     assert terms.forward_way(task_state(after, before)) == pytest.approx(2)
+
+
+def test_a_state_asks_a_term_once() -> None:
+    asked = []
+
+    def term(state: TaskState) -> np.ndarray:
+        asked.append(state)
+        return state.goal[:, 0]
+
+    state, other = task_state(fly_state(), goal=[(3, 0)]), task_state(fly_state(), goal=[(4, 0)])
+    assert [state.once(term)[0], state.once(term)[0], other.once(term)[0]] == [3, 3, 4]
+    assert asked == [state, other]
