@@ -19,7 +19,7 @@ from flyrl.tasks import (
     Task,
     TaskState,
 )
-from flyrl.tasks.task import as_observed
+from flyrl.tasks.task import as_observed, side_by_side, vector_space
 from flyrl.validation import FloatArray
 
 _STREAM: Final = 171_006_538
@@ -169,12 +169,8 @@ class TaskBatch:
             term.name: -math.expm1(-interval_s / term.time_constant_s) for term in task.means
         }
         terms = task.observation
-        ends = np.cumsum([term.size for term in terms]).tolist()
-        self._parts = [
-            (term, slice(end - term.size, end)) for term, end in zip(terms, ends, strict=True)
-        ]
-        self._low = np.concatenate([np.full(term.size, term.low) for term in terms])
-        self._high = np.concatenate([np.full(term.size, term.high) for term in terms])
+        self._parts = list(zip(terms, side_by_side(terms).values(), strict=True))
+        self._space = vector_space(terms)
         self._noise = SensorNoise(terms, num_envs)
         self._outcomes = task.outcomes
         self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
@@ -254,12 +250,12 @@ class TaskBatch:
     def observe(self, state: TaskState) -> Observation:
         """Observation of all simulations; see `Task.is_flat`."""
         n = len(self._decisions)
-        values = np.empty((n, len(self._low)))
+        values = np.empty((n, *self._space.shape))
         for term, part in self._parts:
             values[:, part] = np.reshape(term.compute(state), (n, -1))
         if self._noise.is_on:
             values += self._noise.values
-        shown = as_observed(values, self._low, self._high)
+        shown = as_observed(values, self._space.low, self._space.high)
         if self._task.is_flat:
             return shown
         named = self._parts[:2] if self._task.has_goals else self._parts

@@ -32,6 +32,7 @@ from flyrl.tasks.task import (
     Task,
     TaskState,
     Termination,
+    as_observed,
 )
 from flyrl.tasks.terms import (
     DRIVE_TIME_CONSTANT_S,
@@ -227,7 +228,8 @@ def decisions(achieved_goal: ArrayLike, desired_goal: ArrayLike, lost: ArrayLike
 
 def _goals(state: TaskState) -> tuple[ArrayLike, ArrayLike]:
     """Achieved and desired goals as they are observed."""
-    return ACHIEVED.shown(_place(state)), DESIRED.shown(_goal(state))
+    achieved, desired = (as_observed(get(state), -_BOUND, _BOUND) for get in (_place, _goal))
+    return achieved, desired
 
 
 def at_goal(state: TaskState, reach: float) -> Mask:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final, Protocol, TypeVar, cast
+from typing import Annotated, Any, Final, Protocol, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -22,8 +22,6 @@ Compute = Callable[[Any], FloatArray]
 """From a `TaskState` to values (n, …)."""
 OfGoals = Callable[[ArrayLike, ArrayLike, ArrayLike], FloatArray]
 """From achieved and desired goals, and the decisions that a failure cut off, to rewards."""
-
-_Values = TypeVar("_Values")
 
 RUNNING: Final = "running"
 SUCCESS: Final = "success"
@@ -84,17 +82,14 @@ class TaskState:
     decisions_left: FloatArray
     decision_interval_s: float
     bounds: Bounds
-    _known: dict[int, tuple[Any, Any]] = field(
-        default_factory=dict, init=False, repr=False, compare=False
-    )
+    _known: dict[int, tuple[Any, NDArray[Any]]] = field(default_factory=dict, init=False)
 
-    def once(self, compute: Callable[[Any], _Values]) -> _Values:
+    def once(self, compute: Callable[[Any], NDArray[Any]]) -> NDArray[Any]:
         """What a function of this state gives, computed when it is first asked for."""
         if id(compute) not in self._known:
             # kept beside its values, so that nothing else takes its id
             self._known[id(compute)] = compute, compute(self)
-        values: _Values = self._known[id(compute)][1]
-        return values
+        return self._known[id(compute)][1]
 
     @property
     def fly(self) -> FlyState:
@@ -152,10 +147,6 @@ class ObservationTerm:
         """`spread` of every value, of the term's shape."""
         rows = np.reshape(self.spread, (-1,) + (1,) * (len(self.shape) - 1))
         return np.array(np.broadcast_to(rows, self.shape), dtype=np.float64)
-
-    def shown(self, values: FloatArray) -> NDArray[np.float32]:
-        """Values (n, *shape) as they are observed: within the bounds, and rounded."""
-        return as_observed(values, self.low, self.high)
 
 
 def as_observed(values: FloatArray, low: ArrayLike, high: ArrayLike) -> NDArray[np.float32]:
@@ -381,26 +372,28 @@ class Task:
     def observation_space(self) -> spaces.Space[Any]:
         """Gymnasium's space of an observation; finite bounds, to which terms are clipped."""
         if self.is_flat:
-            return _vector(self.observation)
+            return vector_space(self.observation)
         named = self.observation[:2] if self.has_goals else self.observation
         boxes: dict[str, spaces.Space[Any]] = {
             term.name: spaces.Box(term.low, term.high, term.shape, np.float32) for term in named
         }
         if self.has_goals:
-            boxes["observation"] = _vector(self.observation[2:])
+            boxes["observation"] = vector_space(self.observation[2:])
         return spaces.Dict(boxes)
 
     def slices(self) -> dict[str, slice]:
         """Where each observation term lies in a flat observation; see `flattened`."""
-        terms = self.flattened().observation
-        ends = np.cumsum([term.size for term in terms])
-        return {
-            term.name: slice(int(end) - term.size, int(end))
-            for term, end in zip(terms, ends, strict=True)
-        }
+        return side_by_side(self.flattened().observation)
 
 
-def _vector(terms: Sequence[ObservationTerm]) -> spaces.Box:
+def side_by_side(terms: Sequence[ObservationTerm]) -> dict[str, slice]:
+    """Where terms lie in their vector, in this order."""
+    ends = np.cumsum([term.size for term in terms]).tolist()
+    return {term.name: slice(end - term.size, end) for term, end in zip(terms, ends, strict=True)}
+
+
+def vector_space(terms: Sequence[ObservationTerm]) -> spaces.Box:
+    """Gymnasium's space of the vector of terms."""
     low = np.concatenate([np.full(term.size, term.low, np.float32) for term in terms])
     high = np.concatenate([np.full(term.size, term.high, np.float32) for term in terms])
     return spaces.Box(low, high, dtype=np.float32)

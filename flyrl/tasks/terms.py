@@ -247,7 +247,8 @@ def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> FloatAr
 
 def progress(state: TaskState) -> FloatArray:
     """By how much the distance to the target shrank, mm, (n,)."""
-    return goal_distance(state.previous.position_w, state.goal) - state.once(distance_left)
+    before = goal_distance(state.previous.position_w, state.goal)
+    return np.asarray(before - state.once(distance_left))
 
 
 def forward_progress(state: TaskState) -> FloatArray:

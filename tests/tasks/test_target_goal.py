@@ -7,6 +7,7 @@ import pytest
 
 from flyrl.tasks import TASKS, RewardTerm, extended
 from flyrl.tasks.target import compute_reward, compute_terminated, is_reached
+from flyrl.tasks.task import as_observed
 from flyrl.tasks.terms import failure_info
 from tests.tasks.test_terms import fly_state, task_state, turned
 
@@ -82,7 +83,9 @@ def test_infos_that_do_not_tell_of_failures_are_refused(info) -> None:
 
 def test_goals_are_places_in_units_of_10_mm() -> None:
     state = task_state(fly_state(position_w=[[1.0, -2.0, 0.5]]), goal=[[15.0, 5.0]])
-    achieved, desired = (t.shown(t.compute(state)) for t in TARGET_GOAL.observation[:2])
+    achieved, desired = (
+        as_observed(t.compute(state), t.low, t.high) for t in TARGET_GOAL.observation[:2]
+    )
     np.testing.assert_allclose(achieved, [[0.1, -0.2]], rtol=1e-6)
     np.testing.assert_allclose(desired, [[1.5, 0.5]], rtol=1e-6)
 
@@ -93,7 +96,9 @@ def test_rewards_of_the_table_are_those_of_the_goals_shown() -> None:
     goal = places[:, :2] + rng.normal(size=(1000, 2))
     # those beyond x = -10 have left the arena
     state = task_state(fly_state(1000, position_w=places), goal=goal)
-    achieved, desired = (t.shown(t.compute(state)) for t in TARGET_GOAL.observation[:2])
+    achieved, desired = (
+        as_observed(t.compute(state), t.low, t.high) for t in TARGET_GOAL.observation[:2]
+    )
     lost = failure_info(state)["decisions_lost"]
     for term in TARGET_GOAL.reward:
         assert np.ptp(term.compute(state)) > 0
