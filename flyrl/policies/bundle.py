@@ -25,7 +25,7 @@ from safetensors.numpy import load, save
 from flyrl.files import write_bytes
 from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser, Weights
 from flyrl.resources import assets_folder
-from flyrl.simulation.physics import PRESET_VERSIONS, preset_version
+from flyrl.simulation.physics import PRESET_VERSIONS, preset_version, walks_alike_on_flat
 from flyrl.tasks import Task
 from flyrl.text import printable
 from flyrl.validation import Within, check_fields, did_you_mean, one_of, plain_record
@@ -281,7 +281,8 @@ def policy_file(path: str | os.PathLike[str], others: Iterable[str] = ()) -> Pat
 def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
     """Read and check a policy file.
 
-    Warns of a policy that was trained with another version of a preset of the physics.
+    Warns of a policy that was trained with another version of a preset of the physics, unless that
+    is the same on the ground that it was trained on.
 
     Parameters
     ----------
@@ -300,8 +301,14 @@ def load_bundle(path: str | os.PathLike[str]) -> PolicyBundle:
         bundle = _bundle(record, tensors)
     except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise PolicyFileError(f"{file} has an incomplete or wrong record: {error}") from error
-    preset = preset_version(bundle.env.get("physics", {}))
-    if preset is not None and preset.version != (now := PRESET_VERSIONS[preset.name]):
+    physics = bundle.env.get("physics", {})
+    is_flat = bundle.env.get("terrain", {}).get("name") == "flat"
+    preset = preset_version(physics)
+    if (
+        preset is not None
+        and preset.version != (now := PRESET_VERSIONS[preset.name])
+        and not (is_flat and walks_alike_on_flat(physics))
+    ):
         warnings.warn(
             f"{printable(str(file))} was trained with version {preset.version} of the physics "
             f"preset {preset.name!r}, which is now at version {now}: flies walk "

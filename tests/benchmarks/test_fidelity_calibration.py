@@ -58,7 +58,7 @@ def test_a_candidate_has_what_it_names() -> None:
     contact = candidate("balanced", {**changes, "plane.across": 1.4}).contact
     assert contact.box.friction[0] == 0.9
     assert contact.box.solref == pytest.approx((-125_000.0, -2500.0))
-    assert contact.box.solimp == (0.8, 0.9999, 0.001, 0.5, 2.0)
+    assert contact.box.solimp == (0.8, 0.999, 0.002, 0.5, 2.0)
     assert (contact.box.margin, contact.plane_friction_across) == (0.003, 1.4)
 
 

@@ -14,7 +14,7 @@ from safetensors.numpy import load_file, save, save_file
 from flyrl.policies import PolicyFileError, load_policy
 from flyrl.policies.bundle import load_bundle, save_bundle
 from tests.policies.conftest import same_weights
-from tests.simulation.test_physics import BALANCED_1
+from tests.simulation.test_physics import BALANCED_1, BALANCED_2
 
 
 @pytest.fixture
@@ -66,6 +66,16 @@ def test_a_policy_of_an_earlier_preset_warns_once(bundle, path):
             load_bundle(path)
     (warning,) = given
     assert "was trained with version 1 of the physics preset 'balanced'" in str(warning.message)
+
+
+@pytest.mark.parametrize(("terrain", "count"), [("flat", 0), ("blocks", 1)])
+def test_a_preset_that_differs_in_boxes_is_the_same_on_flat_ground(bundle, path, terrain, count):
+    env = {"physics": BALANCED_2, "terrain": {"name": terrain}}
+    save_bundle(dataclasses.replace(bundle, env=env), path)
+    with warnings.catch_warnings(record=True) as given:
+        warnings.simplefilter("always")
+        load_bundle(path)
+    assert len(given) == count
 
 
 def test_missing_path_and_folder_without_policy(tmp_path):

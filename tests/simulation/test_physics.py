@@ -40,6 +40,20 @@ BALANCED_1 = {
         "plane_friction_across": 1.2,
     },
 }
+BALANCED_2 = {
+    **BALANCED_1,
+    "timestep": 0.0004,
+    "contact": {
+        **BALANCED_1["contact"],
+        "plane": {**BALANCED_1["contact"]["plane"], "solref": [-25000.0, -5000.0]},
+        "box": {
+            **BALANCED_1["contact"]["box"],
+            "friction": [0.7, 0.005, 0.0001],
+            "solref": [-70000.0, -2500.0],
+            "margin": 0.01,
+        },
+    },
+}
 
 
 @pytest.mark.parametrize("name", PHYSICS_PRESETS)
@@ -50,8 +64,9 @@ def test_settings_tell_the_preset_and_its_version(name):
     assert preset_version(json.loads(json.dumps(settings))) == expected
 
 
-def test_an_earlier_version_is_known_by_its_settings():
-    assert preset_version(BALANCED_1) == PresetVersion("balanced", 1)
+@pytest.mark.parametrize(("settings", "version"), [(BALANCED_1, 1), (BALANCED_2, 2)])
+def test_an_earlier_version_is_known_by_its_settings(settings, version):
+    assert preset_version(settings) == PresetVersion("balanced", version)
 
 
 @pytest.mark.parametrize(
