@@ -30,7 +30,7 @@ REFERENCE: Final = Path(__file__).with_name("reference_steering.json")
 
 PURSUIT: Final = "pursuit"
 ALL_KINDS: Final = (PURSUIT, *KINDS)
-TERRAINS: Final = ("gapped", "blocks", "mixed")
+TERRAINS: Final = ("gapped", "blocks", "mixed", "hills")
 SECONDS: Final = 1.5
 """s that a sequence of drives lasts."""
 
