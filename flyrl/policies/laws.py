@@ -69,7 +69,7 @@ class FixedLaw:
 
 QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
 """The quickest to a target of 16 settings (flat ground, 64 to 128 episodes that no evaluation has)
-without a fall, at 0.81 s instead of 1.00. Of 200 paths it follows 192, the literature's turn 154."""
+without a fall, at 0.81 s instead of 1.00. It follows 96 % of 200 paths, the usual turn 77."""
 
 _QUICK_TASKS: Final = (
     "target", "target_unfiltered", "target_goal", "heading", "path", "slalom", "chase", "stop"
