@@ -40,15 +40,18 @@ def float_array(
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be numbers of shape {shape}, got {value!r}") from None
+        raise ValueError(f"{name} must be numbers of shape {shape}, got {value!r:.60}") from None
     if array.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got shape {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite, got {array.tolist()}")
-    if (array < minimum).any():
-        raise ValueError(f"{name} must be at least {minimum:g}, got {array.tolist()}")
-    if (array > maximum).any():
-        raise ValueError(f"{name} must be at most {maximum:g}, got {array.tolist()}")
+    for is_wrong, allowed in (
+        (~np.isfinite(array), "finite"),
+        (array < minimum, f"at least {minimum:g}"),
+        (array > maximum, f"at most {maximum:g}"),
+    ):
+        if is_wrong.any():
+            first = tuple(np.argwhere(is_wrong)[0].tolist())
+            place = f" at {list(first)}" if first else ""
+            raise ValueError(f"{name} must be {allowed}, got {array[first]}{place}")
     return array
 
 
@@ -137,7 +140,7 @@ def did_you_mean(given: object, known: Iterable[object]) -> str:
 
 def known_keys(name: str, given: Iterable[str], known: Iterable[str]) -> None:
     """Raise ValueError if one of the `given` keys of `name` is not known; say which is closest."""
-    allowed = tuple(known)
+    allowed = tuple(dict.fromkeys(known))
     for key in given:
         if key not in allowed:
             raise ValueError(

@@ -1,8 +1,11 @@
 """Fields of dataclasses, checked against their annotations."""
 
+import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
 import pytest
 
 from flyrl.validation import (
@@ -10,6 +13,7 @@ from flyrl.validation import (
     check_fields,
     checked_arguments,
     did_you_mean,
+    float_array,
     known_keys,
     ordered,
 )
@@ -71,6 +75,24 @@ def test_an_unknown_key_is_named_with_the_closest():
         ValueError, match=r"env has no 'terain'; did you mean 'terrain'\? \(allowed"
     ):
         known_keys("env", ["task", "terain"], ["task", "terrain"])
+
+
+def test_an_allowed_key_is_listed_once():
+    with pytest.raises(ValueError, match=r"\(allowed: task, terrain\)$"):
+        known_keys("env", ["body"], ["task", "terrain", "task"])
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        (-1.0, "must be at least 0, got -1.0 at [0, 0]"),
+        (2.0, "must be at most 1, got 2.0 at [0, 0]"),
+        (math.nan, "must be finite, got nan at [0, 0]"),
+    ],
+)
+def test_of_an_array_one_wrong_value_is_named(value, message):
+    with pytest.raises(ValueError, match=re.escape(f"grips {message}") + "$"):
+        float_array("grips", np.full((300, 6), value), (300, 6), minimum=0.0, maximum=1.0)
 
 
 def test_arguments_of_a_function_are_checked_against_its_annotations():

@@ -8,7 +8,6 @@ from flyrl.envs.config import EnvConfig
 from flyrl.evaluation import EvaluationConfig
 from flyrl.evaluation.config import ENV_GROUPS
 from flyrl.simulation.rendering import Camera
-from flyrl.terrains import terrain_from
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
@@ -206,13 +205,7 @@ def evaluation_config(
     task = group(config, "task")
     asked = task.pop("decision_interval", None)
     env = env_config({**groups, "task": task})
-    given = dict(settings.given)
-    terrains = given.get("terrains")
-    if isinstance(terrains, list | tuple):
-        given["terrains"] = tuple(
-            terrain_from(terrain, f"terrains[{i}]") if isinstance(terrain, Mapping) else terrain
-            for i, terrain in enumerate(terrains)
-        )
+    given = settings.given
     found = EvaluationConfig(
         **{
             **given,

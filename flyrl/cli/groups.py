@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 HYDRA_VERSION: Final = "1.3"
 """Hydra's behaviour that the configs are written for."""
 
-TIME_LIMIT: Final = 3.0
-"""s; of tasks that have none of their own, which no training and no evaluation can do without."""
-
 _OWN_TASK: Final[Mapping[str, Any]] = {
     "name": "???",
     "time_limit": None,
@@ -102,6 +99,7 @@ def _make_groups() -> dict[str, dict[str, Any]]:
 
 def _tasks() -> Iterator[tuple[str, dict[str, Any]]]:
     from flyrl.tasks import TASKS, JointTargets, task_record  # noqa: PLC0415
+    from flyrl.tasks.function import TIME_LIMIT  # noqa: PLC0415
 
     for name, function in TASKS.items():
         if isinstance(function().actions, JointTargets):

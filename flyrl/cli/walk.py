@@ -25,24 +25,21 @@ def add_to(subparsers: Subparsers) -> None:
         epilog="example: flyrl walk --controller cpg --drive 1 1 --seconds 1 --video walk.mp4 "
         "--csv walk.csv",
     )
-    parser.add_argument(
-        "--controller", default="hybrid", metavar="NAME", help="what moves the legs"
-    )
-    parser.add_argument(
-        "--drive", nargs=2, type=float, default=(1.0, 1.0), metavar=("LEFT", "RIGHT")
-    )
+    parser.add_argument("--controller", metavar="NAME", help="what moves the legs")
+    parser.add_argument("--drive", nargs=2, type=float, metavar=("LEFT", "RIGHT"))
     parser.add_argument("--terrain", default="flat", metavar="NAME", help="what it walks on")
     parser.add_argument("--physics", metavar="NAME", help="preset of the physics")
     parser.add_argument("--body", metavar="NAME", help="which fly")
-    parser.add_argument("--seconds", type=float, default=1.0, help="simulated time")
+    parser.add_argument("--seconds", type=float, help="simulated time")
     parser.add_argument("--every", type=float, default=1e-3, help="s between two rows of the table")
     parser.add_argument("--seed", type=int, default=0, help="of start and phases")
     parser.add_argument(
         "--joints",
         type=path_argument,
         metavar="FILE",
-        help="replay a recording instead: a CSV with a column per joint (joint_LFCoxa, …), rad, "
-        "and adhesion_LF, …; or an NPZ with joints (T, 42) and adhesion (T, 6)",
+        help="replay a recording, without controller, drive and seconds: a CSV with a column per "
+        "joint (joint_LFCoxa, …), rad, and adhesion_LF, …; or an NPZ with joints (T, 42) and "
+        "adhesion (T, 6)",
     )
     parser.add_argument("--rate-hz", type=float, help="samples per second of the recording")
     for suffix, kind in _FILES.items():
@@ -76,9 +73,10 @@ def run(options: argparse.Namespace) -> int:
     from flyrl.front.walks import walk  # noqa: PLC0415
 
     files = {suffix: getattr(options, suffix) for suffix in _FILES}
-    for suffix, path in files.items():
+    kinds = [(suffix, suffix, path) for suffix, path in files.items()]
+    for option, suffix, path in (*kinds, ("video", "mp4", options.video)):
         if path is not None and path.suffix != f".{suffix}":
-            raise ValueError(f"--{suffix} must name a file that ends in .{suffix}, got {path}")
+            raise ValueError(f"--{option} must name a file that ends in .{suffix}, got {path}")
     recording: dict[str, Any] = {}
     if options.joints is not None:
         recording = {**load_recording(options.joints), "rate_hz": options.rate_hz}

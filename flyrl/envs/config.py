@@ -1,7 +1,7 @@
 """What an environment is made of, and what a decision in it leads to."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Final, TypeVar, cast
 
@@ -215,25 +215,43 @@ def config_for(
     ValueError
         A value that is not allowed.
     """
-    known = [*_settings(EnvConfig), *others]
     config = config or EnvConfig()
-    task = given.get("task", config.task)
-    if not isinstance(task, Task):  # whose settings are keywords, too
+    known = [*_settings(EnvConfig), *others]
+    message = "the environment got an unexpected keyword argument"
+    return replace(config, **with_task({"task": config.task, **given}, known, message))
+
+
+def with_task(given: Mapping[str, Any], known: Sequence[str], message: str) -> dict[str, Any]:
+    """Keywords with the settings of the task moved into "task".
+
+    Parameters
+    ----------
+    given
+        Holds "task", and its settings unless it is a table.
+    known
+        Keywords that are no settings of the task.
+    message
+        Of the error, before the keyword.
+
+    Raises
+    ------
+    UnexpectedArgumentError
+        A keyword that does not exist.
+    """
+    given, task = dict(given), given["task"]
+    allowed = tuple(known)
+    if not isinstance(task, Task):
         settings = task if isinstance(task, Mapping) else {"name": task}
-        of_task = dict.fromkeys([*task_function(settings).parameters, *ALWAYS[2:]])
-        more = {name: given[name] for name in given if name in of_task and name not in known}
-        known += of_task
-        if more:
-            given = {name: value for name, value in given.items() if name not in more}
-            given["task"] = {**settings, **more}
+        allowed = tuple(dict.fromkeys([*known, *task_function(settings).parameters, *ALWAYS[2:]]))
+        more = {name: given.pop(name) for name in allowed if name in given and name not in known}
+        given["task"] = {**settings, **more} if more else task
     for name in given:
-        if name not in known:
+        if name not in allowed:
             raise UnexpectedArgumentError(
-                f"the environment got an unexpected keyword argument {name!r}"
-                f"{did_you_mean(name, known)} (allowed: {', '.join(known)})",
+                f"{message} {name!r}{did_you_mean(name, allowed)} (allowed: {', '.join(allowed)})",
                 name,
             )
-    return replace(config, **given)
+    return given
 
 
 def _settings(config: type[EnvConfig] | EnvConfig) -> list[str]:

@@ -14,8 +14,8 @@ from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
-from flyrl.tasks import Episode, Task, TaskSettings
-from flyrl.terrains import Terrain
+from flyrl.tasks import Episode, Task, TaskSettings, with_time_limit
+from flyrl.terrains import Terrain, terrain_from
 from flyrl.validation import Within, check_fields, distinct, not_negative, one_of, within
 
 FIRST_SEED: Final = 3 * 2**30
@@ -47,10 +47,11 @@ class EvaluationConfig:
         Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that
         go with the task.
     task
-        As `EnvConfig` takes it, with a time limit. A Dict observation without goals comes as a
-        vector.
+        As `EnvConfig` takes it; without a time limit, 3 s. A Dict observation without goals comes
+        as a vector.
     terrains
-        Names (see `flyrl.terrains.TERRAINS`) or configs; their labels differ from one another.
+        Names (see `flyrl.terrains.TERRAINS`), configs, or their fields as mappings; their labels
+        differ from one another.
     episodes
         Number of episodes per terrain; every entrant walks the same ones.
     seed
@@ -102,7 +103,7 @@ class EvaluationConfig:
     policies: tuple[object, ...] = ()
     controllers: tuple[str, ...] | None = None
     task: TaskSettings | Task = "target"
-    terrains: tuple[str | Terrain, ...] = ("flat",)
+    terrains: tuple[str | Terrain | Mapping[str, Any], ...] = ("flat",)
     episodes: Annotated[int, Within(1, MAX_EPISODES)] = 50
     seed: Annotated[int, Within(0, MAX_SEED)] = 0
     body: str | BodyConfig | None = None
@@ -133,14 +134,19 @@ class EvaluationConfig:
             raise ValueError("policies or controllers must name at least one, got none")
         if not self.terrains:
             raise ValueError("terrains must name at least one, got none")
+        terrains = tuple(
+            terrain_from(terrain, f"terrains[{i}]") if isinstance(terrain, Mapping) else terrain
+            for i, terrain in enumerate(self.terrains)
+        )
+        object.__setattr__(self, "terrains", terrains)
         one_of("study", self.study, (None, *STUDIES))
         if isinstance(self.film, tuple):
             for i, episode in enumerate(self.film):
                 within(f"film[{i}]", episode, 0, self.episodes - 1)
             distinct("film", self.film)
+        if self.resolved_task.time_limit_s is None:
+            object.__setattr__(self, "task", with_time_limit(self.task))
         task = self.resolved_task
-        if task.time_limit_s is None:
-            raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
         check_metrics(task)
         for metric, effect in self.smallest_effects.items():
             one_of("smallest_effects", metric, smallest_effects(task))
@@ -152,7 +158,7 @@ class EvaluationConfig:
         for condition in self.conditions:
             condition.env(self.env(self.terrains[0]))
 
-    def env(self, terrain: str | Terrain) -> EnvConfig:
+    def env(self, terrain: str | Terrain | Mapping[str, Any]) -> EnvConfig:
         """Environment with the controller that goes with the body."""
         return EnvConfig(
             task=self.task,

@@ -11,7 +11,7 @@ from typing import Any, Final, TypedDict, Unpack
 
 from flyrl.controllers import Controller
 from flyrl.entry_points import is_entry_point, load_module
-from flyrl.envs.config import UnexpectedArgumentError, env_record, plain
+from flyrl.envs.config import env_record, plain, with_task
 from flyrl.evaluation import (
     Entrant,
     EvaluationConfig,
@@ -29,17 +29,17 @@ from flyrl.evaluation.config import ENV_GROUPS
 from flyrl.evaluation.episodes import drop_parts, episodes_digest
 from flyrl.evaluation.results import RESULTS_FILES
 from flyrl.files import OutputFolder, usable_folder, write_text
-from flyrl.policies.laws import is_law
+from flyrl.policies.bundle import policy_file
+from flyrl.policies.laws import FIXED, is_law, split_legs
 from flyrl.progress import progress_bar as make_bar
 from flyrl.report import read_origin, record_videos, write_report
 from flyrl.report.html import REPORT_FILE, Additions, format_report
 from flyrl.report.video import FILMED
 from flyrl.simulation.rendering import Camera
 from flyrl.tasks import Task, TaskSettings
-from flyrl.terrains import Flat
+from flyrl.terrains import Flat, Terrain
 from flyrl.training.learn import Run
 from flyrl.training.runs import is_run, read_run
-from flyrl.validation import did_you_mean
 
 _MAX_LISTED: Final = 5
 """Episodes that differ from a report's which are listed one by one."""
@@ -92,7 +92,7 @@ class Comparison(Results):
         Parameters
         ----------
         path
-            Of the file.
+            Of the file; its folder is made if missing.
         shown
             See `Shown`.
 
@@ -104,6 +104,7 @@ class Comparison(Results):
             The file cannot be written.
         """
         path = Path(path)
+        usable_folder(path.parent)  # before what takes long
         write_text(path, format_report(self, **self._additions(**shown)))
         return path
 
@@ -182,7 +183,7 @@ def evaluate(
     entrants: Any = None,
     task: TaskSettings | Task = "target",
     *,
-    terrains: Sequence[Any] = ("flat",),
+    terrains: Any = ("flat",),
     episodes: int = 50,
     folder: str | Path | None = None,
     progress_bar: bool = True,
@@ -201,7 +202,7 @@ def evaluate(
     task
         Name of the task, a mapping with its name and parameters, or a task of your own.
     terrains
-        Names, or configs.
+        Names, configs, or their fields as mappings.
     episodes
         Per terrain; the same ones for everybody.
     folder
@@ -210,7 +211,8 @@ def evaluate(
     progress_bar
         Whether to draw one on stderr.
     settings
-        Of `EvaluationConfig`: `seed`, `body`, `physics`, `randomisation`, `vary`, `reference`, …
+        Of `EvaluationConfig`: `seed`, `body`, `physics`, `randomisation`, `vary`, `reference`, …;
+        and of the task (`distance`, …: docs/tasks.md).
 
     Raises
     ------
@@ -221,20 +223,12 @@ def evaluate(
     """
     known = [item.name for item in fields(EvaluationConfig)]
     known = [name for name in known if name not in _OWN_ARGUMENTS]
-    for name in settings:
-        if name not in known:
-            raise UnexpectedArgumentError(
-                f"an evaluation has no setting {name!r}{did_you_mean(name, known)} (allowed: "
-                f"{', '.join(known)})",
-                name,
-            )
     config = EvaluationConfig(
         **_entrants(entrants),
-        task=task,
-        terrains=(terrains,) if isinstance(terrains, str) else tuple(terrains),
+        terrains=(terrains,) if isinstance(terrains, str | Mapping | Terrain) else tuple(terrains),
         episodes=episodes,
         progress=progress_bar,
-        **settings,
+        **with_task({"task": task, **settings}, known, "an evaluation has no setting"),
     )
     return compare(replace(config, settings=_record(config)), folder)
 
@@ -342,10 +336,11 @@ def _entrants(given: Any) -> dict[str, Any]:
     if isinstance(given, str | Path | Run) or not isinstance(given, Iterable):
         given = [given]
     names = [_named(each) for each in given]
-    return {
-        "policies": tuple(name for name in names if not _is_fixed(name)),
-        "controllers": tuple(name for name in names if _is_fixed(name)),
-    }
+    policies = tuple(name for name in names if not _is_fixed(name))
+    for name in policies:
+        if isinstance(name, str) and ":" not in name:
+            policy_file(split_legs(name)[0], FIXED)  # one that is not there may be misspelt
+    return {"policies": policies, "controllers": tuple(filter(_is_fixed, names))}
 
 
 def _named(entrant: Any) -> Any:
@@ -359,6 +354,7 @@ def _is_fixed(entrant: Any) -> bool:
     """Whether it is the name of a fixed controller: built in, or a class of the user's own."""
     if not isinstance(entrant, str) or Path(entrant).exists():
         return False
+    entrant, _ = split_legs(entrant)
     if is_entry_point(entrant):
         defined = load_module(entrant, "entrants", "my_lab:law").get(entrant.partition(":")[2])
         return isinstance(defined, type) and issubclass(defined, Controller)
@@ -367,8 +363,8 @@ def _is_fixed(entrant: Any) -> bool:
 
 def _record(config: EvaluationConfig) -> dict[str, Any]:
     """Settings by which `flyrl reproduce` repeats it, as in `configs/evaluate.yaml`, if it can."""
-    is_named = isinstance(config.task, str | Mapping)
-    if not is_named or not all(isinstance(each, str) for each in config.policies):
+    task = config.task.get("name") if isinstance(config.task, Mapping) else config.task
+    if not all(isinstance(each, str) for each in (task, *config.policies)):
         return {}
     env = env_record(config.env(config.terrains[0]))
     own = {

@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid
 
 from flyrl.anatomy import JOINTS, LEGS
-from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
+from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS, Command
 from flyrl.controllers.gait_log import STANCE_SPEED
+from flyrl.envs.bodies import LARGEST_SIDE
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.files import write_bytes
 from flyrl.front.recordings import TORQUES, save_table
@@ -28,7 +29,15 @@ from flyrl.simulation.rendering import Camera, FlyRenderer
 from flyrl.tasks import RUNNING, TaskState
 from flyrl.tasks.hybrid_turning import thorax
 from flyrl.terrains import Ball
-from flyrl.validation import FloatArray, float_array, positive
+from flyrl.validation import (
+    FloatArray,
+    at_least,
+    float_array,
+    one_of,
+    positive,
+    whole_number,
+    within,
+)
 
 Drive = ArrayLike | Callable[[float, Mapping[str, NDArray[np.float32]]], ArrayLike]
 """A pair (left, right), or a function of the time, s, and the observation that returns one."""
@@ -42,11 +51,11 @@ _BODY: Final = (
 
 
 def walk(
-    controller: Any = "hybrid",
-    drive: Drive = (1.0, 1.0),
+    controller: Any = None,
+    drive: Drive | None = None,
     *,
     terrain: Any = "flat",
-    seconds: float = 1.0,
+    seconds: float | None = None,
     every: float = 1e-3,
     seed: int = 0,
     physics: Any = None,
@@ -63,17 +72,18 @@ def walk(
         As in `EnvConfig`.
     drive
         A pair (left, right), held; or a function of the time, s, and the observation (that of
-        `hybrid_turning`) that returns one.
+        `hybrid_turning`) that returns one, which is clipped to its range. None is (1, 1).
     seconds
-        Simulated time; with `joints` the recording's.
+        Simulated time, up to the first sample that reaches it; None is 1.
     every
         Time between two samples, and two calls of a function of the drive, s; as near as whole
-        physics steps allow.
+        physics steps allow. From a physics step up to the time of the walk.
     seed
         Of the episode: where the fly starts, and in which phase.
     joints
         A recording to be replayed instead, with the controller `joints`: angles, rad, (T, 42),
-        ordered as `flyrl.anatomy.JOINTS`, resampled linearly to the physics step.
+        ordered as `flyrl.anatomy.JOINTS`, resampled linearly to the physics step. It goes without
+        `controller`, `drive` and `seconds`.
     adhesion
         1 where a leg grips, (T, 6), with `joints`; None: all legs grip. Holds until the next one.
     rate_hz
@@ -88,18 +98,25 @@ def walk(
     ValueError
         A value that is not allowed.
     """
-    positive("seconds", seconds)
-    positive("every", every)
     scene = {"terrain": terrain, "physics": physics, "body": body}
     if joints is None:
         if adhesion is not None or rate_hz is not None:
             raise ValueError("adhesion and rate_hz go with joints, a recording; got no joints")
         config = EnvConfig("hybrid_turning", controller=controller, **scene)
-        commands = _driven(drive)
-        num_steps = round(seconds / config.scene.physics.timestep)
+        timestep = config.scene.physics.timestep
+        command = config.fly_scene.controller.command
+        commands = _driven((1.0, 1.0) if drive is None else drive, command)
+        seconds = at_least("seconds", 1.0 if seconds is None else seconds, timestep)
+        num_steps = round(seconds / timestep)
     else:
+        for name, given in (("controller", controller), ("drive", drive), ("seconds", seconds)):
+            if given is not None:
+                raise ValueError(f"{name} must not be given with joints, got {given!r:.60}")
         config = EnvConfig("joints_box", **scene)
-        commands, num_steps = _replay(joints, adhesion, rate_hz, config.scene.physics.timestep)
+        timestep = config.scene.physics.timestep
+        commands, num_steps = _replay(joints, adhesion, rate_hz, timestep)
+        seconds = num_steps * timestep
+    within("every", every, timestep, seconds)
     return _record(config, commands, num_steps, every, seed)
 
 
@@ -107,11 +124,27 @@ Commands = Callable[[int, float, Any], FloatArray]
 """Command at a physics step, a time (s) and an observation, (k,)."""
 
 
-def _driven(drive: Drive) -> Commands:
+def _driven(drive: Drive, command: Command) -> Commands:
     if callable(drive):
-        return lambda step, time_s, seen: np.asarray(drive(time_s, seen), dtype=np.float64)
-    pair = np.asarray(drive, dtype=np.float64)
-    return lambda step, time_s, seen: pair
+        return lambda step, time_s, seen: _checked(drive(time_s, seen), command, is_clipped=True)
+    held = _checked(drive, command)
+    return lambda step, time_s, seen: held
+
+
+def _checked(given: Any, command: Command, *, is_clipped: bool = False) -> FloatArray:
+    """Drive as an array; of a function it is clipped to its range, as in an evaluation."""
+    low, high = np.array(command.low), np.array(command.high)
+    try:
+        values = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.array(np.nan)
+    if values.shape == low.shape and np.isfinite(values).all():
+        clipped = np.clip(values, low, high)
+        if is_clipped or (clipped == values).all():
+            return clipped
+    ranges = zip(*command, strict=True)
+    allowed = ", ".join(f"{name} from {least:g} to {most:g}" for name, least, most in ranges)
+    raise ValueError(f"drive must be {low.size} numbers ({allowed:.100}), got {given!r:.60}")
 
 
 def _replay(
@@ -122,6 +155,10 @@ def _replay(
         raise ValueError("rate_hz must say how many samples per second joints has, got None")
     rate = positive("rate_hz", rate_hz)
     count = len(np.atleast_2d(joints))
+    if not count:
+        raise ValueError(
+            f"joints must hold at least one sample, (T, 42), got shape {np.shape(joints)}"
+        )
     angles = float_array("joints", joints, (count, NUM_JOINTS))
     grips = np.ones((count, NUM_LEGS)) if adhesion is None else adhesion
     grips = float_array("adhesion", grips, (count, NUM_LEGS), minimum=0.0, maximum=1.0)
@@ -270,7 +307,7 @@ class Walk:
         Parameters
         ----------
         path
-            Of the file.
+            Of the file, which ends in .mp4.
         camera
             "follow", "top" or "goal".
         size
@@ -280,11 +317,18 @@ class Walk:
 
         Raises
         ------
+        ValueError
+            A value that is not allowed.
         RenderingUnavailableError
             If no GL context can be made.
         OSError, RuntimeError
             If ffmpeg fails.
         """
+        target = Path(path)
+        one_of(f"suffix of {target.name!r}", target.suffix, (".mp4",))
+        sides = np.atleast_1d(size).tolist()
+        if len(sides) != 2 or any(whole_number("size", n, 2, LARGEST_SIDE) % 2 for n in sides):
+            raise ValueError(f"size must be two even numbers, got {size}")
         flies, scene = self.env.flies, self.env.config.fly_scene
         time = np.array([state.time[0] for state in self.states])
         shown = np.searchsorted(time, np.arange(0.0, time[-1] + 1e-9, FLY_PACE.frame_s) - 1e-9)
@@ -293,7 +337,6 @@ class Walk:
             for row in np.minimum(shown, len(time) - 1):
                 flies.restore(self.rows[row][None])
                 pictures.append(renderer.render(flies))
-        target = Path(path)
         write_bytes(target, encode(pictures, FPS))
         return target
 

@@ -283,7 +283,9 @@ def gaits_plot() -> Plot:
 
 
 def _walks(gait: Gait) -> list[EpisodeRecord]:
-    config = EnvConfig("traverse", controller=CPG(gait=gait), log_gait=True)
+    # at full drive from the start: the speed is the gait's, not that of a drive that grows
+    task = {"name": "traverse", "drive_time_constant": 0}
+    config = EnvConfig(task, controller=CPG(gait=gait), log_gait=True)
     env = BatchedEnv(config, FLIES)
     ahead = ConstantDrive(1.0, 1.0, env.task)
     episodes = [config.sample_episode(seed) for seed in range(FLIES)]

@@ -22,7 +22,7 @@ from flyrl.tasks.extension import (
     task_record,
     task_table,
 )
-from flyrl.tasks.function import TASKS, TaskFunction, TaskSettings, task_from
+from flyrl.tasks.function import TASKS, TaskFunction, TaskSettings, task_from, with_time_limit
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -100,4 +100,5 @@ __all__ = [
     "task_from",
     "task_record",
     "task_table",
+    "with_time_limit",
 ]

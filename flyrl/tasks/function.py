@@ -24,6 +24,9 @@ ALWAYS: Final = (
 )  # fmt: skip
 """Settings that every task has."""
 
+TIME_LIMIT: Final = 3.0
+"""s; of tasks that have none of their own, which no training and no evaluation can do without."""
+
 TASKS: Final[dict[str, TaskFunction]] = {}
 """Functions of the built-in tasks by name; `flyrl.tasks` fills it."""
 
@@ -193,6 +196,15 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
         **{key: settings[key] for key in ("terms", "without", "weights") if key in settings}
     )
     return extended(task, load_terms(changes.terms), changes.weights, changes.without)
+
+
+def with_time_limit(task: TaskSettings | Task) -> TaskSettings | Task:
+    """The same task, with the time limit `TIME_LIMIT` if it has none."""
+    if isinstance(task, Task):
+        return replace(task, time_limit_s=task.time_limit_s or TIME_LIMIT)
+    if task_from(task).time_limit_s is not None:
+        return task
+    return {**(task if isinstance(task, Mapping) else {"name": task}), "time_limit": TIME_LIMIT}
 
 
 def _following(task: Task, time_constant: Any) -> Task:

@@ -11,7 +11,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, tuned_name
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
-from flyrl.tasks import FAILURES, Task, TaskSettings
+from flyrl.tasks import FAILURES, Task, TaskSettings, with_time_limit
 from flyrl.text import plain_name
 from flyrl.training.algorithms import (
     ALGORITHMS,
@@ -140,7 +140,8 @@ class TrainingConfig:
     Attributes
     ----------
     env
-        What to train in, with a time limit. A Dict observation without goals comes as a vector.
+        What to train in; without a time limit, 3 s. A Dict observation without goals comes as a
+        vector.
     algo
         What to train with.
     training
@@ -167,7 +168,8 @@ class TrainingConfig:
                 "the drive, so that no policy can steer it"
             )
         if task.time_limit_s is None:
-            raise ValueError(f"task.time_limit must be a time in {task.name!r}, s, got None")
+            env = replace(self.env, task=with_time_limit(self.env.task))
+            object.__setattr__(self, "env", env)
         if not task.has_vectors:
             object.__setattr__(self, "env", replace(self.env, as_vectors=True))
         if task.has_goals and self.algo.name == "crossq":

@@ -32,6 +32,18 @@ def test_a_walk_is_drawn_and_written_by_kind(tmp_path, capsys):
     assert "--csv must name a file that ends in .csv" in capsys.readouterr().err
 
 
+def test_a_video_that_is_no_mp4_is_refused_before_the_walk(capsys):
+    assert main(["walk", "--seconds", "1e9", "--video", "walk.avi"]) == 2
+    assert "--video must name a file that ends in .mp4" in capsys.readouterr().err
+
+
+def test_an_option_that_a_recording_goes_without_is_named(tmp_path, capsys):
+    np.savez(tmp_path / "own.npz", joints=POSE, adhesion=np.ones((3, 6)))
+    joints = ["--joints", str(tmp_path / "own.npz"), "--rate-hz", "100"]
+    assert main(["walk", *joints, "--seconds", "1"]) == 2
+    assert "seconds must not be given with joints, got 1.0" in capsys.readouterr().err
+
+
 def test_a_table_can_be_replayed(tmp_path, capsys):
     pd.DataFrame(POSE, columns=JOINTS).to_csv(tmp_path / "own.csv", index=False)
     np.savez(tmp_path / "own.npz", joints=POSE, adhesion=np.ones((3, 6)))

@@ -2,6 +2,7 @@ import pytest
 
 from flyrl.evaluation import EvaluationConfig
 from flyrl.evaluation.config import FIRST_SEED, MAX_EPISODES, MAX_SEED
+from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS, Blocks, Flat
 
 
@@ -35,6 +36,16 @@ def test_terrains_by_name_and_by_config():
     assert config.terrain_configs == (Flat(), blocks, TERRAINS["random_blocks"])
 
 
+def test_a_terrain_by_its_fields():
+    config = EvaluationConfig(terrains=({"name": "blocks", "height_range": (0.1, 0.4)},))
+    assert config.terrains == (Blocks(height_range=(0.1, 0.4)),)
+
+
+@pytest.mark.parametrize("task", ["hybrid_turning", TASKS["hybrid_turning"]()])
+def test_a_task_without_a_time_limit_ends_after_3_s(task):
+    assert EvaluationConfig(task=task).horizon_s == 3.0
+
+
 def test_episodes_that_are_chosen_differ_between_terrains():
     config = EvaluationConfig(terrains=("flat", "mixed"), film="contrast")
     chosen = {"flat": {"episode": 0}, "mixed": {"episode": 7}}
@@ -56,7 +67,6 @@ def test_episodes_that_are_chosen_differ_between_terrains():
         ({"film": "contrats"}, "film must be one of 'contrast'.*; did you mean 'contrast'"),
         ({"num_envs": 10**9}, "num_envs"),
         ({"num_threads": 10**9}, "num_threads"),
-        ({"task": "hybrid_turning"}, "time_limit must be a time in 'hybrid_turning'"),
         ({"policies": (5,)}, r"policies\[0\] must be text"),
         ({"terrains": (5,)}, r"terrains\[0\] must be text or a Terrain"),
         ({"vary": ["push"]}, "vary must be a Mapping"),

@@ -59,6 +59,42 @@ def test_a_report_is_one_file(results, tmp_path):
     assert read_origin(path)["episodes_sha256"] == episodes_digest(results.episodes)
 
 
+def test_a_report_makes_its_folder(results, tmp_path):
+    assert results.report(tmp_path / "a" / "b" / "mine.html", **NO_EXTRAS).is_file()
+
+
+def test_a_task_without_a_time_limit_ends_as_on_the_command_line(run_here, tmp_path):
+    given = {"physics": "fast", "episodes": 1, "progress_bar": False, "num_threads": 1}
+    ours = flyrl.evaluate(["zero"], "hybrid_turning", **given)
+    done = run_here(
+        "evaluate.py", "task=hybrid_turning", "controllers=[zero]", "physics=fast", "episodes=1",
+        "progress_bar=false", "num_threads=1", "videos=false", "close_ups=false", "folder=there",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    theirs = flyrl.evaluation.load_results(tmp_path / "there")
+    pd.testing.assert_frame_equal(ours.episodes, theirs.episodes)
+
+
+def test_a_terrain_may_be_a_mapping():
+    stairs = {"name": "examples.stairs:Stairs", "step_height": 0.1}
+    walked = flyrl.evaluate("zero", terrains=["flat", stairs], **SHORT)
+    assert list(walked.summary.terrain) == ["flat", "Stairs"]
+
+
+def test_settings_of_the_task_are_keywords():
+    given = {**SHORT, "task": "target", "time_limit": 0.2, "distance": (4, 4), "bearing": 0}
+    walked = flyrl.evaluate("zero", **given)
+    named = {"name": "target", "time_limit": 0.2, "distance": (4, 4), "bearing": 0}
+    again = flyrl.evaluate("zero", **{**SHORT, "task": named})
+    pd.testing.assert_frame_equal(walked.episodes, again.episodes)
+    assert walked.config.task == again.config.task
+
+
+def test_a_law_on_other_legs_takes_part_by_name():
+    (entrant,) = flyrl.evaluate("pursuit@cpg", **SHORT).protocol["entrants"]
+    assert (entrant["kind"], entrant["leg_controller"]) == ("fixed", "cpg")
+
+
 def test_drives_are_shown_on_flat_ground_where_the_grounds_differ(tmp_path, monkeypatch):
     coarse = partial(measure_drive_map, size=3, starts=2)
     monkeypatch.setattr("flyrl.front.results.measure_drive_map", coarse)
@@ -112,7 +148,9 @@ def test_things_of_ones_own_take_part_by_name():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"entrants": "hybird"}, "hybird"),
+        ({"entrants": "hybird"}, "no policy at hybird.*; did you mean 'hybrid'"),
+        ({"entrants": "targt-flat"}, "did you mean 'target-flat'"),
+        ({"distanc": (3, 5)}, "an evaluation has no setting 'distanc'; did you mean 'distance'"),
         ({"entrants": [5]}, r"policies\[0\] must be text, a function"),
         ({"episods": 2}, "did you mean 'episodes'"),
         ({"terrains": ["flatt"]}, "did you mean 'flat'"),

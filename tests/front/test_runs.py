@@ -12,9 +12,11 @@ import pytest
 from safetensors.numpy import load_file
 
 import flyrl
+from flyrl.cli.config import training_config
+from flyrl.cli.groups import composed
 from flyrl.front.runs import TrainingInterrupted, learn
 from flyrl.tasks import TASKS
-from flyrl.training.config import config_from_keywords
+from flyrl.training.config import config_from_keywords, training_record
 from flyrl.training.run_folder import checkpoint_file, create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
@@ -50,6 +52,11 @@ def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
     assert ours.keys() == theirs.keys()
     for name, values in ours.items():
         np.testing.assert_array_equal(values, theirs[name])
+
+
+def test_a_task_without_a_time_limit_is_that_of_the_command_line():
+    theirs = training_config(composed("train", ["task=hybrid_turning"]))
+    assert training_record(config_from_keywords("hybrid_turning")) == training_record(theirs)
 
 
 def test_a_keyword_beats_the_tuned_setting():

@@ -98,12 +98,40 @@ def test_a_recording_is_resampled_linearly_and_grips_hold():
         ({"adhesion": np.ones((4, 6))}, "adhesion and rate_hz go with joints"),
         ({"seconds": 0}, "seconds must be"),
         ({"controller": "hybird"}, "did you mean 'hybrid'"),
-        ({"drive": (1, 1, 1)}, "action has shape"),
+        *[
+            ({"drive": drive}, r"drive must be 2 numbers \(left from -0.5 to 1.5, right .*, got")
+            for drive in ((1, 1, 1), "x", (9, 9), (np.nan, 1))
+        ],
+        ({"drive": lambda time_s, observation: (1,)}, r"drive must be 2 numbers .*, got \(1,\)"),
+        ({"joints": np.zeros((0, 42)), "rate_hz": 9}, r"joints must hold .* got shape \(0, 42\)"),
+        ({"seconds": 0.1, "every": 0.3}, r"every must lie within 0.0004 and 0.1, got 0.3"),
+        ({"every": 1e-5}, "every must lie within 0.0004 and"),
     ],
 )
 def test_what_is_no_walk_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         flyrl.walk(**given)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("controller", "cpg"), ("drive", (1, 1)), ("seconds", 1)]
+)
+def test_a_recording_goes_without_what_drives_a_fly(name, value):
+    with pytest.raises(ValueError, match=f"{name} must not be given with joints"):
+        flyrl.walk(joints=np.zeros((5, 42)), rate_hz=100, **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"path": "walk.avi"}, "suffix of 'walk.avi' must be one of '.mp4'"),
+        ({"path": "walk.mp4", "size": (161, 120)}, r"size must be two even numbers, got \(161"),
+        ({"path": "walk.mp4", "size": 160}, "size must be two even numbers, got 160"),
+    ],
+)
+def test_what_is_no_mp4_is_refused_before_it_is_drawn(walk, given, message):
+    with pytest.raises(ValueError, match=message):
+        walk.video(**given)
 
 
 def test_a_walk_is_filmed(walk, tmp_path):

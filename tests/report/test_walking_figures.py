@@ -1,11 +1,15 @@
 """Figures of walks: the comparison from made-up ones, gaits and slopes from few short ones."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from flyrl.report import walking_figures
 from flyrl.report.walking_figures import draw_comparison
+
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def episodes(speeds):
@@ -57,6 +61,14 @@ def test_every_gait_carries_every_fly(monkeypatch):
     rasters = plot.figure.axes[1:]
     assert [axes.get_title(loc="left") for axes in rasters] == ["tripod", "tetrapod", "wave"]
     assert all(len(axes.collections) == 6 for axes in rasters)
+
+
+def test_gaits_in_the_gallery_are_those_that_are_drawn(monkeypatch):
+    monkeypatch.setattr(walking_figures, "FLIES", 2)
+    drawn = walking_figures.gaits_plot().table
+    stored = pd.read_csv(DOCS / "gallery" / "gaits.csv")
+    stored = stored[stored["episode"] < 2]
+    np.testing.assert_allclose(drawn["speed_mm_s"], stored["speed_mm_s"], atol=0.1)
 
 
 def test_feet_that_hold_on_carry_the_fly_up_steeper_slopes(monkeypatch):

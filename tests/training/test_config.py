@@ -107,7 +107,6 @@ WHOLE = {"learning_starts": 32 * 150, "buffer_size": 2 * 32 * 150}
             {"env": {"controller": "rule_based"}},
             r"controller must be hybrid or cpg.*'rule_based'.*drive",
         ),
-        ({"task": "hybrid_turning"}, r"task\.time_limit must be a time in 'hybrid_turning'"),
         ({"task": "target_goal", "algo": "crossq"}, r"algo must .* as 'target_goal', got 'crossq'"),
         *[
             (
