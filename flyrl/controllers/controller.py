@@ -7,7 +7,7 @@ the engine runs at every physics step. The built-in ones use the same door as a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, NamedTuple, cast
 
 import numpy as np
@@ -148,6 +148,13 @@ def controller_from(record: Mapping[str, Any]) -> Controller:
         As `controller_named`, or if there is no name.
     """
     return from_record("controller", record, CONTROLLERS, Controller, FORMER_FIELDS, {})
+
+
+def settings_text(controller: Controller) -> str:
+    """Name of a controller, with the settings that are not the usual ones: cpg(gait=wave)."""
+    given = [(each, getattr(controller, each.name)) for each in fields(controller) if each.init]
+    own = ", ".join(f"{each.name}={value}" for each, value in given if value != each.default)
+    return f"{controller.name}({own})" if own else controller.name
 
 
 FORMER_FIELDS: Final = frozenset(
