@@ -57,9 +57,9 @@ def named_code(settings: Any) -> list[str]:
 
 
 def _texts(settings: Any) -> Iterator[str]:
-    """Every text in nested mappings and lists, keys too."""
+    """Every text in nested mappings and lists, keys too, and the parts of those like a@b."""
     if isinstance(settings, str):
-        yield settings
+        yield from dict.fromkeys((settings, *settings.split("@")))
     elif isinstance(settings, Mapping):
         for key, value in settings.items():
             yield from _texts(key)

@@ -199,9 +199,9 @@ def check_fields(config: Any, group: str = "") -> None:
     """Check the fields of a dataclass, in its `__post_init__`, against their annotations.
 
     Numbers must be finite, and within the field's `Within`; literals among their values; tuples of
-    their length. Numbers become Python's own, lists tuples, mappings the configs that they are the
-    fields of, so that configs can be hashed, stored as JSON and made from it. Text, and classes
-    without a rule of their own here, are compared by type.
+    their length. Numbers become Python's own, lists and arrays tuples, mappings the configs that
+    they are the fields of, so that configs can be hashed, stored as JSON and made from it. Text,
+    and classes without a rule of their own here, are compared by type.
 
     Parameters
     ----------
@@ -304,7 +304,7 @@ def checked(  # noqa: PLR0911
         tuples = [kind for kind in kinds if get_origin(kind) is tuple]
         if tuples:  # a number, or one for each
             others = [kind for kind in kinds if kind not in tuples]
-            chosen = tuples if isinstance(value, list | tuple) else others
+            chosen = tuples if isinstance(value, list | tuple | np.ndarray) else others
             return checked(name, value, chosen[0], within)
         return _one_of_kinds(name, value, kinds)
     if origin is Literal:
@@ -336,6 +336,8 @@ def _one_of_kinds(name: str, value: Any, hints: tuple[Any, ...]) -> Any:
 def _checked_tuple(
     name: str, value: Any, hints: tuple[Any, ...], within: Within | None
 ) -> tuple[Any, ...]:
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if not isinstance(value, list | tuple):
         raise ValueError(f"{name} must be a list, got {value!r}")
     if hints[-1] is Ellipsis:

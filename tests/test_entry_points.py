@@ -48,6 +48,10 @@ def test_what_names_code_at_any_depth():
         "seed": 3,
     }
     assert named_code(settings) == ["mine:TERM", "my.terms:X", "mine:make", "ppo:a.zip"]
+    assert named_code({"policies": ["pursuit@mine:Wave", "mine:dodge@cpg"]}) == [
+        "mine:Wave",
+        "mine:dodge",
+    ]
     assert named_code({"task": {"name": "target"}, "policies": ["target-flat"]}) == []
 
 

@@ -52,8 +52,9 @@ def add_to(subparsers: Subparsers) -> None:
         help=f"what to play: {' or '.join(NAMES)} (default: {NAMES[0]})",
     )
     fly = parser.add_argument_group("the fly, as it begins; all this can be changed in the page")
-    fly.add_argument("--terrain", metavar="NAME", help="what it walks on")
-    fly.add_argument("--controller", metavar="NAME", help="what moves its legs")
+    own = "a name, or module:attribute of your own"
+    fly.add_argument("--terrain", metavar="NAME", help=f"what it walks on: {own}")
+    fly.add_argument("--controller", metavar="NAME", help=f"what moves its legs: {own}")
     fly.add_argument("--gait", metavar="NAME", help="order in which its legs step")
     fly.add_argument("--physics", metavar="NAME", help="preset of the physics")
     fly.add_argument("--body", metavar="NAME", help="which fly")

@@ -159,6 +159,18 @@ def path_argument(text: str) -> Path:
     return Path(text)
 
 
+def settings_argument(text: str) -> Any:
+    """A name on a command line, or settings in braces as YAML has them: {name: cpg, gait: wave}."""
+    if not text.startswith("{"):
+        return text
+    import yaml  # noqa: PLC0415 - for completion it is too slow
+
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise argparse.ArgumentTypeError(f"{text} is no YAML") from error
+
+
 NOTHING: Final = "-"
 _PIPE_WIDTH: Final = 1000
 """Characters of a line that goes into a file or a pipe, where nothing needs folding."""

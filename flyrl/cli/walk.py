@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any, Final
 
-from flyrl.cli.terminal import Subparsers, path_argument
+from flyrl.cli.terminal import Subparsers, path_argument, settings_argument
 
 _FILES: Final = {
     "csv": "CSV",
@@ -25,11 +25,17 @@ def add_to(subparsers: Subparsers) -> None:
         epilog="example: flyrl walk --controller cpg --drive 1 1 --seconds 1 --video walk.mp4 "
         "--csv walk.csv",
     )
-    parser.add_argument("--controller", metavar="NAME", help="what moves the legs")
+    named: dict[str, Any] = {"type": settings_argument, "metavar": "NAME"}
+    parser.add_argument(
+        "--controller",
+        **named,
+        help="what moves the legs: a name, or settings with one, '{name: cpg, gait: wave}'; so are "
+        "terrain, physics and body",
+    )
     parser.add_argument("--drive", nargs=2, type=float, metavar=("LEFT", "RIGHT"))
-    parser.add_argument("--terrain", default="flat", metavar="NAME", help="what it walks on")
-    parser.add_argument("--physics", metavar="NAME", help="preset of the physics")
-    parser.add_argument("--body", metavar="NAME", help="which fly")
+    parser.add_argument("--terrain", default="flat", **named, help="what it walks on")
+    parser.add_argument("--physics", **named, help="preset of the physics")
+    parser.add_argument("--body", **named, help="which fly")
     parser.add_argument("--seconds", type=float, help="simulated time")
     parser.add_argument("--every", type=float, default=1e-3, help="s between two rows of the table")
     parser.add_argument("--seed", type=int, default=0, help="of start and phases")

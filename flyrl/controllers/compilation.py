@@ -11,7 +11,8 @@ therefore stamped with all sources of the packages whose kernels other files cal
 
 import functools
 import hashlib
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, Final, ParamSpec, TypeVar, cast
@@ -22,6 +23,8 @@ from numba import carray, types  # type: ignore[attr-defined]
 from numba.core.ccallback import CFunc
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
+
+from flyrl.validation import did_you_mean
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -115,6 +118,12 @@ def _enter(parameters, state, senses, command, output):  # type: ignore[no-untyp
 
 
 @functools.cache
+def as_kernel(step: Callable[..., None]) -> Any:
+    """A controller's kernel, compiled or plain, as a compiled one."""
+    return step if isinstance(step, Dispatcher) else kernel(step)
+
+
+@functools.cache
 def entry_point(
     step: Callable[..., None],
     records: tuple[np.dtype, np.dtype, np.dtype, np.dtype],
@@ -135,7 +144,7 @@ def entry_point(
     -------
     Address of a C function that takes the addresses of the five.
     """
-    compiled: Any = step if isinstance(step, Dispatcher) else kernel(step)
+    compiled = as_kernel(step)
     parameters, state, senses, output = records
     names = {
         "STEP": compiled,
@@ -155,6 +164,16 @@ def entry_point(
     callback = native_callback(five)(entry)
     _KEPT.append(callback)
     return int(callback.address)
+
+
+def why_not_compiled(error: Exception, fields: Iterable[str]) -> str:
+    """Reason in the message of an error that Numba raised, or that a kernel has another field."""
+    if isinstance(error, KeyError):
+        (field,) = error.args
+        return f"no record that it gets has a field {field!r}{did_you_mean(field, fields)}"
+    lines = (line.strip() for line in re.sub(r"\x1b\[\d*m", "", str(error)).splitlines())
+    told = [line for line in lines if line and not line.startswith("Failed in nopython")]
+    return " ".join(told[: 2 if told[0].endswith(":") else 1]) if told else repr(error)
 
 
 _KEPT: Final[list[Any]] = []

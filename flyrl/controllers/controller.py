@@ -7,15 +7,15 @@ the engine runs at every physics step. The built-in ones use the same door as a 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.anatomy import CONTACT_SEGMENTS, JOINTS, LEGS
-from flyrl.controllers.compilation import entry_point, kernel
-from flyrl.entry_points import find, from_record, name_of
+from flyrl.controllers.compilation import as_kernel, entry_point, kernel, why_not_compiled
+from flyrl.entry_points import find, from_record, name_of, takes
 from flyrl.validation import FloatArray, from_keys
 
 NUM_LEGS: Final = len(LEGS)
@@ -150,6 +150,13 @@ def controller_from(record: Mapping[str, Any]) -> Controller:
     return from_record("controller", record, CONTROLLERS, Controller, FORMER_FIELDS, {})
 
 
+def settings_text(controller: Controller) -> str:
+    """Name of a controller, with the settings that are not the usual ones: cpg(gait=wave)."""
+    given = [(each, getattr(controller, each.name)) for each in fields(controller) if each.init]
+    own = ", ".join(f"{each.name}={value}" for each, value in given if value != each.default)
+    return f"{controller.name}({own})" if own else controller.name
+
+
 FORMER_FIELDS: Final = frozenset(
     (
         "steps", "reflexes", "frequency_hz", "coupling_weight", "convergence_rate",
@@ -160,19 +167,41 @@ FORMER_FIELDS: Final = frozenset(
 
 
 def compiled_step(controller: Controller, timestep: float) -> int:
-    """Address of the compiled kernel of a controller.
+    """Address of the compiled kernel of a controller; one of a user's own has been run once.
 
     Raises
     ------
     ValueError
-        If its records have other fields than float64.
+        If its records have other fields than float64, or its kernel is missing, cannot be compiled,
+        or raises an error at once.
     """
-    records = (controller.parameters(timestep).dtype, controller.initial_state().dtype)
-    for which, dtype in zip(("parameters", "initial_state"), records, strict=True):
-        _check_record(f"{which} of controller {controller.name!r}", dtype)
-    return entry_point(
-        type(controller).step, (*records, SENSES, OUTPUT), len(controller.command.names)
-    )
+    name = f"controller {controller.name!r}"
+    parameters, state = controller.parameters(timestep), controller.initial_state()
+    for which, record in (("parameters", parameters), ("initial_state", state)):
+        _check_record(f"{which} of {name}", record.dtype)
+    senses, output = (np.zeros(1, dtype)[0] for dtype in (SENSES, OUTPUT))
+    command = np.zeros(len(controller.command.names))
+    records = (parameters.dtype, state.dtype, SENSES, OUTPUT)
+    step = getattr(type(controller), "step", None)
+    if step is None or not takes(getattr(step, "py_func", step), 5):
+        raise ValueError(
+            f"{name} must have a static method step(parameters, state, senses, command, output)"
+        )
+    try:
+        address = entry_point(step, records, len(command))
+    except Exception as error:
+        # the user's own code: Numba may raise anything
+        known = [field for dtype in records for field in dtype.names or ()]
+        reason = why_not_compiled(error, known)
+        raise ValueError(f"step of {name} cannot be compiled: {reason}") from error
+    if type(controller) not in CONTROLLERS.values():
+        try:  # MuJoCo, which calls it from then on, would not hear of an error
+            as_kernel(step)(parameters, state, senses, command, output)
+        except Exception as error:
+            raise ValueError(
+                f"step of {name} must raise nothing, got {type(error).__name__}: {error}"
+            ) from error
+    return address
 
 
 def _check_record(name: str, dtype: np.dtype) -> None:

@@ -25,6 +25,7 @@ from flyrl.controllers.cpg import (
     TRIPOD_CONVERGENCE_RATE,
     TRIPOD_COUPLING_WEIGHT,
     TRIPOD_FREQUENCY_HZ,
+    TWO_PI,
     cpg_step,
     gait_coupling_weights,
     gait_phase_biases,
@@ -38,9 +39,12 @@ from flyrl.controllers.steps import (
     step_fields,
     take_steps,
 )
-from flyrl.validation import Within, check_fields, positive, random_seed
+from flyrl.validation import FloatArray, Within, check_fields, positive, random_seed
 
 Gait = Literal["tripod", "tetrapod", "wave"]
+
+_BIAS_TOLERANCE: Final = 0.02
+"""rad; of phase biases that are written with few digits."""
 
 Six = tuple[float, float, float, float, float, float]
 SixBySix = tuple[Six, Six, Six, Six, Six, Six]
@@ -105,7 +109,8 @@ class OscillatorController(Controller):
     coupling_weight
         Weight between oscillators that are not in phase, 1/s.
     phase_biases
-        rad, (6, 6): entry (i, j) is the lead of leg j over leg i; None takes the gait's.
+        rad, (6, 6): entry (i, j) is the lead of leg j over leg i, and (j, i) its opposite, modulo
+        2π, where each influences the other; None takes the gait's.
     coupling_weights
         1/s, (6, 6): entry (i, j) is the influence of leg j on leg i; None takes the gait's.
     amplitude_range
@@ -136,6 +141,8 @@ class OscillatorController(Controller):
             raise ValueError(
                 f"controller.amplitude_range must be (least, greatest), got {self.amplitude_range}"
             )
+        if self.phase_biases is not None:
+            self._check_phase_biases(np.array(self.phase_biases))
 
     @property
     def command(self) -> Command:  # type: ignore[override]
@@ -152,12 +159,25 @@ class OscillatorController(Controller):
         record["timestep"] = positive("timestep", timestep)
         record["frequency"] = self.frequency_hz
         record["amplitude"] = self.amplitude
-        weights, biases = self.coupling_weights, self.phase_biases
-        record["coupling_weights"] = (
-            gait_coupling_weights(self.gait, self.coupling_weight) if weights is None else weights
-        )
+        biases = self.phase_biases
+        record["coupling_weights"] = self._resolved_weights()
         record["phase_biases"] = gait_phase_biases(self.gait) if biases is None else biases
         record["convergence_coefs"] = self.convergence_rate
+
+    def _resolved_weights(self) -> FloatArray:
+        if self.coupling_weights is not None:
+            return np.array(self.coupling_weights)
+        return gait_coupling_weights(self.gait, self.coupling_weight)
+
+    def _check_phase_biases(self, biases: FloatArray) -> None:
+        """Raise ValueError unless legs that influence each other have opposite leads, modulo 2π."""
+        is_coupled = self._resolved_weights() != 0.0
+        rest = np.remainder(biases + biases.T + np.pi, TWO_PI) - np.pi
+        for i, j in np.argwhere(is_coupled & is_coupled.T & (np.abs(rest) > _BIAS_TOLERANCE)):
+            raise ValueError(
+                f"controller.phase_biases must be 0 modulo 2 pi in the sum of ({i}, {j}) and "
+                f"({j}, {i}), which are coupled, got {biases[i, j]:g} and {biases[j, i]:g}"
+            )
 
     def initial_state(
         self,

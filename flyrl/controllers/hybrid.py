@@ -98,7 +98,7 @@ class Hybrid(OscillatorController):
     retraction_margin
         How much further below the thorax than the third lowest leg the lowest must be, mm.
     stumbling_force
-        Contact force along the heading below which a leg stumbles, µN.
+        Contact force along the heading below which a leg stumbles, µN; not above 0.
     stumbling_segments
         Segments of `anatomy.SENSED_SEGMENTS` whose contact counts.
     """
@@ -119,7 +119,7 @@ class Hybrid(OscillatorController):
     swing_extension: Annotated[float | None, Within(0, TWO_PI)] = None
     retraction_ends_stumbling: bool | None = None
     retraction_margin: Annotated[float | None, Within(0, 10)] = None
-    stumbling_force: Annotated[float | None, Within(-1e6, 1e6)] = None
+    stumbling_force: Annotated[float | None, Within(-1e6, 0)] = None
     stumbling_segments: tuple[Segment, ...] | None = None
 
     state_fields: ClassVar[Any] = STATE

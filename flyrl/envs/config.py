@@ -381,6 +381,8 @@ def randomisation_text(record: Any) -> str:
 
 def plain(value: Any) -> Any:
     """`value` with lists in place of tuples, as JSON and YAML know them."""
+    if isinstance(value, Controller):
+        value = asdict(value)
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Final, Literal
 
 from flyrl.controllers import Controller
+from flyrl.controllers.controller import controller_from
 from flyrl.envs.config import BodyConfig, EnvConfig
 from flyrl.evaluation.conditions import UNCHANGED, Condition, all_conditions
 from flyrl.evaluation.metrics import check_metrics, smallest_effects
@@ -44,8 +45,9 @@ class EvaluationConfig:
         Stable-Baselines3 saved. And your own, see `evaluation.entrants.own_policy`: objects and
         functions, or either by its name, module:attribute, which is imported.
     controllers
-        Names of fixed entrants; see `flyrl.policies.laws.FIXED`. None takes the usual ones that
-        go with the task.
+        Names of fixed entrants; see `flyrl.policies.laws.FIXED`. Or leg controllers, or their
+        settings with the name, to walk at the drive (1, 1). None takes the usual names that go with
+        the task.
     task
         As `EnvConfig` takes it; without a time limit, 3 s. A Dict observation without goals comes
         as a vector.
@@ -101,7 +103,7 @@ class EvaluationConfig:
     """
 
     policies: tuple[object, ...] = ()
-    controllers: tuple[str, ...] | None = None
+    controllers: tuple[str | Controller | Mapping[str, Any], ...] | None = None
     task: TaskSettings | Task = "target"
     terrains: tuple[str | Terrain | Mapping[str, Any], ...] = ("flat",)
     episodes: Annotated[int, Within(1, MAX_EPISODES)] = 50
@@ -124,6 +126,9 @@ class EvaluationConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.controllers is not None:
+            given = (controller_from(c) if isinstance(c, Mapping) else c for c in self.controllers)
+            object.__setattr__(self, "controllers", tuple(given))
         for i, policy in enumerate(self.policies):
             if not (isinstance(policy, str) or callable(policy) or hasattr(policy, "predict")):
                 raise ValueError(

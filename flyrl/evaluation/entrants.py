@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.controllers import DRIVE, Controller
-from flyrl.controllers.controller import controller_from, controller_named
+from flyrl.controllers.controller import controller_from, controller_named, settings_text
 from flyrl.entry_points import check_trust, is_entry_point, load_module, takes
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
@@ -76,8 +76,8 @@ def free_name(name: str, taken: Collection[str]) -> str:
     return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)
 
 
-def controller_names(config: EvaluationConfig) -> tuple[str, ...]:
-    """Names of the fixed entrants: those that were asked for, or the usual ones that can."""
+def controller_names(config: EvaluationConfig) -> tuple[Any, ...]:
+    """Fixed entrants: those that were asked for, or the names of the usual ones that can."""
     if config.controllers is not None:
         return config.controllers
     return tuple(
@@ -96,11 +96,10 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
         An unknown or repeated name, a policy file that cannot be used, a reference that is not
         among the entrants, or one whose decisions do not fit the physics.
     """
-    names = controller_names(config)
-    distinct("controllers", names)
     # Fixed first: a misspelt name shows before any file is read.
-    fixed = [make_fixed(name, config) for name in names]
+    fixed = [make_fixed(each, config) for each in controller_names(config)]
     taken = [entrant.name for entrant in fixed]
+    distinct("controllers", taken)
     learned: list[Entrant] = []
     for given in config.policies:
         steering, legs = split_legs(given) if isinstance(given, str) else (given, None)
@@ -124,16 +123,17 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     return entrants
 
 
-def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
-    """Fixed entrant by its name.
+def make_fixed(given: str | Controller, config: EvaluationConfig) -> Entrant:
+    """Fixed entrant by its name; or legs with settings, which walk straight ahead.
 
     Raises
     ------
     ValueError
         There is no such name, the task does not show what it needs, or a drive is out of range.
     """
-    task = config.resolved_task
-    steering, legs = split_legs(name)
+    task, own = config.resolved_task, given if isinstance(given, Controller) else None
+    name = given if isinstance(given, str) else settings_text(given)
+    steering, legs = split_legs(name) if own is None else ("constant(1, 1)", None)
     if not is_law(steering):
         one_of("controllers", steering, [*FIXED, "constant(left, right)"])
     try:
@@ -146,7 +146,7 @@ def make_fixed(name: str, config: EvaluationConfig) -> Entrant:
     elif config.legs is not None and fixed.legs is not None:
         reflexes = {"reflexes": fixed.reflexes} if fixed.reflexes else {}
         body = config.env(config.terrains[0]).fly_scene.body
-        controller = fit_controller(controller_named(fixed.legs, **reflexes), body)
+        controller = fit_controller(own or controller_named(fixed.legs, **reflexes), body)
     shown = task.slices().keys()
     sees = next((list(terms) for terms in fixed.sees if shown >= set(terms)), [])
     return _entrant("fixed", name, controller, policy, fixed.text, sees=sees)

@@ -194,11 +194,12 @@ def evaluate(
     Parameters
     ----------
     entrants
-        One or several of: a run; the name of a fixed controller ("cpg", "hybrid", "pursuit", …);
-        that of a policy that comes with flyrl ("target-flat"), a run folder or a policy file; a
-        function `(time_s, observation) -> drive`; an object with the `predict` of
-        Stable-Baselines3 (`evaluation.entrants.own_policy`); any of these, or a leg controller
-        of your own, as module:attribute. None takes the fixed controllers that go with the task.
+        One or several of: a run; the name of a fixed controller ("cpg", "hybrid", "pursuit", …) or
+        of a policy that comes with flyrl ("target-flat"), a run folder or a policy file; a leg
+        controller, or its settings with the name; a function `(time_s, observation) -> drive`; an
+        object with the `predict` of Stable-Baselines3 (`evaluation.entrants.own_policy`); any of
+        these, or a leg controller of your own, as module:attribute. None takes the fixed
+        controllers that go with the task.
     task
         Name of the task, a mapping with its name and parameters, or a task of your own.
     terrains
@@ -333,7 +334,7 @@ def _entrants(given: Any) -> dict[str, Any]:
     """Policies and fixed controllers of an EvaluationConfig."""
     if given is None:
         return {"policies": (), "controllers": None}
-    if isinstance(given, str | Path | Run) or not isinstance(given, Iterable):
+    if isinstance(given, str | Path | Run | Mapping) or not isinstance(given, Iterable):
         given = [given]
     names = [_named(each) for each in given]
     policies = tuple(name for name in names if not _is_fixed(name))
@@ -351,9 +352,9 @@ def _named(entrant: Any) -> Any:
 
 
 def _is_fixed(entrant: Any) -> bool:
-    """Whether it is the name of a fixed controller: built in, or a class of the user's own."""
+    """Whether it is a controller, or the name of one: built in, or a class of the user's own."""
     if not isinstance(entrant, str) or Path(entrant).exists():
-        return False
+        return isinstance(entrant, Controller | Mapping)
     entrant, _ = split_legs(entrant)
     if is_entry_point(entrant):
         defined = load_module(entrant, "entrants", "my_lab:law").get(entrant.partition(":")[2])

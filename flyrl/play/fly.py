@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.anatomy import LEG_DOFS, LEGS
+from flyrl.controllers import Controller, Hybrid
+from flyrl.controllers.cpg_controller import OscillatorController
 from flyrl.controllers.gait_log import unpack
 from flyrl.envs.core import BatchedEnv
 from flyrl.play.fly_setting import (
@@ -21,6 +23,7 @@ from flyrl.play.fly_setting import (
     REACH,
     SWITCHES,
     PlayedFlyConfig,
+    draw_scene,
     pilot_name,
     pilots,
 )
@@ -115,6 +118,7 @@ class PlayedFly(Playable):
 
     def __init__(self, config: PlayedFlyConfig | None = None) -> None:
         self.config = config or PlayedFlyConfig()
+        self._choices = self.config.choices
         self.steering = BY_HAND
         self._pilots = pilots(self.config.policy)
         self._policy: Policy | None = None
@@ -135,8 +139,8 @@ class PlayedFly(Playable):
         """Keys that matter now."""
         if self.outcome != RUNNING:
             return "Reset starts again"
-        if self.config.controller == "rule_based":
-            return "rule-based legs walk straight ahead, whoever steers"
+        if not self._legs.follows_command:
+            return "these legs walk straight ahead, whoever steers"
         if self._policy is None:
             return "arrow keys: steer     s: stop"
         return f"{self.steering} steers to the target     arrow keys: take over"
@@ -221,13 +225,13 @@ class PlayedFly(Playable):
             panel.slider(LEFT, "drive, left", DRIVE_LOW, DRIVE_HIGH, left)
             panel.slider(RIGHT, "drive, right", DRIVE_LOW, DRIVE_HIGH, right)
             panel.buttons({STOP: "Stop"})
-            if self.config.controller == "rule_based":
-                panel.text("The rule-based controller ignores the drive: it walks straight on.")
+            if not self._legs.follows_command:
+                panel.text(f"The controller {self._legs.name} ignores the drive.")
         if panel.section("Legs"):
             stands = np.array(self._stands, dtype=bool)
-            _draw_legs(panel, self._state, self.config.controller, stands)
+            _draw_legs(panel, self._state, self._legs, stands)
         if panel.section("Scene"):
-            _draw_scene(panel, self.config)
+            draw_scene(panel, self.config, self._choices)
         if panel.section("Reward"):
             sums = self.env.task_state().totals
             terms = self.env.task.reward
@@ -259,6 +263,10 @@ class PlayedFly(Playable):
     @property
     def _state(self) -> FlyState:
         return cast(FlyState, self.env.state)
+
+    @property
+    def _legs(self) -> Controller:
+        return cast(Controller, self.env.config.fly_scene.controller)
 
     @property
     def _goal(self) -> FloatArray:
@@ -332,10 +340,11 @@ class PlayedFly(Playable):
     def _go_on_from(self, before: BatchedEnv) -> None:
         """Take over everything from an environment of the same body on the same ground."""
         snapshot = before.snapshot()
-        old, new = before.config.fly_scene.controller, self.env.config.fly_scene.controller
+        old, new = before.config.fly_scene.controller, self._legs
         if old != new:
             fresh = new.initial_state(self.seed)
-            kept = () if "rule_based" in (old.name, new.name) else _OSCILLATORS
+            have_both = all(isinstance(each, OscillatorController) for each in (old, new))
+            kept = _OSCILLATORS if have_both else ()
             rows = self.env.flies.rows_after(before.flies, fresh, kept)
             snapshot["simulation"]["physics"] = rows
         self.env.restore(snapshot)
@@ -365,28 +374,18 @@ class PlayedFly(Playable):
             self.camera.lookat[:] = self.data.qpos[:3]
 
 
-def _draw_legs(panel: "Panel", state: FlyState, controller: str, stands: NDArray[np.bool_]) -> None:
+def _draw_legs(panel: "Panel", fly: FlyState, legs: Controller, stands: NDArray[np.bool_]) -> None:
     """Draw phases, which legs stood in the latest parts (n, 6) of the gait, and reflexes."""
-    is_ruled = controller == "rule_based"
-    panel.text("phases of the steps" if is_ruled else f"oscillators, up to {DRIVE_HIGH:g}")
-    panel.dials(LEGS, state.phases[0], state.magnitudes[0] / (1.0 if is_ruled else DRIVE_HIGH))
+    most = DRIVE_HIGH if legs.follows_command else 1.0
+    panel.text(f"phases of the legs, magnitudes up to {most:g}")
+    panel.dials(LEGS, fly.phases[0], fly.magnitudes[0] / most)
     panel.text("legs that stand")
     panel.raster(LEGS, stands.reshape(-1, len(LEGS)).T, GAIT_PLACES, 1.0)
-    if controller == "hybrid":
+    if isinstance(legs, Hybrid):
         for name in ("retraction", "stumbling"):
             panel.text(f"{name}, up to {CORRECTION_CAP:g}")
-            shares = getattr(state, name)[0] / CORRECTION_CAP
+            shares = getattr(fly, name)[0] / CORRECTION_CAP
             panel.bars(dict(zip(LEGS, shares.tolist(), strict=True)))
-
-
-def _draw_scene(panel: "Panel", config: PlayedFlyConfig) -> None:
-    for key, options in CHOICES.items():
-        label = "leg controller" if key == "controller" else key
-        panel.choice(key, label, options, getattr(config, key))
-    of_hybrid = "" if config.controller == "hybrid" else " (hybrid alone)"
-    for key in SWITCHES:
-        label = key if key == "adhesion" else f"{key} reflex{of_hybrid}"
-        panel.switch(key, label, getattr(config, key))
 
 
 def _draw_muscles(panel: "Panel", tensions: FloatArray) -> None:

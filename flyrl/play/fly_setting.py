@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, cast, get_args
+from typing import TYPE_CHECKING, Final, cast, get_args
 
 from flyrl.bodies.fly import FLIES
-from flyrl.controllers import Hybrid
+from flyrl.controllers import DRIVE, Hybrid
 from flyrl.controllers.controller import controller_named
 from flyrl.controllers.cpg_controller import Gait, OscillatorController
+from flyrl.entry_points import is_entry_point
 from flyrl.envs.config import EnvConfig
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle, named_policies
 from flyrl.policies.bundle import policy_file, policy_name
@@ -16,17 +17,22 @@ from flyrl.rollouts import Policy
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
 from flyrl.tasks.task import Mask
-from flyrl.terrains import KINDS, Bounds
+from flyrl.terrains import KINDS, Bounds, terrain_named
 from flyrl.validation import one_of, random_seed
 
+if TYPE_CHECKING:
+    from flyrl.play.panel import Panel
+
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
-    "controller": ("cpg", "hybrid", "rule_based"),
+    "controller": ("cpg", "hybrid", "rule_based", "rule_based_steered"),
     "gait": get_args(Gait),
     "terrain": tuple(KINDS),
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
 }
-"""Allowed values, by key of `PlayedFlyConfig`."""
+"""Allowed values, by key of `PlayedFlyConfig`; a terrain and a controller of a user's own, too."""
+
+_OWN: Final = ("controller", "terrain")
 
 SWITCHES: Final = ("retraction", "stumbling", "adhesion")
 """Keys of `PlayedFlyConfig` that are on or off."""
@@ -39,7 +45,8 @@ class PlayedFlyConfig:
     Attributes
     ----------
     terrain, controller, gait, physics, body
-        Names; see `CHOICES`. The rules choose their gait themselves.
+        Names; see `CHOICES`. A controller and a terrain of a user's own are module:attribute. The
+        rules choose their gait themselves.
     retraction, stumbling
         Whether the legs have that reflex; only the hybrid controller uses them.
     adhesion
@@ -53,7 +60,8 @@ class PlayedFlyConfig:
     Raises
     ------
     ValueError
-        If a name is unknown, a switch is neither True nor False, or the seed is no seed.
+        If a name is unknown, a controller takes no drive, a switch is neither True nor False, or
+        the seed is no seed.
     """
 
     terrain: str = "flat"
@@ -69,10 +77,24 @@ class PlayedFlyConfig:
 
     def __post_init__(self) -> None:
         for key, allowed in CHOICES.items():
-            one_of(key, getattr(self, key), allowed)
+            name = getattr(self, key)
+            if key not in _OWN or not is_entry_point(str(name)):
+                one_of(key, name, allowed)
+        if is_entry_point(self.terrain):
+            terrain_named(self.terrain)
+        if controller_named(self.controller).command.names != DRIVE.names:
+            raise ValueError(f"controller must be one that takes a drive, got {self.controller!r}")
         for key in SWITCHES:
             one_of(key, getattr(self, key), (False, True))
         random_seed(self.seed)
+
+    @property
+    def choices(self) -> dict[str, tuple[str, ...]]:
+        """`CHOICES`, and what the user has of their own."""
+        return {
+            key: tuple(dict.fromkeys((*known, getattr(self, key))))
+            for key, known in CHOICES.items()
+        }
 
     def env(self) -> EnvConfig:
         """The environment that the fly walks in."""
@@ -91,6 +113,19 @@ class PlayedFlyConfig:
             physics=self.physics,
             log_gait=True,
         )
+
+
+def draw_scene(
+    panel: "Panel", config: PlayedFlyConfig, choices: Mapping[str, tuple[str, ...]]
+) -> None:
+    """Draw the controls of the scene, with their `choices` by key."""
+    for key, options in choices.items():
+        label = "leg controller" if key == "controller" else key
+        panel.choice(key, label, options, getattr(config, key))
+    of_hybrid = "" if config.controller == "hybrid" else " (hybrid alone)"
+    for key in SWITCHES:
+        label = key if key == "adhesion" else f"{key} reflex{of_hybrid}"
+        panel.switch(key, label, getattr(config, key))
 
 
 _TARGET: Final = TASKS["target"]()

@@ -18,7 +18,7 @@ from flyrl.controllers.controller import (
     NUM_LEGS,
     Command,
 )
-from flyrl.validation import FloatArray
+from flyrl.validation import FloatArray, float_array, known_keys
 
 __all__ = ["DRIVE_HIGH", "DRIVE_LOW", "Actions", "Drives", "JointTargets", "Neurons"]
 
@@ -197,11 +197,25 @@ class Neurons:
 
 
 def action_vectors(actions: Any) -> FloatArray:
-    """Actions as an action space has them, as vectors, (…, size)."""
+    """Actions as an action space has them, as vectors, (…, size).
+
+    Raises
+    ------
+    ValueError
+        If a dict lacks a key or holds another one, or what is there is not allowed.
+    """
     if not isinstance(actions, Mapping):
         return np.asarray(actions, dtype=np.float64)
-    parts = (np.asarray(actions[name], dtype=np.float64) for name in ("joints", "adhesion"))
-    return np.concatenate([*parts], axis=-1)
+    known_keys("action", actions, ("joints", "adhesion"))
+    for name in ("joints", "adhesion"):
+        if name not in actions:
+            raise ValueError(f"action has no {name!r}; it must have 'joints' and 'adhesion'")
+    shape = np.shape(actions["joints"])[:-1]
+    joints = float_array("action['joints']", actions["joints"], (*shape, NUM_JOINTS))
+    grips = float_array(
+        "action['adhesion']", actions["adhesion"], (*shape, NUM_LEGS), minimum=0.0, maximum=1.0
+    )
+    return np.concatenate([joints, grips], axis=-1)
 
 
 def _box(low: FloatArray, high: FloatArray) -> spaces.Box:

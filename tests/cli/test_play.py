@@ -28,6 +28,8 @@ def test_a_worm_has_none_of_a_flys_options(option, capsys):
     ("option", "message"),
     [
         ("--terrain=sand", "terrain must be one of"),
+        ("--terrain=no_such_lab:Ridge", "terrain is 'no_such_lab:Ridge', but no_such_lab cannot"),
+        ("--controller=joints", "controller must be one of 'cpg', 'hybrid', 'rule_based'"),
         ("--policy=no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
         ("--policy=velocity-flat", "'velocity-flat' cannot steer here"),
     ],

@@ -1,5 +1,6 @@
 """Errors of the user's end in one message; errors of ours keep their traceback."""
 
+import argparse
 import errno
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from flyrl.cli.terminal import Failure, reported
+from flyrl.cli.terminal import Failure, reported, settings_argument
 
 ROOT = Path(__file__).parents[2]
 
@@ -78,3 +79,16 @@ def test_output_that_is_full_is_an_error_in_one_line(arguments):
         )
     assert ended.returncode == 2
     assert ended.stderr == "error: [Errno 28] No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("cpg", "cpg"), ("{name: cpg, amplitude: 2}", {"name": "cpg", "amplitude": 2})],
+)
+def test_an_argument_is_a_name_or_settings_in_braces(text, value):
+    assert settings_argument(text) == value
+
+
+def test_braces_that_do_not_close_are_refused():
+    with pytest.raises(argparse.ArgumentTypeError, match="is no YAML"):
+        settings_argument("{name: cpg")

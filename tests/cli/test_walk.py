@@ -21,6 +21,20 @@ def test_a_walk_is_written_as_a_table(tmp_path, capsys):
     assert "mm along x" in capsys.readouterr().out
 
 
+def test_parts_take_settings_in_braces(tmp_path):
+    paths = [tmp_path / "wave.csv", tmp_path / "tripod.csv"]
+    for gait, path in zip(("wave", "tripod"), paths, strict=True):
+        legs = ["--controller", f"{{name: cpg, gait: {gait}}}", "--terrain", "{name: flat}"]
+        assert main([*SHORT, *legs, "--csv", str(path)]) == 0
+    wave, tripod = map(pd.read_csv, paths)
+    assert not wave.equals(tripod)
+
+
+def test_a_wrong_setting_in_braces_is_refused(capsys):
+    assert main([*SHORT, "--controller", "{name: cpg, gait: wav}"]) == 2
+    assert "controller.gait must be one of" in capsys.readouterr().err
+
+
 def test_a_walk_is_drawn_and_written_by_kind(tmp_path, capsys):
     files = {"npz": tmp_path / "walk.npz", "plot": tmp_path / "walk.svg"}
     words = [word for kind, path in files.items() for word in (f"--{kind}", str(path))]

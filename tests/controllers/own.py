@@ -61,5 +61,47 @@ class Whole(Wave):
         return np.zeros(1, dtype=[("count", "i8")])[0]
 
 
+@dataclass(frozen=True)
+class Stepless(Controller):
+    """Has no kernel."""
+
+
+@dataclass(frozen=True)
+class Short(Controller):
+    """Its kernel takes too little."""
+
+    @staticmethod
+    def step(parameters, state, senses, command):
+        state.unused = 0.0
+
+
+@dataclass(frozen=True)
+class Misspelt(Controller):
+    """Its kernel writes a field that the output does not have."""
+
+    @staticmethod
+    def step(parameters, state, senses, command, output):
+        output.angels[0] = 0.0
+
+
+@dataclass(frozen=True)
+class Untyped(Controller):
+    """Its kernel does what Numba cannot."""
+
+    @staticmethod
+    def step(parameters, state, senses, command, output):
+        output.angles.clear()
+
+
+@dataclass(frozen=True)
+class Raising(Controller):
+    """Its kernel raises an error."""
+
+    @staticmethod
+    def step(parameters, state, senses, command, output):
+        if command[0] < 1.0:
+            raise ValueError("too slow")
+
+
 WAVE = Wave()
 """No class: settings are given where a controller is named."""

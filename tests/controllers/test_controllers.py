@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.controllers import CPG, Hybrid, RuleBased
-from flyrl.controllers.cpg import GAIT_PHASES
+from flyrl.controllers.cpg import GAIT_PHASES, gait_phase_biases
 from tests.controllers import oracle
 from tests.controllers.kernels import CALM, Legs, Observation
 from tests.controllers.observations import random_drives, random_observations
@@ -159,12 +159,35 @@ def test_a_diverged_simulation_cannot_crash_the_engine():
         (lambda: CPG().initial_state(0, None, -np.ones(6)), "init_magnitudes must be at least 0"),
         (lambda: Hybrid(reflexes="fast"), "reflexes must be one of .*'current'.* got 'fast'"),
         (lambda: Hybrid(stumbling_segments=("Coxa",)), r"stumbling_segments\[0\] must be one of"),
+        (lambda: Hybrid(stumbling_force=5.0), "stumbling_force must be .* from -1e.06 to 0, got 5"),
+        (lambda: CPG(phase_biases=np.ones((6, 6))), r"phase_biases must be 0 modulo 2 pi .*0, 1"),
         (lambda: RuleBased(edges=(("LF", "LM", "rule4"),)), r"edges\[0\]\[2\] must be one of"),
     ],
 )  # fmt: skip
 def test_what_is_not_allowed_is_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("gait", GAIT_PHASES)
+def test_phase_biases_of_a_gait_are_taken_however_legs_are_coupled(gait):
+    biases = gait_phase_biases(gait).round(2)
+    own = CPG(phase_biases=biases, coupling_weights=np.ones((6, 6)))
+    np.testing.assert_array_equal(own.parameters(TIMESTEP)["phase_biases"], biases)
+
+
+@pytest.mark.parametrize(
+    "settings", [{"coupling_weight": 0.0}, {"coupling_weights": np.tri(6, k=-1)}]
+)
+def test_phase_biases_need_not_agree_where_legs_do_not_influence_each_other(settings):
+    assert CPG(phase_biases=np.ones((6, 6)), **settings).phase_biases == ((1.0,) * 6,) * 6
+
+
+def test_arrays_are_taken_as_lists_are():
+    of_arrays = CPG(frequency_hz=np.full(6, 10), coupling_weights=np.eye(6))
+    of_lists = CPG(frequency_hz=[10.0] * 6, coupling_weights=np.eye(6).tolist())
+    assert of_arrays == of_lists
+    assert hash(of_arrays) == hash(of_lists)
 
 
 def test_values_of_each_leg_reach_the_kernel():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
 
 import flyrl
 from flyrl.controllers import CONTROLLERS, CPG
@@ -78,11 +79,22 @@ def test_a_scaled_action_spans_the_range_of_the_command() -> None:
         ({"name": NAME, "amplitud": 0.1}, "controller has no 'amplitud'; did you mean 'amplitude'"),
         ({"amplitude": 0.1}, "controller.name must be text, got None"),
         ("tests.controllers.own:Whole", "'count' must be float64, got int64"),
+        ("tests.controllers.own:Stepless", r"must have a static method step\(parameters, state"),
+        ("tests.controllers.own:Short", r"must have a static method step\(parameters, state"),
+        ("tests.controllers.own:Misspelt", "compiled: no .* field 'angels'; did you mean 'angles'"),
+        ("tests.controllers.own:Untyped", "own:Untyped' cannot be compiled: Unknown attribute"),
+        ("tests.controllers.own:Raising", "must raise nothing, got ValueError: too slow"),
     ],
 )
 def test_what_is_no_controller_is_refused_by_name(given, message) -> None:
     with pytest.raises(ValueError, match=message):
         BatchedEnv(EnvConfig(controller=given), 1)
+
+
+def test_numbas_own_error_is_kept() -> None:
+    with pytest.raises(ValueError, match="Unknown attribute") as caught:
+        walked("tests.controllers.own:Untyped")
+    assert isinstance(caught.value.__cause__, TypingError)
 
 
 COPY = """

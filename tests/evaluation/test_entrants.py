@@ -107,6 +107,19 @@ def test_what_steers_can_be_put_on_other_legs(tmp_path):
     }
 
 
+@pytest.mark.parametrize("wave", [CPG(gait="wave"), {"name": "cpg", "gait": "wave"}])
+def test_legs_with_settings_are_entrants_at_the_drive_of_the_usual_ones(wave):
+    own, usual = make_entrants(EvaluationConfig(controllers=(wave, "cpg")))
+    assert (own.name, usual.name) == ("cpg(gait=wave)", "cpg")
+    assert own.controller == dataclasses.replace(usual.controller, gait="wave")
+    assert own.record["policy"] == usual.record["policy"] == "constant drive (1, 1)"
+
+
+def test_legs_with_the_usual_settings_have_the_name_alone():
+    with pytest.raises(ValueError, match="controllers must not hold 'cpg' twice"):
+        make_entrants(EvaluationConfig(controllers=(CPG(), "cpg")))
+
+
 @pytest.mark.parametrize("legs", ["rule_based", "joints"])
 def test_legs_that_follow_no_drive_are_refused(legs):
     with pytest.raises(ValueError, match=f"pursuit@{legs}: legs after @ must .* got '{legs}'"):

@@ -1,11 +1,14 @@
 """Evaluations from Python: the bits of the command line, tables, reports, entrants of all kinds."""
 
+import json
 from functools import partial
 
 import pandas as pd
 import pytest
 
 import flyrl
+from flyrl.cli.config import evaluation_config, own_settings
+from flyrl.controllers import CPG
 from flyrl.evaluation import measure_drive_map
 from flyrl.evaluation.episodes import episodes_digest
 from flyrl.front.results import training_evaluations
@@ -145,12 +148,22 @@ def test_things_of_ones_own_take_part_by_name():
     assert kinds == {"turning": "own", "tests.controllers.own:Wave": "fixed"}
 
 
+def test_legs_with_settings_take_part_and_are_on_record():
+    walked = flyrl.evaluate([CPG(gait="wave"), {"name": "cpg", "frequency_hz": 9}], **SHORT)
+    assert set(walked.summary.controller) == {"cpg(gait=wave)", "cpg(frequency_hz=9.0)"}
+    record = json.loads(json.dumps(walked.protocol["settings"]))
+    config = evaluation_config(record, own_settings(record), "")
+    assert config.controllers == (CPG(gait="wave"), CPG(frequency_hz=9))
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"entrants": "hybird"}, "no policy at hybird.*; did you mean 'hybrid'"),
         ({"entrants": "targt-flat"}, "did you mean 'target-flat'"),
         ({"distanc": (3, 5)}, "an evaluation has no setting 'distanc'; did you mean 'distance'"),
+        ({"entrants": [{"name": "cpg", "gait": "wav"}]}, "gait must be one of .*mean 'wave'"),
+        ({"entrants": {"gait": "wave"}}, "controller.name must be text, got None"),
         ({"entrants": [5]}, r"policies\[0\] must be text, a function"),
         ({"episods": 2}, "did you mean 'episodes'"),
         ({"terrains": ["flatt"]}, "did you mean 'flat'"),

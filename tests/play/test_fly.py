@@ -11,11 +11,22 @@ from flyrl.play.fly import PlayedFly
 from flyrl.play.fly_setting import DISTANCE, PlayedFlyConfig
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
-from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS
+from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS, Boxes, Terrain
+from tests.controllers.own import Wave
 from tests.play.noted import Noted
+
+OWN_LEGS, OWN_GROUND = "tests.controllers.own", __name__
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
 MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
+
+
+@dataclasses.dataclass(frozen=True)
+class Ridge(Terrain):
+    """A low ridge in the way."""
+
+    def boxes(self, rng, difficulty):
+        return Boxes(np.array([[6.0, 0.0, 0.0]]), np.array([[0.5, 9.0, 0.1]]))
 
 
 @pytest.fixture(scope="module")
@@ -231,6 +242,7 @@ def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed)
     model = fly.model
     for name, value in (
         ("controller", "rule_based"),
+        ("controller", "rule_based_steered"),
         ("controller", "cpg"),
         ("controller", "hybrid"),
         ("gait", "wave"),
@@ -267,6 +279,44 @@ def test_another_terrain_starts_the_episode_anew(changed):
     np.testing.assert_allclose(fly.data.mocap_pos[0], [x, y, top + 0.02])
     assert fly.model is not model
     assert (fly.time_s, fly.seed, fly.figures()["drive_left"]) == (0.0, 4, 1.0)
+
+
+@pytest.fixture(scope="module")
+def own():
+    """One fly with a controller and on a terrain of the user's own."""
+    names = {"controller": f"{OWN_LEGS}:Wave", "terrain": f"{OWN_GROUND}:Ridge"}
+    return PlayedFly(PlayedFlyConfig(physics="fast", **names))
+
+
+def test_a_fly_walks_with_legs_and_on_ground_of_the_users_own(own):
+    started(own, (1.0, 1.0)).step(2)
+    scene = own.env.config.fly_scene
+    assert (scene.controller, scene.terrain) == (Wave(), Ridge())
+    assert own.outcome == "running"
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "other"),
+    [("controller", f"{OWN_LEGS}:Wave", "hybrid"), ("terrain", f"{OWN_GROUND}:Ridge", "flat")],
+)
+def test_what_is_the_users_own_stays_a_choice_after_another(own, key, name, other):
+    own.change(key, other)
+    own.step(1)
+    assert name in next(options for each, _, options, _ in drawn(own, "choice") if each == key)
+    own.change(key, name)
+    assert own.figures()[key] == name
+
+
+def test_legs_that_take_no_drive_are_refused():
+    with pytest.raises(ValueError, match=r"must be one that takes a drive, got .*own:Height"):
+        PlayedFlyConfig(controller=f"{OWN_LEGS}:Height")
+
+
+def test_legs_that_ignore_the_drive_are_told(changed):
+    told = "The controller rule_based ignores the drive."
+    for name, is_told in (("rule_based_steered", False), ("rule_based", True), ("hybrid", False)):
+        changed.change("controller", name)
+        assert ([told] in drawn(changed, "text", "Steering")) == is_told
 
 
 def test_a_target_moves_within_the_arena_alone(changed):

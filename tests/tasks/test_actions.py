@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.tasks import Drives, Neurons
+from flyrl.tasks.actions import action_vectors
 
 POOLS = (16, 5, 1)
 
@@ -64,3 +65,25 @@ def test_every_neuron_has_an_action_that_commands_it(is_integer: bool) -> None:
 def test_pools_without_neurons_are_refused(pools: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="pools must be numbers of neurons above 0, got"):
         Neurons(pools)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"joints": np.zeros(41)}, "'joints'. must have shape .42,., got shape .41,."),
+        ({"adhesion": np.ones(5)}, "'adhesion'. must have shape .6,., got shape .5,."),
+        ({"adhesion": np.full(6, 2)}, r"action\['adhesion'\] must be at most 1, got \[2.0"),
+        ({"joints": None}, "action has no 'joints'; it must have 'joints' and 'adhesion'"),
+        ({"adhesion": None}, "action has no 'adhesion'; it must have"),
+        ({"adhesions": 1}, "action has no 'adhesions'; did you mean 'adhesion'"),
+    ],
+)
+def test_what_is_wrong_in_a_dict_is_refused_by_name(changed, message):
+    action = {"joints": np.zeros(42), "adhesion": np.ones(6), **changed}
+    with pytest.raises(ValueError, match=message):
+        action_vectors({name: value for name, value in action.items() if value is not None})
+
+
+def test_dicts_of_many_flies_become_rows() -> None:
+    rows = action_vectors({"joints": np.zeros((3, 42)), "adhesion": np.ones((3, 6))})
+    np.testing.assert_array_equal(rows, [[0.0] * 42 + [1.0] * 6] * 3)
