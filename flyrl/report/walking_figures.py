@@ -42,7 +42,8 @@ from flyrl.simulation.randomisation import Randomisation
 from flyrl.terrains import LITERATURE, Ground, Slope
 
 STUDY: Final = EvaluationConfig(
-    task={"name": "traverse", "time_limit": 1.5},
+    # at full drive from the start: a speed is the controller's, not that of a drive that grows
+    task={"name": "traverse", "time_limit": 1.5, "drive_time_constant": 0},
     controllers=("cpg", "rule_based", "hybrid"),
     terrains=LITERATURE,
     episodes=20,
@@ -283,8 +284,7 @@ def gaits_plot() -> Plot:
 
 
 def _walks(gait: Gait) -> list[EpisodeRecord]:
-    # at full drive from the start: the speed is the gait's, not that of a drive that grows
-    task = {"name": "traverse", "drive_time_constant": 0}
+    task = {"name": "traverse", "drive_time_constant": 0}  # as in `STUDY`
     config = EnvConfig(task, controller=CPG(gait=gait), log_gait=True)
     env = BatchedEnv(config, FLIES)
     ahead = ConstantDrive(1.0, 1.0, env.task)
