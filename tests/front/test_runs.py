@@ -62,7 +62,7 @@ def test_a_task_without_a_time_limit_is_that_of_the_command_line():
 def test_a_keyword_beats_the_tuned_setting():
     config = config_from_keywords("traverse", gamma=0.5, num_envs=8)
     assert (config.algo.settings["gamma"], config.algo.settings["log_std_init"]) == (0.5, -1.5)
-    assert (config.training.num_envs, config.training.total_timesteps) == (8, 400_000)
+    assert (config.training.num_envs, config.training.teacher) == (8, "pursuit")
 
 
 def test_an_earlier_name_is_understood():
