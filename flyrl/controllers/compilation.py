@@ -172,8 +172,8 @@ def why_not_compiled(error: Exception, fields: Iterable[str]) -> str:
         (field,) = error.args
         return f"no record that it gets has a field {field!r}{did_you_mean(field, fields)}"
     lines = (line.strip() for line in re.sub(r"\x1b\[\d*m", "", str(error)).splitlines())
-    told = [line for line in lines if line and not line.startswith("Failed in nopython")]
-    return " ".join(told[: 2 if told[0].endswith(":") else 1]) if told else repr(error)
+    kept = [line for line in lines if line and not line.startswith("Failed in nopython")]
+    return " ".join(kept[: 2 if kept[0].endswith(":") else 1]) if kept else repr(error)
 
 
 _KEPT: Final[list[Any]] = []
