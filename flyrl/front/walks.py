@@ -132,16 +132,15 @@ def _driven(drive: Drive, command: Command) -> Commands:
 
 
 def _checked(given: Any, command: Command, *, is_clipped: bool = False) -> FloatArray:
-    """Drive as an array; of a function it is clipped to its range, as in an evaluation."""
+    """Drive as an array; that of a function may leave its range, to which the task clips it."""
     low, high = np.array(command.low), np.array(command.high)
     try:
         values = np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
         values = np.array(np.nan)
-    if values.shape == low.shape and np.isfinite(values).all():
-        clipped = np.clip(values, low, high)
-        if is_clipped or (clipped == values).all():
-            return clipped
+    is_drive = values.shape == low.shape and np.isfinite(values).all()
+    if is_drive and (is_clipped or ((low <= values) & (values <= high)).all()):
+        return values
     ranges = zip(*command, strict=True)
     allowed = ", ".join(f"{name} from {least:g} to {most:g}" for name, least, most in ranges)
     raise ValueError(f"drive must be {low.size} numbers ({allowed:.100}), got {given!r:.60}")
