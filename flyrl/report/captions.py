@@ -57,7 +57,8 @@ def font_of(size: float) -> ImageFont.FreeTypeFont:
 
 def clock_text(time_s: float, speed: float) -> str:
     """Simulated time, and how fast it plays; `speed` is simulated s per s of the video."""
-    return f"t = {time_s:.2f} s   {speed_text(speed)}"
+    factor = "" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} "
+    return f"t = {time_s:.2f} s   {factor}real time"
 
 
 def ending_text(outcome: str, time_s: float, longest_s: float) -> str:
@@ -74,24 +75,15 @@ def ending_text(outcome: str, time_s: float, longest_s: float) -> str:
     return text if time_s <= longest_s + 1e-9 else f"t = {longest_s:.2f} s; {text}"
 
 
-def speed_text(speed: float) -> str:
-    """How fast a video plays."""
-    return "real time" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} real time"
-
-
 def titled(picture: Picture, title: str, text: str = "", *, is_end: bool = False) -> Picture:
     """Write a title, and a line below it, which is brighter in the end."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    lines = [(title, 20.0, _BRIGHT)]
-    if text:
-        lines.append((text, 13.0, _BRIGHT if is_end else _SOFT))
-    fonts = [font_of(size) for _, size, _ in lines]
-    width = max(draw.textlength(line, font) for (line, *_), font in zip(lines, fonts, strict=True))
-    bottom = 68 if text else 46
-    draw.rectangle((MARGIN, MARGIN, 34 + width, bottom), fill=_SHADE)
-    for (line, _, shade), font, y in zip(lines, fonts, (15, 43), strict=False):
-        draw.text((22, y), line, fill=shade, font=font)
+    upper, lower = font_of(20.0), font_of(13.0)
+    width = max(draw.textlength(title, upper), draw.textlength(text, lower))
+    draw.rectangle((MARGIN, MARGIN, 34 + width, 68 if text else 46), fill=_SHADE)
+    draw.text((22, 15), title, fill=_BRIGHT, font=upper)
+    draw.text((22, 43), text, fill=_BRIGHT if is_end else _SOFT, font=lower)
     return np.asarray(image)
 
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.colors import to_hex
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
 from flyrl.evaluation.contrast import crossing, success_by_kind
@@ -362,7 +363,7 @@ def player(
         "episode": episode,
         "videos": shown,
         "has_lead": len(shown) < len(videos),
-        "legend": [(_css(LEG_COLOURS[name]), text) for name, text in _LEGEND.items() if is_fly],
+        "legend": [(to_hex(LEG_COLOURS[name]), text) for name, text in _LEGEND.items() if is_fly],
         "fps": FPS,
         "slowdown": 1 / (FPS * frame_s),
         "frame_s": frame_s,
@@ -372,7 +373,3 @@ def player(
         # without videos, all of the walks
         "until_s": max([each.shown_s for each in videos] or [each.duration_s for each in walked]),
     }
-
-
-def _css(rgb: tuple[float, float, float]) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)

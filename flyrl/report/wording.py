@@ -15,7 +15,7 @@ from flyrl.policies.laws import split_legs
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are written as 0."""
 
-_SHARED: Final = {"goal": "goal", "command": "command", "pushes": "pushes"}
+_SHARED: Final = ("goal", "command", "pushes")
 """Fields of an episode that are named where they hold something."""
 
 _TAUGHT: Final = ("learned", "own")
@@ -34,24 +34,21 @@ def headline(leaders: Sequence[Leader], controllers: int, condition: str = "") -
     condition
         Under which the leaders were found; empty where nothing was varied.
     """
-    if controllers == 1:
-        text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
-    else:
-        winners: dict[frozenset[str], list[Leader]] = {}
-        for leader in leaders:
-            winners.setdefault(frozenset(leader.names), []).append(leader)
-        text = "; ".join(
-            _verdict(own[0].names, [leader.terrain for leader in own], controllers)
-            for own in winners.values()
-        )
+    winners: dict[frozenset[str], list[Leader]] = {}
+    for leader in leaders:
+        winners.setdefault(frozenset(leader.names), []).append(leader)
+    text = "; ".join(_verdict(own, controllers) for own in winners.values())
     text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
     text = f"N{text[1:]}" if text.startswith("no meaningful") else text
     return f"{text}."
 
 
-def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) -> str:
-    where = f"on {_listed(terrains)}"
+def _verdict(leaders: Sequence[Leader], controllers: int) -> str:
+    """Clause on terrains with the same leaders."""
+    names, where = leaders[0].names, f"on {_listed([leader.terrain for leader in leaders])}"
+    if controllers == 1:
+        return f"{names[0]} {where}"
     if len(names) == 1:
         return f"{names[0]} is best {where}"
     if len(names) == controllers:
@@ -169,9 +166,9 @@ def contrast_text(protocol: Json, terrain: str) -> str:
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
     """Properties of an episode that all controllers share."""
     first = next((episodes[0] for episodes in drawn.values() if len(episodes)), {})
-    parts = ["same start"]
-    parts += [f"same {text}" for key, text in _SHARED.items() if first.get(key)]
-    return ", ".join(parts)
+    return ", ".join(
+        f"same {key}" for key in ("start", *_SHARED) if key == "start" or first.get(key)
+    )
 
 
 def held_out_text(protocol: Json) -> str:
