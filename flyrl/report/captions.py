@@ -21,13 +21,13 @@ from flyrl.simulation.rendering import Picture
 from flyrl.validation import FloatArray
 
 LENGTHS_MM: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
-"""That a scale bar can have."""
+"""Lengths of a scale bar."""
 
 LONGEST: Final = 0.22
-"""Share of a picture's width that a scale bar has at most."""
+"""Largest share of a picture's width that a scale bar takes."""
 
 MARGIN: Final = 10
-"""px from the edges."""
+"""Distance from the edges, px."""
 
 _SHADE: Final = (10, 14, 20, 150)
 _BRIGHT: Final = (255, 255, 255, 255)
@@ -35,7 +35,7 @@ _SOFT: Final = (205, 212, 220, 255)
 _SMALL: Final = 12.0
 
 _BAR_MARGIN: Final = 16
-"""px from the edges, of tension bars."""
+"""Distance of tension bars from the edges, px."""
 
 _BAR_FRAME: Final = (40, 46, 54)
 _BAR_EMPTY: Final = (236, 238, 241)
@@ -62,7 +62,7 @@ def clock_text(time_s: float, speed: float) -> str:
 
 
 def ending_text(outcome: str, time_s: float, longest_s: float) -> str:
-    """How and when an episode ended; the time of the last picture before it, where that is earlier.
+    """Outcome and end of an episode, after the time of the last picture if that is earlier.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def with_scale_bar(picture: Picture, pixels_per_mm: float, note: str = "") -> Pi
     Parameters
     ----------
     pixels_per_mm
-        Of what the bar is to measure.
+        Scale of the picture, at the depth that the bar measures.
     note
         Stands beside the length.
     """
@@ -121,7 +121,7 @@ def with_scale_bar(picture: Picture, pixels_per_mm: float, note: str = "") -> Pi
 
 
 def with_legend(picture: Picture, entries: Sequence[tuple[str, str]]) -> Picture:
-    """Say in the lower right corner what colours of legs mean, one below the other.
+    """Explain colours of legs in the lower right corner, one below the other.
 
     Parameters
     ----------

@@ -41,11 +41,11 @@ TABLES_FOLDER: Final = "tables"
 
 ORIGIN_SCHEMA: Final = "flyrl.report/1"
 ORIGIN_ID: Final = "origin"
-"""Of the element in a report that says how to repeat it."""
+"""Id of the element in a report that says how to repeat it."""
 
 
 class Additions(TypedDict, total=False):
-    """What a report can show beside results.
+    """Optional contents of a report.
 
     Attributes
     ----------
@@ -324,7 +324,7 @@ def origin_json(results: Results) -> str:
 
 
 def read_origin(path: Path) -> Json:
-    """What a report holds of where it comes from: settings, versions, hashes.
+    """Origin of a report: settings, versions, hashes.
 
     Raises
     ------

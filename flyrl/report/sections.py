@@ -103,7 +103,7 @@ def lead_videos(protocol: Json, videos: Sequence[Video]) -> list[Video]:
 
 
 def lead_section(protocol: Json, pair: Sequence[Video]) -> Json | None:
-    """What a report leads with: the videos of `lead_videos`, and why these; None without any."""
+    """Videos of `lead_videos` with the reason for them; None without any."""
     if not pair:
         return None
     terrain = pair[0].terrain
@@ -175,7 +175,7 @@ def present_metrics(results: Results) -> set[str]:
 
 
 def _edge(rows: pd.DataFrame, terrain: Json) -> str:
-    """What it means that flies left the arena; empty where none did."""
+    """Explanation of flies that left the arena; empty where none did."""
     left = int((rows["outcome"] == LEFT_ARENA).sum())
     if not left:
         return ""
@@ -239,7 +239,7 @@ def _reasons(summary: Sequence[Json]) -> list[str]:
 
 
 def seeds_section(results: Results) -> Json | None:
-    """What trainings reach over their seeds; None without one that has several."""
+    """Success of trainings over their seeds; None without one that has several."""
     groups = seed_groups(results.protocol["entrants"], usual_rows(results))
     if not any(len(group.names) > 1 for group in groups):
         return None

@@ -41,7 +41,7 @@ FPS: Final = 25
 
 
 class Pace(NamedTuple):
-    """How an episode is filmed.
+    """Pace of a film.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ WORM_PACE: Final = Pace(1 / FPS, 5.0)
 
 
 FILMED: Final = View("goal", Overlay(), WIDTH, HEIGHT)
-"""How videos look."""
+"""Camera, overlay and size of videos."""
 
 HOLD_FRAMES: Final = 20
 """Frames for which the end stands still, so that it can be read."""
@@ -76,10 +76,10 @@ _KEYFRAME_EVERY: Final = 20
 """Pictures; a browser that jumps into a video has no more than these to decode."""
 
 MAX_BYTES: Final = 2 * 10**6
-"""Of one video."""
+"""Largest size of one video."""
 
 ALL_BYTES: Final = 4 * 10**6
-"""Of all videos of a report together; in the page a third more, which leaves room below 8 MB."""
+"""Largest size of all videos of a report; base64 adds a third, which leaves room below 8 MB."""
 
 _MOST_AT_A_TIME: Final = 4
 """Entrants that are filmed at once: the pictures of a film take 100 MB until it is encoded."""
@@ -238,7 +238,7 @@ def record_video(
 
 
 def measured(picture: Picture, pixels_per_mm: float, overlay: Overlay) -> Picture:
-    """A picture of a fly with its scale bar, which tells what arrows stand for too, if it has one.
+    """A picture of a fly with its scale bar, if it has one, and the scale of force arrows.
 
     Parameters
     ----------

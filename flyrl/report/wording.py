@@ -1,4 +1,4 @@
-"""What a report says in words and numbers."""
+"""Words and numbers of a report."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def held_out_text(protocol: Json) -> str:
 
 
 def rates(summary: Sequence[Json], protocol: Json) -> str:
-    """How often the best learned policy succeeds, beside the best of the others, with intervals.
+    """Sentence on the success of the best learned policy and of the best of the others.
 
     Without a learned policy the best controller is spoken of first.
     """
@@ -207,7 +207,7 @@ def rates(summary: Sequence[Json], protocol: Json) -> str:
 
 
 def leader_cells(leader: Leader) -> dict[str, str]:
-    """What a table says of a leader: its value, the next's, the difference with its interval."""
+    """Cells of a leader in a table: its value, the next's, the difference with its interval."""
     scale, unit = (100, "\u00a0%") if leader.metric == "success" else (1, "")
     cells = {"value": f"{format_number(scale * leader.value)}{unit}", "next": "", "difference": ""}
     if leader.difference is not None and leader.next_value is not None:
@@ -280,7 +280,7 @@ def format_number(value: float | None, digits: int = 3) -> str:
 
 
 def parameters_text(protocol: Json) -> str:
-    """Parameters of the task, but for its time limit, as one would type them; empty without any."""
+    """Parameters of the task except its time limit, as `key=value`; empty without any."""
     own = {key: value for key, value in protocol.get("parameters", {}).items() if value is not None}
     own.pop("time_limit", None)
     if constant_s := protocol.get("drive_time_constant"):
@@ -289,5 +289,5 @@ def parameters_text(protocol: Json) -> str:
 
 
 def outcome_name(outcome: str) -> str:
-    """How an episode ended, in words."""
+    """Outcome of an episode, in words."""
     return "time out" if outcome == "timeout" else outcome.replace("_", " ")

@@ -12,7 +12,6 @@ from flyrl.report.html import format_report
 from tests.report.conftest import NAMES, Page, film, gaited, texts
 from tests.synthetic import make_results
 
-LINK = "{http://www.w3.org/1999/xlink}href"
 OF_A_TERRAIN = {"distributions", "differences", "paths"}
 
 
@@ -58,14 +57,10 @@ def test_each_figure_is_a_file_that_is_whole_and_knows_no_page(report, page):
         *("success", "gait-flat", "time-flat-0", "drive-map", "steering", "learning-curves"),
     }
     assert len(page.of("svg")) == len(files) + 1  # the control loop
-    for name, svg in files.items():
+    for svg in files.values():
         assert "var(" not in svg
         root = ET.fromstring(svg)
         assert root.get("width").endswith("pt")
-        ids = {element.get("id") for element in root.iter()}
-        used = {element.get(LINK, "#") for element in root.findall(".//{*}use")}
-        assert used or name in ("gait-flat", "time-flat-0")  # bars and lines alone
-        assert {link[1:] for link in used} <= ids, name
         assert not root.findall(".//{*}a")
 
 
