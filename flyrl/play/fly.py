@@ -32,8 +32,9 @@ from flyrl.rollouts import Policy
 from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.simulation.scene import build_scene
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
+from flyrl.tasks.episode import EDGE_MARGIN, is_inside
 from flyrl.tasks.target import draw_target
-from flyrl.tasks.terms import CORRECTION_CAP, EDGE_MARGIN, goal_distance, is_inside
+from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
 from flyrl.terrains import FLAT_GROUND, Bounds, Flat
 from flyrl.validation import FloatArray, one_of, random_seed, within
 

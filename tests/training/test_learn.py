@@ -7,7 +7,7 @@ import pytest
 from pandas.testing import assert_frame_equal
 from stable_baselines3 import PPO
 
-from flyrl.envs.config import env_record, plain
+from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
 from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.evaluation import EvaluationConfig, evaluate
@@ -19,6 +19,7 @@ from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConf
 from flyrl.training.learn import resume, train
 from flyrl.training.models import build_model
 from flyrl.training.runs import read_run
+from flyrl.validation import plain
 from tests.tiny import TINY_ENV
 
 SCHEDULE = ScheduleConfig(
