@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.files import file_digest
-from flyrl.policies.bundle import PolicyBundle, bundle_record, bundle_tensors, load_bundle
+from flyrl.policies.bundle import PolicyBundle, bundle_record, load_bundle
 from flyrl.resources import version
 from flyrl.tasks import code_digests
 from flyrl.text import printable
@@ -222,7 +222,7 @@ def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
         if one.get(key) != other.get(key):
             return f"{key} {one.get(key)}, in the repeat {other.get(key)}"
     differences = (
-        _arrays_differ("parameters", bundle_tensors(first), bundle_tensors(second)),
+        _arrays_differ("parameters", first.weights, second.weights),
         _arrays_differ("statistics of the normaliser", _statistics(first), _statistics(second)),
     )
     return "; ".join(filter(None, differences)) or None
@@ -244,7 +244,10 @@ def _statistics(bundle: PolicyBundle) -> dict[str, NDArray[Any]]:
 def _arrays_differ(
     what: str, first: Mapping[str, NDArray[Any]], second: Mapping[str, NDArray[Any]]
 ) -> str | None:
-    one, other = (np.concatenate([*map(np.ravel, each.values()), []]) for each in (first, second))
+    one, other = (
+        np.concatenate([*(np.ravel(each[name]) for name in sorted(each)), []])
+        for each in (first, second)
+    )
     changed = one.view(np.int64) != other.view(np.int64)  # float64, which keeps every bit
     if not changed.any():
         return None

@@ -131,11 +131,11 @@ def test_other_seed_other_policy(run, tmp_path):
 
 
 def test_learning_changes_the_policy(run):
-    first = load_policy(run.folder / "last.safetensors").bundle.network.layers
+    first = load_policy(run.folder / "last.safetensors").bundle.weights
     # the same seed, so the same start
     env = FlyrlVecEnv(PPO_CONFIG.env, SCHEDULE.num_envs, 1)
     untrained = build_model(PPO_CONFIG.algo, env, PPO_CONFIG.seed).policy.action_net.weight
-    assert np.abs(first[-1].weight - untrained.detach().numpy()).max() > 1e-5
+    assert np.abs(first["2.weight"] - untrained.detach().numpy()).max() > 1e-5
 
 
 def test_no_run_learns_from_held_out_episodes():
