@@ -75,7 +75,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=300)
     given = parser.parse_args()
     policy = load_policy(given.policy)
-    if not isinstance(policy, LearnedPolicy) or policy.bundle.lstm is None:
+    if not isinstance(policy, LearnedPolicy) or not policy.bundle.lstm_sizes:
         parser.error(f"{given.policy} has no memory")
     env_settings, training = policy.bundle.env, policy.bundle.training
     config: EnvConfig = training_config({**env_settings, **training["settings"], "seed": 0}).env

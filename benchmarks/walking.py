@@ -9,11 +9,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.surface import ContactConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.evaluation.statistics import paired_difference
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TASKS
 from flyrl.terrains import LITERATURE
@@ -86,12 +86,6 @@ def speed(positions: np.ndarray, seconds: float) -> np.ndarray:
     return speeds
 
 
-def paired_interval(difference: np.ndarray) -> tuple[float, float]:
-    """95 % bootstrap interval of the mean paired difference."""
-    result = stats.bootstrap((difference,), np.mean, rng=np.random.default_rng(0))
-    return result.confidence_interval.low, result.confidence_interval.high
-
-
 def literature() -> None:
     """Distance in 0.5 s at 1e-4 s, classic body, against FlyGym's tutorial."""
     print("classic body, flat, 0.5 s at 1e-4 s: distance along x (mm)")
@@ -137,11 +131,12 @@ def rough(seconds: float = 1.5, conditions: int = 20, **config: Any) -> None:
             for name in ("cpg", "rule_based", "hybrid")
         }
         medians = "  ".join(f"{name} {np.median(values):5.2f}" for name, values in speeds.items())
-        low, high = paired_interval(speeds["hybrid"] - speeds["cpg"])
+        difference = speeds["hybrid"] - speeds["cpg"]
+        between = paired_difference(difference, np.random.default_rng(0))
         ratio = np.median(speeds["cpg"]) / np.median(speeds["hybrid"])
         print(
             f"  {terrain:7} {medians}  cpg / hybrid {ratio:4.2f}  "
-            f"hybrid - cpg [{low:5.2f}, {high:5.2f}]"
+            f"hybrid - cpg [{between.low:5.2f}, {between.high:5.2f}]"
         )
 
 

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING, Any, Final
 from flyrl import gl
 
 if TYPE_CHECKING:
-    from flyrl.controllers import (
-        CPGNetwork,
-        PreprogrammedSteps,
-        RuleBasedSteppingCoordinator,
-        construct_rules_graph,
-        filter_edges,
-    )
-    from flyrl.front.environments import make, make_sb3, make_vec
-    from flyrl.front.results import evaluate
-    from flyrl.front.runs import train
-    from flyrl.front.walks import walk
-    from flyrl.policies import load_policy
-    from flyrl.tasks import OUTCOMES
+    from flyrl.controllers import CPGNetwork as CPGNetwork
+    from flyrl.controllers import PreprogrammedSteps as PreprogrammedSteps
+    from flyrl.controllers import RuleBasedSteppingCoordinator as RuleBasedSteppingCoordinator
+    from flyrl.controllers import construct_rules_graph as construct_rules_graph
+    from flyrl.controllers import filter_edges as filter_edges
+    from flyrl.front.environments import make as make
+    from flyrl.front.environments import make_sb3 as make_sb3
+    from flyrl.front.environments import make_vec as make_vec
+    from flyrl.front.results import evaluate as evaluate
+    from flyrl.front.runs import train as train
+    from flyrl.front.walks import walk as walk
+    from flyrl.policies import load_policy as load_policy
+    from flyrl.tasks import OUTCOMES as OUTCOMES
 
 # names and where they come from, imported when they are first asked for, as modules are
 _ON_DEMAND: Final = {
@@ -43,21 +43,7 @@ _ON_DEMAND: Final = {
     "walk": "flyrl.front.walks",
 }
 
-__all__ = [
-    "OUTCOMES",
-    "CPGNetwork",
-    "PreprogrammedSteps",
-    "RuleBasedSteppingCoordinator",
-    "construct_rules_graph",
-    "evaluate",
-    "filter_edges",
-    "load_policy",
-    "make",
-    "make_sb3",
-    "make_vec",
-    "train",
-    "walk",
-]
+__all__ = list(_ON_DEMAND)
 
 
 def __getattr__(name: str) -> Any:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from flyrl.policies import PolicyBundle, observation_layout
-from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
 
 
@@ -11,9 +10,13 @@ def target_bundle(answer=(0.0, 0.0), **fields):
     """Bundle of a policy for the task Target that always answers the same; `fields` replace its."""
     layout = fields.get("observation", observation_layout(TASKS["target"]()))
     size = sum(term.size for term in layout)
-    layer = Layer(np.zeros((2, size), np.float32), np.array(answer, np.float32))
     usual = {
-        "network": MLP((layer,), "tanh"),
+        "weights": {
+            "0.weight": np.zeros((2, size), np.float32),
+            "0.bias": np.array(answer, np.float32),
+        },
+        "sizes": (size, 2),
+        "activation": "tanh",
         "squashing": "clip",
         "observation": layout,
         "action_low": (-1.0, -1.0),

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from flyrl.policies import LearnedPolicy, observation_layout, save_bundle
-from flyrl.policies.networks import MLP, Layer
 from flyrl.tasks import TASKS
 from tests.bundles import target_bundle
 from tests.tiny import TINY_ARGUMENTS
@@ -107,18 +106,20 @@ def _save_policy(path, seed):
     """Save a policy for the task Target, and return it."""
     rng = np.random.default_rng(seed)
     size = sum(term.size for term in observation_layout(TASKS["target"]()))
-    layers = (
-        Layer(rng.normal(size=(64, size)).astype(np.float32), np.zeros(64, np.float32)),
-        Layer(rng.normal(size=(2, 64)).astype(np.float32) / 8, np.zeros(2, np.float32)),
-    )
-    bundle = target_bundle(network=MLP(layers, "tanh"), squashing="tanh")
+    weights = {
+        "0.weight": rng.normal(size=(64, size)).astype(np.float32),
+        "0.bias": np.zeros(64, np.float32),
+        "1.weight": rng.normal(size=(2, 64)).astype(np.float32) / 8,
+        "1.bias": np.zeros(2, np.float32),
+    }
+    bundle = target_bundle(weights=weights, sizes=(size, 64, 2), squashing="tanh")
     path.parent.mkdir(parents=True, exist_ok=True)
     save_bundle(bundle, path)
     return LearnedPolicy(bundle)
 
 
 def _actions(policy):
-    observations = np.random.default_rng(0).normal(size=(50, policy.bundle.network.sizes[0]))
+    observations = np.random.default_rng(0).normal(size=(50, policy.bundle.num_inputs))
     return policy.predict(observations)[0].tobytes().hex()
 
 
@@ -129,7 +130,7 @@ for name in sys.argv[1:]:
         os.chdir(name)
         continue
     policy = flyrl.load_policy(name)
-    observations = np.random.default_rng(0).normal(size=(50, policy.bundle.network.sizes[0]))
+    observations = np.random.default_rng(0).normal(size=(50, policy.bundle.num_inputs))
     print(policy.predict(observations)[0].tobytes().hex())
 """
 

@@ -5,7 +5,6 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies import ConstantDrive, LearnedPolicy, observation_layout
-from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer
 from flyrl.rollouts import FAILURES, num_decisions, run_episodes
 from flyrl.tasks import OUTCOMES, TASKS, ErrorTerm, Termination
 from flyrl.terrains import Flat
@@ -33,12 +32,18 @@ def counting_policy():
     """Blind but for a memory that grows with every decision, and that the action follows."""
     size = sum(term.size for term in TASK.observation)
     # rows: input gate and forget gate open, a small candidate, output gate open
-    bias = np.array([20, 20, 0.3, 20], np.float32)
-    still = np.zeros((4, size), np.float32), np.zeros((4, 1), np.float32)
-    lstm = LSTM((LSTMLayer(*still, bias, np.zeros(4, np.float32)),))
-    head = MLP((Layer(np.ones((2, 1), np.float32), np.zeros(2, np.float32)),), "tanh")
+    weights = {
+        "lstm.0.input_weight": np.zeros((4, size), np.float32),
+        "lstm.0.recurrent_weight": np.zeros((4, 1), np.float32),
+        "lstm.0.input_bias": np.array([20, 20, 0.3, 20], np.float32),
+        "lstm.0.recurrent_bias": np.zeros(4, np.float32),
+        "0.weight": np.ones((2, 1), np.float32),
+        "0.bias": np.zeros(2, np.float32),
+    }
     layout = observation_layout(TASK)
-    return LearnedPolicy(target_bundle(network=head, observation=layout, lstm=lstm))
+    return LearnedPolicy(
+        target_bundle(weights=weights, sizes=(1, 2), observation=layout, lstm_sizes=(size, 1))
+    )
 
 
 def countdown(decisions):

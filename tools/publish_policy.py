@@ -237,7 +237,7 @@ def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
         ("algorithm", training.get("algo", _UNKNOWN)),
         ("decisions", training.get("decisions", _UNKNOWN)),
         ("seed", training.get("seed", _UNKNOWN)),
-        ("network", " → ".join(map(str, bundle.network.sizes)) + f", {bundle.network.activation}"),
+        ("network", " → ".join(map(str, bundle.sizes)) + f", {bundle.activation}"),
         ("command", f"`{command}`" if command else _UNKNOWN),
         ("commit", _mapping(provenance.get("git")).get("commit", _UNKNOWN)),
         ("versions", versions or _UNKNOWN),

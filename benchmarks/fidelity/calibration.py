@@ -12,10 +12,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from benchmarks.fidelity import results, steering
+from benchmarks.fidelity.comparison import reference_speed
 from benchmarks.fidelity.drives import HOLD_S
 from benchmarks.fidelity.steering_table import fall_ratio, paired_falls, tilt_ratio
 from benchmarks.fidelity.turning import relative_difference, yaw_rates
-from benchmarks.fidelity.verdict import reference_speed
 from benchmarks.walking import speed, walk
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig

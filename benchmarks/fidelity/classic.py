@@ -8,12 +8,12 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.fidelity import results
-from benchmarks.fidelity.flyrl_runs import config, walk_straight
+from benchmarks.fidelity.comparison import MIN_RUNS, by_seed, hybrid_over, interval_text
+from benchmarks.fidelity.flyrl_runs import config
 from benchmarks.fidelity.results import Row
 from benchmarks.fidelity.statistics import Trajectory
-from benchmarks.fidelity.verdict import compare_hybrid, speeds
 from flyrl.bodies.fly import FlyConfig
-from flyrl.tasks import TIMEOUT, UNSTABLE
+from flyrl.envs.core import EnvConfig
 from flyrl.terrains import Blocks, Flat, Gapped, Mixed, Terrain
 
 REFERENCE: Final = Path(__file__).with_name("reference_classic.json")
@@ -55,26 +55,10 @@ def row(walk: Trajectory, **about: Any) -> Row:
     }
 
 
-def walk_classic(
-    physics: str, terrain: str, controller: str, seeds: Sequence[int], seconds: float, threads: int
-) -> list[Row]:
-    """Runs of flyrl, one per seed, started as the reference's."""
-    settings = replace(
-        config(controller, terrain, physics),
-        body=FlyConfig("classic"),
-        terrain=GROUNDS[terrain],
-    )
-    walks = walk_straight(settings, list(seeds), seconds, threads)
-    about = {"terrain": terrain, "controller": controller, "physics": physics}
-    return [
-        row(
-            walk,
-            **about,
-            seed=seed,
-            outcome=TIMEOUT if walk.time[-1] > seconds - 1e-6 else UNSTABLE,
-        )
-        for seed, walk in zip(seeds, walks, strict=True)
-    ]
+def classic_config(controller: str, terrain: str, physics: str) -> EnvConfig:
+    """Environment of one cell of the comparison."""
+    usual = config(controller, terrain, physics)
+    return replace(usual, body=FlyConfig("classic"), terrain=GROUNDS[terrain])
 
 
 def tables(reference: Sequence[Row], runs: Sequence[Row]) -> str:
@@ -116,23 +100,13 @@ def _final(found: Sequence[Row], terrain: str, controller: str) -> str:
 
 
 def _difference(source: str, found: Sequence[Row], terrain: str) -> str | None:
-    """A row of the second table; None below five starts that both controllers have walked."""
-    by_controller = {name: speeds(found, terrain, name) for name in CONTROLLERS}
-    shared = by_controller["cpg"].keys() & by_controller["hybrid"].keys()
-    if len(shared) < 5:
+    """A row of the second table; None below `MIN_RUNS` starts that both have walked."""
+    speeds = by_seed(found, terrain).reindex(columns=CONTROLLERS).dropna()
+    if len(speeds) < MIN_RUNS:
         return None
-    falls, means = {}, {}
-    for name, values in by_controller.items():
-        means[name] = np.mean([values[seed] for seed in shared])
-        falls[name] = sum(
-            int(run["statistics"]["fall"])
-            for run in found
-            if (run["terrain"], run["controller"]) == (terrain, name) and run["seed"] in shared
-        )
-    compared = compare_hybrid(found, terrain, "cpg")
-    difference = means["hybrid"] - means["cpg"]
+    cpg, hybrid = speeds.mean()
+    falls = by_seed(found, terrain, "fall").loc[speeds.index, [*CONTROLLERS]].sum()
     return (
-        f"| {source} | {terrain} | {len(shared)} | {means['cpg']:.1f} | {means['hybrid']:.1f} "
-        f"| {difference:.1f} [{compared.low:.1f}, {compared.high:.1f}] "
-        f"| {falls['cpg']}, {falls['hybrid']} |"
+        f"| {source} | {terrain} | {len(speeds)} | {cpg:.1f} | {hybrid:.1f} "
+        f"| {interval_text(hybrid_over(speeds, 'cpg'))} | {', '.join(f'{n:.0f}' for n in falls)} |"
     )

@@ -1,14 +1,17 @@
 """Runs of flyrl, started and sampled as the reference's are."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.fidelity.results import Row, row
 from benchmarks.fidelity.statistics import Trajectory, trajectory
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
+from flyrl.tasks import TIMEOUT, UNSTABLE
 from flyrl.tasks.terms import leg_contacts
 
 SAMPLING_S: Final = 1e-3
@@ -16,7 +19,7 @@ SAMPLING_S: Final = 1e-3
 
 
 def walk_straight(
-    config: EnvConfig, seeds: list[int], seconds: float, num_threads: int = 0
+    config: EnvConfig, seeds: Sequence[int], seconds: float, num_threads: int = 0
 ) -> list[Trajectory]:
     """Walk at the drive (1, 1), one fly per seed, from oscillators at magnitude 0.
 
@@ -42,6 +45,23 @@ def walk_straight(
     return [
         trajectory({name: values[: unstable_from[i], i] for name, values in series.items()})
         for i in range(len(seeds))
+    ]
+
+
+def rows(
+    config: EnvConfig,
+    seeds: Sequence[int],
+    seconds: float,
+    num_threads: int = 0,
+    to_row: Callable[..., Row] = row,
+    **about: Any,
+) -> list[Row]:
+    """What is stored of each of `walk_straight`'s runs; `about` says what they are."""
+    walks = walk_straight(config, seeds, seconds, num_threads)
+    outcomes = [TIMEOUT if walk.time[-1] > seconds - 1e-6 else UNSTABLE for walk in walks]
+    return [
+        to_row(walk, **about, seed=seed, outcome=outcome)
+        for walk, seed, outcome in zip(walks, seeds, outcomes, strict=True)
     ]
 
 

@@ -1,13 +1,14 @@
 """Results as JSON: one row per run, with the walking statistics of its trajectory."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.fidelity.statistics import STATISTICS, Trajectory, trajectory, walking_statistics
+from benchmarks.fidelity.statistics import Trajectory, trajectory, walking_statistics
 from flyrl.files import write_text
 
 REFERENCE: Final = Path(__file__).with_name("reference.json")
@@ -28,63 +29,49 @@ def row(walk: Trajectory, **about: Any) -> Row:
     return {**about, "seconds": round(float(walk.time[-1]), 4), "statistics": figures}
 
 
+def place(run: Row) -> tuple[int, ...]:
+    """Place of a run among the others: terrain, controller, seed."""
+    return TERRAINS.index(run["terrain"]), CONTROLLERS.index(run["controller"]), run["seed"]
+
+
 def collect(
-    folder: Path, known: Mapping[str, Any], to_row: Callable[..., Row] = row
+    folder: Path,
+    known: Mapping[str, Any],
+    to_row: Callable[..., Row] = row,
+    place: Callable[[Row], tuple[int, ...]] = place,
 ) -> dict[str, Any]:
-    """Add the runs that `reference.py` has finished in `folder` to those that are known.
+    """Add the runs that a reference has finished in `folder` to those that are known.
 
     Parameters
     ----------
     to_row
-        Takes a trajectory and what its run was, by keyword, and gives what is stored of it.
+        From a trajectory and what its run was, by keyword, to what is stored of it.
+    place
+        Of a row among the others; a new run replaces the known one in its place.
 
     Raises
     ------
     ValueError
         If there is no run.
     """
-    found = {(*cell(run), run["seed"]): run for run in known["runs"]}
-    machines = [*known["machines"]]
-    for machine, about, samples in finished(folder, "runs"):
-        walked = to_row(trajectory(samples), **about)
-        found[(*cell(walked), walked["seed"])] = walked
-        if machine not in machines:
-            machines.append(machine)
-    rows = [found[place] for place in sorted(found)]
-    return {"machines": machines, "statistics": STATISTICS, "runs": rows}
-
-
-def finished(folder: Path, what: str) -> Iterator[tuple[Row, Row, dict[str, Any]]]:
-    """Machine, description and samples of every run that `reference.py` has finished in `folder`.
-
-    Raises
-    ------
-    ValueError
-        If there is none; the message calls them `what`.
-    """
     paths = sorted(folder.glob("[!.]*.npz"))  # with a dot in front, one is being written
     if not paths:
-        raise ValueError(f"folder is {str(folder)!r}; it must hold {what} of reference.py")
+        raise ValueError(f"folder is {str(folder)!r}; it must hold runs of the reference")
+    found, machines = {place(run): run for run in known["runs"]}, [*known["machines"]]
     for path in paths:
         with np.load(path, allow_pickle=False) as samples:
             about = json.loads(str(samples["about"]))
-            yield about.pop("machine"), about, dict(samples)
+            machine = about.pop("machine")
+            added = to_row(trajectory(dict(samples)), **about)
+        found[place(added)] = added
+        if machine not in machines:
+            machines.append(machine)
+    return {**known, "machines": machines, "runs": [found[key] for key in sorted(found)]}
 
 
-def cell(run: Row) -> tuple[int, int]:
-    """Place of a run's terrain and controller in a table."""
-    return TERRAINS.index(run["terrain"]), CONTROLLERS.index(run["controller"])
-
-
-def summary(runs: Iterable[Row]) -> dict[str, float | None]:
-    """Medians of the statistics over those runs that have them; of falls the share."""
-    figures = [run["statistics"] for run in runs]
-    result: dict[str, float | None] = {}
-    for name in STATISTICS:
-        values = [each[name] for each in figures if each[name] is not None]
-        middle = np.mean if name == "fall" else np.median
-        result[name] = float(middle(values)) if values else None
-    return result
+def frame(runs: Iterable[Row]) -> pd.DataFrame:
+    """A row per run, its statistics in columns beside those of what it was."""
+    return pd.DataFrame([{**run, **run["statistics"]} for run in runs])
 
 
 def write(path: Path, results: dict[str, Any]) -> None:

@@ -4,7 +4,7 @@ A run is one fly on one ground under one kind of drives: a sequence of `drives.p
 reference walks too, or the law `pursuit` in the task `target`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks.fidelity.drives import HOLD_S, KINDS, sequence
-from benchmarks.fidelity.results import finished
-from benchmarks.fidelity.statistics import FALL_TILT, PATH_SAMPLING_S
+from benchmarks.fidelity.statistics import FALL_TILT, PATH_SAMPLING_S, Trajectory
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.policies.laws import fixed_policy
 from flyrl.simulation.physics import PhysicsConfig
@@ -26,7 +25,7 @@ Array = NDArray[np.float64]
 Row = dict[str, Any]
 
 REFERENCE: Final = Path(__file__).with_name("reference_steering.json")
-"""What `collect` made of the steered runs of `reference.py`."""
+"""Steered runs of `reference.py`, collected."""
 
 PURSUIT: Final = "pursuit"
 ALL_KINDS: Final = (PURSUIT, *KINDS)
@@ -156,33 +155,22 @@ def figures(series: dict[str, Array], outcome: str) -> Row:
     }
 
 
-def collect(folder: Path, known: Mapping[str, Any]) -> dict[str, Any]:
-    """Add the steered runs that `reference.py` has finished in `folder` to those that are known.
+def reference_row(walk: Trajectory, *, terrain: str, drives: str, seed: int, **about: Any) -> Row:
+    """What is stored of a run of `reference.py`, as of those of `steer`.
 
-    Rows are as in `steer`. A run ends where flyrl's does, at the first sample with a thorax tilted
-    beyond 75 degrees.
-
-    Raises
-    ------
-    ValueError
-        If there is no run.
+    It ends where flyrl's does, at the first sample with a thorax tilted beyond 75 degrees.
     """
-    found, machines = {_place(row): row for row in known["runs"]}, [*known["machines"]]
-    for machine, about, samples in finished(folder, "steered runs"):
-        every = round(HOLD_S / float(samples["time"][1] - samples["time"][0]))
-        series = {name: samples[name][::every] for name in ("position_w", "yaw", "upright")}
-        if machine not in machines:
-            machines.append(machine)
-        fallen = np.flatnonzero(series["upright"] < np.cos(FALL_TILT))
-        outcome = about["outcome"]
-        if len(fallen):
-            outcome = FALL
-            series = {name: values[: fallen[0] + 1] for name, values in series.items()}
-        where = {"physics": "flygym", "terrain": about["terrain"], "kind": about["drives"]}
-        row = {**where, "seed": about["seed"], **figures(series, outcome)}
-        found[_place(row)] = row
-    return {"machines": machines, "runs": [found[place] for place in sorted(found)]}
+    every = round(HOLD_S / float(walk.time[1] - walk.time[0]))
+    series = {name: getattr(walk, name)[::every] for name in ("position_w", "yaw", "upright")}
+    outcome = about["outcome"]
+    fallen = np.flatnonzero(series["upright"] < np.cos(FALL_TILT))
+    if len(fallen):
+        outcome = FALL
+        series = {name: values[: fallen[0] + 1] for name, values in series.items()}
+    where = {"physics": "flygym", "terrain": terrain, "kind": drives, "seed": seed}
+    return {**where, **figures(series, outcome)}
 
 
-def _place(row: Row) -> tuple[int, int, int]:
+def place(row: Row) -> tuple[int, ...]:
+    """Place of a run among the others: terrain, drives, seed."""
     return TERRAINS.index(row["terrain"]), ALL_KINDS.index(row["kind"]), row["seed"]

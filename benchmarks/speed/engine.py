@@ -112,24 +112,6 @@ def measure(
     return rows
 
 
-def measure_threads(seconds: float, repeats: int, flies: int = 64) -> list[Row]:
-    """Two threads over one, balanced physics on flat ground, measured in turns."""
-    scene, start = settled_scene("balanced", "flat", flies)
-    one, two = FlyBatch(scene, flies, 1), FlyBatch(scene, flies, 2)
-    ratios = []
-    for _ in tqdm(range(repeats), desc="threads"):
-        slow = steps_per_second(one, start, seconds)
-        ratios.append(steps_per_second(two, start, seconds) / slow)
-    return [
-        {
-            "flies": flies,
-            "ratio": significant(float(np.median(ratios))),
-            "lowest": significant(min(ratios)),
-            "highest": significant(max(ratios)),
-        }
-    ]
-
-
 def walking_time(flies: FlyBatch, start: States, steps: int) -> float:
     """Wall time of some steps of all flies, from the start on, s."""
     flies.restore(start)

@@ -77,11 +77,11 @@ class Stopwatch:
         self._since = now
 
 
-def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64) -> list[Row]:
+def measure_environment(threads: Sequence[int], decisions: int = 150, flies: int = 64) -> list[Row]:
     """Shares of the engine, of resets and of the rest in `FlyrlVecEnv.step`, per number of threads.
 
-    Task `target`, balanced physics, flat ground, random actions; resets are those of the episodes
-    that end.
+    Task `target`, balanced physics, flat ground, random actions; an episode has up to 150
+    decisions, at whose end resets come.
     """
     rows = []
     for num_threads in threads:
@@ -105,17 +105,17 @@ def measure_environment(threads: Sequence[int], decisions: int, flies: int = 64)
     return rows
 
 
-def measure_ppo(rollouts: int, flies: Sequence[int] = (32, 64)) -> list[Row]:
+def measure_ppo() -> list[Row]:
     """Shares of physics, environment, policy and update in some rollouts of the default training.
 
     "collection" is the share of physics in what is not update: the rate at which decisions are
     collected, over the engine's own. The default is 32 flies. One rollout and its update go before,
     to warm up.
     """
-    return [_measure_ppo(rollouts, number) for number in flies]
+    return [_measure_ppo(flies) for flies in (32, 64)]
 
 
-def _measure_ppo(rollouts: int, flies: int) -> Row:
+def _measure_ppo(flies: int, rollouts: int = 3) -> Row:
     config = TrainingConfig()
     if config.algo.name != "ppo":
         raise TypeError(f"the default algorithm is {config.algo.name}, not PPO")

@@ -46,7 +46,11 @@ class Recording:
 
 
 def measure(
-    presets: Sequence[str], terrains: Sequence[str], seconds: float, repeats: int, flies: int = 16
+    presets: Sequence[str],
+    terrains: Sequence[str],
+    seconds: float = 0.2,
+    repeats: int = 5,
+    flies: int = 16,
 ) -> list[Row]:
     """One row per preset and terrain, on one thread; `seconds` of simulated time per repeat."""
     rows = []

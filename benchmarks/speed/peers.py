@@ -28,7 +28,9 @@ PEERS: Final = {
 """Option that gives the interpreter -> package, its version, and the module that runs there."""
 
 
-def measure(interpreters: Mapping[str, str], terrains: Sequence[str], seconds: float) -> list[Row]:
+def measure(
+    interpreters: Mapping[str, str], terrains: Sequence[str], seconds: float = 0.2
+) -> list[Row]:
     """Rows of flyrl and of every peer, terrain by terrain; a note for a peer that is not there.
 
     Parameters

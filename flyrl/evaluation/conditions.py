@@ -34,14 +34,11 @@ class Quantity:
         Its value where nothing is changed.
     env
         The environment with another value of the quantity of a name.
-    episode
-        An episode with another value.
     """
 
     text: str
     usual: Any
     env: Callable[[EnvConfig, str, Any], EnvConfig] = lambda env, name, value: env
-    episode: Callable[[Episode, Any], Episode] = lambda episode, value: episode
 
 
 def _randomised(env: EnvConfig, name: str, value: Any) -> EnvConfig:
@@ -84,12 +81,6 @@ def _muscles(env: EnvConfig, name: str, value: Any) -> EnvConfig:
     return _body(env, "muscles", replace(muscles, **{side: value}))
 
 
-def _pushed(episode: Episode, value: Any) -> Episode:
-    """One push, to the left in every other episode."""
-    side = 1.0 if episode.seed % 2 else -1.0
-    return replace(episode, pushes=(PUSH_TIME_S, side * number("vary.push", value)))
-
-
 QUANTITIES: Final[Mapping[str, Quantity]] = {
     "friction": Quantity("factor on the friction of the legs", 1.0, _factor),
     "mass": Quantity("factor on the fly's mass", 1.0, _factor),
@@ -97,7 +88,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
     "adhesion": Quantity("factor on the grip of the legs", 1.0, _factor),
     "sensor_noise": Quantity("noise, in the spreads of the senses", 0.0, _randomised),
     "drive_latency": Quantity("time from a decision to the legs, s", 0.0, _factor),
-    "push": Quantity("force sideways after 1 s, µN", 0.0, episode=_pushed),
+    "push": Quantity("force sideways after 1 s, µN", 0.0),
     "coupling": Quantity("factor on the coupling of the oscillators", 1.0, _coupled),
     "retraction": Quantity("factor on the retraction reflex", 1.0, _reflex),
     "stumbling": Quantity("factor on the stumbling reflex", 1.0, _reflex),
@@ -135,11 +126,7 @@ class Condition:
     @property
     def is_usual(self) -> bool:
         """Whether nothing is changed."""
-        return not self.name or self.label == Condition(self.name, self._quantity.usual).label
-
-    @property
-    def _quantity(self) -> Quantity:
-        return QUANTITIES[self.name]
+        return not self.name or value_text(self.value) == value_text(QUANTITIES[self.name].usual)
 
     def env(self, env: EnvConfig) -> EnvConfig:
         """The environment under this condition.
@@ -155,11 +142,14 @@ class Condition:
             raise ValueError(
                 f"vary.{self.name} is for flies; of a worm, sensor_noise can be varied"
             )
-        return self._quantity.env(env, self.name, self.value)
+        return QUANTITIES[self.name].env(env, self.name, self.value)
 
     def episode(self, episode: Episode) -> Episode:
-        """The episode under this condition."""
-        return self._quantity.episode(episode, self.value) if self.name else episode
+        """The episode under this condition: with one push, to the left in every other episode."""
+        if self.name != "push":
+            return episode
+        side = 1.0 if episode.seed % 2 else -1.0
+        return replace(episode, pushes=(PUSH_TIME_S, side * number("vary.push", self.value)))
 
 
 UNCHANGED: Final = Condition()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,25 +36,52 @@ class Entrant:
     ----------
     name
         Unique among the entrants of an evaluation.
+    kind
+        "learned", "fixed" or "own".
     controller
         Of the legs; None of a worm.
     policy
         Of the descending drive, or of the muscles.
+    text
+        How the policy came to be, in words.
+    source
+        File or entry point of the policy; None of others.
+    file
+        That holds the policy, if there is one.
     decision_interval
         s for which a decision is held; None takes the task's.
-    record
-        Where the entrant comes from, as plain JSON values.
+    more
+        Further plain JSON values for the record.
     """
 
     name: str
+    kind: str
     controller: Controller | None
     policy: Policy
-    decision_interval: float | None
-    record: Mapping[str, Any]
+    text: str
+    source: str | None = None
+    file: Path | None = None
+    decision_interval: float | None = None
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Where the entrant comes from, as plain JSON values."""
+        legs = self.controller
+        return {
+            "name": self.name,
+            "kind": self.kind,
+            "leg_controller": legs and legs.name,
+            "policy": self.text,
+            "source": self.source,
+            "sha256": self.file and file_digest(self.file),
+            "controller_config": legs and asdict(legs),
+            **self.more,
+        }
 
     def env(self, config: EvaluationConfig, terrain: Terrain) -> EnvConfig:
         """Environment that the entrant walks in."""
-        return dataclasses.replace(
+        return replace(
             config.env(terrain),
             controller=self.controller,
             decision_interval=self.decision_interval,
@@ -105,11 +131,15 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
         steering, legs = split_legs(given) if isinstance(given, str) else (given, None)
         # what is both an entry point and a file is the file
         if isinstance(steering, str) and (not is_entry_point(steering) or Path(steering).exists()):
-            entrant = make_learned(steering, config, taken, legs)
+            entrant = make_learned(steering, config)
         else:
-            entrant = make_own(steering, config, taken, legs)
-        taken.append(entrant.name)
-        learned.append(entrant)
+            entrant = make_own(steering, config)
+        name = entrant.name
+        if legs is not None:
+            name = f"{name}@{legs}"
+            entrant = replace(entrant, controller=_steered_legs(name, legs, config))
+        learned.append(replace(entrant, name=free_name(name, taken)))
+        taken.append(learned[-1].name)
     entrants = [*learned, *fixed]
     if config.reference is not None:
         one_of("reference", config.reference, [entrant.name for entrant in entrants])
@@ -118,7 +148,7 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
             try:
                 entrant.env(config, terrain)
             except (ValueError, TypeError) as error:
-                source = entrant.record["source"] or entrant.name
+                source = entrant.source or entrant.name
                 raise ValueError(f"{source} cannot walk here: {error}") from error
     return entrants
 
@@ -143,13 +173,12 @@ def make_fixed(given: str | Controller, config: EvaluationConfig) -> Entrant:
     controller = None
     if legs is not None:
         controller = _steered_legs(name, legs, config)
-    elif config.legs is not None and fixed.legs is not None:
+    elif fixed.legs is not None:
         reflexes = {"reflexes": fixed.reflexes} if fixed.reflexes else {}
-        body = config.env(config.terrains[0]).fly_scene.body
-        controller = fit_controller(own or controller_named(fixed.legs, **reflexes), body)
+        controller = _fitted(own or controller_named(fixed.legs, **reflexes), config)
     shown = task.slices().keys()
     sees = next((list(terms) for terms in fixed.sees if shown >= set(terms)), [])
-    return _entrant("fixed", name, controller, policy, fixed.text, sees=sees)
+    return Entrant(name, "fixed", controller, policy, fixed.text, more={"sees": sees})
 
 
 def _steered_legs(name: str, legs: str, config: EvaluationConfig) -> Controller:
@@ -159,38 +188,15 @@ def _steered_legs(name: str, legs: str, config: EvaluationConfig) -> Controller:
     controller = controller_named(legs)
     if not controller.follows_command or controller.command.names != DRIVE.names:
         raise ValueError(f"{name}: legs after @ must be such as follow a drive, got {legs!r}")
+    return _fitted(controller, config)
+
+
+def _fitted(controller: Controller, config: EvaluationConfig) -> Controller:
+    """Leg controller with the recorded step that goes with the body."""
     return fit_controller(controller, config.env(config.terrains[0]).fly_scene.body)
 
 
-def _entrant(
-    kind: str,
-    name: str,
-    controller: Controller | None,
-    policy: Policy,
-    text: str,
-    *,
-    source: str | None = None,
-    file: Path | None = None,
-    decision_interval: float | None = None,
-    **more: Any,
-) -> Entrant:
-    """Entrant with its record: how its policy came to be, from what file."""
-    record = {
-        "name": name,
-        "kind": kind,
-        "leg_controller": controller and controller.name,
-        "policy": text,
-        "source": source,
-        "sha256": file and file_digest(file),
-        "controller_config": controller and asdict(controller),
-        **more,
-    }
-    return Entrant(name, controller, policy, decision_interval, record)
-
-
-def make_learned(
-    path: str, config: EvaluationConfig, taken: Collection[str], legs: str | None = None
-) -> Entrant:
+def make_learned(path: str, config: EvaluationConfig) -> Entrant:
     """Entrant of a learned policy.
 
     Parameters
@@ -200,10 +206,6 @@ def make_learned(
         algorithm:file.zip of a model that Stable-Baselines3 saved.
     config
         Of the evaluation.
-    taken
-        Names that are not free any more.
-    legs
-        Leg controller to put it on; None takes the one that it was trained on.
 
     Raises
     ------
@@ -224,22 +226,23 @@ def make_learned(
             f"{file}: its leg controller, {controller.name!r}, ignores the drive, so that no "
             "policy can steer it"
         )
-    name = policy_name(file) or str(training.get("algo", file.stem))
-    if legs is not None:
-        controller, name = _steered_legs(path, legs, config), f"{name}@{legs}"
-    interval = env["task"].get("decision_interval") if isinstance(env.get("task"), dict) else None
-    return _entrant(
+    return Entrant(
+        policy_name(file) or str(training.get("algo", file.stem)),
         "learned",
-        free_name(name, taken),
         controller,
         policy,
         _how_learned(env, training),
         source=str(file),
         file=file,
-        decision_interval=interval,
-        trained_in=dict(env),
-        training=dict(training),
+        decision_interval=_record(env, "task").get("decision_interval"),
+        more={"trained_in": dict(env), "training": dict(training)},
     )
+
+
+def _record(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Record in another one that anybody may have written; empty where there is none."""
+    found = record.get(key)
+    return found if isinstance(found, dict) else {}
 
 
 def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
@@ -262,7 +265,7 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
     env = config.env(config.terrains[0])
     bundle = import_sb3(model, made_by, env, trust=True)
     # the file does not say what it was trained in; what it is loaded for is not that
-    return Path(model), LearnedPolicy(dataclasses.replace(bundle, env={}))
+    return Path(model), LearnedPolicy(replace(bundle, env={}))
 
 
 def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
@@ -270,9 +273,7 @@ def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
     try:
         policy.check_task(task)
     except PolicyFileError as error:
-        record = policy.bundle.env.get("task")
-        then = _changes(record if isinstance(record, dict) else {})
-        now = _changes(task_record(task))
+        then, now = _changes(_record(policy.bundle.env, "task")), _changes(task_record(task))
         changed = "" if then == now else f"; it was trained with {then}, here it is {now}"
         raise PolicyFileError(f"{file}: {error}{changed}") from error
 
@@ -292,15 +293,13 @@ def _how_learned(env: Mapping[str, Any], training: Mapping[str, Any]) -> str:
     text = "learned"
     if "algo" in training:
         text += f" with {training['algo']!s:.60}"
-    terrain = env.get("terrain")
-    if isinstance(terrain, dict) and "name" in terrain:
+    terrain = _record(env, "terrain")
+    if "name" in terrain:
         return f"{text} on {terrain_label(terrain['name'], terrain.get('random')):.60}"
     return f"{text} on unknown ground"
 
 
-def make_own(
-    given: object, config: EvaluationConfig, taken: Collection[str], legs: str | None = None
-) -> Entrant:
+def make_own(given: object, config: EvaluationConfig) -> Entrant:
     """Entrant of a policy of the user's own.
 
     Parameters
@@ -309,40 +308,25 @@ def make_own(
         What `own_policy` takes, or its name, `module:attribute`.
     config
         Of the evaluation.
-    taken
-        Names that are not free any more.
-    legs
-        Leg controller to put it on; None takes the usual one.
 
     Raises
     ------
     ValueError
         The module cannot be used, or what is there is no policy.
     """
-    source, file = None, None
+    source = None
     if isinstance(given, str):
-        source = given
+        source, name = given, given.partition(":")[2]
         found = load_module(given, "policies", "my_policies:steady")
-        attribute = given.partition(":")[2]
         known = [key for key, each in found.items() if callable(each) or isinstance(each, Policy)]
-        given = found[one_of(f"policies: policy in {found['__name__']}", attribute, known)]
-        name, file = attribute, found.get("__file__")
+        given = found[one_of(f"policies: policy in {found['__name__']}", name, known)]
+        file = found.get("__file__")
     else:
-        name = getattr(given, "__name__", type(given).__name__)
-        module = inspect.getmodule(given if hasattr(given, "__name__") else type(given))
-        file = getattr(module, "__file__", None)
-    name, controller = name.strip("<>"), config.legs
-    if legs is not None:
-        controller, name = _steered_legs(name, legs, config), f"{name}@{legs}"
-    return _entrant(
-        "own",
-        free_name(name, taken),
-        controller,
-        own_policy(given, source or name, config.resolved_task),
-        f"your own, {source or name}",
-        source=source,
-        file=file and Path(file),
-    )
+        own: Any = given if hasattr(given, "__name__") else type(given)
+        name, file = own.__name__.strip("<>"), getattr(inspect.getmodule(own), "__file__", None)
+    policy = own_policy(given, source or name, config.resolved_task)
+    text = f"your own, {source or name}"
+    return Entrant(name, "own", config.legs, policy, text, source, file and Path(file))
 
 
 def own_policy(given: object, name: str, task: Task) -> Policy:
@@ -390,8 +374,7 @@ def own_policy(given: object, name: str, task: Task) -> Policy:
 
 def changed_terms(entrant: Entrant, task: Task) -> list[str]:
     """Modules of the user's task and terms that are not what a policy was trained with."""
-    training = entrant.record.get("training")
-    before = training.get("terms") if isinstance(training, dict) else None
+    before = _record(entrant.more, "training").get("terms")
     if not isinstance(before, dict):  # fixed, or from before they were noted
         return []
     now = code_digests(code_of(task))

@@ -71,14 +71,18 @@ def summarise(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -> l
         if len(own := both[both["controller"] == name])
     }
     summary, none = [], rows.head(0)
-    for place, own in walked.items():
+    for (*place, name), own in walked.items():
         row = summarise_controller(own)
-        if place[-1] != reference:
-            others = walked.get((*place[:-1], reference), none)
+        if name != reference:
+            others = walked.get((*place, reference), none)
             differences = paired_differences(own, others, protocol["compared"], horizon_s, rng)
             row["paired"] = {"reference": reference, "differences": differences}
         summary.append(row)
-    _adjust(summary)
+    for metric in protocol["compared"]:  # all comparisons by one metric are a family
+        family = [row["paired"]["differences"][metric] for row in summary if row["paired"]]
+        corrected = adjusted([entry["p_value"] for entry in family])
+        for entry, value in zip(family, corrected, strict=True):
+            entry["p_adjusted"] = value
 
     for (terrain, condition, name), row in zip(walked, summary, strict=True):
         if not row["paired"] or condition not in changed:
@@ -94,16 +98,6 @@ def summarise(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -> l
             changes = ((own_now - own_usual) - (other_now - other_usual)).dropna()
             interactions[metric] = asdict(paired_difference(changes, rng))
     return summary
-
-
-def _adjust(summary: Sequence[Json]) -> None:
-    """Correct the p-values; all comparisons by one metric are a family."""
-    paired = [row["paired"]["differences"] for row in summary if row["paired"]]
-    for metric in paired[0] if paired else ():
-        family = [differences[metric] for differences in paired]
-        corrected = adjusted([entry["p_value"] for entry in family])
-        for entry, value in zip(family, corrected, strict=True):
-            entry["p_adjusted"] = value
 
 
 def summarise_controller(rows: pd.DataFrame) -> Json:
@@ -224,23 +218,14 @@ def find_leaders(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -
     rng
         Source of the resampling.
     """
-    return [
-        _leader(
-            (str(terrain), str(condition)),
-            {
-                str(name): own
-                for name, own in walked.groupby("controller", sort=False, observed=True)
-            },
-            protocol["decisive"],
-            protocol,
-            rng,
-        )
-        for (terrain, condition), walked in rows.groupby(_PLACE, sort=False, observed=True)
+    places = [
+        {str(name): own for name, own in walked.groupby("controller", sort=False, observed=True)}
+        for _, walked in rows.groupby(_PLACE, sort=False, observed=True)
     ]
+    return [_leader(own, protocol["decisive"], protocol, rng) for own in places]
 
 
 def _leader(
-    place: tuple[str, str],
     own: Mapping[str, pd.DataFrame],
     metrics: Sequence[str],
     protocol: Json,
@@ -260,11 +245,11 @@ def _leader(
     behind = [name for name in others if _is_clear(differences[name], effect)]
     level = [best, *(name for name in others if name not in behind)]
     if finer and len(level) > 1:
-        leader = _leader(place, {name: own[name] for name in level}, finer, protocol, rng)
+        leader = _leader({name: own[name] for name in level}, finer, protocol, rng)
         if len(leader.names) < len(level):
             return leader
-    terrain, condition = place
-    leader = Leader(terrain, tuple(level), metric, means[best], condition=condition)
+    row = own[best].iloc[0]
+    leader = Leader(row["terrain"], tuple(level), metric, means[best], condition=row["condition"])
     if not behind:
         return leader
     following = behind[0]

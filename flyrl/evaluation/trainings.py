@@ -75,15 +75,15 @@ def seed_groups(entrants: Sequence[Json], summary: Sequence[Json]) -> list[SeedG
     summary
         Rows of one condition. An entrant that is missing on a terrain is left out.
     """
-    rates = {(row["terrain"], row["controller"]): row["success_rate"]["value"] for row in summary}
+    rates: dict[str, dict[str, float]] = {}
+    for row in summary:
+        rates.setdefault(row["controller"], {})[row["terrain"]] = row["success_rate"]["value"]
     terrains = tuple(dict.fromkeys(row["terrain"] for row in summary))
     groups = []
     for label, members in trainings(entrants).items():
-        names = tuple(
-            name for name in members if all((terrain, name) in rates for terrain in terrains)
-        )
+        names = tuple(name for name in members if len(rates.get(name, ())) == len(terrains))
         if names:
-            scores = np.array([[rates[terrain, name] for terrain in terrains] for name in names])
+            scores = np.array([[rates[name][terrain] for terrain in terrains] for name in names])
             groups.append(SeedGroup(label, names, terrains, scores))
     return groups
 

@@ -131,8 +131,6 @@ def _drawn(frames: list[_Frame]) -> Iterator[Picture]:
     for _, group in itertools.groupby(frames, key=lambda frame: id(frame.model)):
         alike = list(group)
         shown = copy.deepcopy(alike[0].model)
-        shown.vis.quality.offsamples = 0
-        shown.vis.global_.offwidth, shown.vis.global_.offheight = WIDTH, HEIGHT
         data = mujoco.MjData(shown)
         with closing(Offscreen(shown, WIDTH, HEIGHT)) as offscreen:
             for frame in alike:

@@ -11,10 +11,11 @@ import json
 import math
 import os
 import warnings
-from collections.abc import Iterable, Mapping, Sized
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 from gymnasium import Space
@@ -23,7 +24,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from flyrl.files import write_bytes
-from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser, Weights
+from flyrl.policies.networks import LSTM_PARTS, Activation, Normaliser, Weights
 from flyrl.resources import assets_folder
 from flyrl.simulation.physics import PRESET_VERSIONS, preset_version, walks_alike_on_flat
 from flyrl.tasks import Task
@@ -50,7 +51,7 @@ _LARGEST_FILE_BYTES: Final = 256 * 2**20
 _LARGEST_HEADER_BYTES: Final = 2**18  # some 20 kB
 _LARGEST_WHOLE: Final = 2**31 - 1  # more than any output stands for
 
-_Layer = TypeVar("_Layer", Layer, LSTMLayer)
+Sizes = tuple[Annotated[int, Within(1, math.inf)], ...]
 
 
 class PolicyFileError(ValueError):
@@ -82,8 +83,12 @@ class PolicyBundle:
 
     Attributes
     ----------
-    network
-        Observation, or what `lstm` makes of it, to output.
+    weights
+        float32, by the names and with the shapes of `weight_shapes`.
+    sizes
+        Inputs of the network, units of every hidden layer, and outputs.
+    activation
+        Function between two layers of the network.
     squashing
         Output to action; see `Squashing`.
     observation
@@ -96,11 +101,14 @@ class PolicyBundle:
         What the training came to, as plain JSON values.
     normaliser
         What the observation goes through first; None leaves it as it is.
-    lstm
-        Memory between the observation and the network, if there is one.
+    lstm_sizes
+        Inputs, and units of every layer, of a memory between the observation and the network;
+        () without one.
     """
 
-    network: MLP
+    weights: Mapping[str, Weights]
+    sizes: Sizes
+    activation: Activation
     squashing: Squashing
     observation: tuple[TermLayout, ...]
     action_low: tuple[float, ...]
@@ -108,20 +116,37 @@ class PolicyBundle:
     env: Mapping[str, Any]
     training: Mapping[str, Any]
     normaliser: Normaliser | None = None
-    lstm: LSTM | None = None
+    lstm_sizes: Sizes = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
-        shown = sum(term.size for term in self.observation)
-        given = {
-            "the observation terms": (shown, self.num_inputs),
-            "the LSTM": (self.lstm.sizes[-1] if self.lstm else None, self.network.sizes[0]),
-            "normaliser.mean": (len(self.normaliser.mean) if self.normaliser else None, shown),
-        }
-        for what, (size, wanted) in given.items():
-            if size not in (None, wanted):
+        self._check_weights()
+        observed = sum(term.size for term in self.observation)
+        sizes = [("the observation terms", observed, self.num_inputs)]
+        sizes += [("the LSTM", units, self.sizes[0]) for units in self.lstm_sizes[1:]]
+        if self.normaliser is not None:
+            sizes.append(("normaliser.mean", len(self.normaliser.mean), observed))
+        for what, size, wanted in sizes:
+            if size != wanted:
                 raise ValueError(f"{what}: {size} values, but {wanted} are taken")
         self._check_bounds()
+
+    def _check_weights(self) -> None:
+        """Raise ValueError unless the weights are finite, and of the shapes that the sizes say."""
+        if len(self.sizes) < 2 or len(self.lstm_sizes) == 1:
+            raise ValueError(
+                f"a network has at least one layer, got sizes {self.sizes}, {self.lstm_sizes}"
+            )
+        shapes = weight_shapes(self.sizes, self.lstm_sizes)
+        given = {name: values.shape for name, values in self.weights.items()}
+        for name in (*shapes, *given):
+            if given.get(name) != shapes.get(name):
+                raise ValueError(
+                    f"tensor {name!r:.60}: shape {given.get(name)}; allowed by the sizes of the "
+                    f"layers: {shapes.get(name)}"
+                )
+            if self.weights[name].dtype != np.float32 or not np.isfinite(self.weights[name]).all():
+                raise ValueError(f"tensor {name!r} is not of finite float32 values")
 
     def _check_bounds(self) -> None:
         """Raise ValueError unless the bounds are such, and as many as the network's outputs."""
@@ -138,10 +163,10 @@ class PolicyBundle:
                         f"at most {_LARGEST_WHOLE} from 0"
                     )
             needed = sum(self.action_counts)
-        if sizes[0] != sizes[1] or needed != self.network.sizes[-1]:
+        if sizes[0] != sizes[1] or needed != self.sizes[-1]:
             raise ValueError(
                 f"action bounds of {sizes[0]} and {sizes[1]} values take {needed} outputs, the "
-                f"network gives {self.network.sizes[-1]}"
+                f"network gives {self.sizes[-1]}"
             )
 
     @property
@@ -153,7 +178,21 @@ class PolicyBundle:
     @property
     def num_inputs(self) -> int:
         """Values of an observation."""
-        return (self.network if self.lstm is None else self.lstm).sizes[0]
+        return (self.lstm_sizes or self.sizes)[0]
+
+
+def weight_shapes(sizes: Sizes, lstm_sizes: Sizes = ()) -> dict[str, tuple[int, ...]]:
+    """Names of the weights and their shapes, as `networks.mlp` and `networks.lstm_step` say."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for i, (inputs, outputs) in enumerate(pairwise(sizes)):
+        shapes |= {f"{i}.weight": (outputs, inputs), f"{i}.bias": (outputs,)}
+    for i, (inputs, units) in enumerate(pairwise(lstm_sizes)):
+        gates = 4 * units
+        of_layer = ((gates, inputs), (gates, units), (gates,), (gates,))
+        shapes |= {
+            f"lstm.{i}.{part}": shape for part, shape in zip(LSTM_PARTS, of_layer, strict=True)
+        }
+    return shapes
 
 
 def observation_layout(task: Task) -> tuple[TermLayout, ...]:
@@ -183,34 +222,16 @@ def save_bundle(bundle: PolicyBundle, path: Path) -> None:
         File to write; an existing one is replaced.
     """
     record = {"sha256": _NO_DIGEST, **bundle_record(bundle)}
-    data = save(bundle_tensors(bundle), {_METADATA_KEY: json.dumps(record, allow_nan=False)})
+    data = save(dict(bundle.weights), {_METADATA_KEY: json.dumps(record, allow_nan=False)})
     digest = hashlib.sha256(data).hexdigest()
     # The digest is the first value of the header, so the first match is the field itself.
     data = data.replace(_NO_DIGEST.encode(), digest.encode(), 1)
     write_bytes(path, data)
 
 
-def bundle_tensors(bundle: PolicyBundle) -> dict[str, Weights]:
-    """The weights by their names in the file."""
-    return {
-        f"{prefix}{i}.{part}": np.ascontiguousarray(values, np.float32)
-        for prefix, network in (("", bundle.network), ("lstm.", bundle.lstm))
-        for i, layer in enumerate(network.layers if network else ())
-        for part, values in vars(layer).items()
-    }
-
-
 def bundle_record(bundle: PolicyBundle) -> dict[str, Any]:
     """All but the weights, as plain JSON values."""
-    architecture: dict[str, Any] = {
-        "sizes": bundle.network.sizes,
-        "activation": bundle.network.activation,
-        "squashing": bundle.squashing,
-    }
-    if bundle.lstm is None:
-        architecture = {"kind": "mlp", **architecture}
-    else:
-        architecture = {"kind": "lstm", "lstm_sizes": bundle.lstm.sizes, **architecture}
+    memory = {"kind": "lstm", "lstm_sizes": bundle.lstm_sizes}
     normaliser = bundle.normaliser and {
         **vars(bundle.normaliser),
         "mean": bundle.normaliser.mean.tolist(),
@@ -218,7 +239,12 @@ def bundle_record(bundle: PolicyBundle) -> dict[str, Any]:
     }
     return {
         "schema": SCHEMA,
-        "architecture": architecture,
+        "architecture": {
+            **(memory if bundle.lstm_sizes else {"kind": "mlp"}),
+            "sizes": bundle.sizes,
+            "activation": bundle.activation,
+            "squashing": bundle.squashing,
+        },
         "observation": [dataclasses.asdict(term) for term in bundle.observation],
         "action": {"low": bundle.action_low, "high": bundle.action_high},
         "normaliser": normaliser,
@@ -352,39 +378,19 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[str, Weights]]:
     return record, tensors
 
 
-def _bundle(record: Mapping[str, Any], tensors: dict[str, Weights]) -> PolicyBundle:
-    for name, tensor in tensors.items():
-        if tensor.dtype != np.float32 or not np.isfinite(tensor).all():
-            raise ValueError(f"tensor {name:.60} is not of finite float32 values")
+def _bundle(record: Mapping[str, Any], weights: Mapping[str, Weights]) -> PolicyBundle:
     architecture = record["architecture"]
     kind = one_of("architecture", architecture["kind"], ("mlp", "lstm"))
-    network = MLP(_layers(Layer, "", architecture["sizes"], tensors), architecture["activation"])
-    lstm = None
-    if kind == "lstm":
-        lstm = LSTM(_layers(LSTMLayer, "lstm.", architecture["lstm_sizes"], tensors))
-    if tensors:
-        raise ValueError(f"{len(tensors)} tensors of no layer; look at {min(tensors)!r:.60}")
-    for key, part in (("sizes", network), ("lstm_sizes", lstm)):
-        if part is not None and list(part.sizes) != architecture[key]:
-            raise ValueError(f"{key} {architecture[key]}, but the tensors have {part.sizes}")
     return PolicyBundle(
-        network=network,
-        squashing=architecture["squashing"],
-        observation=record["observation"],
-        action_low=record["action"]["low"],
-        action_high=record["action"]["high"],
-        env=record["env"],
-        training=record["training"],
-        normaliser=record["normaliser"],
-        lstm=lstm,
-    )
-
-
-def _layers(
-    kind: type[_Layer], prefix: str, sizes: Sized, tensors: dict[str, Weights]
-) -> tuple[_Layer, ...]:
-    """Layers of a network of these sizes, whose tensors are taken out of `tensors`."""
-    parts = [field.name for field in dataclasses.fields(kind)]
-    return tuple(
-        kind(*(tensors.pop(f"{prefix}{i}.{part}") for part in parts)) for i in range(len(sizes) - 1)
+        weights,
+        architecture["sizes"],
+        architecture["activation"],
+        architecture["squashing"],
+        record["observation"],
+        record["action"]["low"],
+        record["action"]["high"],
+        record["env"],
+        record["training"],
+        record["normaliser"],
+        architecture["lstm_sizes"] if kind == "lstm" else (),
     )

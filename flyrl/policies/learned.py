@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flyrl.policies.bundle import (
     PolicyBundle,
     PolicyFileError,
+    Sizes,
     TermLayout,
     action_bounds,
     load_bundle,
@@ -20,7 +21,7 @@ from flyrl.policies.bundle import (
 )
 from flyrl.policies.fixed import FixedPolicy
 from flyrl.policies.laws import FIXED, fixed_policy, is_law
-from flyrl.policies.networks import LSTM, vectors
+from flyrl.policies.networks import lstm_step, mlp, vectors
 from flyrl.tasks import Task, task_from
 from flyrl.validation import FloatArray, file_path
 
@@ -84,14 +85,15 @@ class LearnedPolicy:
             raise ValueError(
                 f"observation of shape {values.shape}; allowed: ({size},) or (n, {size})"
             )
-        rows = np.atleast_2d(values)
-        if self.bundle.normaliser is not None:
-            rows = self.bundle.normaliser.apply(rows)
-        if self.bundle.lstm is not None:
-            hidden, cell = _memory(self.bundle.lstm, len(rows), state, episode_start)
-            state = self.bundle.lstm.step(rows, hidden, cell)
+        bundle, rows = self.bundle, np.atleast_2d(values)
+        if bundle.normaliser is not None:
+            rows = bundle.normaliser.apply(rows)
+        if bundle.lstm_sizes:
+            hidden, cell = _memory(bundle.lstm_sizes, len(rows), state, episode_start)
+            state = lstm_step(bundle.weights, rows, hidden, cell)
             rows = state[0][-1]
-        actions = self._actions(self.bundle.network.outputs(rows))
+        outputs = mlp(bundle.weights, len(bundle.sizes) - 1, bundle.activation, rows)
+        actions = self._actions(outputs)
         return (actions if values.ndim == 2 else actions[0]), state
 
     def _actions(self, outputs: FloatArray) -> NDArray[Any]:
@@ -128,9 +130,9 @@ def _described(term: TermLayout | None) -> str:
     return "missing" if term is None else f"{term.name} ({term.size} values)"
 
 
-def _memory(lstm: LSTM, num_rows: int, state: Any, episode_start: Any) -> FloatArray:
+def _memory(sizes: Sizes, num_rows: int, state: Any, episode_start: Any) -> FloatArray:
     """Hidden and cell state before a step, an array of its own: (2, layers, n, units)."""
-    shape = (2, len(lstm.layers), num_rows, lstm.sizes[-1])
+    shape = (2, len(sizes) - 1, num_rows, sizes[-1])
     memory = np.zeros(shape) if state is None else np.array(state, dtype=np.float64)
     if memory.shape != shape:
         raise ValueError(f"state of shape {memory.shape}; allowed: None, or {shape}")

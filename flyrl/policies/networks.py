@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from flyrl.validation import FloatArray, check_fields, float_array, positive
+from flyrl.validation import FloatArray, float_array, positive
 
 Weights = NDArray[np.float32]
 
@@ -22,6 +22,10 @@ _ACTIVATION_FUNCTIONS: Final[Mapping[Activation, Callable[[FloatArray], FloatArr
     "tanh": np.tanh,
     "relu": lambda sums: np.maximum(sums, 0.0),
 }
+
+
+LSTM_PARTS: Final = ("input_weight", "recurrent_weight", "input_bias", "recurrent_bias")
+"""Names of a layer's weights."""
 
 
 def affine(inputs: FloatArray, weight: Weights, bias: NDArray[Any]) -> FloatArray:
@@ -33,142 +37,61 @@ def affine(inputs: FloatArray, weight: Weights, bias: NDArray[Any]) -> FloatArra
     return sums
 
 
-@dataclass(frozen=True, eq=False)
-class Layer:
-    """One affine map, x -> weight @ x + bias.
+def mlp(
+    weights: Mapping[str, Weights], num_layers: int, activation: Activation, rows: FloatArray
+) -> FloatArray:
+    """Outputs of a network for every row of inputs, (n, inputs): shape (n, outputs).
 
-    Attributes
+    Parameters
     ----------
-    weight
-        float32, shape (outputs, inputs).
-    bias
-        float32, shape (outputs,).
-    """
-
-    weight: Weights
-    bias: Weights
-
-
-@dataclass(frozen=True, eq=False)
-class MLP:
-    """Layers with an activation between them, and none after the last one.
-
-    Attributes
-    ----------
-    layers
-        In order from observation to action.
+    weights
+        Those of layer i are "i.weight", float32, shape (outputs, inputs), and "i.bias", (outputs,).
+    num_layers
+        An activation lies between two of them, and none after the last one.
     activation
         Function between two layers.
+    rows
+        Inputs.
     """
-
-    layers: tuple[Layer, ...]
-    activation: Activation
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        if not self.layers:
-            raise ValueError("a network has at least one layer, got none")
-        outputs = None
-        for i, layer in enumerate(self.layers):
-            if layer.weight.ndim != 2 or layer.bias.shape != layer.weight.shape[:1]:
-                raise ValueError(
-                    f"layer {i}: weight {layer.weight.shape} and bias {layer.bias.shape} do not "
-                    "fit; they are (outputs, inputs) and (outputs,)"
-                )
-            if outputs not in (None, inputs := layer.weight.shape[1]):
-                raise ValueError(f"layer {i} takes {inputs} inputs, layer {i - 1} gives {outputs}")
-            outputs = len(layer.bias)
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """Number of inputs, of units in every hidden layer, and of outputs."""
-        return (self.layers[0].weight.shape[1], *(len(layer.bias) for layer in self.layers))
-
-    def outputs(self, rows: FloatArray) -> FloatArray:
-        """Outputs of the network for every row of inputs, (n, inputs): shape (n, outputs)."""
-        for i, layer in enumerate(self.layers):
-            inputs = _ACTIVATION_FUNCTIONS[self.activation](rows) if i else rows
-            rows = affine(inputs, layer.weight, layer.bias)
-        return rows
+    for i in range(num_layers):
+        inputs = _ACTIVATION_FUNCTIONS[activation](rows) if i else rows
+        rows = affine(inputs, weights[f"{i}.weight"], weights[f"{i}.bias"])
+    return rows
 
 
-@dataclass(frozen=True, eq=False)
-class LSTMLayer:
-    """One layer of h units (Hochreiter and Schmidhuber 1997), with PyTorch's parameters.
+def lstm_step(
+    weights: Mapping[str, Weights], inputs: FloatArray, hidden: FloatArray, cell: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Hidden and cell state of an LSTM after a step; the output is the last layer's hidden state.
 
-    The rows are those of the input gate, the forget gate, the candidate and the output gate, h of
-    each.
+    Layers of h units each (Hochreiter and Schmidhuber 1997), with PyTorch's parameters.
 
-    Attributes
+    Parameters
     ----------
-    input_weight
-        float32, shape (4 h, inputs).
-    recurrent_weight
-        float32, shape (4 h, h).
-    input_bias, recurrent_bias
-        float32, shape (4 h,) each; they are added up.
+    weights
+        Those of layer i are "lstm.i.input_weight", float32, shape (4 h, inputs),
+        "lstm.i.recurrent_weight", (4 h, h), "lstm.i.input_bias" and "lstm.i.recurrent_bias", (4 h,)
+        each, which are added up. The rows are those of the input gate, the forget gate, the
+        candidate and the output gate, h of each.
+    inputs
+        Shape (n, inputs).
+    hidden, cell
+        State before the step, shape (layers, n, h) each.
     """
-
-    input_weight: Weights
-    recurrent_weight: Weights
-    input_bias: Weights
-    recurrent_bias: Weights
-
-
-@dataclass(frozen=True, eq=False)
-class LSTM:
-    """Layers of equal width, each of which takes the hidden state of the one before it.
-
-    Attributes
-    ----------
-    layers
-        In order from the observation.
-    """
-
-    layers: tuple[LSTMLayer, ...]
-
-    def __post_init__(self) -> None:
-        if not self.layers:
-            raise ValueError("an LSTM has at least one layer, got none")
-        for i, layer in enumerate(self.layers):
-            shapes = tuple(np.shape(part) for part in vars(layer).values())
-            if not len(shapes[0]) == len(shapes[1]) == 2:
-                raise ValueError(f"LSTM layer {i}: weights of shapes {shapes[:2]}; allowed: 2 axes")
-            units = self.layers[0].recurrent_weight.shape[1]
-            inputs = units if i else shapes[0][1]
-            allowed = ((4 * units, inputs), (4 * units, units), (4 * units,), (4 * units,))
-            if shapes != allowed:
-                raise ValueError(f"LSTM layer {i}: shapes {shapes}; allowed: {allowed}")
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """Number of inputs, and of the units of every layer."""
-        units = [layer.recurrent_weight.shape[1] for layer in self.layers]
-        return (self.layers[0].input_weight.shape[1], *units)
-
-    def step(
-        self, inputs: FloatArray, hidden: FloatArray, cell: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Hidden and cell state after a step of every row; the output is the last hidden state.
-
-        Parameters
-        ----------
-        inputs
-            Shape (n, inputs).
-        hidden, cell
-            State before the step, shape (layers, n, units) each.
-        """
-        hidden, cell = hidden.copy(), cell.copy()
-        for i, layer in enumerate(self.layers):
-            gates = affine(
-                np.concatenate([hidden[i - 1] if i else inputs, hidden[i]], axis=1),
-                np.concatenate([layer.input_weight, layer.recurrent_weight], axis=1),
-                layer.input_bias.astype(np.float64) + layer.recurrent_bias,
-            )
-            let_in, keep, candidate, let_out = np.split(gates, 4, axis=1)
-            cell[i] = expit(keep) * cell[i] + expit(let_in) * np.tanh(candidate)
-            hidden[i] = expit(let_out) * np.tanh(cell[i])
-        return hidden, cell
+    hidden, cell = hidden.copy(), cell.copy()
+    for i in range(len(hidden)):
+        input_weight, recurrent_weight, input_bias, recurrent_bias = (
+            weights[f"lstm.{i}.{part}"] for part in LSTM_PARTS
+        )
+        gates = affine(
+            np.concatenate([hidden[i - 1] if i else inputs, hidden[i]], axis=1),
+            np.concatenate([input_weight, recurrent_weight], axis=1),
+            input_bias.astype(np.float64) + recurrent_bias,
+        )
+        let_in, keep, candidate, let_out = np.split(gates, 4, axis=1)
+        cell[i] = expit(keep) * cell[i] + expit(let_in) * np.tanh(candidate)
+        hidden[i] = expit(let_out) * np.tanh(cell[i])
+    return hidden, cell
 
 
 @dataclass(frozen=True, eq=False)

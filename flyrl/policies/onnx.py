@@ -18,7 +18,7 @@ except ImportError as error:
 
 from flyrl.files import write_bytes
 from flyrl.policies.bundle import PolicyBundle, bundle_record
-from flyrl.policies.networks import LSTM, MLP, Normaliser
+from flyrl.policies.networks import LSTM_PARTS, Normaliser
 
 # the version of the format is of the year 2022: old enough for any runtime in use
 _MODEL: Final = """\
@@ -71,12 +71,12 @@ def export_onnx(bundle: PolicyBundle, path: Path) -> None:
     outputs = [f"{kind}[n,{len(bundle.action_low)}] action"]
     if bundle.normaliser is not None:
         value = _add_normaliser(graph, bundle.normaliser)
-    if bundle.lstm is not None:
-        value = _add_lstm(graph, bundle.lstm, value)
-        memory = f"float[{len(bundle.lstm.layers)},n,{bundle.lstm.sizes[-1]}]"
+    if bundle.lstm_sizes:
+        value = _add_lstm(graph, bundle, value)
+        memory = f"float[{len(bundle.lstm_sizes) - 1},n,{bundle.lstm_sizes[-1]}]"
         inputs += [f"{memory} hidden", f"{memory} cell", "bool[n] episode_start"]
         outputs += [f"{memory} next_hidden", f"{memory} next_cell"]
-    value = _add_network(graph, bundle.network, value)
+    value = _add_network(graph, bundle, value)
     (_add_choices if kind == "int64" else _add_range)(graph, bundle, value)
     model = parser.parse_model(
         _MODEL.format(
@@ -110,8 +110,8 @@ def _add_normaliser(graph: _Graph, normaliser: Normaliser) -> str:
     return "normalised"
 
 
-def _add_lstm(graph: _Graph, lstm: LSTM, value: str) -> str:
-    units, layers = lstm.sizes[-1], range(len(lstm.layers))
+def _add_lstm(graph: _Graph, bundle: PolicyBundle, value: str) -> str:
+    units, layers = bundle.lstm_sizes[-1], range(len(bundle.lstm_sizes) - 1)
     graph.add(
         "starts = Unsqueeze(episode_start, last_axis)",
         # a sequence of one step
@@ -126,10 +126,9 @@ def _add_lstm(graph: _Graph, lstm: LSTM, value: str) -> str:
             f"{_listed(state, layers)} = Split<axis = 0>(kept_{state})",
         )
     value = "sequence"
-    for i, layer in enumerate(lstm.layers):
-        bias = np.concatenate([layer.input_bias, layer.recurrent_bias])
-        parts = {"W": layer.input_weight, "R": layer.recurrent_weight, "B": bias}
-        for part, array in parts.items():
+    for i in layers:
+        w, r, *biases = (bundle.weights[f"lstm.{i}.{part}"] for part in LSTM_PARTS)
+        for part, array in (("W", w), ("R", r), ("B", np.concatenate(biases))):
             # ONNX wants the gates in the order input, output, forget, candidate
             gates = array.reshape(-1, 4, units, *array.shape[1:])[:, [0, 3, 1, 2]]
             graph.constants[f"{part}_{i}"] = gates.reshape(1, *array.shape)
@@ -144,13 +143,14 @@ def _add_lstm(graph: _Graph, lstm: LSTM, value: str) -> str:
     return "remembered"
 
 
-def _add_network(graph: _Graph, network: MLP, value: str) -> str:
-    for i, layer in enumerate(network.layers):
+def _add_network(graph: _Graph, bundle: PolicyBundle, value: str) -> str:
+    for i in range(len(bundle.sizes) - 1):
         if i:
-            graph.add(f"unit_{i} = {_ACTIVATIONS[network.activation]}({value})")
+            graph.add(f"unit_{i} = {_ACTIVATIONS[bundle.activation]}({value})")
             value = f"unit_{i}"
         graph.add(f"sum_{i} = Gemm<transB = 1>({value}, weight_{i}, bias_{i})")
-        graph.constants |= {f"weight_{i}": layer.weight, f"bias_{i}": layer.bias}
+        for part in ("weight", "bias"):
+            graph.constants[f"{part}_{i}"] = bundle.weights[f"{i}.{part}"]
         value = f"sum_{i}"
     return value
 

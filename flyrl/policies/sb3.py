@@ -38,7 +38,7 @@ from flyrl.policies.bundle import (
     observation_layout,
 )
 from flyrl.policies.learned import LearnedPolicy
-from flyrl.policies.networks import LSTM, MLP, Activation, Layer, LSTMLayer, Normaliser, Weights
+from flyrl.policies.networks import LSTM_PARTS, Activation, Normaliser, Weights
 from flyrl.tasks import Task, task_from
 from flyrl.validation import FloatArray
 
@@ -56,8 +56,10 @@ ALGORITHMS: Final[Mapping[str, type[BaseAlgorithm]]] = {
 """Algorithms whose models a bundle can hold, by the names that flyrl has for them."""
 
 ACTIVATION_MODULES: Final[dict[Activation, type[nn.Module]]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
-_LSTM_PARAMETERS: Final = ("weight_ih", "weight_hh", "bias_ih", "bias_hh")
-"""Of torch, in the order of `LSTMLayer`."""
+_LSTM_NAMES: Final = dict(
+    zip(LSTM_PARTS, ("weight_ih", "weight_hh", "bias_ih", "bias_hh"), strict=True)
+)
+"""Names of an LSTM layer's weights in a bundle -> in torch, where the layer's number follows."""
 
 # a policy needs no memory of what it learned from, and hindsight's cannot be made without its env
 _WITHOUT_BUFFER: Final[dict[str, Any]] = {
@@ -97,8 +99,18 @@ def bundle_from_sb3(
     if not _is_flattening(extractor):
         raise ValueError("a bundle holds policies from flat observations, or dicts of them")
     low, high = action_bounds(model.action_space)
+    weights, activation = _network(modules)
+    num_layers = len(weights) // 2
+    sizes = [weights["0.weight"].shape[1], *(len(weights[f"{i}.bias"]) for i in range(num_layers))]
+    lstm_sizes: list[int] = []
+    if isinstance(policy, RecurrentActorCriticPolicy):
+        lstm = policy.lstm_actor
+        weights |= _lstm(lstm)
+        lstm_sizes = [lstm.input_size, *[lstm.hidden_size] * lstm.num_layers]
     return PolicyBundle(
-        network=_network(modules),
+        weights=weights,
+        sizes=tuple(sizes),
+        activation=activation,
         squashing=squashing,
         observation=tuple(observation),
         action_low=low,
@@ -106,7 +118,7 @@ def bundle_from_sb3(
         env=env,
         training=training,
         normaliser=_normaliser(model.get_vec_normalize_env()),
-        lstm=_lstm(policy.lstm_actor) if isinstance(policy, RecurrentActorCriticPolicy) else None,
+        lstm_sizes=tuple(lstm_sizes),
     )
 
 
@@ -139,14 +151,16 @@ def _is_flattening(extractor: nn.Module) -> bool:
     return isinstance(extractor, FlattenExtractor)
 
 
-def _network(modules: Iterable[nn.Module]) -> MLP:
+def _network(modules: Iterable[nn.Module]) -> tuple[dict[str, Weights], Activation]:
+    """Weights as in a bundle, and the activation."""
     names = {module: name for name, module in ACTIVATION_MODULES.items()}
-    layers: list[Layer] = []
+    weights: dict[str, Weights] = {}
     activations: set[Activation] = set()
     norm: BatchRenorm | None = None
     for module in modules:
         if isinstance(module, nn.Linear):
-            layers.append(_layer(module, norm))
+            i = len(weights) // 2
+            weights[f"{i}.weight"], weights[f"{i}.bias"] = _layer(module, norm)
             norm = None
         elif isinstance(module, BatchRenorm):
             norm = module
@@ -156,28 +170,27 @@ def _network(modules: Iterable[nn.Module]) -> MLP:
             raise ValueError(f"layer: {type(module).__name__}; allowed: Linear, Tanh, ReLU")
     if len(activations) > 1:
         raise ValueError(f"activations: {sorted(activations)}; allowed: one kind")
-    return MLP(tuple(layers), activations.pop() if activations else "tanh")
+    return weights, activations.pop() if activations else "tanh"
 
 
-def _layer(linear: nn.Linear, norm: BatchRenorm | None) -> Layer:
-    """A linear layer and, folded into it, what normalises its inputs: x -> scale x + shift."""
+def _layer(linear: nn.Linear, norm: BatchRenorm | None) -> tuple[Weights, Weights]:
+    """Weight and bias, with what normalises the inputs folded into them: x -> scale x + shift."""
     weight, bias = _float64(linear.weight), _float64(linear.bias)
     if norm is not None:
         scale = _float64(norm.scale) / np.sqrt(_float64(norm.get_buffer("ra_var")) + norm.eps)
         shift = _float64(norm.bias) - scale * _float64(norm.get_buffer("ra_mean"))
         weight, bias = weight * scale, bias + weight @ shift
-    return Layer(weight.astype(np.float32), bias.astype(np.float32))
+    return weight.astype(np.float32), bias.astype(np.float32)
 
 
-def _lstm(module: nn.LSTM) -> LSTM:
+def _lstm(module: nn.LSTM) -> dict[str, Weights]:
     if module.bidirectional or module.proj_size or not module.bias:
         raise ValueError("a bundle holds LSTMs with biases, in one direction, without projections")
-    values = {key: _float64(value).astype(np.float32) for key, value in module.named_parameters()}
-    layers = [
-        LSTMLayer(*(values[f"{part}_l{i}"] for part in _LSTM_PARAMETERS))
+    return {
+        f"lstm.{i}.{part}": _float64(getattr(module, f"{name}_l{i}")).astype(np.float32)
         for i in range(module.num_layers)
-    ]
-    return LSTM(tuple(layers))
+        for part, name in _LSTM_NAMES.items()
+    }
 
 
 def _float64(parameter: Tensor) -> FloatArray:
@@ -312,7 +325,7 @@ def export_sb3(
     ValueError
         The task is not known by name, or the bundle has a memory and a squashed output.
     """
-    if bundle.lstm is not None and bundle.squashing == "tanh":
+    if bundle.lstm_sizes and bundle.squashing == "tanh":
         raise ValueError(
             f"squashing: {bundle.squashing!r}; allowed with a memory: 'clip', 'argmax' "
             "(as of RecurrentPPO)"
@@ -333,26 +346,26 @@ def export_sb3(
     kind = "Mlp" if task.is_flat else "MultiInput"
     algorithm: type[PPO | SAC | RecurrentPPO] = SAC if bundle.squashing == "tanh" else PPO
     policy_kwargs: dict[str, Any] = {
-        "net_arch": list(bundle.network.sizes[1:-1]),
-        "activation_fn": ACTIVATION_MODULES[bundle.network.activation],
+        "net_arch": list(bundle.sizes[1:-1]),
+        "activation_fn": ACTIVATION_MODULES[bundle.activation],
     }
-    if bundle.lstm is not None:
+    if bundle.lstm_sizes:
         kind, algorithm = f"{kind}Lstm", RecurrentPPO
-        policy_kwargs["lstm_hidden_size"] = bundle.lstm.sizes[-1]
-        policy_kwargs["n_lstm_layers"] = len(bundle.lstm.layers)
+        policy_kwargs["lstm_hidden_size"] = bundle.lstm_sizes[-1]
+        policy_kwargs["n_lstm_layers"] = len(bundle.lstm_sizes) - 1
     env = _environment(task, bundle)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         model = algorithm(f"{kind}Policy", env, device="cpu", policy_kwargs=policy_kwargs)
     _, modules, _ = _actor(model.policy)
     linears = [module for module in modules if isinstance(module, nn.Linear)]
-    for linear, layer in zip(linears, bundle.network.layers, strict=True):
-        _fill(linear, vars(layer))
-    if bundle.lstm is not None:
+    for i, linear in enumerate(linears):
+        _fill(linear, {part: bundle.weights[f"{i}.{part}"] for part in ("weight", "bias")})
+    if bundle.lstm_sizes:
         values = {
-            f"{part}_l{i}": value
-            for i, layer in enumerate(bundle.lstm.layers)
-            for part, value in zip(_LSTM_PARAMETERS, vars(layer).values(), strict=True)
+            f"{name}_l{i}": bundle.weights[f"lstm.{i}.{part}"]
+            for i in range(len(bundle.lstm_sizes) - 1)
+            for part, name in _LSTM_NAMES.items()
         }
         _fill(model.policy.get_submodule("lstm_actor"), values)
     return model

@@ -4,15 +4,14 @@ A model that flyrl built carries the record `ENGINE`, the controller's parameter
 its first custom numeric. `mjData.userdata`, which is part of MuJoCo's integration state, holds the
 record of `userdata_dtype`: what the controller senses, its state, its output, and the commands that
 are on their way to it. So saving, restoring and replaying a simulation includes its controller,
-exactly. Worms have a mark of their own: their models carry the muscles, and their userdata how many
-neurons are recruited and the muscles' tensions.
+exactly.
 """
 
 import ctypes
 import functools
+import math
 import secrets
 from collections import namedtuple
-from collections.abc import Sequence
 from typing import Any, Final
 
 import mujoco
@@ -20,16 +19,9 @@ import numpy as np
 
 from flyrl.controllers.controller import CLOCK, NUM_JOINTS, NUM_LEGS, OUTPUT, SENSES
 from flyrl.controllers.gait_log import GAIT_LOG
-from flyrl.muscles import Muscle, pack_muscles
 
 MAGIC = 20_261_121.0
 """Marks a model as flyrl's; a number that no other model's first numeric begins with."""
-
-CREATURE_MAGIC = 20_261_122.0
-"""Marks a model of another creature, which has muscles and no leg controller."""
-
-CREATURE_HEAD = 3
-"""How many numbers a creature's model carries before its muscles' arrays."""
 
 NUM_SENSED_SEGMENTS = 6
 NUM_MUSCLES = 2 * NUM_JOINTS
@@ -118,13 +110,11 @@ def userdata_dtype(
         ("command", "f8", (command_size,)),  # as last commanded
         ("arrived", "f8", (command_size,)),  # at the legs
         ("controller", state),
+        ("queue", "f8", (queue_places, 1 + command_size)),
+        ("tensions", "f8", (NUM_MUSCLES if has_muscles else 0,)),
+        ("gait_log", GAIT_LOG, (min(gait_places, 1),)),
+        ("gait_samples", "f8", (gait_places,)),
     ]
-    if queue_places:
-        fields.append(("queue", "f8", (queue_places, 1 + command_size)))
-    if has_muscles:
-        fields.append(("tensions", "f8", (NUM_MUSCLES,)))
-    if gait_places:
-        fields += [("gait_log", GAIT_LOG), ("gait_samples", "f8", (gait_places,))]
     return np.dtype(fields, align=True)
 
 
@@ -132,19 +122,16 @@ def place_fields(engine: np.void, userdata: np.dtype) -> None:
     """Write the offsets of the fields of a simulation's record into its model's ENGINE record."""
     assert userdata.fields is not None
     at = {name: field[1] // 8 for name, field in userdata.fields.items()}
-    engine["userdata_size"] = userdata.itemsize // 8
-    engine["command_size"] = userdata["command"].shape[0]
-    for name in ("command", "arrived", "controller", "queue", "tensions"):
-        engine[f"{name}_at"] = at.get(name, 0)
-    if "queue" in at:
-        engine["queue_places"] = userdata["queue"].shape[0]
-    if "gait_log" in at:
-        engine["gait_places"] = userdata["gait_samples"].shape[0]
-        engine["gait_log_at"], engine["gait_samples_at"] = at["gait_log"], at["gait_samples"]
     own: Any = userdata["controller"].fields or {}
     for name in ("retraction", "stumbling"):
         kept = at["controller"] + own[name][1] // 8 if name in own else bytes_before("none") // 8
         engine[f"{name}_at"] = kept
+    for name in at.keys() - {"head"}:
+        engine[f"{name}_at"] = at[name]
+    engine["userdata_size"] = userdata.itemsize // 8
+    engine["command_size"] = userdata["command"].shape[0]
+    engine["queue_places"] = userdata["queue"].shape[0]
+    engine["gait_places"] = userdata["gait_samples"].shape[0]
 
 
 def pack_model_data(engine: np.void, parameters: np.void, muscles: np.ndarray) -> np.ndarray:
@@ -156,17 +143,6 @@ def pack_model_data(engine: np.void, parameters: np.void, muscles: np.ndarray) -
     return np.concatenate(
         [np.frombuffer(engine.tobytes()), np.frombuffer(parameters.tobytes()), muscles]
     )
-
-
-def pack_creature_data(muscles: Sequence[Muscle]) -> np.ndarray:
-    """Concatenate what a creature's model carries for the callback into one float64 array.
-
-    The mark, the number M of muscles, that of the entries of their tables, and `PackedMuscles`:
-    starts (M + 1), strengths (M), recruitment tables. Actuator i is muscle i.
-    """
-    packed = pack_muscles(muscles)
-    head = (CREATURE_MAGIC, len(packed.strengths), len(packed.recruitment))
-    return np.concatenate([head, packed.starts, packed.strengths, packed.recruitment])
 
 
 # ------------------------------------------------------------------ MuJoCo's own structs
@@ -223,32 +199,19 @@ Layout = namedtuple(  # type: ignore[misc]  # the names are computed
 
 
 def _c_type(node: Any) -> Any:
-    from mujoco.introspect import ast_nodes  # noqa: PLC0415  (0.2 s: only once, when installing)
+    """C type that a node of `mujoco.introspect` describes."""
+    from mujoco.introspect import ast_nodes, structs  # noqa: PLC0415  (0.2 s: when installing)
 
     if isinstance(node, ast_nodes.PointerType):
-        return ctypes.c_void_p
+        return _POINTER
     if isinstance(node, ast_nodes.ArrayType):
-        c_type = _c_type(node.inner_type)
-        for extent in reversed(node.extents):
-            c_type = c_type * extent
-        return c_type
+        return math.prod(node.extents) * _c_type(node.inner_type)
     if isinstance(node, ast_nodes.ValueType):
-        return _C_TYPES[node.name] if node.name in _C_TYPES else _c_struct(node.name)
-    return _structure("anonymous", node.fields)
-
-
-def _structure(name: str, fields: Any) -> type[ctypes.Structure]:
-    c_fields = [(field.name, _c_type(field.type)) for field in fields]
-    return type(name, (ctypes.Structure,), {"_fields_": c_fields})
-
-
-@functools.cache
-def _c_struct(name: str) -> type[ctypes.Structure]:
-    from mujoco.introspect import structs  # noqa: PLC0415
-
-    if name not in structs.STRUCTS:
-        raise RuntimeError(f"MuJoCo {mujoco.__version__} has no struct {name!r} to lay out")
-    return _structure(name, structs.STRUCTS[name].fields)
+        if node.name in _C_TYPES:
+            return _C_TYPES[node.name]
+        node = structs.STRUCTS[node.name]
+    c_fields = [(field.name, _c_type(field.type)) for field in node.fields]
+    return type("Struct", (ctypes.Structure,), {"_fields_": c_fields})
 
 
 @functools.cache
@@ -262,12 +225,11 @@ def layout() -> Any:
     RuntimeError
         If the installed MuJoCo does not lay its structs out as it describes them.
     """
-    offsets = [
-        getattr(_c_struct(struct), name).offset
-        for struct, fields in FIELDS.items()
-        for name in fields
-    ]
-    found = Layout._make([*offsets, ctypes.sizeof(_c_struct("mjContact"))])
+    from mujoco.introspect.structs import STRUCTS  # noqa: PLC0415
+
+    structs = {name: _c_type(STRUCTS[name]) for name in FIELDS}
+    offsets = [getattr(structs[name], field).offset for name in FIELDS for field in FIELDS[name]]
+    found = Layout._make([*offsets, ctypes.sizeof(structs["mjContact"])])
     check_layout(found)
     return found
 

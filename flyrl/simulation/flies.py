@@ -13,7 +13,6 @@ from flyrl.bodies.fly import spawn_offset, start_pose
 from flyrl.controllers import PreprogrammedSteps
 from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.fly_scene import STEPS_OF_BODY, build_fly_scene, leg_controller
-from flyrl.simulation.marks import LegStates
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import Scene
@@ -158,12 +157,8 @@ class FlyBatch(Batch):
         self._legs: dict[str, FloatArray] = {
             name: self.controllers[name] if name in names else np.zeros((n, 6)) for name in SHOWN
         }
-        names = scene.userdata.names or ()
-        self._tensions = self.userdata["tensions"] if "tensions" in names else np.empty((n, 0))
-        self.gait_logs: NDArray[np.void] | None = None
-        if "gait_log" in names:
-            self.gait_logs = self.userdata["gait_log"]
-            self._gait_samples = self.userdata["gait_samples"]
+        if scene.config.gait_places:
+            self.gait_logs = self.userdata["gait_log"][:, 0]
         self._ball = scene.config.terrain if isinstance(scene.config.terrain, Ball) else None
         self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
@@ -286,7 +281,7 @@ class FlyBatch(Batch):
             command=self.userdata["command"].copy(),
             **{name: values.copy() for name, values in self._legs.items()},
             adhesion=self.output["adhesion"].copy(),
-            muscle_tensions=self._tensions.copy(),
+            muscle_tensions=self.userdata["tensions"].copy(),
             fictive_velocity_b=self._fictive_velocity(rotation_w),
             is_unstable=self._is_unstable.copy(),
         )
@@ -307,13 +302,13 @@ class FlyBatch(Batch):
         velocity[:, 2] = -z
         return velocity
 
-    def leg_states(self, sim: int) -> LegStates:
-        """Copy what the legs of simulation `sim` do, as its controller left them."""
-        return LegStates(
-            grips=self.output["adhesion"][sim] != 0.0,
-            retracts=self._legs["retraction"][sim] > 0.0,
-            stumbles=self._legs["stumbling"][sim] > 0.0,
-        )
+    def leg_states(self, sim: int) -> dict[str, NDArray[np.bool_]]:
+        """Copy what the legs of simulation `sim` do, (6,) each, by the names of `LEG_COLOURS`."""
+        return {
+            "grips": self.output["adhesion"][sim] != 0.0,
+            "retracts": self._legs["retraction"][sim] > 0.0,
+            "stumbles": self._legs["stumbling"][sim] > 0.0,
+        }
 
     def rows_after(
         self, other: "FlyBatch", controller: np.void, kept: Sequence[str] = ()
@@ -331,13 +326,10 @@ class FlyBatch(Batch):
             Fields of the other controllers' states that are taken over instead.
         """
         own = np.zeros(self.num_sims, dtype=self.scene.userdata)
-        theirs = other.userdata
         for name in own.dtype.names or ():
-            if name != "controller" and name in (theirs.dtype.names or ()):
-                own[name] = theirs[name]
-        own["controller"] = controller
+            own[name] = controller if name == "controller" else other.userdata[name]
         for name in kept:
-            own["controller"][name] = theirs["controller"][name]
+            own["controller"][name] = other.controllers[name]
         # MuJoCo's integration state ends with the userdata
         physics = other.integration_state()[:, : -other.scene.userdata.itemsize // 8]
         return np.concatenate([physics, own.view(np.float64).reshape(self.num_sims, -1)], axis=1)
@@ -352,8 +344,8 @@ class FlyBatch(Batch):
         """
         if self.gait_logs is None:
             raise ValueError("gait_places is 0; it must be > 0 to log the gait")
-        end, places = int(self.gait_logs["num_samples"][sim]), self._gait_samples.shape[1]
+        end, places = int(self.gait_logs["num_samples"][sim]), self.scene.config.gait_places
         if end - first > places:
             raise ValueError(f"first is {first}; of {end} samples, the last {places} are kept")
-        kept = self._gait_samples[sim, np.arange(first, end) % places]
+        kept = self.userdata["gait_samples"][sim, np.arange(first, end) % places]
         return np.asarray(kept, dtype=np.uint32)

@@ -9,9 +9,6 @@ are summed per segment and kept for the next.
 
 The controller's kernel is called by its address, which the model carries beside a number that only
 this process knows: a model from elsewhere, whose address leads nowhere here, is left alone.
-
-For a worm, whose model has a mark of its own, the control callback writes the tensions and forces
-that follow from the recruited neurons, and advances nothing.
 """
 
 import ctypes
@@ -35,10 +32,8 @@ from flyrl.controllers.controller import (
     advance_command,
 )
 from flyrl.controllers.gait_log import GAIT_LOG, grounded_legs, log_gait
-from flyrl.muscles.muscle import activate, move_by_muscles
+from flyrl.muscles.muscle import move_by_muscles
 from flyrl.simulation.engine import (
-    CREATURE_HEAD,
-    CREATURE_MAGIC,
     ENGINE,
     ENGINE_SIZE,
     HEAD,
@@ -97,6 +92,12 @@ def _int32(address):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _floats(address, size):  # type: ignore[no-untyped-def]
+    """So many float64 at an address, (size,)."""
+    return carray(as_float64(address), (size,))
+
+
+@kernel
 def _engine_address(model, at):  # type: ignore[no-untyped-def]
     """Address of a model's ENGINE record, or 0 where the model is not of this process."""
     if _int64(model + at.nnumericdata) < ENGINE_SIZE:
@@ -108,42 +109,13 @@ def _engine_address(model, at):  # type: ignore[no-untyped-def]
     return address if _int64(model + at.nuserdata) >= engine.userdata_size else 0
 
 
-@kernel
-def _creature_address(model, at):  # type: ignore[no-untyped-def]
-    """Address of what `pack_creature_data` packed, or 0 where the model has none."""
-    if _int64(model + at.nnumericdata) < CREATURE_HEAD:
-        return 0
-    address = _int64(model + at.numeric_data)
-    head = carray(as_float64(address), (CREATURE_HEAD,))
-    if head[0] != CREATURE_MAGIC or _int64(model + at.nuserdata) < 2 * int(head[1]):
-        return 0
-    return address
-
-
-@kernel
-def _move_creature(address, userdata, ctrl):  # type: ignore[no-untyped-def]
-    """Write the tensions and forces of a creature's muscles; all are addresses."""
-    head = carray(as_float64(address), (CREATURE_HEAD,))
-    muscles, entries = int(head[1]), int(head[2])
-    starts = address + 8 * CREATURE_HEAD
-    strengths = starts + 8 * (muscles + 1)
-    activate(
-        carray(as_float64(strengths + 8 * muscles), (entries,)),
-        carray(as_float64(starts), (muscles + 1,)),
-        carray(as_float64(strengths), (muscles,)),
-        carray(as_float64(userdata), (muscles,)),
-        carray(as_float64(userdata + 8 * muscles), (muscles,)),
-        carray(as_float64(ctrl), (muscles,)),
-    )
-
-
 # Numba captures a variable of an enclosing function by value and keys its cache on disk on it; so
 # the offsets below, unlike constants of this module, may change with MuJoCo. They must be plain
 # numbers: a captured kernel has another key in every process, which would compile anew.
 
 
 def control_callback(at: Any) -> Any:
-    """Compile the callback that advances the leg controller, or moves a creature's muscles.
+    """Compile the callback that advances the leg controller.
 
     `at` is the `engine.Layout`, here and below.
     """
@@ -154,29 +126,24 @@ def control_callback(at: Any) -> Any:
     def control(model, data):  # type: ignore[no-untyped-def]
         address = _engine_address(model, at)
         if address == 0:
-            creature = _creature_address(model, at)
-            if creature != 0:
-                _move_creature(creature, _int64(data + at.userdata), _int64(data + at.ctrl))
             return
         engine = carray(_as_engine(address), (1,))[0]
         userdata = _int64(data + at.userdata)
         head = carray(_as_head(userdata), (1,))[0]
         output = head.output
-        time = carray(as_float64(data + at.time), (1,))[0]
-        angles = carray(as_float64(_int64(data + at.actuator_length)), (NUM_JOINTS,))
+        time = _floats(data + at.time, 1)[0]
+        angles = _floats(_int64(data + at.actuator_length), NUM_JOINTS)
         # mj_forward at the same time must not advance the controller a second time
         if time != head.last_time:
             head.last_time = time
             size = int(engine.command_size)
             arrived = userdata + 8 * int(engine.arrived_at)
+            queue = as_float64(userdata + 8 * int(engine.queue_at))
             advance_command(
                 head.clock,
-                carray(as_float64(userdata + 8 * int(engine.command_at)), (size,)),
-                carray(as_float64(arrived), (size,)),
-                carray(
-                    as_float64(userdata + 8 * int(engine.queue_at)),
-                    (int(engine.queue_places), 1 + size),
-                ),
+                _floats(userdata + 8 * int(engine.command_at), size),
+                _floats(arrived, size),
+                carray(queue, (int(engine.queue_places), 1 + size)),
             )
             _sense(
                 engine,
@@ -184,7 +151,7 @@ def control_callback(at: Any) -> Any:
                 _int64(data + at.xpos),
                 _int64(data + at.xmat),
                 angles,
-                carray(as_float64(_int64(data + at.actuator_velocity)), (NUM_JOINTS,)),
+                _floats(_int64(data + at.actuator_velocity), NUM_JOINTS),
             )
             _call(  # type: ignore[call-arg]
                 int(engine.kernel),
@@ -194,14 +161,14 @@ def control_callback(at: Any) -> Any:
                 arrived,
                 userdata + output_at,
             )
-        ctrl = carray(as_float64(_int64(data + at.ctrl)), (NUM_JOINTS + NUM_LEGS,))
+        ctrl = _floats(_int64(data + at.ctrl), NUM_JOINTS + NUM_LEGS)
         if engine.num_neurons != 0.0:
             muscles = address + 8 * int(engine.muscles_at)
             strengths = muscles + 8 * NUM_JOINTS
             move_by_muscles(
-                carray(as_float64(muscles), (NUM_JOINTS,)),
+                _floats(muscles, NUM_JOINTS),
                 carray(as_float64(strengths), (NUM_JOINTS, 2)),
-                carray(as_float64(strengths + 8 * NUM_MUSCLES), (int(engine.num_neurons),)),
+                _floats(strengths + 8 * NUM_MUSCLES, int(engine.num_neurons)),
                 angles,
                 output.angles,
                 carray(as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_JOINTS, 2)),
@@ -223,16 +190,26 @@ def _sense(engine, senses, positions, rotations, angles, velocities):  # type: i
     rotation = carray(as_float64(rotations + 72 * thorax), (3, 3))
     for axis in range(3):
         senses.heading_w[axis] = rotation[axis, 0]
-    senses.thorax_z = carray(as_float64(positions + 24 * thorax), (3,))[2]
+    senses.thorax_z = _floats(positions + 24 * thorax, 3)[2]
+    _sense_tips(engine, senses.end_effectors_w, positions)
     for leg in range(NUM_LEGS):
-        tip = carray(as_float64(positions + 24 * int(engine.end_effector_bodies[leg])), (3,))
-        for axis in range(3):
-            senses.end_effectors_w[leg, axis] = tip[axis]
         # a leg that is not there is in no hole
-        senses.end_effector_z[leg] = senses.thorax_z if engine.is_missing[leg] != 0.0 else tip[2]
+        is_missing = engine.is_missing[leg] != 0.0
+        senses.end_effector_z[leg] = (
+            senses.thorax_z if is_missing else senses.end_effectors_w[leg, 2]
+        )
     for joint in range(NUM_JOINTS):
         senses.joint_angles[joint] = angles[joint]
         senses.joint_velocities[joint] = velocities[joint]
+
+
+@kernel
+def _sense_tips(engine, tips_w, positions):  # type: ignore[no-untyped-def]
+    """Write where the legs end, (6, 3)."""
+    for leg in range(NUM_LEGS):
+        tip = _floats(positions + 24 * int(engine.end_effector_bodies[leg]), 3)
+        for axis in range(3):
+            tips_w[leg, axis] = tip[axis]
 
 
 @kernel
@@ -278,19 +255,14 @@ def _log_gait(engine, head, userdata, time, positions, torques, velocities):  # 
     if log.num_steps > 0.0 and time == log.last_time:
         return
     log.last_time = time
-    tips_w = head.senses.end_effectors_w
-    for leg in range(NUM_LEGS):
-        body = int(engine.end_effector_bodies[leg])
-        tip = carray(as_float64(positions + 24 * body), (3,))
-        for axis in range(3):
-            tips_w[leg, axis] = tip[axis]
+    _sense_tips(engine, head.senses.end_effectors_w, positions)
     log_gait(
         log,
-        carray(as_float64(userdata + 8 * int(engine.gait_samples_at)), (int(engine.gait_places),)),
+        _floats(userdata + 8 * int(engine.gait_samples_at), int(engine.gait_places)),
         engine,
         head,
-        carray(as_float64(userdata + 8 * int(engine.retraction_at)), (NUM_LEGS,)),
-        carray(as_float64(userdata + 8 * int(engine.stumbling_at)), (NUM_LEGS,)),
+        _floats(userdata + 8 * int(engine.retraction_at), NUM_LEGS),
+        _floats(userdata + 8 * int(engine.stumbling_at), NUM_LEGS),
         torques,
         velocities,
     )
@@ -327,8 +299,8 @@ def sensor_callback(at: Any) -> Any:
                 segment1,
                 segment2,
                 carray(as_float64(contact + at.frame), (3, 3)),
-                carray(as_float64(constraint_forces + 8 * row), (10,)),
-                carray(as_float64(contact + at.friction), (5,)),
+                _floats(constraint_forces + 8 * row, 10),
+                _floats(contact + at.friction, 5),
                 _int32(contact + at.dim),
                 engine.is_elliptic != 0.0,
             )
@@ -338,10 +310,10 @@ def sensor_callback(at: Any) -> Any:
                 engine,
                 head,
                 userdata,
-                carray(as_float64(data + at.time), (1,))[0],
+                _floats(data + at.time, 1)[0],
                 _int64(data + at.xpos),
-                carray(as_float64(_int64(data + at.actuator_force)), (NUM_JOINTS,)),
-                carray(as_float64(_int64(data + at.actuator_velocity)), (NUM_JOINTS,)),
+                _floats(_int64(data + at.actuator_force), NUM_JOINTS),
+                _floats(_int64(data + at.actuator_velocity), NUM_JOINTS),
             )
         if engine.senses_contact == 0.0:
             forces_w[:, :] = 0.0

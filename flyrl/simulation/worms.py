@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final
 
 import mujoco
@@ -10,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.bodies.worm import CRAWLING_ROOT, WormConfig, build_worm
-from flyrl.muscles import attach_muscles
+from flyrl.muscles import attach_muscles, pack_muscles
 from flyrl.simulation.batch import Batch, Ids
-from flyrl.simulation.engine import pack_creature_data
 from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.rendering import WormRenderer
 from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
@@ -76,7 +74,7 @@ class WormState:
     neurons
         Up to which neuron each muscle is recruited, as last commanded: whole numbers, (n, M).
     tensions
-        Of the muscles, as they acted in the last physics step, from 0 to 1, (n, M).
+        Of the muscles, with these neurons recruited, from 0 to 1, (n, M).
     is_unstable
         Whether the simulation blew up since its reset, (n,).
     """
@@ -147,8 +145,6 @@ class WormBatch(Batch):
         pair_with_planes(spec, body.friction_across)
         apply_physics(spec, config.physics, config.terrain)
         spec.nuserdata = 2 * len(muscles)  # their neurons, then their tensions
-        data = pack_creature_data([attached.muscle for attached in muscles])
-        spec.add_numeric(name="flyrl_muscles", data=data, size=data.size)
         if visual:
             for geom in spec.worldbody.geoms:
                 if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
@@ -168,17 +164,13 @@ class WormBatch(Batch):
         super().__init__(scene, num_sims, num_threads)
         segments = range(1, scene.config.body.segments + 1)
         self.segment_geoms = np.array([scene.model.geom(f"Segment{i}").id for i in segments])
-        num_muscles = len(scene.muscles)
-        self._neurons = self._userdata[:, :num_muscles]
-        self._tensions = self._userdata[:, num_muscles:]
+        self._pools = pack_muscles([attached.muscle for attached in scene.muscles])
+        self._neurons, self._tensions = np.hsplit(self._userdata, 2)
+        self._ctrl = self._batch.bind("ctrl")
         self._middles = self._batch.bind("geom_xpos")
         self._axes = self._batch.bind("xaxis")
         self._anchors = self._batch.bind("xanchor")
         self._crawls = scene.config.body.mount == "crawling"
-
-    @cached_property
-    def _resting(self) -> FloatArray:
-        return np.array([attached.muscle.tension(0) for attached in self.scene.muscles])
 
     def start(self, ids: Ids, episodes: Sequence[Any]) -> None:
         """Put worms where episodes start, straight where these do not say how bent.
@@ -234,7 +226,7 @@ class WormBatch(Batch):
             if not self._crawls and given.any():
                 raise ValueError(f"{name} of a hanging worm must be 0, got {given[given != 0][0]}")
         self._clear(ids)
-        self._tensions[ids] = self._resting
+        self.set_command(np.zeros((k, len(scene.muscles))), ids)
         self._qpos[np.ix_(ids, scene.joint_qpos)] = angles
         self._forward(ids)
         if not self._crawls:
@@ -259,7 +251,11 @@ class WormBatch(Batch):
         ids
             Simulations, (k,).
         """
+        starts = self._pools.starts
         self._neurons[ids] = command
+        last = np.clip(self._neurons[ids], 0, np.diff(starts) - 1).astype(np.intp)
+        self._tensions[ids] = self._pools.recruitment[starts[:-1] + last]
+        self._ctrl[ids] = self._pools.strengths * self._tensions[ids]
 
     def state(self) -> WormState:
         """Copy what the simulations look like now."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.files import file_digest
-from flyrl.policies.bundle import PolicyBundle, bundle_record, bundle_tensors, load_bundle
+from flyrl.policies.bundle import PolicyBundle, bundle_record, load_bundle
 from flyrl.resources import version
 from flyrl.tasks import code_digests
 from flyrl.text import printable
@@ -94,19 +94,16 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], when: str) ->
         if key in {"started", "resumed"} or first.get(key) == second.get(key):
             continue
         if key == "cpu.flags":
-            lost, new = _set_difference(first.get(key), second.get(key))
-            lines.append(f"CPU flags: without {lost}; with {new}")
+            lost, new = (str(flags or "").split() for flags in (first.get(key), second.get(key)))
+            lost, new = sorted({*lost} - {*new}), sorted({*new} - {*lost})
+            lines.append(
+                f"CPU flags: without {' '.join(lost) or 'none'}; with {' '.join(new) or 'none'}"
+            )
         elif key == "git.diff":
             lines.append("the code has other changes beyond its commit: see code.diff")
         else:
             lines.append(f"{key}: {first.get(key)}, {when} {second.get(key)}")
     return list(map(printable, lines))
-
-
-def _set_difference(before: Any, now: Any) -> tuple[str, str]:
-    """Words only in the first text, and only in the second."""
-    first, second = set(str(before or "").split()), set(str(now or "").split())
-    return " ".join(sorted(first - second)) or "none", " ".join(sorted(second - first)) or "none"
 
 
 def _checkout() -> Path | None:
@@ -153,14 +150,12 @@ def _run(*command: str) -> bytes | None:
 
 def cpu(info: str) -> dict[str, Any]:
     """Model and instruction sets of the first CPU, from what Linux says in `/proc/cpuinfo`."""
-    model, flags = None, None
-    for line in info.splitlines():
-        key, _, value = line.partition(":")
-        if key.strip() == "model name" and model is None:
-            model = value.strip()
-        elif key.strip() in {"flags", "Features"} and flags is None:  # on x86, on ARM
-            flags = value.strip()
-    return {"model": model or platform.processor() or None, "flags": flags}
+    lines = [line.partition(":") for line in info.partition("\n\n")[0].splitlines()]
+    first = {key.strip(): value.strip() for key, _, value in lines}
+    return {
+        "model": first.get("model name") or platform.processor() or None,
+        "flags": first.get("flags", first.get("Features")),  # on x86, on ARM
+    }
 
 
 @dataclass(frozen=True)
@@ -217,12 +212,12 @@ def _last(run: RunSummary) -> Path:
 
 def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
     """Difference of two policies in what they make of an observation; None if in no bit."""
-    one, other = _settings(first), _settings(second)
+    one, other = (_settings(bundle) for bundle in (first, second))
     for key in {**one, **other}:
         if one.get(key) != other.get(key):
             return f"{key} {one.get(key)}, in the repeat {other.get(key)}"
     differences = (
-        _arrays_differ("parameters", bundle_tensors(first), bundle_tensors(second)),
+        _arrays_differ("parameters", first.weights, second.weights),
         _arrays_differ("statistics of the normaliser", _statistics(first), _statistics(second)),
     )
     return "; ".join(filter(None, differences)) or None
@@ -244,7 +239,10 @@ def _statistics(bundle: PolicyBundle) -> dict[str, NDArray[Any]]:
 def _arrays_differ(
     what: str, first: Mapping[str, NDArray[Any]], second: Mapping[str, NDArray[Any]]
 ) -> str | None:
-    one, other = (np.concatenate([*map(np.ravel, each.values()), []]) for each in (first, second))
+    one, other = (
+        np.concatenate([*(np.ravel(each[name]) for name in sorted(each)), []])
+        for each in (first, second)
+    )
     changed = one.view(np.int64) != other.view(np.int64)  # float64, which keeps every bit
     if not changed.any():
         return None

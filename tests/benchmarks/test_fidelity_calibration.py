@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.fidelity import results
+from benchmarks.fidelity import calibration
 from benchmarks.fidelity.calibration import (
     Yardstick,
     asymmetry,
@@ -22,9 +22,7 @@ from flyrl.simulation.physics import PHYSICS_PRESETS
         ("speed over flygym's: flat cpg", 1.0, 0.0),
         ("speed over flygym's: flat cpg", 1.3, 2.0),
         ("speed over flygym's: flat cpg", 0.7, 2.0),
-        ("hybrid - CPG, mm/s: mixed", -0.5, 2.0),
         ("hybrid - CPG, mm/s: mixed", 50.0, 0.0),
-        ("turning, rms", 0.13, 3.0),
         ("abrupt, falls / reference: mixed", np.nan, 10.0),
         ("creep, mm", np.inf, 10.0),
     ],
@@ -36,7 +34,6 @@ def test_a_figure_is_so_many_tolerances_off(name: str, value: float, expected: f
 def test_the_objective_sums_squares() -> None:
     figures = {"turning, rms": 0.12, "creep, mm": 0.16, "CPG over hybrid: blocks": 0.5}
     assert objective(figures) == pytest.approx(2**2 + 3**2)
-    assert objective({}) == 0.0
 
 
 def test_a_candidate_without_changes_is_the_preset() -> None:
@@ -63,16 +60,9 @@ def test_a_candidate_has_what_it_names() -> None:
 
 
 def test_published_speeds_are_those_of_the_stored_runs() -> None:
+    """With the four runs of which only the speed is left."""
     speeds = published_speeds()
     assert len(speeds) == 12
-    stored = [
-        run["statistics"]["speed"]
-        for run in results.read(results.REFERENCE)["runs"]
-        if (run["terrain"], run["controller"]) == ("blocks", "hybrid")
-    ]
-    assert len(stored) > 5
-    assert speeds["blocks", "hybrid"] == np.median(stored)
-    # with the four runs of which only the speed is left
     assert speeds["gapped", "hybrid"] == pytest.approx(12.13, abs=0.05)
 
 
@@ -87,14 +77,14 @@ def test_choosing_stops_short_of_what_is_judged_with() -> None:
         Yardstick(walks=1, steered=1001, turns=0)
 
 
-def test_a_preset_measured_against_itself_is_as_true_as_can_be() -> None:
+def test_a_preset_measured_against_itself_is_as_true_as_can_be(monkeypatch) -> None:
     """Only falls are no figure where nobody falls."""
+    monkeypatch.setattr(calibration, "STEERED_ON", ("mixed",))
+    monkeypatch.setattr(calibration.results, "TERRAINS", ("flat", "mixed"))
     yardstick = Yardstick(walks=1, steered=1, turns=1, num_threads=1, preset="fast", levels=2)
     figures, speed = yardstick.measure(PHYSICS_PRESETS["fast"])
     assert figures["turning, rms"] == 0.0
-    for terrain in ("gapped", "blocks", "mixed"):
-        assert figures[f"pursuit, falls - reference: {terrain}"] == 0.0
-        assert figures[f"tilt 95 % / reference: {terrain} abrupt"] == 1.0
-        speeds = [figures[f"speed over flygym's: {terrain} {who}"] for who in ("cpg", "hybrid")]
-        assert min(speeds) > 0.0
+    assert figures["pursuit, falls - reference: mixed"] == 0.0
+    assert figures["tilt 95 % / reference: mixed abrupt"] == 1.0
+    assert min(figures[f"speed over flygym's: mixed {who}"] for who in ("cpg", "hybrid")) > 0.0
     assert speed > 0.0

@@ -1,12 +1,9 @@
-import json
-
 import numpy as np
 import pytest
 
-from benchmarks.fidelity import steering
-from benchmarks.fidelity.steering import collect, figures, steer, walk
-
-LEVEL = np.ones(11)
+from benchmarks.fidelity import results, steering
+from benchmarks.fidelity.steering import figures, steer, walk
+from tests.benchmarks.made import keep, series
 
 
 def turning_left(count: int = 11) -> dict[str, np.ndarray]:
@@ -18,32 +15,25 @@ def turning_left(count: int = 11) -> dict[str, np.ndarray]:
 
 
 def test_figures_of_a_run() -> None:
-    found = figures(turning_left(), "timeout")
-    assert found == {
+    assert figures(turning_left(), "timeout") == {
         "outcome": "timeout",
         "seconds": 0.2,
         "tilt_deg": [0] * 10,
         "speed": 10.0,
         "yaw_deg": pytest.approx(np.rad2deg(5.0), abs=0.05),
     }
+    # the tilt of the fall itself does not count
+    fallen = turning_left(4) | {"upright": np.cos(np.deg2rad([0.0, 10.0, 20.0, 80.0]))}
+    assert figures(fallen, "fall")["tilt_deg"] == [10, 20]
 
 
-def test_the_tilt_of_the_fall_itself_does_not_count() -> None:
-    series = turning_left(4) | {"upright": np.cos(np.deg2rad([0.0, 10.0, 20.0, 80.0]))}
-    assert figures(series, "fall")["tilt_deg"] == [10, 20]
-
-
-@pytest.mark.parametrize("kind", steering.KINDS)
-def test_a_driven_fly_goes_further_than_one_at_zero_drive(kind: str) -> None:
-    driven = steer("fast", "mixed", kind, [0, 1], num_threads=1, seconds=0.5)
+def test_driven_flies_go_further_than_at_zero_drive_the_same_in_any_company() -> None:
     standing = walk("fast", "mixed", [0, 1], np.zeros((2, 25, 2)), num_threads=1)
-    for moved, stayed in zip(driven, standing, strict=True):
-        assert moved["speed"] > stayed["speed"] + 2.0
-
-
-def test_a_run_is_the_same_in_any_company() -> None:
-    alone = steer("fast", "mixed", "abrupt", [4], num_threads=1, seconds=0.2)
-    assert alone == steer("fast", "mixed", "abrupt", [3, 4], num_threads=1, seconds=0.2)[1:]
+    for kind in steering.KINDS:
+        driven = steer("fast", "mixed", kind, [0, 1], num_threads=1, seconds=0.5)
+        for moved, stayed in zip(driven, standing, strict=True):
+            assert moved["speed"] > stayed["speed"] + 2.0
+    assert driven[1:] == steer("fast", "mixed", kind, [1], num_threads=1, seconds=0.5)
 
 
 def test_pursuit_goes_to_targets_in_all_directions() -> None:
@@ -53,35 +43,21 @@ def test_pursuit_goes_to_targets_in_all_directions() -> None:
     assert min(turned) < -30 < 30 < max(turned)
 
 
-KNOWN = {"physics": "flygym", "terrain": "blocks", "kind": "turn"}
-
-
-def published(folder, upright: np.ndarray) -> None:
-    about = {
-        "terrain": "blocks", "controller": "hybrid", "drives": "turn", "seed": 1000,
-        "outcome": "timeout", "machine": {"cpu": "one"},
-    }  # fmt: skip
-    count = len(upright)
-    np.savez(
-        folder / "blocks-turn-1000.npz",
-        time=1e-3 * np.arange(count),
-        position_w=np.zeros((count, 3)),
-        yaw=np.zeros(count),
-        upright=upright,
-        about=json.dumps(about),
-    )
-
-
 def test_runs_of_the_reference_are_sampled_as_flyrls_and_end_with_their_fall(tmp_path) -> None:
     upright = np.ones(101)
     upright[30:] = np.cos(np.deg2rad(70.0))
     upright[55:] = np.cos(np.deg2rad(76.0))
-    published(tmp_path, upright)
-    runs = [{**KNOWN, "seed": 1001}, {**KNOWN, "seed": 1000}]
-    known = {"machines": [{"cpu": "two"}], "runs": runs}
-    found = collect(tmp_path, known)
+    about = {"terrain": "blocks", "controller": "hybrid", "drives": "turn", "outcome": "timeout"}
+    walked = series(101, upright=upright)
+    keep(tmp_path / "blocks-turn-1000.npz", walked, **about, seed=1000, machine={"cpu": "one"})
+    place = {"physics": "flygym", "terrain": "blocks", "kind": "turn"}
+    known = {
+        "machines": [{"cpu": "two"}],
+        "runs": [{**place, "seed": 1001}, {**place, "seed": 1000}],
+    }
+    found = results.collect(tmp_path, known, steering.reference_row, steering.place)
     assert found["machines"] == [{"cpu": "two"}, {"cpu": "one"}]
     row, kept = found["runs"]
-    assert kept == runs[0]
-    assert (row["physics"], row["terrain"], row["kind"]) == ("flygym", "blocks", "turn")
+    assert kept == known["runs"][0]
+    assert row.items() >= {**place, "seed": 1000}.items()
     assert (row["outcome"], row["seconds"], row["tilt_deg"]) == ("fall", 0.06, [0, 70])

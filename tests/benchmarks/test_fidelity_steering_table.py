@@ -20,24 +20,25 @@ def run(seed: int, outcome: str = "timeout", **changes: object) -> Row:
     return {**about, **found, **changes}
 
 
-FELL = [run(seed, "fall") for seed in range(30)] + [run(seed) for seed in range(30, 100)]
-FEWER = [run(seed, "fall") for seed in range(20)] + [run(seed) for seed in range(20, 100)]
+def hundred(falls: int, **changes: object) -> list[Row]:
+    return [run(seed, "fall" if seed < falls else "timeout", **changes) for seed in range(100)]
 
 
-def test_the_difference_of_falls_is_paired() -> None:
+FELL, FEWER = hundred(30), hundred(20)
+
+
+def test_differences_and_ratios_of_falls_are_paired() -> None:
     """Ten runs of a hundred differ: the error is that of a share of 0.1, 0.03, not of 0.3."""
     found = paired_falls(FELL, FEWER)
+    assert found == pytest.approx((0.1, 0.1 - 1.96 * 0.03, 0.1 + 1.96 * 0.03), abs=0.01)
     assert found.value == pytest.approx(0.1)
-    assert found.low == pytest.approx(0.1 - 1.96 * 0.03, abs=0.01)
-    assert found.high == pytest.approx(0.1 + 1.96 * 0.03, abs=0.01)
-
-
-def test_ratio_of_falls() -> None:
-    found = fall_ratio(FELL, FEWER)
-    assert found.value == pytest.approx(1.5)
-    assert 1.1 < found.low < 1.5 < found.high < 2.2
+    ratio = fall_ratio(FELL, FEWER)
+    assert ratio.value == pytest.approx(1.5)
+    assert 1.1 < ratio.low < 1.5 < ratio.high < 2.2
+    assert np.isnan(fall_ratio(FELL, hundred(0))).all()
     assert fall_rate([run(0), run(1, "fall", seconds=0.5)]) == 0.5
-    assert np.isnan(fall_ratio(FELL, [run(seed) for seed in range(100)])).all()
+    first, second = pairs([run(2), run(1)], [run(1, "fall"), run(3), run(2)])
+    assert [row["seed"] for row in first] == [row["seed"] for row in second] == [1, 2]
 
 
 @pytest.mark.parametrize(("percent", "degrees"), [(5, 0), (50, 1), (60, 1), (61, 3), (100, 3)])
@@ -47,27 +48,20 @@ def test_percentiles_of_counted_tilts(percent: float, degrees: int) -> None:
 
 
 def test_ratio_of_tilts() -> None:
-    steeper = [run(seed, tilt_deg=[20] * 10) for seed in range(5)]
-    level = [run(seed, tilt_deg=[10] * 10) for seed in range(5)]
+    steeper, level = hundred(0, tilt_deg=[20] * 10), hundred(0, tilt_deg=[10] * 10)
     assert tuple(tilt_ratio(steeper, level)) == (2.0, 2.0, 2.0)
     counts = tilt_counts([run(0), run(1, tilt_deg=[])])
     assert counts.shape == (2, 181)
     assert counts.sum(axis=0)[[1, 2, 9]].tolist() == [1, 1, 1]
 
 
-def test_pairs_are_of_the_same_seeds() -> None:
-    first, second = pairs([run(2), run(1)], [run(1, "fall"), run(3), run(2)])
-    assert [row["seed"] for row in first] == [row["seed"] for row in second] == [1, 2]
-
-
 def test_the_table_sets_presets_and_the_published_package_beside_reference() -> None:
-    reference = [{**row, "physics": "reference"} for row in FEWER]
-    published = [{**row, "physics": "flygym"} for row in FEWER[:14]]
+    reference, published = hundred(20, physics="reference"), hundred(20, physics="flygym")[:14]
     _, first, second, third, fourth = table([*reference, *FELL], published).splitlines()
-    lost = table([run(0), run(1, "unstable")])
-    assert lost.splitlines()[-1] == "blew up: blocks turn balanced, seed 1"
     assert first.split()[:5] == ["blocks", "turn", "reference", "100", "20.0%"]
     assert second.split()[:5] == ["blocks", "turn", "balanced", "100", "30.0%"]
     assert "+10.0% [+" in second and "1.50 [1." in second and "1.00 [1.00, 1.00]" in second
     assert third.split()[2:5] == ["(reference)", "14", "100.0%"]
     assert fourth.split()[2:5] == ["flygym", "14", "100.0%"]
+    lost = table([run(0), run(1, "unstable")])
+    assert lost.splitlines()[-1] == "blew up: blocks turn balanced, seed 1"

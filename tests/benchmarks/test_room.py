@@ -49,29 +49,29 @@ def test_a_law_is_better_by_its_successes_and_then_by_its_time():
     assert score([quick, failed]) == pytest.approx((1 - 0.1 / 3 - 0.1) / 2)
 
 
-def test_the_room_is_what_the_bound_has_before_the_better_law():
-    rates = {"published": [1, 0, 0, 0], "tuned": [1, 1, 0, 0], "bound": [1, 1, 1, 0]}
-    results = {"blocks": {who: {"success": row} for who, row in rates.items()}}
-    last = table(results).splitlines()[-1].split("|")
-    assert last[1].strip() == "blocks"
-    assert last[4].strip() == ""
-    assert last[5].strip().startswith("75 [")
-    assert last[6].strip() == "25"
-    assert last[7].strip() == "room"
+def success(**wins):
+    """Successes of 20 episodes by who walked; a number is of those won, the first ones."""
+    return {
+        who: {"success": [i < won for i in range(20)] if isinstance(won, int) else won}
+        for who, won in wins.items()
+    }
 
 
-def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
-    rates = {"published": [1, 0, 0, 0], "tuned": [1, 1, 0, 0], "bound": [1, 1, 1, 1]}
-    results = {"blocks": {who: {"success": row} for who, row in rates.items()}}
-    longer = {"published": [1, 1, 1, 0, 0, 0], "tuned": [0, 1, 0, 0, 0, 0]}
-    longer["policy"] = [1, 1, 1, 1, 0, 0]
-    results["blocks"]["learned"] = {who: {"success": row} for who, row in longer.items()}
-    *_, law, policy, gain, share, _ = table(results).splitlines()[-1].split("|")
-    assert law.strip().startswith("50 [")
-    assert policy.strip().startswith("67 [")
-    assert gain.strip().startswith("+17")
+def test_the_table_has_the_room_above_the_better_law_and_the_share_that_a_policy_closes():
+    row = success(published=[1, 0, 0, 0], tuned=[1, 1, 0, 0], bound=[1, 1, 1, 1])
+    rates, room, found = (
+        table({"blocks": row}).splitlines()[-1].split("|")[i].strip() for i in (5, 6, 7)
+    )
+    assert (rates.split()[0], room, found) == ("100", "50", "room")
+    row["learned"] = success(
+        published=[1, 1, 1, 0, 0, 0], tuned=[0, 1, 0, 0, 0, 0], policy=[1, 1, 1, 1, 0, 0]
+    )
+    *_, law, policy, gain, share, _ = table({"blocks": row}).splitlines()[-1].split("|")
     # 1 / 6 of 1 / 2
-    assert share.strip() == "33 %"
+    assert [each.split()[0] for each in (law, policy, gain, share)] == ["50", "67", "+17", "33"]
+
+
+HALF = [True] * 10 + [False] * 10
 
 
 @pytest.mark.parametrize(
@@ -82,15 +82,9 @@ def test_a_policy_is_told_beside_the_better_law_and_by_its_share_of_the_room():
         ({"published": 2, "tuned": 2, "bound": 3}, "nothing"),
         ({"published": 2, "tuned": 10, "bound": 15, "robust": 13}, "room"),
         ({"published": 2, "tuned": 10, "bound": 20, "robust": 12}, "luck"),
+        # on the same episodes as the robust bound the law wins all
+        ({"published": HALF, "tuned": HALF, "bound": 20, "robust": [True] * 10}, "luck"),
     ],
 )
 def test_what_the_room_is(wins, expected):
-    row = {who: {"success": [True] * n + [False] * (20 - n)} for who, n in wins.items()}
-    assert verdict(row) == expected
-
-
-def test_a_robust_bound_of_fewer_episodes_meets_the_law_on_the_same():
-    # the law wins the first half; so does the bound without luck, which had no more to win
-    half = [True] * 10 + [False] * 10
-    row = {"published": half, "tuned": half, "bound": [True] * 20, "robust": [True] * 10}
-    assert verdict({who: {"success": success} for who, success in row.items()}) == "luck"
+    assert verdict(success(**wins)) == expected

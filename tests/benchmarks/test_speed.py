@@ -9,7 +9,7 @@ import pytest
 from benchmarks.speed import engine, overhead, results
 from benchmarks.speed.__main__ import main
 from benchmarks.speed.layers import Stopwatch
-from benchmarks.speed.results import part_table, table
+from benchmarks.speed.results import part_table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.flies import FlyBatch
@@ -33,23 +33,6 @@ def cell(flies: int, speed: float, threads: int = 1, unstable: int = 0) -> resul
     }
 
 
-def test_results_are_read_back_in_order_and_none_where_there_is_no_file(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "speed.json"
-    assert results.read(path) == {}
-    results.write(path, {"scale": part(flies=1), "engine": part(flies=2)})
-    assert list(results.read(path).items()) == [
-        ("engine", part(flies=2)),
-        ("scale", part(flies=1)),
-    ]
-
-
-@pytest.mark.parametrize("text", ["{", "[]", '{"scal": {}}', '{"scale": []}', '{"scale": {}}'])
-def test_a_file_of_other_contents_is_an_error_that_names_it(tmp_path: Path, text: str) -> None:
-    (tmp_path / "speed.json").write_text(text)
-    with pytest.raises(ValueError, match=r"speed\.json"):
-        results.read(tmp_path / "speed.json")
-
-
 def test_engine_table_has_a_column_per_number_of_flies_and_marks_unstable_ones() -> None:
     rows = [cell(64, 4000.0, unstable=1), cell(1, 1500.0), cell(64, 9000.0, threads=2)]
     head, one, two, note = part_table("engine", rows).splitlines()
@@ -62,22 +45,20 @@ def test_engine_table_has_a_column_per_number_of_flies_and_marks_unstable_ones()
     )
 
 
-def test_machine_is_named_where_it_changes() -> None:
-    row = {"physics": "fast", "steps_per_s": 10.0}
-    other = {**part(**cell(1, 5.0)), "machine": MACHINE | {"date": "2000-01-03"}}
-    same = table({"engine": part(**cell(1, 5.0)), "single": part(**row)})
-    assert same.count("2000-01-02, abacus, cores: 3, mujoco 4.0") == 1
-    changed = table({"engine": other, "single": part(**row)})
-    assert [changed.count(f"2000-01-0{day}") for day in (2, 3)] == [1, 1]
-
-
-def test_show_prints_what_is_stored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "speed.json"
+def test_what_is_stored_is_printed_in_order_with_the_machine_where_it_changes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "new" / "speed.json"
     main(["--show", "--output", str(path)])
     assert capsys.readouterr().out == "nothing measured yet\n"
-    results.write(path, {"single": part(physics="fast", steps_per_s=1234.0)})
+    later = {**part(physics="fast", steps_per_s=1234.0), "machine": MACHINE | {"cpu": "quipu"}}
+    results.write(path, {"scale": later, "single": later, "engine": part(**cell(1, 5.0))})
     main(["--show", "--output", str(path)])
-    assert "1,234" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    places = [shown.index(text) for text in ("abacus", "engine:", "quipu", "scale:", "single:")]
+    assert places == sorted(places)
+    assert shown.count("quipu, cores: 3, mujoco 4.0") == 1
+    assert shown.count("1,234") == 2
 
 
 def test_stopwatch_counts_inner_time_for_itself_alone() -> None:

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.policies.bundle import PolicyBundle, TermLayout
-from flyrl.policies.networks import LSTM, MLP, Layer, LSTMLayer, Normaliser
+from flyrl.policies.bundle import PolicyBundle, TermLayout, weight_shapes
+from flyrl.policies.networks import Normaliser
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
 from flyrl.training.provenance import compare, difference
@@ -38,11 +38,14 @@ NORMALISER = Normaliser(np.zeros(2), np.ones(2), 1e-8, 10.0)
 
 
 def _bundle(recurrent=1.0, **changes):
-    layer = Layer(np.ones((2, 3), np.float32), np.zeros(2, np.float32))
-    memory = LSTMLayer(*(np.ones(shape, np.float32) for shape in ((12, 2), (12, 3), 12, 12)))
-    memory.recurrent_weight[7, 1] = recurrent
+    weights = {
+        name: np.ones(shape, np.float32) for name, shape in weight_shapes((3, 2), (2, 3)).items()
+    }
+    weights["lstm.0.recurrent_weight"][7, 1] = recurrent
     bundle = PolicyBundle(
-        MLP((layer,), "tanh"),
+        weights,
+        (3, 2),
+        "tanh",
         "clip",
         (TermLayout("a", 2),),
         (0.0, 0.0),
@@ -50,13 +53,14 @@ def _bundle(recurrent=1.0, **changes):
         {},
         {},
         NORMALISER,
-        LSTM((memory,)),
+        (2, 3),
     )
     return replace(bundle, **changes)
 
 
 WITHOUT_MEMORY = {
-    "lstm": None,
+    "weights": {name: _bundle().weights[name] for name in ("0.weight", "0.bias")},
+    "lstm_sizes": (),
     "observation": (TermLayout("a", 3),),
     "normaliser": Normaliser(np.zeros(3), np.ones(3), 1e-8, 10.0),
 }

@@ -1,7 +1,6 @@
 """A small bundle, and small SB3 models, to save, break and compare."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import gymnasium
 import numpy as np
@@ -9,55 +8,51 @@ import pytest
 import torch
 from sb3_contrib.common.torch_layers import BatchRenorm
 
-from flyrl.policies.bundle import PolicyBundle, TermLayout
-from flyrl.policies.networks import LSTM, MLP, Activation, Layer, LSTMLayer, Normaliser
+from flyrl.policies.bundle import PolicyBundle, TermLayout, weight_shapes
+from flyrl.policies.networks import Normaliser
 
 LAYOUT = (TermLayout("bearing", 2), TermLayout("speed", 1))
 
 
-def random_network(sizes: tuple[int, ...], activation: Activation) -> MLP:
-    """A network whose outputs spread beyond -1 and 1, so that bounds and tanh matter."""
-    rng = np.random.default_rng(1)
-    return MLP(
-        tuple(
-            Layer(
-                rng.normal(scale=2 * i**-0.5, size=(o, i)).astype(np.float32),
-                rng.normal(scale=0.1, size=o).astype(np.float32),
-            )
-            for i, o in pairwise(sizes)
-        ),
-        activation,
-    )
+def random_network(sizes, activation="tanh", lstm_sizes=()):
+    """Fields of a bundle with random weights.
 
-
-def random_lstm(sizes: tuple[int, ...], scale: float = 0.5) -> LSTM:
-    """An LSTM with random weights; sizes as in `LSTM.sizes`."""
-    rng = np.random.default_rng(0)
-    layers = []
-    for inputs, units in pairwise(sizes):
-        shapes = ((4 * units, inputs), (4 * units, units), (4 * units,), (4 * units,))
-        layers.append(LSTMLayer(*(rng.normal(0, scale, s).astype(np.float32) for s in shapes)))
-    return LSTM(tuple(layers))
+    Its outputs spread beyond -1 and 1, so that bounds and tanh matter.
+    """
+    rng, weights = np.random.default_rng(1), {}
+    for name, shape in weight_shapes(sizes, lstm_sizes).items():
+        scale = 0.1 if len(shape) == 1 else 2 * shape[1] ** -0.5
+        scale = 1.0 if name.startswith("lstm") else scale
+        weights[name] = rng.normal(scale=scale, size=shape).astype(np.float32)
+    return {
+        "weights": weights,
+        "sizes": sizes,
+        "activation": activation,
+        "lstm_sizes": lstm_sizes,
+    }
 
 
 def same_weights(one: PolicyBundle, other: PolicyBundle) -> bool:
     """Whether networks and memories have the same weights to the bit."""
-
-    def weights(bundle):
-        layers = [*bundle.network.layers, *(bundle.lstm.layers if bundle.lstm else ())]
-        return [part.tobytes() for layer in layers for part in vars(layer).values()]
-
-    return weights(one) == weights(other)
+    first, second = (
+        {name: values.tobytes() for name, values in bundle.weights.items()}
+        for bundle in (one, other)
+    )
+    return first == second
 
 
 def small_bundle() -> PolicyBundle:
     """Three inputs, two hidden units, two outputs, with weights that are easy to follow by hand."""
-    layers = (
-        Layer(np.array([[1, 0, 0], [0, 2, 0]], np.float32), np.array([0, 1], np.float32)),
-        Layer(np.array([[1, 0], [1, -1]], np.float32), np.array([0.5, 0], np.float32)),
-    )
+    weights = {
+        "0.weight": [[1, 0, 0], [0, 2, 0]],
+        "0.bias": [0, 1],
+        "1.weight": [[1, 0], [1, -1]],
+        "1.bias": [0.5, 0],
+    }
     return PolicyBundle(
-        network=MLP(layers, "relu"),
+        weights={name: np.array(values, np.float32) for name, values in weights.items()},
+        sizes=(3, 2, 2),
+        activation="relu",
         squashing="clip",
         observation=LAYOUT,
         action_low=(-1.0, -1.0),
@@ -76,11 +71,15 @@ def bundle() -> PolicyBundle:
 @pytest.fixture
 def choosing(bundle) -> PolicyBundle:
     """The same as `bundle`, but for its last layer: it chooses one of 3 and one of 2 numbers."""
-    rows = np.array([[0, 0], [1, 0], [0, 1], [2, 0], [0, 1]], np.float32)
-    last = Layer(rows, np.array([0.5, 0, 0, 0, 0], np.float32))
+    rows = [[0, 0], [1, 0], [0, 1], [2, 0], [0, 1]]
+    last = {
+        "1.weight": np.array(rows, np.float32),
+        "1.bias": np.array([0.5, 0, 0, 0, 0], np.float32),
+    }
     return replace(
         bundle,
-        network=MLP((bundle.network.layers[0], last), "relu"),
+        weights={**bundle.weights, **last},
+        sizes=(3, 2, 5),
         squashing="argmax",
         action_low=(0.0, -1.0),
         action_high=(2.0, 0.0),
@@ -92,7 +91,7 @@ def recurrent(bundle) -> PolicyBundle:
     """One that normalises its observations and remembers, with random weights."""
     return replace(
         bundle,
-        lstm=LSTM(2 * random_lstm((3, 3), scale=1.0).layers),
+        **random_network((3, 2, 2), "relu", (3, 3, 3)),
         normaliser=Normaliser(np.array([0.1, 0, -1]), np.array([1, 0.3, 2]), 1e-8, 10.0),
     )
 

@@ -21,7 +21,7 @@ def policy(request, bundle):
     activation, squashing = request.param
     return replace(
         bundle,
-        network=random_network((40, 64, 64, 2), activation),
+        **random_network((40, 64, 64, 2), activation),
         squashing=squashing,
         observation=LAYOUT,
         action_low=(-0.5, -1.0),
@@ -61,7 +61,7 @@ def test_same_actions_of_one_and_of_many_that_stay_inside_their_bounds(policy, p
 def test_same_whole_numbers(bundle, path):
     bundle = replace(
         bundle,
-        network=random_network((40, 64, 15), "tanh"),
+        **random_network((40, 64, 15)),
         squashing="argmax",
         observation=LAYOUT,
         action_low=(0.0, -2.0, 4.0),
@@ -91,11 +91,9 @@ def test_observations_are_normalised_as_by_the_policy(policy, path, variance, ep
 
 @pytest.mark.parametrize("is_choosing", [False, True])
 def test_a_memory_goes_from_step_to_step_as_the_policy_s(recurrent, path, is_choosing):
-    recurrent = replace(recurrent, network=random_network((3, 16, 2), "tanh"))
-    if is_choosing:
-        bounds = {"action_low": (0.0, 0.0), "action_high": (7.0, 3.0)}
-        network = random_network((3, 16, 12), "tanh")
-        recurrent = replace(recurrent, network=network, squashing="argmax", **bounds)
+    changes = {"squashing": "argmax", "action_low": (0.0, 0.0), "action_high": (7.0, 3.0)}
+    network = random_network((3, 16, 12 if is_choosing else 2), lstm_sizes=(3, 3, 3))
+    recurrent = replace(recurrent, **network, **(changes if is_choosing else {}))
     export_onnx(recurrent, path)
     rng = np.random.default_rng(1)
     steps, starts = rng.normal(size=(30, 5, 3)).astype(np.float32), rng.random((30, 5)) < 0.2

@@ -30,7 +30,7 @@ def test_in_single_and_batched_environments(task, env_id, squashing, bundle):
     layout = observation_layout(TASKS[task]())
     # as large as a trained one
     network = random_network((sum(term.size for term in layout), 64, 64, 2), "tanh")
-    bundle = replace(bundle, network=network, squashing=squashing, observation=layout)
+    bundle = replace(bundle, **network, squashing=squashing, observation=layout)
     policy, env_id = LearnedPolicy(bundle), f"flyrl:flyrl/{env_id}"
     together = _walk(gymnasium.make_vec(env_id, num_envs=3), policy, seed=4)
     assert np.ptp(together) > 0.5

@@ -8,7 +8,6 @@ import pytest
 
 from flyrl.bodies.worm import CRAWLER, HANGER
 from flyrl.controllers import Hybrid
-from flyrl.simulation.callback import install
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.worms import WormBatch
 from flyrl.terrains import Prop
@@ -69,21 +68,6 @@ def test_neurons_can_be_set_for_some_worms_alone():
     batch = make_batch(num_sims=3)
     batch.set_command(np.full((1, 10), 5), np.array([1]))
     assert batch.state().neurons[:, 0].tolist() == [0, 5, 0]
-
-
-@pytest.mark.parametrize("userdata", [2 * 8 - 1, 0])
-def test_a_model_without_room_for_its_muscles_is_left_alone(userdata):
-    spec = mujoco.MjSpec()
-    spec.worldbody.add_body().add_geom(size=(0.1, 0, 0))
-    numbers = HANGING.model.numeric_data
-    spec.add_numeric(name="flyrl_muscles", data=numbers, size=numbers.size)
-    spec.nuserdata = userdata
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.userdata[:] = 3.0
-    install()
-    mujoco.mj_step(model, data)
-    assert (data.userdata == 3.0).all()
 
 
 # ------------------------------------------------------------------ motion
