@@ -34,7 +34,8 @@ from flyrl.simulation.scene import build_scene
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
 from flyrl.tasks.target import draw_target
 from flyrl.tasks.terms import CORRECTION_CAP, EDGE_MARGIN, goal_distance, is_inside
-from flyrl.terrains import FLAT_GROUND, Bounds, Flat
+from flyrl.terrains import Bounds, Flat
+from flyrl.terrains.geoms import FLAT_GROUND
 from flyrl.validation import FloatArray, one_of, random_seed, within
 
 if TYPE_CHECKING:
