@@ -41,7 +41,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     OSError
         A file cannot be read, or written.
     """
-    from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
+    from flyrl.cli.config import evaluation_config, evaluation_settings  # noqa: PLC0415
     from flyrl.front.results import (  # noqa: PLC0415
         compare,
         differences_from_report,
@@ -53,7 +53,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     if not record:
         raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
     check_trust(path, record, is_trusted, "--trust")
-    settings = own_settings({**record, "progress_bar": True})
+    settings = evaluation_settings({**record, "progress_bar": True})
     config = evaluation_config(record, settings, " ".join(sys.argv))
     if output is not None:
         results_folder(output)

@@ -21,7 +21,6 @@ from flyrl.cli.config import (
     evaluation_config,
     evaluation_settings,
     group,
-    own_settings,
     training_config,
 )
 from flyrl.cli.groups import composed
@@ -209,13 +208,13 @@ def test_bad_values(override, message):
 )
 def test_episodes_to_film_are_numbers_or_a_word(film, expected):
     composed = _composed(f"film={film}", name="evaluate")
-    assert evaluation_config(composed, own_settings(composed), "").film == expected
+    assert evaluation_config(composed, evaluation_settings(composed), "").film == expected
 
 
 def test_quantities_are_varied_from_the_command_line():
     vary = "vary={friction: [0.5, 1], missing_legs: [[], [LM, RM]]}"
     composed = _composed(vary, name="evaluate")
-    config = evaluation_config(composed, own_settings(composed), "")
+    config = evaluation_config(composed, evaluation_settings(composed), "")
     assert config.vary == {"friction": (0.5, 1.0), "missing_legs": ((), ("LM", "RM"))}
 
 
@@ -246,7 +245,7 @@ def test_every_key_takes_an_odd_value_or_refuses_it(name):
                     training_config(changed)
                     evaluation_settings(group(changed, "evaluation"))
                 else:
-                    evaluation_config(changed, own_settings(changed), "")
+                    evaluation_config(changed, evaluation_settings(changed), "")
 
 
 @pytest.mark.parametrize(
@@ -264,6 +263,6 @@ def test_every_key_takes_an_odd_value_or_refuses_it(name):
 )
 def test_experiments_of_evaluations_can_be_walked(name, quantities):
     composed = _composed(f"experiment={name}", name="evaluate")
-    config = evaluation_config(composed, own_settings(composed), "")
+    config = evaluation_config(composed, evaluation_settings(composed), "")
     assert set(config.vary) == quantities
     assert {entrant.name for entrant in make_entrants(config)} >= set(config.controllers)

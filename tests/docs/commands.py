@@ -6,14 +6,13 @@ import re
 import shlex
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from flyrl.cli.arguments import check_arguments, parsed_options, with_own_things
-from flyrl.cli.config import own_settings, training_config
+from flyrl.cli.arguments import check_arguments
+from flyrl.cli.config import evaluation_settings, training_config
 from flyrl.cli.evaluate import comparison
 from flyrl.cli.groups import composed as composed_values
 from flyrl.cli.main import command_parsers
@@ -127,7 +126,7 @@ def composed(program: str) -> dict[tuple[str, ...], tuple[str, str]]:
         for command, _ in commands(page):
             name, *arguments = words(command)
             if name == program:
-                overrides = parsed_options(arguments).overrides  # without flags
+                overrides = [each for each in arguments if "=" in each]
                 OverridesParser.create().parse_overrides(overrides)
                 lasting = tuple(each for each in overrides if not each.startswith("seed="))
                 found.setdefault(lasting, (page, command))
@@ -179,21 +178,21 @@ def evaluated(overrides: tuple[str, ...], learned: Path) -> Results:
         Stands for policies that do not come with flyrl.
     """
     record = _values("evaluate", [*overrides, *SHORT, *SHORT_EVALUATION])
-    settings = own_settings(record)
+    settings = evaluation_settings(record)
     known = named_policies()
-    policies = [name if name in known else str(learned) for name in settings.given["policies"]]
-    vary = settings.given["vary"]
+    policies = [name if name in known else str(learned) for name in settings["policies"]]
+    vary = settings["vary"]
     one_each = vary and {name: values[-1:] for name, values in vary.items()}
-    terrains = settings.given["terrains"][-1:]
-    given = {**settings.given, "policies": policies, "vary": one_each, "terrains": terrains}
-    config, entrants = comparison(record, replace(settings, given=given), ())
+    terrains = settings["terrains"][-1:]
+    given = {**settings, "policies": policies, "vary": one_each, "terrains": terrains}
+    config, entrants = comparison(record, given, ())
     return evaluate(config, entrants=entrants)
 
 
 def _values(program: str, overrides: Sequence[str]) -> dict[str, Any]:
     is_coarse = not any(each.startswith(("physics=", "task=worm")) for each in overrides)
     chosen = [*overrides, *COARSE] if is_coarse else overrides
-    return composed_values(program, with_own_things(chosen))
+    return composed_values(program, chosen)
 
 
 def check(command: str, *, is_whole: bool = True) -> None:

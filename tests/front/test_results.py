@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import flyrl
-from flyrl.cli.config import evaluation_config, own_settings
+from flyrl.cli.config import evaluation_config, evaluation_settings
 from flyrl.controllers import CPG
 from flyrl.evaluation import measure_drive_map
 from flyrl.evaluation.episodes import episodes_digest
@@ -152,7 +152,7 @@ def test_legs_with_settings_take_part_and_are_on_record():
     walked = flyrl.evaluate([CPG(gait="wave"), {"name": "cpg", "frequency_hz": 9}], **SHORT)
     assert set(walked.summary.controller) == {"cpg(gait=wave)", "cpg(frequency_hz=9.0)"}
     record = json.loads(json.dumps(walked.protocol["settings"]))
-    config = evaluation_config(record, own_settings(record), "")
+    config = evaluation_config(record, evaluation_settings(record), "")
     assert config.controllers == (CPG(gait="wave"), CPG(frequency_hz=9))
 
 
