@@ -31,8 +31,6 @@ from flyrl.simulation.scene import build_scene
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
 from flyrl.tasks.episode import EDGE_MARGIN, is_inside
 from flyrl.tasks.target import draw_target
-from flyrl.tasks.episode import EDGE_MARGIN, is_inside
-from flyrl.tasks.target import draw_target
 from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
 from flyrl.terrains import Bounds, Flat
 from flyrl.terrains.geoms import FLAT_GROUND
