@@ -62,7 +62,7 @@ class Start:
 
 def run_command(
     config_name: str,
-    run: Callable[[dict[str, Any], Start], Path],
+    run: Callable[[dict[str, Any], Start], None],
     end_of_sweep: Callable[[Path], None] = lambda folder: None,
     subcommand: Sequence[str] = (),
 ) -> None:
@@ -73,8 +73,7 @@ def run_command(
     config_name
         Name of the primary config.
     run
-        Takes plain values, resolved, and returns the folder that it made. Called once per job of a
-        sweep, possibly in another process.
+        Takes plain values, resolved. Called once per job of a sweep, possibly in another process.
     end_of_sweep
         Takes the sweep's folder, once its jobs have ended.
     subcommand

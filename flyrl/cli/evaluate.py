@@ -29,7 +29,7 @@ def main(subcommand: Sequence[str] = ()) -> None:
     run_command("evaluate", run, subcommand=subcommand)
 
 
-def run(record: dict[str, Any], start: Start) -> Path:
+def run(record: dict[str, Any], start: Start) -> None:
     """Evaluate as a composed `configs/evaluate.yaml` says.
 
     Parameters
@@ -38,10 +38,6 @@ def run(record: dict[str, Any], start: Start) -> Path:
         Plain values, resolved.
     start
         How the command was started.
-
-    Returns
-    -------
-    The folder of the results.
 
     Raises
     ------
@@ -70,7 +66,6 @@ def run(record: dict[str, Any], start: Start) -> Path:
         raise
     if not results.is_complete and start.sweep is None:
         raise SystemExit(LEFT_OUT)
-    return folder
 
 
 def comparison(

@@ -26,15 +26,6 @@ COMPOSED: Final = {
 }
 """Subcommands whose arguments are Hydra's, and what each does."""
 
-_TABLES: Final = {
-    "body": "flyrl.envs.config:BODIES",
-    "controller": "flyrl.controllers:CONTROLLERS",
-    "physics": "flyrl.simulation.physics:PHYSICS_PRESETS",
-    "task": "flyrl.tasks:TASKS",
-    "terrain": "flyrl.terrains:TERRAINS",
-}
-"""Option -> the table of its values, imported when a shell asks for it."""
-
 _EXAMPLES: Final = """examples:
   flyrl train task=target terrain=flat algo=ppo seed=0
   flyrl evaluate policies=[target-flat] controllers=[cpg,hybrid]
@@ -171,16 +162,14 @@ def offered(
     from argcomplete.completers import FilesCompleter  # noqa: PLC0415
 
     command = parser.prog.rpartition(" ")[2]
-    if action.dest in _TABLES:
-        module, table = _TABLES[action.dest].split(":")
-        return [*map(str, getattr(importlib.import_module(module), table))]
-    if action.dest == "search":
-        return [file.stem for file in (configs_folder() / "search").glob("*.yaml")]
     if (command, action.dest) == ("figures", "names"):
         return figures.FIGURES
     if (command, action.dest) == ("play", "name"):
         return play.NAMES
-    files = [*FilesCompleter()(prefix)]
-    if action.dest == "policy":
-        files += [file.stem for file in (assets_folder() / "policies").glob("*.safetensors")]
-    return files
+    files = {"policy": assets_folder() / "policies", "search": configs_folder() / "search"}
+    if action.dest in files:
+        names = [file.stem for file in files[action.dest].glob("*.*")]
+        return [*names, *FilesCompleter()(prefix)]
+    from flyrl.cli.groups import groups  # noqa: PLC0415
+
+    return groups().get(action.dest, ()) or FilesCompleter()(prefix)

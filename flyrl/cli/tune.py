@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from flyrl.cli.terminal import Subparsers
+from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
 
 if TYPE_CHECKING:
@@ -121,9 +122,8 @@ def _plan(options: argparse.Namespace, settings: Mapping[str, Any]) -> Plan:
         return ["flyrl-train", *given, *command_words(values)]
 
     record = training_record(configure({}))
-    path = find_space(options.search, record["algo"]["name"])
-    written = read_space(path)
-    space = search_space(written, {key: settings[key] for key in record}, str(path))
+    path = _find_space(options.search, record["algo"]["name"])
+    space = search_space(read_space(path), {key: settings[key] for key in record}, str(path))
     name = options.name or datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
     if name in {".", ".."} or Path(name).name != name:
         raise ValueError(f"--name must be the name of a folder, got {name!r}")
@@ -138,24 +138,15 @@ def read_space(path: Path) -> dict[str, Any]:
     """Keys of a file with a search space, and what each may be; ValueError if it holds none."""
     from omegaconf import OmegaConf  # noqa: PLC0415
 
-    from flyrl.files import load_yaml  # noqa: PLC0415
-
     plain = load_yaml(path)  # without aliases, which OmegaConf would multiply
     if not isinstance(plain, dict) or not plain:
         raise ValueError(f"{path} must hold keys and what each may be, got {plain!r:.60}")
     # OmegaConf takes 1e-4 for a number, YAML 1.1 for text
-    loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-    return {str(key): value for key, value in loaded.items()}
+    return cast(dict[str, Any], OmegaConf.to_container(OmegaConf.load(path)))
 
 
-def find_space(name: str | None, algo: str) -> Path:
-    """File of a search space: a path, or a name in `configs/search`; None takes the algorithm's.
-
-    Raises
-    ------
-    ValueError
-        There is no such file.
-    """
+def _find_space(name: str | None, algo: str) -> Path:
+    """File of a search space: a path, or a name in `configs/search`; None takes the algorithm's."""
     from flyrl.validation import one_of  # noqa: PLC0415
 
     folder = configs_folder() / "search"
@@ -165,11 +156,11 @@ def find_space(name: str | None, algo: str) -> Path:
             f"there is no search space for algo={algo} in {folder} (there is {known}): "
             "write one, and name it with --search FILE.yaml"
         )
-    if name is not None and name.endswith((".yaml", ".yml")):
-        if not Path(name).is_file():
-            raise ValueError(f"--search: there is no file {name}")
-        return Path(name)
-    return folder / f"{one_of('--search', name or algo, known)}.yaml"
+    if name is None or not name.endswith((".yaml", ".yml")):
+        return folder / f"{one_of('--search', name or algo, known)}.yaml"
+    if not Path(name).is_file():
+        raise ValueError(f"--search: there is no file {name}")
+    return Path(name)
 
 
 def compose_training(overrides: Sequence[str]) -> dict[str, Any]:

@@ -12,7 +12,6 @@ from flyrl.front.comparison import (
     group_runs,
     label,
     ranked,
-    table,
     telling_keys,
 )
 from flyrl.training.config import TrainingConfig
@@ -58,7 +57,7 @@ def test_five_seeds_have_an_interval_and_four_have_none(tmp_path):
         read_run(make_run(tmp_path / str(seed), seed=seed, evaluations=[(1, 1.0, 5.0), (2, s, 2)]))
         for seed, s in enumerate([0.5, 0.6, 0.7, 0.8, 0.9])
     ]
-    (row,), (four,) = table(group_runs(runs)), table(group_runs(runs[:4]))
+    ((_, row),), ((_, four),) = ranked(group_runs(runs)), ranked(group_runs(runs[:4]))
     assert (row["jobs"], row["runs"]) == (5, 5)
     assert row["final_success_mean"] == pytest.approx(0.7)
     # t(0.975, 4) = 2.776; standard error = sqrt(0.025 / 5)
@@ -123,7 +122,7 @@ def test_runs_of_one_reward_are_ranked_by_success_then_return(tmp_path):
         rate = {"algo.learning_rate": 0.1 * (1 + "abc".index(name))}
         _run(tmp_path / name, rate, evaluations=[(100, success, return_)])
     groups = _groups(*(tmp_path / name for name in "abc"))
-    assert [group.runs[0].path.name for group in ranked(groups)] == ["c", "b", "a"]
+    assert [group.runs[0].path.name for group, _ in ranked(groups)] == ["c", "b", "a"]
 
 
 def test_runs_of_different_weights_show_unweighted_terms_and_no_return(tmp_path, capsys):
@@ -147,8 +146,8 @@ def test_what_decides_a_task_ranks_its_runs(tmp_path):
         more = {"task.name": "velocity", "algo.learning_rate": error / 100}
         _evaluated(tmp_path / name, "speed_error_mm_s", f"100,0.5,{error},2,{error}", more)
     groups = _groups(tmp_path / "a", tmp_path / "b")
-    assert [group.runs[0].path.name for group in ranked(groups)] == ["b", "a"]
-    assert table(ranked(groups))[0]["final_speed_error_mm_s_mean"] == 1
+    assert [group.runs[0].path.name for group, _ in ranked(groups)] == ["b", "a"]
+    assert ranked(groups)[0][1]["final_speed_error_mm_s_mean"] == 1
 
 
 def test_what_follows_from_the_name_of_the_algorithm_is_not_told(tmp_path):
