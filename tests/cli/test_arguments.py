@@ -41,25 +41,6 @@ def test_what_cannot_be_meant(command, arguments, message):
         check_arguments(command, arguments)
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["algo=recurrent_ppo", "algo.lstm_hidden_size=32", "algo.normalize_observation=true"],
-        ["experiment=main", "training.num_envs=8"],
-        ["terrain=blocks", "terrain.height_range=[0.15,0.45]"],
-        ["hydra.run.dir=elsewhere"],
-        ["launcher=slurm", "hydra.launcher.partition=cpu", "seed=0,1"],
-        ["launcher=submitit", "hydra.launcher.timeout_min=5"],
-        ["launcher=ray", "hydra.launcher.address=auto", "seed=0,1"],
-        ["-m", "hydra/launcher=joblib", "seed=0,1"],
-        ["-m", "algo=sac", "algo.tau=0.01,0.02"],
-    ],
-)
-def test_what_is_fine(arguments, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    check_arguments("train", arguments)
-
-
 BOMB = "a: &a [x, x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in pairwise("abcdefgh"))
 
 
