@@ -42,7 +42,7 @@ def run(record: dict[str, Any], start: Start) -> None:
     Raises
     ------
     SystemExit
-        With status 1 if someone is out, unless this is a job of a sweep: that goes on.
+        With status 1 if an entrant crashed, unless this is a job of a sweep.
     """
     from flyrl.cli.config import SHOWN, evaluation_settings  # noqa: PLC0415
 

@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Raises
     ------
     SystemExit
-        With status 2, for a command line that cannot be meant so; or as `train` and `evaluate` end.
+        With status 2, for an invalid command line; or as `train` and `evaluate` end.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "_ARGCOMPLETE" in os.environ:

@@ -33,14 +33,14 @@ def run(record: dict[str, Any], start: Start) -> None:
     record
         Plain values, resolved.
     start
-        How the command was started. In the folder of a sweep, a run that comes to the same is
-        resumed with its own settings, or left as it is if it is finished.
+        How the command was started. In the folder of a sweep, an interrupted run of equal
+        settings is resumed with its own, and a finished one left as it is.
 
     Raises
     ------
     SystemExit
-        Interrupted (128 + the signal's number); or with status 1 if someone is out of the
-        comparison, unless this is a job of a sweep: that goes on.
+        Interrupted (128 + the signal's number); or with status 1 if an entrant
+        crashed in the comparison, unless this is a job of a sweep.
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import (  # noqa: PLC0415

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from flyrl.cli.terminal import Subparsers
-from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
 
 if TYPE_CHECKING:
@@ -137,6 +136,8 @@ def _plan(options: argparse.Namespace, settings: Mapping[str, Any]) -> Plan:
 def read_space(path: Path) -> dict[str, Any]:
     """Keys of a file with a search space, and what each may be; ValueError if it holds none."""
     from omegaconf import OmegaConf  # noqa: PLC0415
+
+    from flyrl.files import load_yaml  # noqa: PLC0415
 
     plain = load_yaml(path)  # without aliases, which OmegaConf would multiply
     if not isinstance(plain, dict) or not plain:

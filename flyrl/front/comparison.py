@@ -78,7 +78,7 @@ def _settings(run: RunSummary) -> Settings:
 
 
 def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
-    """Dotted settings without those that do not change what a run comes to, `but` for these."""
+    """Dotted settings that affect the result of a run, and those in `but`."""
     return {
         key: value
         for key, value in flat(settings).items()
@@ -129,13 +129,13 @@ def has_one_reward(groups: Sequence[Group]) -> bool:
 
 
 def _decisive(groups: Sequence[Group]) -> tuple[str, ...]:
-    """What decides the task of all finished runs; nothing if they have several."""
+    """Decisive metrics of the task of all finished runs; none if they have several."""
     found = {_decisive_of(run) for group in groups for run in group.runs}
     return found.pop() if len(found) == 1 else ()
 
 
 def _decisive_of(run: RunSummary) -> tuple[str, ...]:
-    """What decides the task of a run; one from before it was noted is of a built-in task."""
+    """Decisive metrics of a run's task; where none are noted, the task is a built-in one."""
     noted = run.provenance.get("decisive")
     if isinstance(noted, list):
         return tuple(map(str, noted))
@@ -143,7 +143,7 @@ def _decisive_of(run: RunSummary) -> tuple[str, ...]:
 
 
 def ranking_metrics(groups: Sequence[Group]) -> list[str]:
-    """What groups are ranked by: what decides the task, success, the return if comparable."""
+    """Metrics to rank by: the task's decisive ones, success, and the return if comparable."""
     figures = figures_of(groups)
     metrics = dict.fromkeys((*_decisive(groups), "success", "return"))
     return [metric for metric in metrics if f"final_{metric}" in figures]
@@ -183,7 +183,7 @@ def ranked(groups: Sequence[Group]) -> list[tuple[Group, Row]]:
 
 
 def earlier_run(config: TrainingConfig, folder: Path, but: Sequence[str] = ()) -> RunSummary | None:
-    """Find the finished or interrupted run in a folder that comes to the same as a config.
+    """Find the finished or interrupted run in a folder with the settings of a config.
 
     Parameters
     ----------

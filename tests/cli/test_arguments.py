@@ -32,6 +32,7 @@ from flyrl.resources import configs_folder
         ("train", ["algo=ppo", "algo.her=true"], r"here, only with algo=ddpg,sac,td3,tqc$"),
         ("train", ["task=worm_crawl", "controller=cpg"], "controller=cpg has no effect with task"),
         ("evaluate", ["algo.her=true"], r"there is no key 'algo\.her' \(--cfg job"),
+        ("evaluate", ["--cfg", "job", "episdes=1"], "no key 'episdes'; did you mean 'episodes'"),
         ("evaluate", ["terrain=flat"], "there is no key 'terrain'; did you mean 'terrains'"),
         ("evaluate", ["terrains={}"], "terrains={}: .*ListConfig"),
     ],
