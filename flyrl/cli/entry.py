@@ -82,7 +82,8 @@ def run_command(
     Raises
     ------
     SystemExit
-        With status 1 after a sweep of which a job failed, 2 for an invalid command line, 128 + the signal's number after Ctrl-C or SIGTERM.
+        With status 1 after a sweep of which a job failed, 2 for an invalid command line, 128 + the
+        signal's number after Ctrl-C or SIGTERM.
     """
     with reported(), _sigterm_as_ctrl_c() as stopped_by:
         command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])

@@ -11,7 +11,7 @@ from typing import Any, Final, TypedDict, Unpack
 
 from flyrl.controllers import Controller
 from flyrl.entry_points import is_entry_point, load_module
-from flyrl.envs.config import env_record, plain, with_task
+from flyrl.envs.config import env_record, with_task
 from flyrl.evaluation import (
     Entrant,
     EvaluationConfig,
@@ -40,6 +40,7 @@ from flyrl.tasks import Task, TaskSettings
 from flyrl.terrains import Flat, Terrain
 from flyrl.training.learn import Run
 from flyrl.training.runs import is_run, read_run
+from flyrl.validation import plain
 
 _MAX_LISTED: Final = 5
 """Episodes that differ from a report's which are listed one by one."""
@@ -319,7 +320,7 @@ def _episodes_differ(folder: Path, results: Results) -> list[str]:
     before, now = before.align(results.episodes, join="outer", axis=1)
     changed = before.compare(now)
     lines = [f"{len(changed)} of {len(now)} episodes differ"]
-    for row in changed.index[:_MAX_LISTED].tolist():
+    for row in changed.head(_MAX_LISTED).index:
         key = changed.loc[row].dropna().index[0][0]
         one, other = before.loc[row], now.loc[row]
         lines.append(

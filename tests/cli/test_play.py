@@ -30,9 +30,9 @@ OF_THE_FLY = ("terrain", "controller", "physics", "body", "policy", "seed")
         ),
         ("--terrain sand", "terrain must be one of"),
         ("--terrain no_such_lab:Ridge", "is 'no_such_lab:Ridge', but no_such_lab cannot be imp"),
-        ("--controller joints", "controller must be one of 'cpg', 'hybrid', 'rule_based'"),
+        ("--controller joints", "controller must be one that takes a drive, got 'joints'"),
         ("--policy no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
-        ("--policy velocity-flat", "'velocity-flat' cannot steer here"),
+        ("--policy velocity-flat", "got 'velocity-flat': the policy was trained on other"),
     ],
 )
 def test_what_cannot_be_played_is_refused_before_an_address_is_printed(arguments, message, capsys):
