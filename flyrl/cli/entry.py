@@ -91,7 +91,6 @@ def run_command(
         asked = check_arguments(config_name, sys.argv[1:])
         names = job_names(asked.jobs if isinstance(asked, Sweep) else ())
         here, process = Path.cwd(), os.getpid()
-        full_errors = os.environ.get(_FULL_ERRORS)
 
         def job(config: DictConfig) -> None:
             settings = HydraConfig.get()
@@ -105,11 +104,9 @@ def run_command(
                 values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
                 run(cast(dict[str, Any], values), start)
 
-            # of a job in another process, its folder may be another
-            with contextlib.chdir(here), _variable(_FULL_ERRORS, full_errors):
+            with contextlib.chdir(here):  # of a job in another process, it may be another
                 if start.sweep is None:
-                    with reported():
-                        run_here()
+                    run_here()
                 else:
                     print(title, file=sys.stderr)
                     note = note_of(start.sweep, overrides)
@@ -120,15 +117,14 @@ def run_command(
             config_path=str(configs_folder().resolve()),
             config_name=config_name,
         )(job)
-        # Hydra raises its own errors then, instead of printing their tracebacks
-        with _variable(_FULL_ERRORS, "1"):
-            if isinstance(asked, Sweep):
-                _run_sweep(asked, start_hydra, end_of_sweep, stopped_by)
-            elif asked is None:
+        if isinstance(asked, Sweep):
+            _run_sweep(asked, start_hydra, end_of_sweep, stopped_by)
+        elif asked is None:
+            with _raised_errors():
                 start_hydra()
-            else:  # Hydra would compose it twice more
-                HydraConfig.instance().set_config(asked)
-                job(OmegaConf.masked_copy(asked, [str(key) for key in asked if key != "hydra"]))
+        else:  # Hydra would compose it twice more
+            HydraConfig.instance().set_config(asked)
+            job(OmegaConf.masked_copy(asked, [str(key) for key in asked if key != "hydra"]))
 
 
 @contextlib.contextmanager
@@ -151,17 +147,15 @@ def _sigterm_as_ctrl_c() -> Iterator[list[int]]:
 
 
 @contextlib.contextmanager
-def _variable(name: str, value: str | None) -> Iterator[None]:
-    """Set an environment variable for a while; None unsets it."""
-    before = os.environ.pop(name, None)
-    if value is not None:
-        os.environ[name] = value
+def _raised_errors() -> Iterator[None]:
+    """Let Hydra raise errors, for `reported`, instead of printing their tracebacks."""
+    is_set = _FULL_ERRORS in os.environ
+    os.environ.setdefault(_FULL_ERRORS, "1")
     try:
         yield
     finally:
-        os.environ.pop(name, None)
-        if before is not None:
-            os.environ[name] = before
+        if not is_set:
+            del os.environ[_FULL_ERRORS]
 
 
 def by_key(job: Job) -> dict[str, str]:
