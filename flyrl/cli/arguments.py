@@ -31,14 +31,11 @@ class Sweep:
     ----------
     folder
         Where they are to go.
-    is_named
-        Whether the command line named the folder, so that it may hold an earlier sweep.
     jobs
         The overrides of each, without those that say where it runs.
     """
 
     folder: Path
-    is_named: bool
     jobs: tuple[tuple[str, ...], ...]
 
 
@@ -129,8 +126,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
     if options.is_shown:
         return None
     if options.multirun or config.hydra.mode == RunMode.MULTIRUN:
-        is_named = any(each.key_or_group == "hydra.sweep.dir" for each in overrides)
-        return Sweep(Path(config.hydra.sweep.dir), is_named, tuple(map(own_overrides, jobs)))
+        return Sweep(Path(config.hydra.sweep.dir), tuple(map(own_overrides, jobs)))
     if len(jobs) > 1:
         several = next(each.input_line for each in overrides if each.is_sweep_override())
         raise ValueError(

@@ -256,7 +256,7 @@ def _run_sweep(
         Its folder cannot be used.
     """
     folder = asked.folder
-    if asked.is_named:
+    if any(word.startswith("hydra.sweep.dir=") for word in sys.argv):
         usable_folder(folder)
     else:
         folder = new_folder(folder.parent, folder.name)

@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 
 from flyrl.cli import figures, play, reproduce, runs, tune, walk
 from flyrl.cli.terminal import UNUSABLE, Ended, reported
-from flyrl.resources import assets_folder, configs_folder, version
+from flyrl.resources import assets_folder, version
 
 _SUBCOMMANDS: Final = (play, walk, figures, runs, reproduce, tune)
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads
@@ -69,7 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "_ARGCOMPLETE" in os.environ:
-        _answer(command_parsers()[0])
+        import argcomplete  # noqa: PLC0415
+
+        argcomplete.autocomplete(command_parsers()[0], default_completer=cast(Any, offered))
     try:
         with reported():
             if given and given[0] in COMPOSED:
@@ -144,21 +146,14 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     return options
 
 
-def _answer(parser: argparse.ArgumentParser) -> None:
-    """Tell the shell what can stand at its cursor, and end the process.
-
-    argcomplete's own command, `register-python-argcomplete flyrl`, makes the shell ask; Hydra
-    itself completes the settings of `train.py` and `evaluate.py`.
-    """
-    import argcomplete  # noqa: PLC0415
-
-    argcomplete.autocomplete(parser, default_completer=cast(Any, offered))
-
-
 def offered(
     prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
 ) -> Iterable[str]:
-    """Values of an argument without choices of its own, or else files, as argcomplete asks."""
+    """Values of an argument without choices of its own, or else files, as argcomplete asks.
+
+    Its command, `register-python-argcomplete flyrl`, makes the shell ask; Hydra itself completes
+    the settings of `train.py` and `evaluate.py`.
+    """
     from argcomplete.completers import FilesCompleter  # noqa: PLC0415
 
     command = parser.prog.rpartition(" ")[2]
@@ -166,9 +161,8 @@ def offered(
         return figures.FIGURES
     if (command, action.dest) == ("play", "name"):
         return play.NAMES
-    files = {"policy": assets_folder() / "policies", "search": configs_folder() / "search"}
-    if action.dest in files:
-        names = [file.stem for file in files[action.dest].glob("*.*")]
+    if action.dest == "policy":
+        names = [file.stem for file in (assets_folder() / "policies").glob("*.safetensors")]
         return [*names, *FilesCompleter()(prefix)]
     from flyrl.cli.groups import groups  # noqa: PLC0415
 

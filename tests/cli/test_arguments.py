@@ -74,7 +74,7 @@ def test_a_launcher_makes_a_sweep_whose_jobs_do_not_name_it():
         "train", ["launcher=joblib", "hydra.launcher.n_jobs=2", "seed=1", "hydra.sweep.dir=x"]
     )
     assert sweep.jobs == (("seed=1",),)
-    assert (str(sweep.folder), sweep.is_named) == ("x", True)
+    assert str(sweep.folder) == "x"
 
 
 @pytest.mark.parametrize("arguments", [["hydra.run.dir=x"], ["launcher=joblib", "--cfg", "job"]])

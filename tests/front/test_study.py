@@ -184,8 +184,8 @@ def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
     [
         (["--trials", "0"], "--trials"),
         (["--name", "a/b"], "--name must be the name of a folder"),
-        (["--search", "none"], "--search must be one of"),
-        (["algo=ddpg"], "no search space for algo=ddpg"),
+        (["--search", "none"], "there is no search space none ("),
+        (["algo=ddpg"], "search/ddpg.yaml ("),
         (["seed=0,1"], "takes no sweep, got seed=0,1"),
         (["evaluate_after=true"], "evaluate_after cannot be given"),
         (["training.num_envs=4"], "ppo.yaml allows algo."),
