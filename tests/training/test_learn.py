@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from stable_baselines3 import PPO
 
-from flyrl.envs.config import env_record, plain
+from flyrl.envs.config import env_record
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.policies import load_policy, observation_layout
@@ -15,6 +15,7 @@ from flyrl.training.callback import held_out_episodes
 from flyrl.training.config import CurriculumConfig
 from flyrl.training.learn import resume, train
 from flyrl.training.runs import read_rows, read_run
+from flyrl.validation import plain
 from tests.tiny import TINY
 
 SCHEDULE = replace(TINY.training, total_timesteps=96)
