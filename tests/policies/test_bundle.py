@@ -77,7 +77,7 @@ def test_run_folder_gives_best_else_last(bundle, tmp_path):
     [(BALANCED_1, "flat", 1), (BALANCED_2, "flat", None), (BALANCED_2, "blocks", 2)],
 )
 def test_a_policy_of_an_earlier_preset_warns_once(bundle, path, physics, terrain, version):
-    env = {"physics": physics, "terrain": {"name": terrain}}
+    env = {"physics": dataclasses.asdict(physics), "terrain": {"name": terrain}}
     save_bundle(dataclasses.replace(bundle, env=env), path)
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("default")
