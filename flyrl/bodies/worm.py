@@ -7,13 +7,13 @@ to +z, like the fly. Units mm, g, s, rad; forces in µN, torques in µN mm.
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal
 
 import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import PLANES
-from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY
+from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY, set_look
 from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 
@@ -48,31 +48,25 @@ _SKINS: Final = ((0.86, 0.55, 0.48, 1.0), (0.78, 0.47, 0.41, 1.0))
 _MUSCLE_COLOUR: Final = (0.65, 0.05, 0.05, 1.0)
 
 
-class _Side(NamedTuple):
-    """A side on which a muscle sits: where in the segment's frame, and how it is turned.
-
-    The tail lies behind the joint, along -x. So a right-handed turn about +y lifts it to the back,
-    +z, and one about +z takes it to the right, -y. The quaternions turn the muscle's y axis to the
-    axis about which the tail moves towards the muscle.
-    """
-
-    name: str
-    direction: tuple[float, float, float]
-    quat: tuple[float, float, float, float]
-
-
 _HALF: Final = math.sqrt(0.5)
-_SIDES: Final[dict[Axis, tuple[_Side, _Side]]] = {
+_Side = tuple[str, tuple[float, float, float], tuple[float, float, float, float]]
+_SIDES: Final[dict[Axis, tuple[_Side, ...]]] = {
     "y": (
-        _Side("dorsal", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)),
-        _Side("ventral", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0, 0.0)),
+        ("dorsal", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)),
+        ("ventral", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0, 0.0)),
     ),
     "z": (
-        _Side("left", (0.0, 1.0, 0.0), (_HALF, -_HALF, 0.0, 0.0)),
-        _Side("right", (0.0, -1.0, 0.0), (_HALF, _HALF, 0.0, 0.0)),
+        ("left", (0.0, 1.0, 0.0), (_HALF, -_HALF, 0.0, 0.0)),
+        ("right", (0.0, -1.0, 0.0), (_HALF, _HALF, 0.0, 0.0)),
     ),
 }
-"""Sides of a joint's two muscles, by the joint's axis."""
+"""Sides of a joint's two muscles, by the joint's axis: name, direction in the segment's frame, and
+how the muscle is turned.
+
+The tail lies behind the joint, along -x. So a right-handed turn about +y lifts it to the back,
++z, and one about +z takes it to the right, -y. The quaternions turn the muscle's y axis to the
+axis about which the tail moves towards the muscle.
+"""
 
 _AXES: Final[dict[Axis, tuple[float, float, float]]] = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -204,22 +198,27 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     muscles = spec.worldbody.add_body(name="muscles", **pose)
     body = spec.worldbody.add_body(name="Segment1", **pose)
     if crawls:
-        _add_crawling_root(body)
+        for name, axis in zip(CRAWLING_ROOT[:3], np.eye(3), strict=True):
+            body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        body.add_joint(name=CRAWLING_ROOT[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES["z"])
     _add_segment(body, config, 1)
     for joint in range(1, config.segments):
         body = body.add_body(name=f"Segment{joint + 1}", pos=(-config.segment_length, 0.0, 0.0))
         _add_joint(body, config, joint)
         _add_segment(body, config, joint + 1)
         _add_muscles(spec, muscles, config, joint)
-    _set_look(spec, config)
+    length = config.segments * config.segment_length
+    set_look(spec, extent=length, ambient=0.35, diffuse=0.35, specular=0.1)
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=(0.0, -length, length),
+        dir=(0.3, 0.6, -0.7),
+        diffuse=(0.5, 0.48, 0.45),
+        specular=(0.2, 0.2, 0.2),
+        castshadow=False,
+    )
     return spec
-
-
-def _add_crawling_root(body: mujoco.MjsBody) -> None:
-    slides = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    for name, axis in zip(CRAWLING_ROOT[:3], slides, strict=True):
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    body.add_joint(name=CRAWLING_ROOT[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES["z"])
 
 
 def _add_segment(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None:
@@ -276,16 +275,16 @@ def _add_muscles(
     spec: mujoco.MjSpec, muscles: mujoco.MjsBody, config: WormConfig, joint: int
 ) -> None:
     """Add the muscles of a joint over the middle of the segment behind it."""
-    sides: tuple[_Side, ...] = _SIDES[config.axis(joint)]
+    sides = _SIDES[config.axis(joint)]
     if config.muscles == "one":
         sides = sides[:1] if joint == config.joints else ()
     middle = np.array((-(joint + 0.5) * config.segment_length, 0.0, 0.0))
-    for side in sides:
-        name = f"Muscle{joint}_{side.name}"
+    for side, direction, quat in sides:
+        name = f"Muscle{joint}_{side}"
         muscles.add_site(
             name=name,
-            pos=middle + MUSCLE_HEIGHT * config.radius * np.array(side.direction),
-            quat=side.quat,
+            pos=middle + MUSCLE_HEIGHT * config.radius * np.array(direction),
+            quat=quat,
             size=(0.4 * config.radius, 0.0, 0.0),
             rgba=_MUSCLE_COLOUR,
         )
@@ -293,25 +292,3 @@ def _add_muscles(
         spec.add_numeric(name=f"{name}/strength", data=[config.strength], size=1)
         if config.anchored:
             spec.add_text(name=f"{name}/anchor", data=f"Segment{joint}")
-
-
-def _set_look(spec: mujoco.MjSpec, config: WormConfig) -> None:
-    """Light, and viewing figures for a scene of the worm's length."""
-    length = config.segments * config.segment_length
-    spec.visual.quality.offsamples = 0
-    spec.visual.quality.shadowsize = 1024
-    spec.stat.extent = length
-    spec.visual.map.znear = 0.01
-    spec.visual.map.zfar = 60.0
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
-    spec.visual.headlight.specular = (0.1, 0.1, 0.1)
-    spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(0.0, -length, length),
-        dir=(0.3, 0.6, -0.7),
-        diffuse=(0.5, 0.48, 0.45),
-        specular=(0.2, 0.2, 0.2),
-        castshadow=False,
-    )

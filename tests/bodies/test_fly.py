@@ -20,11 +20,10 @@ from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.bodies.table import BodyName, body_table, leg_collision
 from flyrl.controllers import Joints
 from flyrl.resources import assets_folder
-from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.fly_scene import STEPS_OF_BODY
 from flyrl.simulation.physics import PHYSICS_PRESETS
-from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Mixed, add_terrain
+from flyrl.terrains import TERRAINS, Mixed, add_terrain
+from tests.simulation.test_callback import make_batch
 
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
 
@@ -200,17 +199,18 @@ def test_stretch_pose_is_the_published_one():
 # ------------------------------------------------------------------ collision
 
 
-@pytest.mark.parametrize("shape", leg_collision(), ids=lambda shape: shape.segment)
-def test_shapes_reach_as_far_as_the_meshes_they_stand_for(shape):
+@pytest.mark.parametrize("segment", leg_collision())
+def test_shapes_reach_as_far_as_the_meshes_they_stand_for(segment):
     """A capsule along its axis, a hull along the body's axes."""
-    content = (assets_folder() / "meshes" / f"{shape.segment}.stl").read_bytes()
+    content = (assets_folder() / "meshes" / f"{segment}.stl").read_bytes()
     records = np.frombuffer(content, np.uint8, offset=84).reshape(-1, 50)
     points = records[:, 12:48].copy().view("<f4").reshape(-1, 3)
-    start, end, vertices = map(np.array, (shape.start, shape.end, shape.vertices))
+    capsule, hull = leg_collision()[segment]["capsule"], leg_collision()[segment]["hull"]
+    start, end, vertices = map(np.array, (capsule["from"], capsule["to"], hull["vertices"]))
     axis = (end - start) / np.linalg.norm(end - start)
     along = points @ axis
-    assert start @ axis - shape.radius == pytest.approx(along.min(), abs=0.015)
-    assert end @ axis + shape.radius == pytest.approx(along.max(), abs=0.015)
+    assert start @ axis - capsule["radius"] == pytest.approx(along.min(), abs=0.015)
+    assert end @ axis + capsule["radius"] == pytest.approx(along.max(), abs=0.015)
     np.testing.assert_allclose(vertices.min(axis=0), points.min(axis=0), atol=0.015)
     np.testing.assert_allclose(vertices.max(axis=0), points.max(axis=0), atol=0.015)
 
@@ -231,10 +231,10 @@ def _sorted(points):
 
 
 def test_hulls_have_the_imported_vertices(model):
-    for row in leg_collision():
-        expected = _sorted(np.array(row.vertices))
+    for segment, shapes in leg_collision().items():
+        expected = _sorted(np.array(shapes["hull"]["vertices"]))
         # MuJoCo keeps vertices in single precision
-        np.testing.assert_allclose(_hull_points(model, row.segment), expected, atol=2e-7)
+        np.testing.assert_allclose(_hull_points(model, segment), expected, atol=2e-7)
 
 
 def test_hulls_of_left_and_right_mirror_each_other(model):
@@ -299,16 +299,9 @@ def test_only_the_named_segments_have_a_shape_for_planes():
 # ------------------------------------------------------------------ standing
 
 
-LOPSIDED = FlyConfig(symmetric=False)
-
-
-def standing_on(terrain, body=LOPSIDED):
+def standing_on(terrain, **body):
     """A fly that was put down in the stretch pose and has held the neutral pose for 0.1 s."""
-    config = SceneConfig(body, TERRAINS[terrain], Joints(), PHYSICS_PRESETS["reference"])
-    flies = FlyBatch(build_scene(config), num_threads=1)
-    place = (0.0, 0.0, config.terrain.base_height + SPAWN_CLEARANCE)
-    start = config.controller.initial_state()
-    flies.reset(np.array([0]), np.array([place]), np.zeros(1), [start])
+    flies = make_batch(Joints(), terrain, physics=PHYSICS_PRESETS["reference"], **body)
     flies.set_command([[*flies.neutral_angles, *np.zeros(6)]])
     flies.step(1000)
     state = flies.state()
@@ -320,8 +313,7 @@ def standing_on(terrain, body=LOPSIDED):
 @pytest.mark.parametrize("terrain", ["flat", "blocks"])
 def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sinks(terrain):
     classic, current = (
-        standing_on(terrain, FlyConfig(name, missing_legs=LEGS))[0]
-        for name in ("classic", "current")
+        standing_on(terrain, name=name, missing_legs=LEGS)[0] for name in ("classic", "current")
     )
     ground = TERRAINS[terrain].base_height
     assert 0.4 < classic.position_w[0, 2] - ground < 1.0
@@ -331,7 +323,7 @@ def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sink
 
 
 def test_the_fly_stands_on_its_six_leg_tips():
-    state, touching = standing_on("flat")
+    state, touching = standing_on("flat", symmetric=False)
     assert touching == {f"{leg}Tarsus5" for leg in LEGS}
     assert state.up_b[0, 2] > 0.99
     assert state.position_w[0, 2] == pytest.approx(1.05, abs=0.03)

@@ -9,32 +9,15 @@ import pytest
 from test_worms import CRAWLING, HANGING, make_batch
 
 from flyrl.bodies.worm import CRAWLER
-from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.rendering import (
     FlyRenderer,
     WormRenderer,
     can_draw_in_threads,
-    line_of_sight,
-    pixels_per_mm,
 )
-from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.scene import SceneConfig
 from flyrl.terrains import TARGET_MARKER
 from tests.pictures import drawing
-
-
-def test_a_millimetre_in_pixels():
-    """An angle of 90 degrees shows 2 mm at a depth of 1 mm, and 20 mm at 10 mm."""
-    assert pixels_per_mm(480, 90.0, 1.0) == pytest.approx(240)
-    assert pixels_per_mm(480, 90.0, 10.0) == pytest.approx(24)
-    # tan(22.5 degrees) = 0.414214
-    assert pixels_per_mm(480, 45.0, 9.0) == pytest.approx(64.379, abs=1e-3)
-
-
-def test_a_camera_looks_along_its_angles():
-    np.testing.assert_allclose(line_of_sight(0, 0), (1, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(line_of_sight(90, 0), (0, 1, 0), atol=1e-12)
-    np.testing.assert_allclose(line_of_sight(0, -90), (0, 0, -1), atol=1e-12)
-    np.testing.assert_allclose(line_of_sight(180, -60), (-0.5, 0, -np.sqrt(0.75)), atol=1e-12)
+from tests.simulation.test_callback import make_batch as make_flies
 
 
 @pytest.mark.parametrize(
@@ -57,13 +40,10 @@ def test_a_camera_that_does_not_exist_is_refused():
 
 def test_the_target_seen_from_above_is_as_wide_as_the_scale_says():
     """Its disc of 2 mm lies some 1.3 mm below the thorax, so that it is drawn a little smaller."""
-    config = SceneConfig(props=(TARGET_MARKER,))
-    flies = FlyBatch(build_scene(config), num_threads=1)
-    start = config.controller.initial_state()
-    flies.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
+    flies = make_flies(props=(TARGET_MARKER,))
     flies.set_props(np.array([0]), np.array([[[2.5, 0.0, 0.02]]]))
     with drawing():
-        renderer = FlyRenderer(config, 320, 240, "top", distance=10.0)
+        renderer = FlyRenderer(flies.scene.config, 320, 240, "top", distance=10.0)
     picture = renderer.render(flies, 0, (2.5, 0.0)).astype(int)
     renderer.close()
     assert renderer.pixels_per_mm == pytest.approx(240 / (2 * 0.414214 * 10.0), rel=1e-4)
