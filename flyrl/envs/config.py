@@ -26,7 +26,7 @@ from flyrl.tasks import (
 )
 from flyrl.tasks.function import ALWAYS, task_function
 from flyrl.terrains import Terrain, terrain_from, terrain_named
-from flyrl.validation import did_you_mean, from_keys, one_of, plain, positive, within
+from flyrl.validation import did_you_mean, from_keys, one_of, plain, within
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -98,7 +98,6 @@ class EnvConfig:
         if interval is None and isinstance(task, Mapping):
             interval = task.get("decision_interval")
         if interval is not None:
-            positive("decision_interval", interval)
             within("decision_interval", interval, 0, LONGEST_DECISION_S)
         body = usual_body(task) if self.body is None else _named("body", self.body, BODIES)
         if not isinstance(task, Task):

@@ -196,12 +196,7 @@ class BatchedEnv:
             task takes.
         """
         self._check_open()
-        actions = np.asarray(action, dtype=np.float64)
-        shape = (self.num_envs, self.task.actions.size)
-        if actions.shape != shape:
-            raise ValueError(f"action has shape {actions.shape}; it must be {shape}")
-        if not np.isfinite(actions).all():
-            raise ValueError(f"action must be finite; got {actions[~np.isfinite(actions)][0]}")
+        actions = float_array("action", action, (self.num_envs, self.task.actions.size))
         if self._scores.goal is None:
             raise RuntimeError("step() was called before reset()")
         previous = self._previous = self.state

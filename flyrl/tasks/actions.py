@@ -167,12 +167,9 @@ class Neurons:
         given = np.asarray(actions, dtype=np.float64)
         last = np.array(self.pools) - 1.0
         if self.is_integer:
-            wrong = given != np.round(given)
-            if wrong.any():
-                raise ValueError(f"action must be whole numbers, got {given[wrong][0]}")
-            if (given < 0.0).any() or (given > last).any():
+            if ((given != np.round(given)) | (given < 0.0) | (given > last)).any():
                 raise ValueError(
-                    f"action must be whole numbers from 0 to {list(map(int, last))}, got "
+                    f"action must be whole numbers from 0 to {last.astype(int).tolist()}, got "
                     f"{given.tolist()}"
                 )
             return given

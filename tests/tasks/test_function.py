@@ -11,7 +11,6 @@ import pytest
 from flyrl.bodies.worm import CRAWLER
 from flyrl.envs.config import EnvConfig
 from flyrl.tasks import TASKS, Task, TaskFunction, task_from, task_record
-from flyrl.tasks.function import variant_of
 from flyrl.validation import Within
 
 TARGET = TASKS["target"]
@@ -51,14 +50,9 @@ def test_a_parameter_that_is_not_allowed_is_named(given, message):
         TARGET(**given)
 
 
-def test_the_task_carries_its_name_and_all_its_parameters():
-    task = TARGET(distance=[3, 30])
-    assert task.name == "target"
+def test_the_task_carries_its_parameters_and_equal_ones_give_the_same_task():
     parameters = {"distance": (3.0, 30.0), "bearing": 180.0, "reach": 1.0, "time_limit": 3.0}
-    assert task.parameters == parameters
-
-
-def test_equal_parameters_give_the_same_task():
+    assert TARGET(distance=[3, 30]).parameters == parameters
     assert TARGET(distance=[5, 15]) is TARGET()
     assert task_from("target") == TARGET()
     assert TARGET(reach=2) != TARGET()
@@ -161,15 +155,6 @@ def test_a_parameter_called_worm_takes_the_worm():
     longer = replace(CRAWLER, segments=7)
     assert EnvConfig(wriggle, body=longer).resolved_task.actions.size == 12
     assert wriggle.parameters == ()
-
-
-def test_a_variant_of_a_users_own():
-    @variant_of(TARGET)
-    def quick(task: Task) -> Task:
-        return replace(task, success=f"quick {task.parameters['reach']:g}")
-
-    assert quick(reach=2).success == "quick 2"
-    assert quick(reach=2).parameters["reach"] == 2.0
 
 
 def test_an_environment_takes_a_task_in_every_form():
