@@ -208,7 +208,7 @@ def evaluate(
     episodes
         Per terrain; the same ones for everybody.
     folder
-        Where each batch of episodes is kept until all are done, so that the same evaluation goes on
+        Where each batch of episodes is kept until all are done, so that the same evaluation resumes
         from there after an interruption; `write` it there in the end. None keeps nothing.
     progress_bar
         Whether to draw one on stderr.
@@ -317,13 +317,12 @@ def _episodes_differ(folder: Path, results: Results) -> list[str]:
         return [f"which ones cannot be said: {error}"]
     if len(before) != len(results.episodes):
         return [f"{len(before)} episodes, in the repeat {len(results.episodes)}"]
-    tables = before.align(results.episodes, join="outer", axis=1)
-    before, now = (each.astype(object).where(each.notna(), None) for each in tables)
-    is_other = (before != now) & (before.notna() | now.notna())
-    different = is_other.any(axis=1).to_numpy().nonzero()[0]
-    lines = [f"{len(different)} of {len(now)} episodes differ"]
-    for row in different[:_MAX_LISTED]:
-        one, other, key = before.iloc[row], now.iloc[row], is_other.iloc[row].idxmax()
+    before, now = before.align(results.episodes, join="outer", axis=1)
+    changed = before.compare(now)
+    lines = [f"{len(changed)} of {len(now)} episodes differ"]
+    for row in changed.head(_MAX_LISTED).index:
+        key = changed.loc[row].dropna().index[0][0]
+        one, other = before.loc[row], now.loc[row]
         lines.append(
             f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
             f"{key} {one[key]}, in the repeat {other[key]}"
