@@ -1,4 +1,4 @@
-"""What an environment is made of, and what a decision in it leads to."""
+"""Settings of an environment, checked and resolved, and as a record."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -89,7 +89,7 @@ class EnvConfig:
     scene: SceneConfig = field(init=False, repr=False)
     steps_per_decision: int = field(init=False, repr=False)
     decision_interval_s: float = field(init=False, repr=False)
-    """How long a decision is held, s."""
+    """Time for which a decision is held, s."""
 
     def __post_init__(self) -> None:
         for name in ("log_gait", "as_vectors"):
@@ -156,7 +156,7 @@ class EnvConfig:
 
     @property
     def creature(self) -> str:
-        """What the body is: "fly" or "worm"."""
+        """Word for the body: "fly" or "worm"."""
         creature: str = self.scene.batch_class.creature
         return creature
 
@@ -203,7 +203,7 @@ def config_for(
     given
         Fields of `EnvConfig`, parameters and other settings of the task.
     config
-        What to change.
+        Settings to change.
     others
         Keywords that the environment takes besides, for messages.
 
@@ -230,7 +230,7 @@ def with_task(given: Mapping[str, Any], known: Sequence[str], message: str) -> d
     known
         Keywords that are no settings of the task.
     message
-        Of the error, before the keyword.
+        Beginning of the error, before the keyword.
 
     Raises
     ------
@@ -315,7 +315,7 @@ def _found(
 
 
 def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:
-    """How many physics steps a decision is held.
+    """Number of physics steps for which a decision is held.
 
     Raises
     ------
@@ -368,7 +368,7 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
 
 
 def randomisation_text(record: Any) -> str:
-    """What is randomised, as one would type it, from the "randomisation" of a record."""
+    """Randomisation as one would type it, from the "randomisation" of a record."""
     given = record.items() if isinstance(record, dict) else ()
     # without quotes: a shell would take them off
     return ", ".join(f"{name}={value}" for name, value in given if value).replace("'", "") or "none"

@@ -1,4 +1,4 @@
-"""What an action of a task is, and what it commands the body to do."""
+"""Action spaces of tasks, and the commands that actions stand for."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Drives:
         Range of an action's components, mapped linearly to that of the command's; None: an action
         is the command itself.
     command
-        What the controller takes.
+        The controller's command: names and bounds.
     """
 
     low: float | None = -1.0

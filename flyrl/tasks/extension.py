@@ -42,13 +42,13 @@ def extended(
     Parameters
     ----------
     task
-        What to start from; it stays as it is.
+        Task to start from; it stays as it is.
     terms
-        By the place that each comes from, `module:attribute`, which goes into records. An
+        Terms to add, by the `module:attribute` that each comes from, for records. An
         observation term goes to the end of the observation, a reward term to that of the reward,
         and so on; but a term that has the name of one that is taken out goes to its place.
     weights
-        Of reward terms by name, the task's own and the added ones.
+        Weights of reward terms by name, the task's own and the added ones.
     without
         Names of the terms to take out, of terminations their outcomes. Where several tables have
         one of that name, `reward.success` says which.
