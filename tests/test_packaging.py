@@ -95,9 +95,46 @@ def test_commands_are_installed_scripts(wheel):
     assert "flyrl-evaluate = flyrl.cli.evaluate:main" in text
 
 
-def test_a_tiny_training_takes_package_assets_and_configs_from_the_wheel(python):
-    code = "import flyrl; print(flyrl.__file__); from flyrl.cli.train import main; main()"
-    where, *_, last = python("-c", code, *TINY_ARGUMENTS, "video_after=false").splitlines()
+ELSEWHERE = """
+import builtins, importlib, io, os, pkgutil, signal, sys
+import psutil  # has code of its own for each system
+
+for name in ("fcntl", "resource", "termios", "pwd", "grp"):
+    sys.modules[name] = None
+del os.sched_getaffinity, signal.SIGPIPE
+opened = io.open
+
+def without_proc(file, *args, **kwargs):
+    if str(file).startswith("/proc"):
+        raise FileNotFoundError(2, "No such file or directory", str(file))
+    return opened(file, *args, **kwargs)
+
+io.open = builtins.open = without_proc
+"""
+"""What only Linux has is gone: file locks by fcntl, a process's CPUs, /proc, SIGPIPE."""
+
+WORKS = """
+import flyrl, hydra_plugins.flyrl_ray_launcher
+print(flyrl.__file__)
+for module in pkgutil.walk_packages(flyrl.__path__, "flyrl."):
+    if not module.name.endswith("__main__"):
+        importlib.import_module(module.name)
+from flyrl.cli.train import main
+main()
+"""
+
+
+@pytest.mark.parametrize(
+    "needed", ["import fcntl", "os.sched_getaffinity(0)", "open('/proc/stat')"]
+)
+def test_what_only_linux_has_is_hidden(python, needed):
+    with pytest.raises(subprocess.CalledProcessError):
+        python("-c", ELSEWHERE + needed)
+
+
+def test_every_module_can_be_imported_from_the_wheel_and_a_tiny_training_runs_elsewhere(python):
+    arguments = (*TINY_ARGUMENTS, "video_after=false")
+    where, *_, last = python("-c", ELSEWHERE + WORKS, *arguments).splitlines()
     assert not Path(where).is_relative_to(ROOT)
     assert last.startswith("run: runs/")
 

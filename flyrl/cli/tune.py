@@ -60,6 +60,8 @@ def add_to(subparsers: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Start or resume a study; print its best trials."""
+    import pandas as pd  # noqa: PLC0415
+
     from flyrl.cli.terminal import print_table  # noqa: PLC0415
     from flyrl.validation import at_least  # noqa: PLC0415
 
@@ -87,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
             }
             for trial in best
         ]
-        print_table(list(rows[0]), rows)
+        print_table(pd.DataFrame(rows, dtype=object))
     counts = Counter(trial.state.name.lower() for trial in trials).most_common()
     print(f"{len(trials)} trials: {', '.join(f'{count} {state}' for state, count in counts)}")
     if best:
