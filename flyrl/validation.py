@@ -267,6 +267,15 @@ def tuples(value: Any) -> Any:
     return tuple(map(tuples, value)) if isinstance(value, list | tuple) else value
 
 
+def plain(value: Any) -> Any:
+    """Return `value` with dicts for dataclasses, lists for tuples, as JSON and YAML know them."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        value = dataclasses.asdict(value)
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    return list(map(plain, value)) if isinstance(value, list | tuple) else value
+
+
 @functools.cache
 def _checked_fields(cls: Any) -> list[tuple[str, Any]]:
     hints = typing.get_type_hints(cls, include_extras=True)

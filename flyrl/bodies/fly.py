@@ -7,9 +7,9 @@ origin; it is left out here). Units mm, g, s, rad; forces in µN.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import mujoco
 import numpy as np
@@ -30,10 +30,9 @@ from flyrl.bodies.table import (
     BodyName,
     BodyRow,
     BodyTable,
-    CollisionRow,
     body_table,
     leg_collision,
-    pose_degrees,
+    stretch_degrees,
     symmetric_table,
 )
 from flyrl.resources import assets_folder, muscle_profile, recorded_profile
@@ -203,18 +202,13 @@ def build_fly(
     spec.modelname = f"fly_{config.name}"
     spec.compiler.degree = False
     spec.option.gravity = GRAVITY
-    set_look(spec)
-
-    shapes = {row.segment: row for row in leg_collision()}
+    set_look(spec, extent=5.0, ambient=0.3, diffuse=0.25, specular=0.05)
     for row in table.bodies:
-        if is_of_legs(row.name, config.missing_legs):
-            ghost = replace(
-                row, mass=GHOST * row.mass, inertia=tuple(GHOST * i for i in row.inertia)
-            )
-            _add_body(spec, ghost, config.rigid_head)
+        is_missing = is_of_legs(row.name, config.missing_legs)
+        body = _add_body(spec, row, config.rigid_head, GHOST if is_missing else 1.0)
+        if is_missing:
             continue
-        body = _add_body(spec, row, config.rigid_head)
-        if (shape := shapes.get(f"R{row.name[1:]}")) is not None:
+        if (shape := leg_collision().get(f"R{row.name[1:]}")) is not None:
             _add_collision(spec, body, shape, contact)
         if visual and row.mesh is not None:
             _add_mesh(spec, body, row)
@@ -252,8 +246,7 @@ def stretch_pose() -> NDArray[np.float64]:
 
     From the published package's pose file; the same for both bodies.
     """
-    angles = pose_degrees("stretch")
-    return np.radians([angles[joint] for joint in JOINTS])
+    return np.radians([stretch_degrees()[joint] for joint in JOINTS])
 
 
 def spawn_offset(config: FlyConfig) -> NDArray[np.float64]:
@@ -270,16 +263,17 @@ def _table(config: FlyConfig) -> BodyTable:
     return symmetric_table(table) if config.symmetric else table
 
 
-def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool) -> mujoco.MjsBody:
+def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool, share: float) -> mujoco.MjsBody:
+    """Add a body with a share of its mass, and its joints."""
     parent = spec.worldbody if row.parent is None else spec.body(row.parent)
     body = parent.add_body(
         name=row.name,
         pos=row.pos,
         quat=row.quat,
-        mass=row.mass,
+        mass=share * row.mass,
         ipos=row.ipos,
         iquat=row.iquat,
-        inertia=row.inertia,
+        inertia=share * np.array(row.inertia),
         explicitinertial=True,
     )
     if row.parent is None:
@@ -297,20 +291,20 @@ def _add_body(spec: mujoco.MjSpec, row: BodyRow, rigid_head: bool) -> mujoco.Mjs
 
 
 def _add_collision(
-    spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: CollisionRow, contact: ContactConfig
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: dict[str, Any], contact: ContactConfig
 ) -> None:
     """Add the shapes of a leg segment: a hull for boxes, and what `contact` says for planes."""
     sign = np.array(REFLECTION if body.name.startswith("L") else (1.0, 1.0, 1.0))
     spec.add_mesh(
         name=f"{body.name}_hull",
-        uservert=(np.array(shape.vertices) * sign).ravel(),
+        uservert=(shape["hull"]["vertices"] * sign).ravel(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
     )
     hull = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": f"{body.name}_hull"}
     capsule = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
-        "fromto": np.concatenate([shape.start * sign, shape.end * sign]),
-        "size": (shape.radius, 0, 0),
+        "fromto": np.ravel([shape["capsule"]["from"] * sign, shape["capsule"]["to"] * sign]),
+        "size": (shape["capsule"]["radius"], 0, 0),
     }
     if body.name.endswith(contact.plane_segments):
         to_planes = {"capsule": capsule, "hull": hull}[contact.plane_shape]

@@ -171,16 +171,16 @@ def add_light(spec: mujoco.MjSpec, root: str) -> None:
     )
 
 
-def set_look(spec: mujoco.MjSpec) -> None:
-    """Viewing figures for a scene of a few mm; software rendering without multisampling."""
+def set_look(
+    spec: mujoco.MjSpec, extent: float, ambient: float, diffuse: float, specular: float
+) -> None:
+    """Set extent, mm, and headlight of a scene; software rendering without multisampling."""
     spec.visual.quality.offsamples = 0
     spec.visual.quality.shadowsize = 1024
-    spec.visual.global_.offwidth = 1280
-    spec.visual.global_.offheight = 720
-    spec.stat.extent = 5.0
+    spec.stat.extent = extent
     spec.visual.map.znear = 0.01
     spec.visual.map.zfar = 60.0
     spec.visual.map.shadowclip = 2.0
-    spec.visual.headlight.ambient = (0.3, 0.3, 0.3)
-    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
-    spec.visual.headlight.specular = (0.05, 0.05, 0.05)
+    spec.visual.headlight.ambient = (ambient,) * 3
+    spec.visual.headlight.diffuse = (diffuse,) * 3
+    spec.visual.headlight.specular = (specular,) * 3

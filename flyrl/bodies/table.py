@@ -61,25 +61,8 @@ class BodyTable:
 
     thorax_in_spawn_frame: Vector
     kp: float
-    force_range: tuple[float, float] | None
+    force_range: Vector | None
     bodies: tuple[BodyRow, ...]
-
-
-@dataclass(frozen=True)
-class CollisionRow:
-    """Collision shapes of a leg segment, in the body's frame, mm.
-
-    Attributes
-    ----------
-    start, end, radius : of the capsule: centres of its caps, and radius.
-    vertices : of the convex hull.
-    """
-
-    segment: str
-    start: Vector
-    end: Vector
-    radius: float
-    vertices: tuple[Vector, ...]
 
 
 def _read(path: str) -> dict[str, Any]:
@@ -97,35 +80,28 @@ def _body_row(row: dict[str, Any]) -> BodyRow:
 def body_table(name: BodyName) -> BodyTable:
     """Figures of the body called `name`; parents come before their children."""
     content = _read(f"bodies/{name}.json")
-    actuators = content["actuators"]
-    limits = actuators["force_range"]
     return BodyTable(
-        thorax_in_spawn_frame=tuple(content["thorax_in_spawn_frame"]),
-        kp=actuators["kp"],
-        force_range=None if limits is None else (limits[0], limits[1]),
+        thorax_in_spawn_frame=content["thorax_in_spawn_frame"],
+        kp=content["actuators"]["kp"],
+        force_range=content["actuators"]["force_range"],
         bodies=tuple(_body_row(row) for row in content["bodies"]),
     )
 
 
 @functools.cache
-def leg_collision() -> tuple[CollisionRow, ...]:
-    """Collision shapes of the 24 leg segments of the right side; both bodies have the same."""
-    return tuple(
-        CollisionRow(
-            segment=row["segment"],
-            start=tuple(row["capsule"]["from"]),
-            end=tuple(row["capsule"]["to"]),
-            radius=row["capsule"]["radius"],
-            vertices=tuple(tuple(vertex) for vertex in row["hull"]["vertices"]),
-        )
-        for row in _read("collision/legs.json")["segments"]
-    )
+def leg_collision() -> dict[str, dict[str, Any]]:
+    """Collision shapes of the 24 leg segments of the right side, the same in both bodies.
+
+    By segment: "capsule", "from" and "to" the centres of its caps, with a "radius"; and "hull", a
+    convex one of "vertices". In the body's frame, mm.
+    """
+    return {row["segment"]: row for row in _read("collision/legs.json")["segments"]}
 
 
 @functools.cache
-def pose_degrees(name: str) -> dict[str, float]:
-    """Joint angles of a stored pose, degrees by joint name. Only "stretch" is stored."""
-    angles: dict[str, float] = _read(f"poses/{name}.json")["angles"]
+def stretch_degrees() -> dict[str, float]:
+    """Angles of the stretch pose, degrees by joint name."""
+    angles: dict[str, float] = _read("poses/stretch.json")["angles"]
     return angles
 
 
@@ -181,13 +157,7 @@ def _mirror_image(right: BodyRow, of: BodyRow) -> BodyRow:
         iquat=_signed(right.iquat, QUATERNION_REFLECTION),
         inertia=right.inertia,
         joints=tuple(
-            JointRow(
-                joint.name,
-                joint.axis,
-                _signed(twin.pos, REFLECTION),
-                twin.stiffness,
-                twin.damping,
-            )
+            replace(twin, name=joint.name, axis=joint.axis, pos=_signed(twin.pos, REFLECTION))
             for joint, twin in zip(of.joints, right.joints, strict=True)
         ),
     )

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import PLANES
-from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY
+from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY, set_look
 from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 
@@ -204,22 +204,27 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
     muscles = spec.worldbody.add_body(name="muscles", **pose)
     body = spec.worldbody.add_body(name="Segment1", **pose)
     if crawls:
-        _add_crawling_root(body)
+        for name, axis in zip(CRAWLING_ROOT[:3], np.eye(3), strict=True):
+            body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+        body.add_joint(name=CRAWLING_ROOT[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES["z"])
     _add_segment(body, config, 1)
     for joint in range(1, config.segments):
         body = body.add_body(name=f"Segment{joint + 1}", pos=(-config.segment_length, 0.0, 0.0))
         _add_joint(body, config, joint)
         _add_segment(body, config, joint + 1)
         _add_muscles(spec, muscles, config, joint)
-    _set_look(spec, config)
+    length = config.segments * config.segment_length
+    set_look(spec, extent=length, ambient=0.35, diffuse=0.35, specular=0.1)
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=(0.0, -length, length),
+        dir=(0.3, 0.6, -0.7),
+        diffuse=(0.5, 0.48, 0.45),
+        specular=(0.2, 0.2, 0.2),
+        castshadow=False,
+    )
     return spec
-
-
-def _add_crawling_root(body: mujoco.MjsBody) -> None:
-    slides = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
-    for name, axis in zip(CRAWLING_ROOT[:3], slides, strict=True):
-        body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    body.add_joint(name=CRAWLING_ROOT[3], type=mujoco.mjtJoint.mjJNT_HINGE, axis=_AXES["z"])
 
 
 def _add_segment(body: mujoco.MjsBody, config: WormConfig, segment: int) -> None:
@@ -293,25 +298,3 @@ def _add_muscles(
         spec.add_numeric(name=f"{name}/strength", data=[config.strength], size=1)
         if config.anchored:
             spec.add_text(name=f"{name}/anchor", data=f"Segment{joint}")
-
-
-def _set_look(spec: mujoco.MjSpec, config: WormConfig) -> None:
-    """Light, and viewing figures for a scene of the worm's length."""
-    length = config.segments * config.segment_length
-    spec.visual.quality.offsamples = 0
-    spec.visual.quality.shadowsize = 1024
-    spec.stat.extent = length
-    spec.visual.map.znear = 0.01
-    spec.visual.map.zfar = 60.0
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.35, 0.35, 0.35)
-    spec.visual.headlight.specular = (0.1, 0.1, 0.1)
-    spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(0.0, -length, length),
-        dir=(0.3, 0.6, -0.7),
-        diffuse=(0.5, 0.48, 0.45),
-        specular=(0.2, 0.2, 0.2),
-        castshadow=False,
-    )

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import functools
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
-from flyrl.entry_points import is_entry_point
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
-from flyrl.training.runs import present_names
-from flyrl.validation import did_you_mean, one_of
+from flyrl.training.runs import flat, present_names
+from flyrl.validation import did_you_mean
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -23,39 +21,6 @@ if TYPE_CHECKING:
 
 EXTRAS: Final = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}
 """Hydra's launcher -> extra of flyrl that brings it."""
-
-GROUPS: Final = (
-    "body", "controller", "terrain", "physics", "randomisation", "task", "algo", "training",
-    "tuned", "logger", "experiment", "launcher",
-)  # fmt: skip
-"""Groups that a command line chooses from."""
-
-OWN: Final = ("controller", "task", "terrain")
-"""Groups whose choice may be module:attribute, a thing of the user's own."""
-
-
-_FLAGS: Final = (
-    "--help -h",
-    "--hydra-help",
-    "--version",
-    "--resolve",
-    "--run -r",
-    "--multirun -m",
-    "--shell-completion -sc",
-)
-_OPTIONS: Final = (
-    "--cfg -c",
-    "--package -p",
-    "--config-path -cp",
-    "--config-name -cn",
-    "--config-dir -cd",
-    "--experimental-rerun",
-)
-"""Hydra's options, without and with a value."""
-
-
-class UsageError(ValueError):
-    """A command line that cannot be meant so."""
 
 
 @dataclass(frozen=True)
@@ -77,45 +42,19 @@ class Sweep:
     jobs: tuple[tuple[str, ...], ...]
 
 
-def unknown_key(given: str, keys: Iterable[str]) -> UsageError:
+def unknown_key(given: str, keys: Iterable[str]) -> ValueError:
     """The error for a key that is not among `keys`; it names the closest one, if one is close."""
     if given.rpartition(".")[2] in {"device", "cuda", "gpu"}:
-        return UsageError(
+        return ValueError(
             f"there is no key {given!r}: training runs on the CPU, where the physics runs too and "
             "networks as small as these are as fast"
         )
-    hint = did_you_mean(given, keys) or " (--cfg job prints all keys)"
-    return UsageError(f"there is no key {given!r}{hint}")
+    part = "hydra" if given.startswith("hydra") else "job"
+    hint = did_you_mean(given, keys) or f" (--cfg {part} prints all keys)"
+    return ValueError(f"there is no key {given!r}{hint}")
 
 
-def with_own_things(arguments: Sequence[str]) -> list[str]:
-    """Write the user's own things as Hydra knows them.
-
-    `task=my_lab:forage task.sources=2` becomes `task=own`, `task.name=my_lab:forage` and
-    `++task.sources=2`. Other groups are deleted, and added anew: `~controller`,
-    `+controller.name=my_lab:Wave`. A sweep over choices, `controller=cpg,my_lab:Wave`, is one over
-    names.
-    """
-    own = {
-        key: value
-        for key, equals, value in (word.partition("=") for word in arguments)
-        if equals and key in OWN and any(map(is_entry_point, value.split(",")))
-    }
-    words: list[str] = []
-    for word in arguments:
-        key, _, value = word.partition("=")
-        if own.get(key) == value:
-            words += [f"~{key}", f"+{key}.name={value}"]
-            if key == "task":
-                words[-2:] = ["task=own", f"task.name={value}"]
-        elif key.partition(".")[0] in own:
-            words.append(f"++{word}")
-        else:
-            words.append(_by_present_name(word))
-    return words
-
-
-def _by_present_name(word: str) -> str:
+def by_present_name(word: str) -> str:
     """Write an override of a setting that had another name by the one that it has."""
     name = word.partition("=")[0].lstrip("+~")
     (present,) = present_names({name: None}, "training.")
@@ -145,7 +84,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
 
     Raises
     ------
-    UsageError
+    ValueError
         A key, group or choice that does not exist, a text that is no override, or a launcher that
         is not installed.
     """
@@ -157,65 +96,58 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
 
     from flyrl.cli.groups import HYDRA_VERSION, register  # noqa: PLC0415
 
-    register()
-    options = parsed_options(arguments)
-    if options.shell_completion:
+    options, words = _parsed(arguments)
+    register(words)
+    own = list(filter(None, (options.config_dir, options.config_path)))
+    for file in (file for folder in own for file in sorted(Path(folder).rglob("*.yaml"))):
+        load_yaml(file)  # without aliases, which Hydra would multiply
+    if options.is_shown:
         return None
     more = options.config_dir
     search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
-    own = list(filter(None, (more, options.config_path)))
-    for each in own:
-        for file in sorted(Path(each).rglob("*.yaml")):
-            load_yaml(file)  # without aliases, which Hydra would multiply
     folder = str(Path(options.config_path or configs_folder()).resolve())
-    name = options.config_name or config_name
-    asked: Sequence[str] = options.overrides
+    asked: Sequence[str] = words
     try:
         with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
-            overrides = OverridesParser.create().parse_overrides(list(asked))
+            overrides = OverridesParser.create().parse_overrides(words)
             if nameless := [each.input_line for each in overrides if not each.key_or_group]:
-                raise UsageError(f"{nameless[0]!r} names no key; write key=value")
+                raise ValueError(f"{nameless[0]!r} names no key; write key=value")
             jobs = _jobs(overrides)
             composed: dict[tuple[str, ...], DictConfig] = {}
-            for job in jobs:
-                asked = job
-                choices = _choices(job)
+            for asked in jobs:
+                choices = _choices(asked)
                 if choices not in composed:  # else other values of the same keys
-                    composed[choices] = compose(name, [*job, *search], return_hydra_config=True)
-            ours = next(iter(composed.values())).hydra
-            if name == config_name and not own:  # in others, Hydra alone knows what they hold
-                known = functools.cache(lambda: [*map(str, compose(name)), *GROUPS, "hydra"])
-                for config in composed.values():
-                    _check_used(config, overrides, known)
+                    overridden = [*asked, *search]
+                    composed[choices] = compose(config_name, overridden, return_hydra_config=True)
+            can_add = any(word.startswith(("+", "experiment=")) for word in words)
+            known = [*map(str, compose(config_name))] if can_add and not own else []
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise _explained(error, config_name, asked) from error
-    if options.help or options.hydra_help or options.cfg or options.info:
-        return None
-    if not (options.multirun or ours.mode == RunMode.MULTIRUN):
-        if several := [each.input_line for each in overrides if each.is_sweep_override()]:
-            raise UsageError(
-                f"{several[0]} names several values: add -m to run each of them, or quotes if it "
-                "is one value"
-            )
-        is_plain = own_overrides(asked) == tuple(asked) and not (own or options.experimental_rerun)
-        return next(iter(composed.values())) if is_plain else None
-    return Sweep(
-        Path(ours.sweep.dir),
-        any(each.key_or_group == "hydra.sweep.dir" for each in overrides),
-        tuple(own_overrides(job) for job in jobs),
-    )
+    for config in composed.values():
+        _check_used(config, overrides, known)
+    config = next(iter(composed.values()))
+    if options.multirun or config.hydra.mode == RunMode.MULTIRUN:
+        is_named = any(each.key_or_group == "hydra.sweep.dir" for each in overrides)
+        return Sweep(Path(config.hydra.sweep.dir), is_named, tuple(map(own_overrides, jobs)))
+    if len(jobs) > 1:
+        several = next(each.input_line for each in overrides if each.is_sweep_override())
+        raise ValueError(
+            f"{several} names several values: add -m to run each of them, or quotes if it is one "
+            "value"
+        )
+    is_plain = own_overrides(asked) == tuple(asked) and not own
+    return config if is_plain else None
 
 
-def parsed_options(arguments: Sequence[str]) -> argparse.Namespace:
-    """Options of Hydra's on a command line, and the `overrides` beside them."""
+def _parsed(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
+    """Options of Hydra's on a command line, with `is_shown`; and the overrides beside them."""
     parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("overrides", nargs="*")
-    parser.add_argument("--info", "-i", nargs="?", const="all")
-    for names in _FLAGS:
-        parser.add_argument(*names.split(), action="store_true")
-    for names in _OPTIONS:
-        parser.add_argument(*names.split())
-    return parser.parse_args(list(arguments))
+    parser.add_argument("--multirun", "-m", action="store_true")
+    parser.add_argument("--config-dir", "-cd")
+    parser.add_argument("--config-path", "-cp")
+    options, words = parser.parse_known_args(list(arguments))
+    options.is_shown = any(word.startswith("-") for word in words)
+    return options, words
 
 
 def _jobs(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
@@ -235,13 +167,13 @@ def _jobs(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
 
 def _choices(job: Iterable[str]) -> tuple[str, ...]:
     """Those overrides of a job that choose from a group, on which its keys depend."""
-    return tuple(item for item in job if item.lstrip("+~").partition("=")[0] in GROUPS)
+    from flyrl.cli.groups import group_names  # noqa: PLC0415
+
+    return tuple(item for item in job if item.lstrip("+~").partition("=")[0] in group_names())
 
 
-def _check_used(
-    config: DictConfig, overrides: Iterable[Override], known: Callable[[], Sequence[str]]
-) -> None:
-    """Raise UsageError if something would be ignored: a key that nothing reads, a choice.
+def _check_used(config: DictConfig, overrides: Iterable[Override], known: Sequence[str]) -> None:
+    """Raise ValueError if something would be ignored: a key that nothing reads, a choice.
 
     Parameters
     ----------
@@ -250,24 +182,22 @@ def _check_used(
     overrides
         On the command line.
     known
-        Gives the keys at the top, and groups; takes a tenth of a second.
+        Keys at the top; none where any may be there.
     """
-    for override in overrides:
-        key, value = override.key_or_group, override.value()
-        if override.is_add() or override.is_force_add():
-            if key.partition(".")[0] not in known():
-                raise unknown_key(key, known())
-        elif key in config and config[key] is None and value is not None:
-            raise UsageError(f"{override.input_line} has no effect with task={config.task.name}")
-        elif key == "experiment" and (more := {*map(str, config)} - {*known()}):
-            raise UsageError(
-                f"{override.input_line} is for another command: it sets {', '.join(sorted(more))}"
-            )
+    for each in overrides:
+        key = each.key_or_group
+        if key in config and config[key] is None and each.value() is not None:
+            raise ValueError(f"{each.input_line} has no effect with task={config.task.name}")
+    unknown = {*map(str, config if known else ())} - {*known, "hydra"}
+    for key in (each.key_or_group.partition(".")[0] for each in overrides):
+        if key in unknown:
+            raise unknown_key(key, known)
+    if unknown:
+        choice = f"experiment={config.hydra.runtime.choices.experiment}"
+        raise ValueError(f"{choice} is for another command: it sets {', '.join(sorted(unknown))}")
 
 
-def _explained(  # noqa: PLR0911
-    error: Exception, config_name: str, asked: Sequence[str]
-) -> UsageError:
+def _explained(error: Exception, config_name: str, asked: Sequence[str]) -> ValueError:
     """The error for what Hydra could not compose: in a line, with the closest match.
 
     Parameters
@@ -283,49 +213,33 @@ def _explained(  # noqa: PLR0911
 
     from flyrl.cli.groups import composed, groups  # noqa: PLC0415
 
+    text = str(error)
     if isinstance(error, OverrideParseException):
-        return UsageError(
+        text = (
             f"{error.override!r} cannot be read: settings are written key=value, as task=target; "
             "write unusual values in quotes of their own: \"key='a value'\""
         )
-    if isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
+    elif isinstance(error, MissingConfigException) and error.missing_cfg_file and error.options:
         group, _, choice = error.missing_cfg_file.rpartition("/")
         if group == "hydra/launcher" and choice in EXTRAS:
-            return UsageError(f"launcher {choice} needs: {install_command(EXTRAS[choice])}")
-        try:
-            one_of(group, choice, error.options)
-        except ValueError as explained:
-            return UsageError(str(explained))
-    text = str(error)
-    if found := re.match("Could not override '([^']+)'", text):
+            text = f"launcher {choice} needs: {install_command(EXTRAS[choice])}"
+        else:
+            options = ", ".join(map(repr, error.options))
+            hint = did_you_mean(choice, error.options)
+            text = f"{group} must be one of {options}, got {choice!r}{hint}"
+    elif found := re.match("Could not override '([^']+)'", text):
         key = found[1]
-        if key.startswith("hydra"):
-            return UsageError(f"there is no key {key!r} (--cfg hydra prints all keys of Hydra's)")
         group, _, rest = key.partition(".")
-        others = [item for item in asked if item.partition("=")[0] != key]
-        settings = composed(config_name, _choices(others))
-        having = [
-            name
-            for name, choice in groups().get(group, {}).items()
-            if rest in _keys(choice) and group in settings
-        ]
+        others = _choices(item for item in asked if item.partition("=")[0] != key)
+        settings = composed(config_name, others)
+        choices = groups().get(group, {}) if group in settings else {}
+        having = sorted(name for name, choice in choices.items() if rest in flat(choice))
         if having:
-            choices = ",".join(sorted(having))
-            return UsageError(f"there is no key {key!r} here, only with {group}={choices}")
-        known = [*_keys(settings), "experiment", "launcher"]
-        return unknown_key(key, [each for each in known if each != key])
-    if text.startswith("Config group override must be"):
-        return UsageError(f"a group takes the name of a choice, got {' '.join(_choices(asked))}")
-    if text.startswith("Error merging override"):  # without the reason
+            text = f"there is no key {key!r} here, only with {group}={','.join(having)}"
+        else:
+            return unknown_key(key, {*flat(settings), *settings, "experiment", "launcher"} - {key})
+    elif text.startswith("Config group override must be"):
+        text = f"a group takes the name of a choice, got {' '.join(_choices(asked))}"
+    elif text.startswith("Error merging override"):  # without the reason
         text += f": {error.__cause__}"
-    return UsageError("; ".join(text.strip().splitlines()))
-
-
-def _keys(settings: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """Every key, dotted, of groups and of values."""
-    found = []
-    for key, value in settings.items():
-        found.append(f"{prefix}{key}")
-        if isinstance(value, Mapping):
-            found += _keys(value, f"{prefix}{key}.")
-    return found
+    return ValueError("; ".join(text.strip().splitlines()))

@@ -1,8 +1,8 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
-from typing import Any, Final
+from dataclasses import MISSING, fields
+from typing import Any, Final, get_args
 
 from flyrl.envs.config import EnvConfig
 from flyrl.evaluation import EvaluationConfig
@@ -91,53 +91,19 @@ def _logger_config(config: Mapping[str, Any]) -> LoggerConfig | None:
     return logger
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluationSettings:
-    """The group `evaluation`.
+_OPTIONS: Final[Mapping[str, Any]] = {
+    "progress_bar": True,
+    "videos": True,
+    "camera": "goal",
+    "close_ups": True,
+    "drive_map": True,
+    "folder": None,
+}
+"""Settings of an evaluation beside those of its EvaluationConfig: see docs/evaluation.md."""
 
-    Attributes
-    ----------
-    given
-        Fields of the `EvaluationConfig`.
-    progress_bar
-        Whether to draw one on stderr.
-    videos
-        Whether to show videos, where a GL library can be used.
-    camera
-        View of the videos: goal (from the start towards the goal), follow (from ahead) or top.
-    close_ups
-        Whether to show gait diagrams and curves over time, and the walks under each drive.
-    drive_map
-        Whether these close-ups hold the walks under each drive.
-    folder
-        Folder of results and report; None makes a new one in `reports/`.
-    """
+SHOWN: Final = ("videos", "camera", "close_ups", "drive_map")
+"""Those of them that say what the report shows: `flyrl.front.results.Shown`."""
 
-    given: Mapping[str, Any]
-    progress_bar: bool = True
-    videos: bool = True
-    camera: Camera = "goal"
-    close_ups: bool = True
-    drive_map: bool = True
-    folder: str | None = None
-
-    def __post_init__(self) -> None:
-        check_fields(self, "evaluation")
-        if self.folder is not None:
-            file_path("folder", self.folder)
-
-    @property
-    def shown(self) -> dict[str, Any]:
-        """Parts of the report, as in `flyrl.front.results.Shown`."""
-        return {name: getattr(self, name) for name in _OPTIONS if name not in _NOT_SHOWN}
-
-    def record(self) -> dict[str, Any]:
-        """The group as it was composed, plain values."""
-        return {**self.given, **{name: getattr(self, name) for name in _OPTIONS}}
-
-
-_OPTIONS: Final = tuple(each.name for each in fields(EvaluationSettings))[1:]
-_NOT_SHOWN: Final = ("progress_bar", "folder")
 _OF_EVALUATION: Final = tuple(
     each.name
     for each in fields(EvaluationConfig)
@@ -150,40 +116,50 @@ def evaluation_defaults() -> dict[str, Any]:
     """Defaults of the group `evaluation`; null for mappings, as Hydra fills no empty ones."""
     defaults = {each.name: each.default for each in fields(EvaluationConfig)}
     given = {name: None if defaults[name] is MISSING else defaults[name] for name in _OF_EVALUATION}
-    return EvaluationSettings(given=given).record()
+    return {**given, **_OPTIONS}
 
 
-def evaluation_settings(config: Mapping[str, Any]) -> EvaluationSettings:
-    """Settings of the group `evaluation`, where one value stands for a list of one."""
-    known_keys("evaluation", config, (*_OF_EVALUATION, *_OPTIONS))
-    given = {key: value for key, value in config.items() if key in _OF_EVALUATION}
-    for key in _LISTS:
-        is_word = key == "film" and isinstance(given.get(key), str)
-        if isinstance(given.get(key), str | int | float | Mapping) and not is_word:
-            given[key] = [given[key]]
-    options = {key: value for key, value in config.items() if key in _OPTIONS}
-    return EvaluationSettings(given=given, **options)
+def evaluation_settings(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of an evaluation with their defaults, where one value stands for a list of one.
 
+    Parameters
+    ----------
+    config
+        The group `evaluation`; or what holds its keys beside other groups, as
+        `configs/evaluate.yaml` does.
 
-def own_settings(record: Mapping[str, Any]) -> EvaluationSettings:
-    """Settings of an evaluation that stand beside its groups, as in `configs/evaluate.yaml`."""
-    own = {key: value for key, value in record.items() if key not in ENV_GROUPS}
-    # entrants bring their own controllers; a task for worms says that there is none
-    if own.get("controller", "") is None:
+    Raises
+    ------
+    ValueError
+        A key that does not exist, or a value of `_OPTIONS` that is not allowed.
+    """
+    own = {key: value for key, value in config.items() if key not in ENV_GROUPS}
+    if own.get("controller", "") is None:  # in a task for worms; entrants bring their own
         del own["controller"]
-    return evaluation_settings(own)
+    known_keys("evaluation", own, (*_OF_EVALUATION, *_OPTIONS))
+    for key in _LISTS:
+        is_word = key == "film" and isinstance(own.get(key), str)
+        if isinstance(own.get(key), str | int | float | Mapping) and not is_word:
+            own[key] = [own[key]]
+    options = {name: own.pop(name, default) for name, default in _OPTIONS.items()}
+    for name in ("progress_bar", "videos", "close_ups", "drive_map"):
+        one_of(name, options[name], (False, True))
+    one_of("camera", options["camera"], get_args(Camera))
+    if options["folder"] is not None:
+        file_path("folder", options["folder"])
+    return {**own, **options}
 
 
 def _varied(given: Any) -> dict[str, tuple[Any, ...]]:
     """Values of each quantity, with tuples in place of lists; one value is a list of one."""
     return {
         name: tuples(values if isinstance(values, list | tuple) else [values])
-        for name, values in group({"vary": given or {}}, "vary").items()
+        for name, values in group({"vary": given}, "vary").items()
     }
 
 
 def evaluation_config(
-    config: Mapping[str, Any], settings: EvaluationSettings, command: str
+    config: Mapping[str, Any], settings: Mapping[str, Any], command: str
 ) -> EvaluationConfig:
     """Settings of an evaluation.
 
@@ -192,7 +168,7 @@ def evaluation_config(
     config
         Holds the groups task, body, physics and randomisation.
     settings
-        The group evaluation.
+        As `evaluation_settings` returns them.
     command
         What was typed.
 
@@ -205,19 +181,16 @@ def evaluation_config(
     task = group(config, "task")
     asked = task.pop("decision_interval", None)
     env = env_config({**groups, "task": task})
-    given = settings.given
+    given = {name: settings[name] for name in _OF_EVALUATION if name in settings}
+    given |= {name: given.get(name) or {} for name in ("vary", "smallest_effects")}
     found = EvaluationConfig(
-        **{
-            **given,
-            "vary": _varied(given.get("vary")),
-            "smallest_effects": given.get("smallest_effects") or {},
-        },
+        **{**given, "vary": _varied(given["vary"])},
         task=task,
         body=env.scene.body,
         physics=env.scene.physics,
         randomisation=env.resolved_randomisation,
-        progress=settings.progress_bar,
-        settings={**groups, **settings.record()},
+        progress=settings["progress_bar"],
+        settings={**groups, **settings},
         command=command,
     )
     own = found.env(found.terrains[0]).decision_interval_s

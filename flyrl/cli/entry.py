@@ -10,7 +10,6 @@ import os
 import re
 import signal
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 
-from flyrl.cli.arguments import Sweep, check_arguments, own_overrides, with_own_things
+from flyrl.cli.arguments import Sweep, by_present_name, check_arguments, own_overrides
 from flyrl.cli.groups import HYDRA_VERSION
 from flyrl.cli.terminal import Failure, program, reported
 from flyrl.files import new_folder, usable_folder, write_text
@@ -89,7 +88,7 @@ def run_command(
     """
     with reported(), _sigterm_as_ctrl_c() as stopped_by:
         command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
-        sys.argv[1:] = with_own_things(arguments)  # where Hydra reads them
+        sys.argv[1:] = map(by_present_name, arguments)  # where Hydra reads them
         asked = check_arguments(config_name, sys.argv[1:])
         names = job_names(asked.jobs if isinstance(asked, Sweep) else ())
         here, process = Path.cwd(), os.getpid()
@@ -145,9 +144,6 @@ def _sigterm_as_ctrl_c() -> Iterator[list[int]]:
         numbers.append(number)
         raise KeyboardInterrupt(number)
 
-    if threading.current_thread() is not threading.main_thread():  # where no handler can be set
-        yield numbers
-        return
     before = signal.signal(signal.SIGTERM, stop)
     try:
         yield numbers
@@ -272,9 +268,9 @@ def _run_sweep(
     else:
         folder = new_folder(folder.parent, folder.name)
         place = "hydra.sweep.dir='{}'".format(str(folder).replace("'", r"\'"))
-        words = [i for i, text in enumerate(sys.argv) if i and "=" in text and text[0] != "-"]
         # beside the others: Hydra takes no overrides on both sides of an option
-        sys.argv.insert(words[0] if words else len(sys.argv), place)
+        is_option = [word.startswith("-") or "=" not in word for word in sys.argv]
+        sys.argv.insert([*is_option, False].index(False), place)
     notes = {note_of(folder, job): title for job, (title, _) in job_names(asked.jobs).items()}
     for note in notes:
         note.unlink(missing_ok=True)
@@ -298,7 +294,7 @@ def _run_sweep(
             print(printable(f"failed: {title}: {ending}"), file=sys.stderr)
     if failures:
         print(
-            f"go on with what is missing: the same command with hydra.sweep.dir={folder}",
+            f"resume what is missing: the same command with hydra.sweep.dir={folder}",
             file=sys.stderr,
         )
     print(f"sweep: {folder}")

@@ -15,7 +15,6 @@ from flyrl.files import new_folder
 from flyrl.text import plain_name
 
 if TYPE_CHECKING:
-    from flyrl.cli.config import EvaluationSettings
     from flyrl.evaluation import Entrant, EvaluationConfig
 
 
@@ -49,22 +48,23 @@ def run(record: dict[str, Any], start: Start) -> Path:
     SystemExit
         With status 1 if someone is out, unless this is a job of a sweep: that goes on.
     """
-    from flyrl.cli.config import own_settings  # noqa: PLC0415
+    from flyrl.cli.config import SHOWN, evaluation_settings  # noqa: PLC0415
 
-    settings = own_settings(record)
+    settings = evaluation_settings(record)
     config, entrants = comparison(record, settings, start.command)
     from flyrl.front.results import compare, results_folder  # noqa: PLC0415
 
-    if settings.folder is None:
+    if settings["folder"] is None:
         now = datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
         parent = start.sweep or Path("reports")
         name = "_".join(filter(None, [now, plain_name(config.resolved_task.name), start.label]))
         folder = new_folder(parent, name)
     else:
-        folder = results_folder(settings.folder)
+        folder = results_folder(settings["folder"])
     try:
         results = compare(config, folder, entrants)
-        print(f"report: {results.write(folder, **settings.shown)}")
+        report = results.write(folder, **{name: settings[name] for name in SHOWN})
+        print(f"report: {report}")
     except KeyboardInterrupt:
         print(f"resume with: folder={folder}", file=sys.stderr)
         raise
@@ -74,7 +74,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
 
 
 def comparison(
-    record: dict[str, Any], settings: EvaluationSettings, command: Sequence[str]
+    record: dict[str, Any], settings: dict[str, Any], command: Sequence[str]
 ) -> tuple[EvaluationConfig, list[Entrant]]:
     """Settings of the evaluation, checked down to the policy files, and who takes part.
 

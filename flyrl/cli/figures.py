@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from flyrl.cli.terminal import Subparsers, path_argument
 
@@ -47,13 +47,8 @@ def add_to(subparsers: Subparsers) -> None:
         + "\n\nexample:\n  flyrl figures cpg_tripod turn",
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="which (default: all)")
-    parser.add_argument(
-        "--output",
-        type=path_argument,
-        default=Path("figures"),
-        metavar="FOLDER",
-        help="where they go (default: figures)",
-    )
+    folder: dict[str, Any] = {"type": path_argument, "default": Path("figures")}
+    parser.add_argument("--output", **folder, help="folder where they go (default: figures)")
     parser.set_defaults(run=run)
 
 

@@ -7,7 +7,7 @@ import functools
 import hashlib
 import importlib.util
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +17,7 @@ from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
+from flyrl.entry_points import is_entry_point
 from flyrl.files import write_text
 from flyrl.resources import configs_folder, tuned_name
 
@@ -26,16 +27,8 @@ if TYPE_CHECKING:
 HYDRA_VERSION: Final = "1.3"
 """Hydra's behaviour that the configs are written for."""
 
-_OWN_TASK: Final[Mapping[str, Any]] = {
-    "name": "???",
-    "time_limit": None,
-    "drive_time_constant": None,
-    "decision_interval": None,
-    "terms": [],
-    "without": [],
-    "weights": {},
-}
-"""A task of the user's own: task=my_lab:forage is task=own task.name=my_lab:forage."""
+OWN: Final = ("controller", "task", "terrain")
+"""Groups whose choice may be module:attribute, a thing of the user's own."""
 
 
 @functools.cache
@@ -107,7 +100,6 @@ def _tasks() -> Iterator[tuple[str, dict[str, Any]]]:
         settings = {**task_record(function()), "decision_interval": None}
         settings["time_limit"] = settings["time_limit"] or TIME_LIMIT
         yield name, settings if function.worm is None else _with_worm(function, settings)
-    yield "own", dict(_OWN_TASK)
 
 
 def _with_worm(function: "TaskFunction", settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -122,9 +114,29 @@ def _with_worm(function: "TaskFunction", settings: Mapping[str, Any]) -> dict[st
     }
 
 
+def group_names() -> set[str]:
+    """Groups that a command line chooses from: of flyrl's tables, and of `configs/`."""
+    return {*groups(), "experiment", "launcher", "tuned"}
+
+
+def register(arguments: Iterable[str] = ()) -> None:
+    """Put the groups into Hydra's store, where the defaults lists of `configs/` find them.
+
+    Parameters
+    ----------
+    arguments
+        Their choices of the form module:attribute, as in `controller=cpg,my_lab:Wave`, become
+        choices of Hydra's, too, with any keys; Hydra escapes their colon with a backslash.
+    """
+    _register_groups()
+    for key, _, value in (word.replace("\\", "").partition("=") for word in arguments):
+        for name in filter(is_entry_point, value.split(",") if key in OWN else ()):
+            node = OmegaConf.create({"name": name}, flags={"struct": False})
+            ConfigStore.instance().store(name=name, node=node, group=key)
+
+
 @functools.cache
-def register() -> None:
-    """Put the groups into Hydra's store, where the defaults lists of `configs/` find them."""
+def _register_groups() -> None:
     store = ConfigStore.instance()
     for group, choices in groups().items():
         for name, settings in choices.items():
@@ -143,7 +155,7 @@ OmegaConf.register_new_resolver("flyrl.tuned", _tuned, replace=True)
 
 def composed(config_name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
     """Settings that a command line with these overrides stands for, as plain values."""
-    register()
+    register(overrides)
     folder = str(configs_folder().resolve())
     with initialize_config_dir(folder, job_name=config_name, version_base=HYDRA_VERSION):
         config = compose(config_name, list(overrides))

@@ -28,7 +28,15 @@ _NONE: Final = "none"
 
 NAMES: Final = ("fly", "worm")
 
-_OF_THE_FLY: Final = ("terrain", "controller", "gait", "physics", "body", "policy", "seed")
+_OF_THE_FLY: Final = {
+    "terrain": "what it walks on: a name, or module:attribute of your own",
+    "controller": "what moves its legs: a name, or module:attribute of your own",
+    "gait": "order in which its legs step",
+    "physics": "preset of the physics",
+    "body": "which fly",
+    "policy": f"what steers it to targets at first (default: {_PILOT}); {_NONE!r}: a person",
+    "seed": "of its first reset",
+}
 """Options that a fly alone has."""
 
 
@@ -52,18 +60,9 @@ def add_to(subparsers: Subparsers) -> None:
         help=f"what to play: {' or '.join(NAMES)} (default: {NAMES[0]})",
     )
     fly = parser.add_argument_group("the fly, as it begins; all this can be changed in the page")
-    own = "a name, or module:attribute of your own"
-    fly.add_argument("--terrain", metavar="NAME", help=f"what it walks on: {own}")
-    fly.add_argument("--controller", metavar="NAME", help=f"what moves its legs: {own}")
-    fly.add_argument("--gait", metavar="NAME", help="order in which its legs step")
-    fly.add_argument("--physics", metavar="NAME", help="preset of the physics")
-    fly.add_argument("--body", metavar="NAME", help="which fly")
-    fly.add_argument(
-        "--policy",
-        metavar="POLICY",
-        help=f"what steers it to targets at first (default: {_PILOT}); {_NONE!r}: a person",
-    )
-    fly.add_argument("--seed", type=int, metavar="N", help="of its first reset")
+    for option, about in _OF_THE_FLY.items():
+        kind = int if option == "seed" else str
+        fly.add_argument(f"--{option}", type=kind, metavar=option.upper(), help=about)
     page = parser.add_argument_group("the page")
     page.add_argument(
         "--port",
@@ -71,9 +70,8 @@ def add_to(subparsers: Subparsers) -> None:
         default=_PORT,
         help=f"where the page is served; 0 for any free port (default: {_PORT})",
     )
-    page.add_argument(
-        "--no-browser", action="store_true", help="open no browser, only print the address"
-    )
+    only = "open no browser, only print the address"
+    page.add_argument("--no-browser", action="store_true", help=only)
     page.add_argument(
         "--log",
         type=path_argument,
@@ -109,15 +107,13 @@ def run(options: argparse.Namespace) -> int:
     given = {name: value for name, value in given.items() if value is not None}
     if options.name != "fly" and given:
         raise ValueError(f"--{next(iter(given))} goes with the fly only, got {options.name!r}")
-    if options.name == "fly":
-        # before an address is printed; the defaults are right, and quicker unchecked
-        is_checked = bool(given)
-        given["policy"] = None if options.policy == _NONE else options.policy or _PILOT
-        if is_checked:
-            from flyrl.play.fly_setting import PlayedFlyConfig, pilots  # noqa: PLC0415
+    policy = given.get("policy", _PILOT)
+    settings = {**given, "policy": None if policy == _NONE else policy}
+    if given:  # before an address is printed; the defaults are right, and quicker unchecked
+        from flyrl.play.fly_setting import PlayedFlyConfig, pilots  # noqa: PLC0415
 
-            pilots(PlayedFlyConfig(**given).policy)
-    return serve(lambda: _make(options.name, given), options)
+        pilots(PlayedFlyConfig(**settings).policy)
+    return serve(lambda: _make(options.name, settings), options)
 
 
 def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
@@ -169,7 +165,7 @@ def serve(make: Callable[[], Playable], options: argparse.Namespace) -> int:
     return 0
 
 
-def _make(name: str, given: Mapping[str, Any]) -> Playable:
+def _make(name: str, settings: Mapping[str, Any]) -> Playable:
     if name == "worm":
         from flyrl.play.worm import PlayedWorm  # noqa: PLC0415
 
@@ -177,7 +173,7 @@ def _make(name: str, given: Mapping[str, Any]) -> Playable:
     from flyrl.play.fly import PlayedFly  # noqa: PLC0415
     from flyrl.play.fly_setting import PlayedFlyConfig  # noqa: PLC0415
 
-    return PlayedFly(PlayedFlyConfig(**given))
+    return PlayedFly(PlayedFlyConfig(**settings))
 
 
 def _open_browser(address: str) -> None:

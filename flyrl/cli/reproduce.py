@@ -6,16 +6,13 @@ import argparse
 import shlex
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any
 
 from flyrl.cli.terminal import Subparsers, path_argument, program
 from flyrl.entry_points import check_trust
 from flyrl.text import printable
 
 IDENTICAL, DIFFERENT = 0, 1
-
-REPORTS: Final = (".html", ".htm")
-"""How the name of a report ends."""
 
 
 def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> int:
@@ -41,7 +38,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     OSError
         A file cannot be read, or written.
     """
-    from flyrl.cli.config import evaluation_config, own_settings  # noqa: PLC0415
+    from flyrl.cli.config import evaluation_config, evaluation_settings  # noqa: PLC0415
     from flyrl.front.results import (  # noqa: PLC0415
         compare,
         differences_from_report,
@@ -53,7 +50,7 @@ def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> in
     if not record:
         raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
     check_trust(path, record, is_trusted, "--trust")
-    settings = own_settings({**record, "progress_bar": True})
+    settings = evaluation_settings({**record, "progress_bar": True})
     config = evaluation_config(record, settings, " ".join(sys.argv))
     if output is not None:
         results_folder(output)
@@ -77,27 +74,17 @@ def add_to(subparsers: Subparsers) -> None:
         epilog="Exit status: 0 if they are, 1 if not, 2 for an error. Example: flyrl reproduce "
         "runs/2026-01-31_120000_target_flat_ppo_0",
     )
+    path: dict[str, Any] = {"type": path_argument, "metavar": "FOLDER"}
+    parser.add_argument("original", **path, help="of the run to repeat, or a report.html")
     parser.add_argument(
-        "original",
-        type=path_argument,
-        metavar="RUN",
-        help="folder of the run to repeat, or a report.html",
-    )
-    parser.add_argument(
-        "--runs-folder", type=path_argument, default=Path("runs"), help="where to (default: runs)"
+        "--runs-folder", **path, default=Path("runs"), help="where to (default: runs)"
     )
     parser.add_argument(
         "--repeat",
-        type=path_argument,
-        metavar="FOLDER",
-        help="compare with this repeat, made before; one that was interrupted goes on first",
+        **path,
+        help="compare with this repeat, made before; one that was interrupted is resumed first",
     )
-    parser.add_argument(
-        "--output",
-        type=path_argument,
-        metavar="FOLDER",
-        help="of a report: where to write the repeat's",
-    )
+    parser.add_argument("--output", **path, help="of a report: where to write the repeat's")
     parser.add_argument(
         "--trust",
         action="store_true",
@@ -108,7 +95,7 @@ def add_to(subparsers: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Repeat the run, or the evaluation, and compare."""
-    if options.original.suffix in REPORTS:
+    if options.original.suffix in (".html", ".htm"):
         return reproduce_report(options.original, is_trusted=options.trust, output=options.output)
     from flyrl.cli.config import training_config  # noqa: PLC0415
     from flyrl.training.learn import repeat_run  # noqa: PLC0415
@@ -124,8 +111,8 @@ def run(options: argparse.Namespace) -> int:
     command = [*program(), *sys.argv[1:]]
     again = repeat_run(training_config(settings), options.runs_folder, options.repeat, command)
     if again.interrupted_by is not None:
-        go_on = ["flyrl", "reproduce", str(options.original), "--repeat", str(again.folder)]
-        print(f"interrupted; go on with: {shlex.join(go_on)}", file=sys.stderr)
+        resume = ["flyrl", "reproduce", str(options.original), "--repeat", str(again.folder)]
+        print(f"interrupted; resume with: {shlex.join(resume)}", file=sys.stderr)
         return 128 + again.interrupted_by
     result = compare(original, read_run(again.folder))
     print(f"policy: {result.policy or 'identical, bit for bit'}")

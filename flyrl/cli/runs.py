@@ -6,7 +6,7 @@ import argparse
 import datetime
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,22 +15,8 @@ from flyrl.cli.terminal import Subparsers, path_argument
 if TYPE_CHECKING:
     from flyrl.training.runs import RunSummary
 
-COLUMNS: Final = (
-    "name",
-    "task",
-    "terrain",
-    "algo",
-    "seed",
-    "decisions",
-    "state",
-    "best",
-    "last",
-    "time",
-    "commit",
-)
 _FILTERS: Final = ("task", "terrain", "algo", "seed", "state")
-
-Row = dict[str, Any]
+COLUMNS: Final = ("name", *_FILTERS[:4], "decisions", "state", "best", "last", "time", "commit")
 
 
 def add_to(subparsers: Subparsers) -> None:
@@ -84,8 +70,10 @@ def add_to(subparsers: Subparsers) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """List the runs."""
+    import pandas as pd  # noqa: PLC0415
+
     from flyrl.cli.terminal import print_table  # noqa: PLC0415
-    from flyrl.text import csv_text  # noqa: PLC0415
+    from flyrl.text import csv_table  # noqa: PLC0415
     from flyrl.training.runs import find_runs, read_run  # noqa: PLC0415
 
     missing = [str(path) for path in options.paths if not path.is_dir()]
@@ -93,19 +81,30 @@ def run(options: argparse.Namespace) -> int:
         raise ValueError(f"there is no folder {missing[0]}")
     found = {run: folder for folder in options.paths for run in find_runs(folder)}
     rows = [{**row(read_run(path)), "name": name} for name, path in _named(found).items()]
+    table = pd.DataFrame(rows, columns=[*COLUMNS, "problems"], dtype=object)
     for key in _FILTERS:
-        wanted = getattr(options, key)
-        rows = [entry for entry in rows if wanted is None or str(entry[key]) in wanted]
-    rows = sort(rows, options.sort, is_reversed=options.reverse)
-    has_problems = any(entry["problems"] for entry in rows)
-    columns = (*COLUMNS, "problems") if has_problems else COLUMNS
+        if wanted := getattr(options, key):
+            table = table[table[key].map(str).isin(wanted)]
+    table = table.sort_values(options.sort, ascending=not options.reverse, kind="stable")
+    if not table["problems"].any():
+        del table["problems"]
     if options.csv:
-        sys.stdout.write(csv_text(columns, rows))
-    elif rows:
-        print_table(columns, [_readable(entry) for entry in rows])
+        sys.stdout.write(csv_table(table))
+    elif len(table):
+        for column, text in _TEXTS.items():
+            table[column] = table[column].map(text, na_action="ignore")
+        print_table(table)
     else:
         print("no such runs")
     return 0
+
+
+_TEXTS: Final[Mapping[str, Callable[[float], str]]] = {
+    "best": "{:.1%}".format,
+    "last": "{:.1%}".format,
+    "time": lambda seconds: str(datetime.timedelta(seconds=round(seconds))),
+}
+"""Columns as people read them."""
 
 
 def _named(runs: Mapping[Path, Path]) -> dict[str, Path]:
@@ -118,11 +117,14 @@ def _named(runs: Mapping[Path, Path]) -> dict[str, Path]:
     return {name if taken[name] == 1 else str(run): run for run, name in short.items()}
 
 
-def row(run: RunSummary) -> Row:
-    """What the list says of a run, keyed by `COLUMNS`; and `problems`."""
+def row(run: RunSummary) -> dict[str, Any]:
+    """Values of `COLUMNS` of a run; and its `problems`."""
     from flyrl.training.runs import names_of  # noqa: PLC0415
 
     best, last = run.best, run.last
+    git = run.provenance.get("git")
+    commit = git.get("commit") if isinstance(git, dict) else None
+    is_dirty = isinstance(git, dict) and bool(git.get("is_dirty"))
     return {
         "name": run.path.name,
         **names_of(run),
@@ -132,35 +134,10 @@ def row(run: RunSummary) -> Row:
         "best": best and best["success_rate"],
         "last": last and last["success_rate"],
         "time": run.wall_time_s,
-        "commit": commit(run),
+        # short, with a plus if the code had changes
+        "commit": commit[:7] + "+" * is_dirty if isinstance(commit, str) else None,
         "problems": "; ".join(run.problems),
     }
-
-
-def commit(run: RunSummary) -> str | None:
-    """Short commit of the code, with a plus if that had changes."""
-    git = run.provenance.get("git")
-    if not isinstance(git, dict) or not isinstance(git.get("commit"), str):
-        return None
-    return str(git["commit"])[:7] + "+" * bool(git.get("is_dirty"))
-
-
-def sort(rows: Sequence[Row], column: str, *, is_reversed: bool = False) -> list[Row]:
-    """Rows in order of a column; those without a value come last, either way."""
-    known = [entry for entry in rows if entry[column] is not None]
-    unknown = [entry for entry in rows if entry[column] is None]
-    return sorted(known, key=lambda entry: entry[column], reverse=is_reversed) + unknown
-
-
-def _readable(entry: Row) -> Row:
-    """The row with success in per cent and time in hours, minutes and seconds."""
-    shown = dict(entry)
-    for key in ("best", "last"):
-        if shown[key] is not None:
-            shown[key] = f"{shown[key]:.1%}"
-    if shown["time"] is not None:
-        shown["time"] = str(datetime.timedelta(seconds=round(shown["time"])))
-    return shown
 
 
 def run_sweep(options: argparse.Namespace) -> int:
@@ -173,9 +150,11 @@ def run_sweep(options: argparse.Namespace) -> int:
 
 def compare_folders(folders: Sequence[Path], output: Path) -> None:
     """Compare the runs in some folders: print the table, write it and the learning curves."""
+    import pandas as pd  # noqa: PLC0415
+
     from flyrl.cli.terminal import print_table  # noqa: PLC0415
     from flyrl.front.comparison import compare_folders  # noqa: PLC0415
 
-    compared = compare_folders(folders, output)
-    print_table(list(compared.rows[0]), compared.rows)
-    print(*compared.notes, sep="\n")
+    rows, notes = compare_folders(folders, output)
+    print_table(pd.DataFrame(rows, dtype=object))
+    print(*notes, sep="\n")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import signal
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from flyrl.text import printable
 
 if TYPE_CHECKING:
-    from rich.text import Text
+    import pandas as pd
 
 LEFT_OUT: Final = 1
 """Exit status: done, but something was left out, failed or differs: the command says what."""
@@ -171,37 +172,16 @@ def settings_argument(text: str) -> Any:
         raise argparse.ArgumentTypeError(f"{text} is no YAML") from error
 
 
-NOTHING: Final = "-"
-_PIPE_WIDTH: Final = 1000
-"""Characters of a line that goes into a file or a pipe, where nothing needs folding."""
+def print_table(table: pd.DataFrame) -> None:
+    """Print rows under the heads of their columns; nothing as a dash.
 
-Row = Mapping[str, Any]
-
-
-def print_table(columns: Sequence[str], rows: Sequence[Row]) -> None:
-    """Print rows under the heads of their columns; numbers to the right, nothing as a dash."""
-    from rich import box  # noqa: PLC0415
-    from rich.console import Console  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for column in columns:
-        is_number = all(isinstance(row.get(column), int | float | None) for row in rows)
-        table.add_column(_text(column), justify="right" if is_number else "left", overflow="fold")
-    for row in rows:
-        table.add_row(*(_text(row.get(column)) for column in columns))
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _PIPE_WIDTH
-    console.print(table)
+    On a terminal that is too narrow, the columns come in several blocks. What a stranger's file
+    holds cannot move the cursor or colour the terminal.
+    """
+    cells = table.map(_text, na_action="ignore").fillna("-").rename(columns=_text)
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    print(cells.to_string(index=False, line_width=width))
 
 
-def _text(value: Any) -> Text:
-    """A cell; what a stranger's file holds cannot move the cursor or colour the terminal."""
-    from rich.text import Text  # noqa: PLC0415
-
-    if value is None:
-        return Text(NOTHING)
-    if isinstance(value, float):
-        return Text(f"{value:.4g}")
-    return Text(printable(str(value)))
+def _text(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else printable(str(value))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,8 +33,8 @@ def run(record: dict[str, Any], start: Start) -> Path:
     record
         Plain values, resolved.
     start
-        How the command was started. In the folder of a sweep, a run that comes to the same is gone
-        on with, with its own settings, or left as it is if it is finished.
+        How the command was started. In the folder of a sweep, a run that comes to the same is
+        resumed with its own settings, or left as it is if it is finished.
 
     Returns
     -------
@@ -48,7 +47,12 @@ def run(record: dict[str, Any], start: Start) -> Path:
         comparison, unless this is a job of a sweep: that goes on.
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
-    from flyrl.cli.config import evaluation_settings, group, training_config  # noqa: PLC0415
+    from flyrl.cli.config import (  # noqa: PLC0415
+        SHOWN,
+        evaluation_settings,
+        group,
+        training_config,
+    )
     from flyrl.cli.evaluate import comparison  # noqa: PLC0415
     from flyrl.progress import whole_job  # noqa: PLC0415
     from flyrl.validation import file_path, one_of  # noqa: PLC0415
@@ -70,11 +74,11 @@ def run(record: dict[str, Any], start: Start) -> Path:
     from flyrl.front.results import compare, results_folder  # noqa: PLC0415
     from flyrl.front.runs import learn, simulated_shares  # noqa: PLC0415
 
-    if compared and settings.folder is not None:
-        results_folder(settings.folder)
+    if compared and settings["folder"] is not None:
+        results_folder(settings["folder"])
     shares: dict[str, float] = {}
     if compared and config.training.progress_bar:
-        shares = simulated_shares(config, *compared, videos=settings.videos)
+        shares = simulated_shares(config, *compared, videos=settings["videos"])
     is_new = start.sweep and not resumed
     earlier = earlier_run(config, runs, [*by_key(start.overrides)]) if is_new else None
     if earlier and earlier.state == "finished":
@@ -94,12 +98,12 @@ def run(record: dict[str, Any], start: Start) -> Path:
         )
         run = finished.folder
         if finished.interrupted_by is None and compared:
-            policies = [str(run), *settings.given["policies"]]
-            with_run = replace(settings, given={**settings.given, "policies": policies})
-            folder = Path(settings.folder or run / "evaluation")
+            with_run = {**settings, "policies": [str(run), *settings["policies"]]}
+            folder = Path(settings["folder"] or run / "evaluation")
             with_policy, entrants = comparison(record, with_run, start.command)
             results = compare(with_policy, folder, entrants)
-            report, is_complete = results.write(folder, **settings.shown), results.is_complete
+            report = results.write(folder, **{name: settings[name] for name in SHOWN})
+            is_complete = results.is_complete
     if report is not None:
         print(f"report: {report}")
     # at once: of a sweep's workers, whose output is buffered, it would come after the sweep's end

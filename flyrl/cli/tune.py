@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import copy
 import datetime
-import functools
 import importlib.util
-import operator
 import shlex
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from flyrl.cli.terminal import Subparsers
 from flyrl.resources import configs_folder, install_command
@@ -61,7 +59,9 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Go on with a study, or start it; print its best trials."""
+    """Start or resume a study; print its best trials."""
+    import pandas as pd  # noqa: PLC0415
+
     from flyrl.cli.terminal import print_table  # noqa: PLC0415
     from flyrl.validation import at_least  # noqa: PLC0415
 
@@ -76,38 +76,43 @@ def run(options: argparse.Namespace) -> int:
     from flyrl.front.study import tune  # noqa: PLC0415
 
     plan = _plan(options, settings)
-    outcome = tune(plan, shlex.join(["flyrl", *sys.argv[1:]]))
-    if outcome.best is not None:
-        best = outcome.trials[outcome.trials.state == "COMPLETE"].nlargest(_SHOWN, "value")
-        columns = {f"params_{key}": key for key in plan.space} | {"user_attrs_run": "run"}
-        shown = best[["number", "value", *columns]].rename(columns=columns)
-        rows: Any = shown.to_dict("records")
-        print_table([str(column) for column in shown], rows)
-    counts = outcome.trials.state.value_counts()
-    counted = ", ".join(f"{number} {str(state).lower()}" for state, number in counts.items())
-    print(f"{len(outcome.trials)} trials: {counted}")
-    if outcome.best is not None:
-        print(f"best: {shlex.join(plan.command(outcome.best))}")
-    if outcome.interrupted_by is not None:
-        print(f"interrupted; go on with the same command and --name {plan.folder.name}")
+    trials, interrupted_by = tune(plan, shlex.join(["flyrl", *sys.argv[1:]]))
+    done = [trial for trial in trials if trial.state.name == "COMPLETE"]
+    best = sorted(done, key=lambda trial: -trial.values[0])[:_SHOWN]
+    if best:
+        rows = [
+            {
+                "number": trial.number,
+                "value": trial.value,
+                **plan.values(trial.params),
+                "run": trial.user_attrs.get("run"),
+            }
+            for trial in best
+        ]
+        print_table(pd.DataFrame(rows, dtype=object))
+    counts = Counter(trial.state.name.lower() for trial in trials).most_common()
+    print(f"{len(trials)} trials: {', '.join(f'{count} {state}' for state, count in counts)}")
+    if best:
+        print(f"best: {shlex.join(plan.command(plan.values(best[0].params)))}")
+    if interrupted_by is not None:
+        print(f"interrupted; resume with the same command and --name {plan.folder.name}")
     print(f"study: {plan.folder}")
-    if outcome.interrupted_by is not None:
-        return 128 + outcome.interrupted_by
-    return int(outcome.best is None)
+    return int(not best) if interrupted_by is None else 128 + interrupted_by
 
 
 def _plan(options: argparse.Namespace, settings: Mapping[str, Any]) -> Plan:
     """Check what was asked for, down to what the search could draw."""
+    from omegaconf import OmegaConf  # noqa: PLC0415
+
     from flyrl.cli.config import training_config  # noqa: PLC0415
     from flyrl.front.study import Plan, check_space, command_words, search_space  # noqa: PLC0415
     from flyrl.training.config import training_record  # noqa: PLC0415
 
     def configure(values: Mapping[str, Any]) -> TrainingConfig:
-        record = copy.deepcopy(dict(settings))
+        record = OmegaConf.create(dict(settings))
         for key, value in values.items():
-            *groups, last = key.split(".")
-            functools.reduce(operator.getitem, groups, record)[last] = value
-        return training_config(record)
+            OmegaConf.update(record, key, value, merge=False)
+        return training_config(cast(dict[str, Any], OmegaConf.to_container(record)))
 
     def command(values: Mapping[str, Any]) -> list[str]:
         given = [
@@ -175,14 +180,10 @@ def compose_training(overrides: Sequence[str]) -> dict[str, Any]:
     ValueError
         An override that `train.py` refuses, or that asks for more than one run.
     """
-    from flyrl.cli.arguments import (  # noqa: PLC0415
-        Sweep,
-        check_arguments,
-        with_own_things,
-    )
+    from flyrl.cli.arguments import Sweep, by_present_name, check_arguments  # noqa: PLC0415
     from flyrl.cli.groups import composed  # noqa: PLC0415
 
-    overrides = with_own_things(overrides)
+    overrides = [*map(by_present_name, overrides)]
     sweep = check_arguments("train", ["-m", *overrides])
     if isinstance(sweep, Sweep) and len(sweep.jobs) != 1:
         raise ValueError(

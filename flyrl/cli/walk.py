@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any, Final
+from typing import Final
 
 from flyrl.cli.terminal import Subparsers, path_argument, settings_argument
 
-_FILES: Final = {
-    "csv": "CSV",
-    "npz": "NumPy's arrays",
-    "parquet": "Parquet (needs pyarrow)",
-    "nwb": "Neurodata Without Borders (needs pynwb)",
+_PARTS: Final = {
+    "controller": "what moves the legs: a name, or settings with one, '{name: cpg, gait: wave}'; "
+    "so are terrain, physics and body",
+    "terrain": "what it walks on (default: flat)",
+    "physics": "preset of the physics",
+    "body": "which fly",
 }
+_SETTINGS: Final = ("drive", "seconds", "every", "seed")
+_TABLES: Final = ("csv", "npz", "parquet", "nwb")
 """Kinds of files that a walk's table can go to, by their suffix."""
+_OUTPUTS: Final = {
+    "csv": "write the table there, as CSV",
+    "npz": "write the table there, as NumPy's arrays",
+    "parquet": "write the table there, as Parquet (needs pyarrow)",
+    "nwb": "write the table there, as Neurodata Without Borders (needs pynwb)",
+    "plot": "draw it there: .png, .svg or .pdf",
+    "video": "write an MP4 there",
+}
 
 
 def add_to(subparsers: Subparsers) -> None:
@@ -25,17 +36,9 @@ def add_to(subparsers: Subparsers) -> None:
         epilog="example: flyrl walk --controller cpg --drive 1 1 --seconds 1 --video walk.mp4 "
         "--csv walk.csv",
     )
-    named: dict[str, Any] = {"type": settings_argument, "metavar": "NAME"}
-    parser.add_argument(
-        "--controller",
-        **named,
-        help="what moves the legs: a name, or settings with one, '{name: cpg, gait: wave}'; so are "
-        "terrain, physics and body",
-    )
+    for part, about in _PARTS.items():
+        parser.add_argument(f"--{part}", type=settings_argument, metavar="NAME", help=about)
     parser.add_argument("--drive", nargs=2, type=float, metavar=("LEFT", "RIGHT"))
-    parser.add_argument("--terrain", default="flat", **named, help="what it walks on")
-    parser.add_argument("--physics", **named, help="preset of the physics")
-    parser.add_argument("--body", **named, help="which fly")
     parser.add_argument("--seconds", type=float, help="simulated time")
     parser.add_argument("--every", type=float, default=1e-3, help="s between two rows of the table")
     parser.add_argument("--seed", type=int, default=0, help="of start and phases")
@@ -48,21 +51,12 @@ def add_to(subparsers: Subparsers) -> None:
         "adhesion (T, 6)",
     )
     parser.add_argument("--rate-hz", type=float, help="samples per second of the recording")
-    for suffix, kind in _FILES.items():
-        parser.add_argument(
-            f"--{suffix}",
-            type=path_argument,
-            metavar="FILE",
-            help=f"write the table there, as {kind}",
-        )
-    parser.add_argument(
-        "--plot", type=path_argument, metavar="FILE", help="draw it there: .png, .svg or .pdf"
-    )
-    parser.add_argument("--video", type=path_argument, metavar="FILE", help="write an MP4 there")
+    for output, about in _OUTPUTS.items():
+        parser.add_argument(f"--{output}", type=path_argument, metavar="FILE", help=about)
     parser.add_argument(
         "--camera", choices=("follow", "top"), default="follow", help="from where it is filmed"
     )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, terrain="flat")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -78,26 +72,15 @@ def run(options: argparse.Namespace) -> int:
     from flyrl.front.recordings import load_recording  # noqa: PLC0415
     from flyrl.front.walks import walk  # noqa: PLC0415
 
-    files = {suffix: getattr(options, suffix) for suffix in _FILES}
-    kinds = [(suffix, suffix, path) for suffix, path in files.items()]
-    for option, suffix, path in (*kinds, ("video", "mp4", options.video)):
-        if path is not None and path.suffix != f".{suffix}":
-            raise ValueError(f"--{option} must name a file that ends in .{suffix}, got {path}")
-    recording: dict[str, Any] = {}
+    for option in (*_TABLES, "video"):
+        path, suffix = getattr(options, option), ".mp4" if option == "video" else f".{option}"
+        if path is not None and path.suffix != suffix:
+            raise ValueError(f"--{option} must name a file that ends in {suffix}, got {path}")
+    given = {name: getattr(options, name) for name in (*_PARTS, *_SETTINGS)}
     if options.joints is not None:
-        recording = {**load_recording(options.joints), "rate_hz": options.rate_hz}
-    walked = walk(
-        options.controller,
-        options.drive,
-        terrain=options.terrain,
-        seconds=options.seconds,
-        every=options.every,
-        seed=options.seed,
-        physics=options.physics,
-        body=options.body,
-        **recording,
-    )
-    for path in filter(None, files.values()):
+        given |= {**load_recording(options.joints), "rate_hz": options.rate_hz}
+    walked = walk(**given)
+    for path in filter(None, (getattr(options, suffix) for suffix in _TABLES)):
         print(f"table: {walked.save(path)}")
     if options.plot is not None:
         walked.plot().savefig(options.plot)

@@ -1,7 +1,7 @@
 """What all interfaces to an environment share: settings, reset options, facts and copies."""
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, replace
 from functools import partial
 from typing import Any, Final
 
@@ -10,11 +10,12 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from flyrl.envs.bodies import RENDERING, View
-from flyrl.envs.config import config_for
+from flyrl.envs.config import Observation, config_for
 from flyrl.envs.core import BatchedEnv
-from flyrl.simulation.randomisation import Randomisation
-from flyrl.tasks import Episode
-from flyrl.validation import known_keys
+from flyrl.simulation.batch import Ids
+from flyrl.simulation.randomisation import UNVARIED
+from flyrl.tasks import RUNNING, Episode
+from flyrl.validation import float_array, known_keys
 
 _VIEW: Final = [item.name for item in fields(View)]
 
@@ -83,17 +84,58 @@ class Adapter:
         """Names of the outcomes by code, as in `info["outcome"]`."""
         return self.core.task.outcomes
 
-    def _facts(self, outcome_code: Any, is_success: Any) -> dict[str, NDArray[Any]]:
-        """What `info` holds after a decision, besides the randomisation, (n,) by key."""
+    def _reset(
+        self,
+        seeds: Sequence[int | None],
+        options: Sequence[Mapping[str, Any] | None],
+        ids: Ids | None = None,
+    ) -> Observation:
+        """Start episodes that are drawn with seeds and changed by options, one of each per id."""
+        sims = np.arange(self.core.num_envs) if ids is None else ids
+        episodes = [
+            episode_with_options(self.core.draw_episode(int(i), seed), given)
+            for i, seed, given in zip(sims, seeds, options, strict=True)
+        ]
+        return self.core.reset(ids=sims, episodes=episodes)
+
+    def _info(
+        self, outcome_code: Any = None, is_success: Any = False, mask: Any = True
+    ) -> dict[str, Any]:
+        """Gymnasium's `info` of the masked environments, as its SyncVectorEnv has it, (n,) by key.
+
+        Without arguments, that of a reset.
+        """
+        n = self.core.num_envs
+        if outcome_code is None:
+            outcome_code = self.outcomes.index(RUNNING)
         facts = {
-            "outcome": outcome_code,
-            "is_success": is_success,
+            "outcome": np.full(n, outcome_code),
+            "is_success": np.full(n, is_success),
             "time_s": self.core.state.time,
             **self.core.failure_info(),
         }
         if self.config.scene.terrain.random:
             facts["ground"] = self.core.grounds()
-        return facts
+        info = _only(facts, np.full(n, mask))
+        flies = [episode.randomisation if episode else UNVARIED for episode in self.core.episodes]
+        is_varied = np.full(n, mask) & [fly != UNVARIED for fly in flies]
+        if is_varied.any():
+            rows = [fly.numbers() for fly in flies]
+            drawn = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+            info |= _only({"randomisation": drawn}, is_varied)
+        return info
+
+
+def _only(info: Mapping[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Values of the masked environments, 0 of the others, and the mask itself under `_key`."""
+    only: dict[str, Any] = {}
+    for key, values in info.items():
+        if isinstance(values, Mapping):
+            only[key] = _only(values, mask)
+        else:
+            only[key] = np.where(mask, values, np.zeros((), values.dtype))
+        only[f"_{key}"] = mask.copy()
+    return only
 
 
 def row_of(observation: Any, i: Any) -> Any:
@@ -120,10 +162,16 @@ def episode_with_options(episode: Episode, options: Mapping[str, Any] | None) ->
     episode = given.pop("episode", episode)
     if not isinstance(episode, Episode):
         raise ValueError(f"reset option 'episode' must be an Episode; got {episode!r}")
-    changes = {
-        _OPTIONS[name]: _replacing(getattr(episode, _OPTIONS[name]), name, value)
-        for name, value in given.items()
-    }
+    changes: dict[str, Any] = {}
+    for option, value in given.items():
+        name = _OPTIONS[option]
+        drawn = getattr(episode, name)
+        if isinstance(drawn, tuple):
+            changes[name] = tuple(float_array(option, value, (len(drawn),)).tolist())
+        elif isinstance(value, Mapping):  # of a randomisation, what it does not name stays
+            changes[name] = {**asdict(drawn), **value}
+        else:
+            changes[name] = value
     if "command" in changes and _leads_to_goal(episode):
         changes.setdefault("goal", changes["command"][-2:])
     changed = replace(episode, **changes)
@@ -133,25 +181,6 @@ def episode_with_options(episode: Episode, options: Mapping[str, Any] | None) ->
             f"got {changed.goal}"
         )
     return changed
-
-
-def _replacing(drawn: Any, name: str, given: Any) -> Any:
-    """Value of an option that replaces what was drawn."""
-    if isinstance(drawn, tuple):
-        numbers = np.asarray(given, dtype=np.float64)
-        if numbers.shape != (len(drawn),) or not np.isfinite(numbers).all():
-            raise ValueError(
-                f"reset option {name!r} must be {len(drawn)} finite numbers; got {given!r}"
-            )
-        return tuple(numbers.tolist())
-    if isinstance(drawn, Randomisation):
-        if not isinstance(given, Mapping):
-            raise ValueError(
-                f"reset option 'randomisation' must be a dict of values by name; got {given!r}"
-            )
-        known_keys("reset option 'randomisation'", given, [item.name for item in fields(drawn)])
-        return replace(drawn, **given)
-    return given
 
 
 def _leads_to_goal(episode: Episode) -> bool:

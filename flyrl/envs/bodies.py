@@ -1,8 +1,8 @@
 """Bodies of an environment: as it steps them, with what episodes ask for, and pictures of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, Final, cast
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,12 @@ from flyrl.simulation.randomisation import UNVARIED
 from flyrl.simulation.rendering import BodyRenderer, Camera
 from flyrl.simulation.scene import build_scene
 from flyrl.tasks import Episode
-from flyrl.tasks.episode import PUSH_ARM, PUSH_S
+from flyrl.tasks.episode import PUSH_ARM, PUSH_S, is_inside
 from flyrl.terrains import NOWHERE
-from flyrl.validation import Within, check_fields, one_of
+from flyrl.validation import Within, check_fields
 
 ABOVE_GROUND: Final = 0.02
 """mm; a marker lies that far above the ground, to be seen."""
-
-
-_DEFAULTS: Final = {item.name: item.default for item in fields(Episode)}
 
 
 class Bodies:
@@ -142,8 +139,7 @@ class Bodies:
         """Raise ValueError if an episode asks for what these bodies or the settings do not have."""
         bounds, low = self._scene.terrain.bounds, self._scene.terrain.base_height
         x, y, z = episode.spawn_position_w
-        is_on_ground = bounds.x_min <= x <= bounds.x_max and bounds.y_min <= y <= bounds.y_max
-        if not is_on_ground or (self.batch.has_legs and z < low):
+        if not is_inside(x, y, bounds) or (self.batch.has_legs and z < low):
             raise ValueError(
                 f"spawn_position must lie on the ground, with x from {bounds.x_min:g} to "
                 f"{bounds.x_max:g}, y from {bounds.y_min:g} to {bounds.y_max:g} and z of at least "
@@ -151,7 +147,7 @@ class Bodies:
             )
         body = f"of an episode of a {self.batch.creature}"
         for name in self.batch.needless:
-            given, nothing = getattr(episode, name), _DEFAULTS[name]
+            given, nothing = getattr(episode, name), getattr(Episode, name)
             if given != nothing:
                 raise ValueError(f"{name} {body} must be {nothing}, got {given}")
         drawn = episode.randomisation
@@ -192,11 +188,8 @@ RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps":
 LARGEST_SIDE: Final = 4096
 """Of a picture, px."""
 
-IN_SCENE: Final = ("target", "leg_colours", "trace", "forces")
+InScene = Literal["target", "leg_colours", "trace", "forces"]
 """Fields of an Overlay that a renderer draws; the others are written onto videos afterwards."""
-
-Drawn = Overlay | Sequence[str]
-"""What is drawn beside the body: an Overlay, or names in `IN_SCENE`, those beside the target."""
 
 
 @dataclass(frozen=True)
@@ -220,20 +213,12 @@ class View:
     """
 
     camera: Camera = "follow"
-    overlay: Drawn = PLAIN
+    overlay: Overlay | tuple[InScene, ...] = PLAIN
     width: Annotated[int, Within(1, LARGEST_SIDE)] = 640
     height: Annotated[int, Within(1, LARGEST_SIDE)] = 480
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if isinstance(self.overlay, str):
-            raise ValueError(
-                f"overlay must be an Overlay, or a list of {', '.join(IN_SCENE)}, got "
-                f"{self.overlay!r}"
-            )
-        if not isinstance(self.overlay, Overlay):
-            for name in self.overlay:
-                one_of("overlay", name, IN_SCENE)
 
     @property
     def drawn(self) -> Overlay:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -26,7 +26,7 @@ from flyrl.tasks import (
 )
 from flyrl.tasks.function import ALWAYS, task_function
 from flyrl.terrains import Terrain, terrain_from, terrain_named
-from flyrl.validation import did_you_mean, from_keys, one_of, positive, within
+from flyrl.validation import did_you_mean, from_keys, one_of, plain, positive, within
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -360,15 +360,11 @@ def _check_body(task: Task, body: BodyConfig) -> None:
 
 def env_record(env: EnvConfig) -> dict[str, Any]:
     """Everything about an environment as plain JSON values, keyed like the groups of `configs/`."""
-    scene = env.scene
+    parts = ("body", "terrain", "physics", "controller")
     return {
-        "task": {
-            **task_record(env.resolved_task),
-            "decision_interval": env.decision_interval_s,
-        },
-        **{part: plain(asdict(getattr(scene, part))) for part in ("body", "terrain", "physics")},
-        "controller": None if scene.controller is None else plain(asdict(scene.controller)),
-        "randomisation": plain(asdict(env.resolved_randomisation)),
+        "task": {**task_record(env.resolved_task), "decision_interval": env.decision_interval_s},
+        **{part: plain(getattr(env.scene, part)) for part in parts},
+        "randomisation": plain(env.resolved_randomisation),
     }
 
 
@@ -377,14 +373,3 @@ def randomisation_text(record: Any) -> str:
     given = record.items() if isinstance(record, dict) else ()
     # without quotes: a shell would take them off
     return ", ".join(f"{name}={value}" for name, value in given if value).replace("'", "") or "none"
-
-
-def plain(value: Any) -> Any:
-    """`value` with lists in place of tuples, as JSON and YAML know them."""
-    if isinstance(value, Controller):
-        value = asdict(value)
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return value

@@ -320,8 +320,7 @@ class BatchedEnv:
 
     def observe(self) -> Observation:
         """Observation of all simulations as they are now."""
-        state = self._scores.state(self.state, self.state, self.batch.props(self.state.time))
-        return self._scores.observe(state)
+        return self._scores.observe(self.task_state())
 
     def grounds(self) -> NDArray[np.int64]:
         """Seeds of the grounds that the simulations walk on, on random terrain; -1: none yet."""

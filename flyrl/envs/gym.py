@@ -5,16 +5,14 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from flyrl.envs.adapter import Adapter, episode_with_options, row_of
+from flyrl.envs.adapter import Adapter, row_of
 from flyrl.envs.bodies import RENDERING
 from flyrl.envs.config import Observation
-from flyrl.simulation.randomisation import UNVARIED
-from flyrl.tasks import RUNNING, Episode
+from flyrl.tasks import RUNNING
 from flyrl.tasks.actions import action_vectors
 from flyrl.tasks.target import compute_reward, compute_terminated
 from flyrl.validation import random_seed, whole_number
@@ -59,12 +57,9 @@ class FlyrlEnv(Adapter, gymnasium.Env[Any, Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
         """Start an episode: number `seed` if given, else the next of this environment's own."""
-        episode = episode_with_options(self.core.draw_episode(0, seed), options)
-        # the core draws from its own generator; this one is for users and wrappers
-        if seed is not None:
-            self._np_random, self._np_random_seed = seeding.np_random(seed)
-        observation = self.core.reset(episodes=[episode])
-        return row_of(observation, 0), self._info([self.outcomes.index(RUNNING)], [False])
+        observation = self._reset([seed], [options])
+        super().reset(seed=seed)  # the core draws from its own generator, users from this one
+        return row_of(observation, 0), _first(self._info())
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Hold an action for one decision interval."""
@@ -74,16 +69,8 @@ class FlyrlEnv(Adapter, gymnasium.Env[Any, Any]):
             float(transition.reward[0]),
             bool(transition.terminated[0]),
             bool(transition.truncated[0]),
-            self._info(transition.outcome_code, transition.is_success),
+            _first(self._info(transition.outcome_code, transition.is_success)),
         )
-
-    def _info(self, outcome_code: Any, is_success: Any) -> dict[str, Any]:
-        facts = self._facts(outcome_code, is_success)
-        info = {key: np.asarray(values)[0].item() for key, values in facts.items()}
-        (episode,) = self.core.episodes
-        if episode is not None and episode.randomisation != UNVARIED:
-            info["randomisation"] = episode.randomisation.numbers()
-        return info
 
     def render(self) -> NDArray[np.uint8] | None:
         """Picture of the body, (height, width, 3), or None without a render mode."""
@@ -157,12 +144,6 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._done = np.zeros(num_envs, dtype=bool)
         self._max_episode_steps = max_episode_steps
-        self._elapsed_steps = np.zeros(num_envs, dtype=np.int64)
-        self._is_varied = np.zeros(num_envs, dtype=bool)
-        self._drawn = {
-            name: np.zeros(num_envs, type(usual)) for name, usual in UNVARIED.numbers().items()
-        }
-        self._running = self.outcomes.index(RUNNING)
 
     def reset(
         self,
@@ -182,23 +163,17 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
                 f"reset option 'reset_mask' must be {self.num_envs} bools; got {mask.dtype} of "
                 f"shape {mask.shape}"
             )
-        seeds: list[int | None]
-        if seed is None:
-            seeds = [None] * self.num_envs
-        elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+        seeds: list[int | None] = [None] * self.num_envs
+        if isinstance(seed, Sequence | np.ndarray):
             seeds = list(seed)
-            if len(seeds) != self.num_envs:
-                raise ValueError(f"seed has {len(seeds)} entries; there are {self.num_envs} envs")
-        else:
+        elif seed is not None:
             seeds = [random_seed(seed) + i for i in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"seed has {len(seeds)} entries; there are {self.num_envs} envs")
         ids = np.flatnonzero(mask)
-        episodes = [
-            episode_with_options(self.core.draw_episode(int(i), seeds[i]), options) for i in ids
-        ]
-        observation = self._start(ids, episodes)
+        observation = self._reset([seeds[i] for i in ids], [options] * len(ids), ids)
         self._done[ids] = False
-        running = np.full(self.num_envs, self._running)
-        return observation, self._info(running, np.zeros(self.num_envs, dtype=bool))
+        return observation, self._info()
 
     def step(
         self, actions: Any
@@ -214,63 +189,32 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
                     f"environments {np.flatnonzero(starting).tolist()} are done; reset them with "
                     "the option 'reset_mask' before the next step"
                 )
-            self._start(np.flatnonzero(starting))
+            self.core.reset(ids=np.flatnonzero(starting))
             moving = np.flatnonzero(~starting)
         result = self.core.step(action_vectors(actions), moving)
-        observation, reward, terminated = result.observation, result.reward, result.terminated
-        truncated, outcome_code, is_success = (
-            result.truncated,
-            result.outcome_code,
-            result.is_success,
-        )
+        observation, running = result.observation, self.outcomes.index(RUNNING)
+        reward, terminated, truncated = result.reward, result.terminated, result.truncated
         if self._max_episode_steps is not None:
-            self._elapsed_steps[~starting] += 1
-            truncated |= self._elapsed_steps >= self._max_episode_steps
-        if moving is not None:
-            outcome_code[starting] = self._running
-            for values in (reward, terminated, truncated, is_success):
-                values[starting] = 0
+            decisions = np.round(self.core.state.time / self.config.decision_interval_s)
+            truncated |= decisions >= self._max_episode_steps
+        for values in (reward, terminated, truncated, result.is_success):
+            values[starting] = 0
+        result.outcome_code[starting] = running
         done, final = result.done, {}
         if self.autoreset_mode != AutoresetMode.SAME_STEP:
             self._done = done
         elif done.any():
             final = {
                 "final_obs": _rows(observation, done),
-                "final_info": self._info(outcome_code, is_success, done),
+                "final_info": self._info(result.outcome_code, result.is_success, done),
                 "_final_obs": done,
                 "_final_info": done.copy(),
             }
-            observation = self._start(np.flatnonzero(done))
-            outcome_code[done] = self._running
-            is_success[done] = False
-        info = self._info(outcome_code, is_success) | final
+            observation = self.core.reset(ids=np.flatnonzero(done))
+            result.outcome_code[done] = running
+            result.is_success[done] = False
+        info = self._info(result.outcome_code, result.is_success) | final
         return observation, reward, terminated, truncated, info
-
-    def _start(
-        self, ids: NDArray[np.intp], episodes: Sequence[Episode] | None = None
-    ) -> Observation:
-        """Start episodes, the given ones or those drawn next."""
-        observation = self.core.reset(ids=ids, episodes=episodes)
-        self._elapsed_steps[ids] = 0
-        for i in ids:
-            if (episode := self.core.episodes[i]) is not None:
-                self._is_varied[i] = episode.randomisation != UNVARIED
-                for name, value in episode.randomisation.numbers().items():
-                    self._drawn[name][i] = value
-        return observation
-
-    def _info(
-        self,
-        outcome_code: NDArray[np.int64],
-        is_success: NDArray[np.bool_],
-        mask: NDArray[np.bool_] | bool = True,
-    ) -> dict[str, Any]:
-        """What single environments have in `info`, with masks as SyncVectorEnv makes them."""
-        info = _only(self._facts(outcome_code, is_success), np.full(self.num_envs, mask))
-        is_varied = self._is_varied & mask
-        if is_varied.any():
-            info |= _only({"randomisation": self._drawn}, is_varied)
-        return info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Pictures of the bodies, (height, width, 3) each, or None without a render mode."""
@@ -291,13 +235,10 @@ def _rows(observation: Observation, mask: NDArray[np.bool_]) -> NDArray[np.objec
     return rows
 
 
-def _only(info: Mapping[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Values of the masked environments, 0 of the others, and the mask itself under `_key`."""
-    only: dict[str, Any] = {}
-    for key, values in info.items():
-        if isinstance(values, Mapping):
-            only[key] = _only(values, mask)
-        else:
-            only[key] = np.where(mask, values, np.zeros((), values.dtype))
-        only[f"_{key}"] = mask.copy()
-    return only
+def _first(info: Mapping[str, Any]) -> dict[str, Any]:
+    """`info` of the only environment."""
+    return {
+        key: _first(values) if isinstance(values, Mapping) else values[0].item()
+        for key, values in info.items()
+        if not key.startswith("_")
+    }

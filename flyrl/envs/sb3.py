@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
-from flyrl.envs.adapter import Adapter, episode_with_options, row_of
+from flyrl.envs.adapter import Adapter, row_of
 from flyrl.envs.bodies import RENDERING
 from flyrl.envs.core import EnvConfig
 from flyrl.tasks.target import compute_reward, compute_terminated
@@ -76,11 +76,7 @@ class FlyrlVecEnv(Adapter, VecEnv):
 
     def reset(self) -> VecEnvObs:
         """Start an episode in every environment."""
-        episodes = [
-            episode_with_options(self.core.draw_episode(i, self._seeds[i]), self._options[i])
-            for i in range(self.num_envs)
-        ]
-        observation = self.core.reset(episodes=episodes)
+        observation = self._reset(self._seeds, self._options)
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
@@ -98,15 +94,13 @@ class FlyrlVecEnv(Adapter, VecEnv):
         observation = transition.observation
         self._returns += transition.reward
         self._lengths += 1
-        infos: list[dict[str, Any]] = [
-            {"outcome": code, "is_success": is_success}
-            for code, is_success in zip(
-                transition.outcome_code.tolist(), transition.is_success.tolist(), strict=True
-            )
-        ]
-        for key, values in self.core.failure_info().items():
-            for info, value in zip(infos, values.tolist(), strict=True):
-                info[key] = value
+        facts = {
+            "outcome": transition.outcome_code,
+            "is_success": transition.is_success,
+            **self.core.failure_info(),
+        }
+        rows = zip(*(values.tolist() for values in facts.values()), strict=True)
+        infos: list[dict[str, Any]] = [dict(zip(facts, row, strict=True)) for row in rows]
         ended = np.flatnonzero(transition.done)
         for i in ended:
             episode = self.core.episodes[i]

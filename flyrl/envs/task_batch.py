@@ -153,27 +153,22 @@ class TaskBatch:
 
     def __init__(self, config: EnvConfig, num_envs: int) -> None:
         task = self._task = config.resolved_task
-        interval_s = self._interval_s = config.decision_interval_s
+        self._config = config
         limit = task.time_limit_s
-        self.max_decisions = None if limit is None else round(limit / interval_s)
+        self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
         self.goal: FloatArray | None = None
         self.command: FloatArray | None = None
-        self._bounds = config.scene.terrain.bounds
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._totals = np.zeros((len(task.reward), num_envs))
         self._total_of = {
             term.name: total for term, total in zip(task.reward, self._totals, strict=True)
         }
         self._means = {term.name: np.zeros((num_envs, term.size)) for term in task.means}
-        self._new_share = {
-            term.name: -math.expm1(-interval_s / term.time_constant_s) for term in task.means
-        }
         terms = task.observation
         self._parts = list(zip(terms, side_by_side(terms).values(), strict=True))
         self._space = vector_space(terms)
         self._noise = SensorNoise(terms, num_envs)
         self._outcomes = task.outcomes
-        self._code = {outcome: code for code, outcome in enumerate(self._outcomes)}
 
     def start(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Start episodes, one per simulation in `ids`."""
@@ -207,8 +202,8 @@ class TaskBatch:
             totals=self._total_of,
             means=self._means,
             decisions_left=decisions_left,
-            decision_interval_s=self._interval_s,
-            bounds=self._bounds,
+            decision_interval_s=self._config.decision_interval_s,
+            bounds=self._config.scene.terrain.bounds,
         )
 
     def decide(
@@ -221,28 +216,29 @@ class TaskBatch:
         state = self.state(body, previous, props)
         for averaged in self._task.means:
             mean = self._means[averaged.name]
-            values = averaged.compute(state)
-            mean[moved] += self._new_share[averaged.name] * (values - mean)[moved]
+            new_share = -math.expm1(-state.decision_interval_s / averaged.time_constant_s)
+            mean[moved] += new_share * (averaged.compute(state) - mean)[moved]
         reward = np.zeros(len(self._decisions))
         for term, total in zip(self._task.reward, self._totals, strict=True):
             points = state.once(term.compute)
             reward += term.weight * points
             total[moved] += points[moved]
         terminated = body.is_unstable.copy()
-        outcome = np.where(terminated, self._code[UNSTABLE], self._code[RUNNING])
+        code = self._outcomes.index
+        outcome = np.where(terminated, code(UNSTABLE), code(RUNNING))
         is_success = np.zeros(len(reward), dtype=bool)
         for termination in self._task.terminations:
             ends = np.asarray(state.once(termination.holds), dtype=bool) & ~terminated
-            outcome[ends] = self._code[termination.outcome]
+            outcome[ends] = code(termination.outcome)
             is_success[ends] = termination.is_success
             terminated |= ends
         truncated = np.zeros(len(reward), dtype=bool)
         if self.max_decisions is not None:
             truncated = ~terminated & (self._decisions >= self.max_decisions)
-            outcome[truncated] = self._code[TIMEOUT]
+            outcome[truncated] = code(TIMEOUT)
             if self._task.succeeds_in_time is not None and truncated.any():
                 is_success |= truncated & self._task.succeeds_in_time(state)
-                outcome[is_success] = self._code[SUCCESS]
+                outcome[is_success] = code(SUCCESS)
         return Transition(
             self.observe(state), reward, terminated, truncated, outcome, is_success, self._outcomes
         )

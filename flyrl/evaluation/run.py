@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Final, NoReturn
 import numpy as np
 import pandas as pd
 
-from flyrl.envs.config import plain
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.evaluation.conditions import Condition
 from flyrl.evaluation.config import EvaluationConfig
@@ -42,6 +41,7 @@ from flyrl.simulation.physics import preset_record
 from flyrl.tasks import Episode, task_record, task_table
 from flyrl.terrains import Terrain
 from flyrl.text import printable
+from flyrl.validation import plain
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -90,7 +90,7 @@ def evaluate(
     ]
     protocol = _protocol(config, entrants)
     drawn = {
-        terrain.label: [plain(dataclasses.asdict(each)) for each in config.draw_episodes(terrain)]
+        terrain.label: [plain(each) for each in config.draw_episodes(terrain)]
         for terrain in config.terrain_configs
     }
     # the first tells episodes from those that another version would draw from the same seeds

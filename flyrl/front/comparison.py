@@ -45,22 +45,6 @@ class Group:
     runs: tuple[RunSummary, ...]
 
 
-@dataclass(frozen=True)
-class RunComparison:
-    """Groups of runs, the best first, as `write_comparison` wrote them.
-
-    Attributes
-    ----------
-    rows
-        A row per group for people: the settings that tell it apart, and its values as text.
-    notes
-        Lines that say how to read them.
-    """
-
-    rows: list[Row]
-    notes: list[str]
-
-
 def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
     """A group per combination of the settings in which runs differ, but for the seed.
 
@@ -238,8 +222,12 @@ def earlier_run(config: TrainingConfig, folder: Path, but: Sequence[str] = ()) -
     return found
 
 
-def compare_folders(folders: Sequence[Path], output: Path) -> RunComparison:
+def compare_folders(folders: Sequence[Path], output: Path) -> tuple[list[Row], list[str]]:
     """Compare all runs in some folders, which may be of sweeps or of single runs, as of one sweep.
+
+    Returns
+    -------
+    Rows and notes of `write_comparison`.
 
     Raises
     ------
@@ -263,8 +251,14 @@ def compare_folders(folders: Sequence[Path], output: Path) -> RunComparison:
     return write_comparison(group_runs(readable), output)
 
 
-def write_comparison(groups: Sequence[Group], output: Path) -> RunComparison:
-    """Write table and learning curves of groups to a folder."""
+def write_comparison(groups: Sequence[Group], output: Path) -> tuple[list[Row], list[str]]:
+    """Write table and learning curves of groups to a folder.
+
+    Returns
+    -------
+    A row per group for people, the best first: the settings that tell it apart, and its values as
+    text; and lines that say how to read them.
+    """
     groups = ranked(groups)
     rows, figures = table(groups), figures_of(groups)
     output.mkdir(parents=True, exist_ok=True)
@@ -293,7 +287,7 @@ def write_comparison(groups: Sequence[Group], output: Path) -> RunComparison:
         notes.append("their rewards differ, so returns are not compared")
     if others := [key for key in groups[0].settings if key not in keys]:
         notes.append(f"they differ also in {', '.join(others)}: see {output / COMPARISON_FILE}")
-    return RunComparison(shown, list(map(printable, notes)))
+    return shown, list(map(printable, notes))
 
 
 def telling_keys(groups: Sequence[Group]) -> list[str]:

@@ -92,23 +92,16 @@ def register_envs() -> None:
     """Register every id; a second call changes nothing."""
     for env_id, task in ENV_IDS.items():
         if env_id not in gymnasium.registry:
-            spec = _own_spec(task, task in _GOAL_TASKS)
-            gymnasium.register(
-                id=env_id,
-                entry_point=spec.entry_point,
-                vector_entry_point=spec.vector_entry_point,
-                kwargs=spec.kwargs,
-            )
+            gymnasium.register(env_id, **_registered(task, task in _GOAL_TASKS))
 
 
-def _own_spec(task: Any, has_goals: bool) -> EnvSpec:
-    """What Gymnasium makes a task of one's own from, of which it has no id."""
-    return EnvSpec(
-        id="flyrl/Task-v0",
-        entry_point=f"flyrl.envs.gym:{'FlyrlGoalEnv' if has_goals else 'FlyrlEnv'}",
-        vector_entry_point="flyrl.envs.gym:FlyrlVectorEnv",
-        kwargs={"task": task},
-    )
+def _registered(task: Any, has_goals: bool) -> dict[str, Any]:
+    """Arguments of `gymnasium.register` for a task."""
+    return {
+        "entry_point": f"flyrl.envs.gym:{'FlyrlGoalEnv' if has_goals else 'FlyrlEnv'}",
+        "vector_entry_point": "flyrl.envs.gym:FlyrlVectorEnv",
+        "kwargs": {"task": task},
+    }
 
 
 def _spec(task: TaskSettings | Task) -> str | EnvSpec:
@@ -119,4 +112,4 @@ def _spec(task: TaskSettings | Task) -> str | EnvSpec:
     if isinstance(task, str) and task in ids:
         return ids[task]
     has_goals = (task if isinstance(task, Task) else task_from(task)).has_goals
-    return _own_spec(task, has_goals)
+    return EnvSpec("flyrl/Task-v0", **_registered(task, has_goals))

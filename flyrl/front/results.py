@@ -11,7 +11,7 @@ from typing import Any, Final, TypedDict, Unpack
 
 from flyrl.controllers import Controller
 from flyrl.entry_points import is_entry_point, load_module
-from flyrl.envs.config import env_record, plain, with_task
+from flyrl.envs.config import env_record, with_task
 from flyrl.evaluation import (
     Entrant,
     EvaluationConfig,
@@ -40,6 +40,7 @@ from flyrl.tasks import Task, TaskSettings
 from flyrl.terrains import Flat, Terrain
 from flyrl.training.learn import Run
 from flyrl.training.runs import is_run, read_run
+from flyrl.validation import plain
 
 _MAX_LISTED: Final = 5
 """Episodes that differ from a report's which are listed one by one."""
@@ -207,7 +208,7 @@ def evaluate(
     episodes
         Per terrain; the same ones for everybody.
     folder
-        Where each batch of episodes is kept until all are done, so that the same evaluation goes on
+        Where each batch of episodes is kept until all are done, so that the same evaluation resumes
         from there after an interruption; `write` it there in the end. None keeps nothing.
     progress_bar
         Whether to draw one on stderr.
@@ -316,13 +317,12 @@ def _episodes_differ(folder: Path, results: Results) -> list[str]:
         return [f"which ones cannot be said: {error}"]
     if len(before) != len(results.episodes):
         return [f"{len(before)} episodes, in the repeat {len(results.episodes)}"]
-    tables = before.align(results.episodes, join="outer", axis=1)
-    before, now = (each.astype(object).where(each.notna(), None) for each in tables)
-    is_other = (before != now) & (before.notna() | now.notna())
-    different = is_other.any(axis=1).to_numpy().nonzero()[0]
-    lines = [f"{len(different)} of {len(now)} episodes differ"]
-    for row in different[:_MAX_LISTED]:
-        one, other, key = before.iloc[row], now.iloc[row], is_other.iloc[row].idxmax()
+    before, now = before.align(results.episodes, join="outer", axis=1)
+    changed = before.compare(now)
+    lines = [f"{len(changed)} of {len(now)} episodes differ"]
+    for row, cells in changed.head(_MAX_LISTED).iterrows():
+        key = cells.dropna().index[0][0]
+        one, other = before.loc[row], now.loc[row]
         lines.append(
             f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "
             f"{key} {one[key]}, in the repeat {other[key]}"

@@ -63,7 +63,7 @@ def train(
     runs_folder
         Folder in which the run's own folder is made.
     resume
-        An interrupted run of the same settings, or its folder: it goes on from its latest
+        An interrupted run of the same settings, or its folder: it resumes from its latest
         checkpoint, and ends with the bits of an uninterrupted one.
     video_after
         Whether to film the best policy on a held-out episode, where a GL library can be used.

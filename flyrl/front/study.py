@@ -6,7 +6,6 @@ the search space and the commands; `study.csv`, Optuna's table of the trials; an
 
 from __future__ import annotations
 
-import functools
 import json
 import math
 import sys
@@ -14,19 +13,19 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import optuna
-import pandas as pd
 from optuna.distributions import (
     BaseDistribution,
     CategoricalDistribution,
     FloatDistribution,
     IntDistribution,
 )
-from optuna.trial import TrialState
+from optuna.trial import FrozenTrial, TrialState
 from sqlalchemy.exc import SQLAlchemyError
 
 from flyrl.files import write_text
@@ -88,26 +87,8 @@ class Plan:
     def values(self, params: Values) -> dict[str, Any]:
         """What a trial drew, by key, in the order of the search space."""
         drawn = {key: params[key] for key in self.space if key in params}
-        return {key: _value(stored) for key, stored in drawn.items()}
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came of a study so far.
-
-    Attributes
-    ----------
-    trials
-        Optuna's table, a row per trial.
-    best
-        Values of the best trial, by key; None before one came to its end.
-    interrupted_by
-        Number of the signal that ended the search early, or None.
-    """
-
-    trials: pd.DataFrame
-    best: dict[str, Any] | None
-    interrupted_by: int | None
+        is_list = {key: isinstance(v, str) and v.startswith("[") for key, v in drawn.items()}
+        return {key: json.loads(v) if is_list[key] else v for key, v in drawn.items()}
 
 
 def search_space(written: Mapping[str, Any], settings: Mapping[str, Any], name: str) -> Space:
@@ -155,12 +136,6 @@ def search_space(written: Mapping[str, Any], settings: Mapping[str, Any], name: 
     return space
 
 
-def _value(stored: Any) -> Any:
-    """The value that a study stores so: a list is there as JSON."""
-    is_list = isinstance(stored, str) and stored.startswith("[")
-    return json.loads(stored) if is_list else stored
-
-
 def check_space(plan: Plan, name: str) -> None:
     """Raise ValueError if a search could draw what cannot be trained.
 
@@ -173,10 +148,10 @@ def check_space(plan: Plan, name: str) -> None:
     name
         Of the file, for messages.
     """
-    ends: dict[str, list[Any]] = {}
-    for key, each in plan.space.items():
-        is_choice = isinstance(each, CategoricalDistribution)
-        ends[key] = [*each.choices] if is_choice else [each.low, each.high]  # type: ignore[attr-defined]
+    ends = {
+        key: each.choices if isinstance(each, CategoricalDistribution) else (each.low, each.high)  # type: ignore[attr-defined]
+        for key, each in plan.space.items()
+    }
     first = {key: values[0] for key, values in ends.items()}
     for key, value in ((key, value) for key, values in ends.items() for value in values):
         try:
@@ -185,8 +160,8 @@ def check_space(plan: Plan, name: str) -> None:
             raise ValueError(f"{name} allows {key}={value}, but {error}") from error
 
 
-def tune(plan: Plan, command: str = "") -> Outcome:
-    """Start a study, or go on with it, until it has its trials or is interrupted.
+def tune(plan: Plan, command: str = "") -> tuple[list[FrozenTrial], int | None]:
+    """Start or resume a study, until it has its trials or is interrupted.
 
     Parameters
     ----------
@@ -194,6 +169,10 @@ def tune(plan: Plan, command: str = "") -> Outcome:
         The study.
     command
         What was typed, for the record.
+
+    Returns
+    -------
+    Its trials, and the number of the signal that ended the search early, or None.
 
     Raises
     ------
@@ -206,12 +185,9 @@ def tune(plan: Plan, command: str = "") -> Outcome:
     with held(plan.folder), interruption() as interrupted, _opened(plan) as study:
         _note(study, plan, command)
         number = _search(study, plan, interrupted)
-        table = study.trials_dataframe(
-            ("number", "state", "value", "duration", "params", "user_attrs")
-        )
-        write_text(plan.folder / TABLE_FILE, csv_table(table))
-        is_any = any(trial.state == TrialState.COMPLETE for trial in study.trials)
-        return Outcome(table, plan.values(study.best_params) if is_any else None, number)
+        columns = ("number", "state", "value", "duration", "params", "user_attrs")
+        write_text(plan.folder / TABLE_FILE, csv_table(study.trials_dataframe(columns)))
+        return study.trials, number
 
 
 @contextmanager
@@ -289,7 +265,7 @@ def _repeat_later(study: optuna.Study, number: int) -> None:
 
 
 def _run_trial(study: optuna.Study, plan: Plan, trial: optuna.Trial) -> int | None:
-    """Train as a trial says, or go on with its earlier run, and tell Optuna what came of it.
+    """Train as a trial says, or resume its earlier run, and tell Optuna what came of it.
 
     Returns
     -------
@@ -303,13 +279,10 @@ def _run_trial(study: optuna.Study, plan: Plan, trial: optuna.Trial) -> int | No
     def best(evaluations: Sequence[Mapping[str, float]]) -> float:
         return max(score(each, episodes, has_one_reward=has_one_reward) for each in evaluations)
 
-    reported = 0
-
     def goes_on(evaluations: Sequence[Mapping[str, float]]) -> bool:
-        nonlocal reported
-        for count in range(reported + 1, len(evaluations) + 1):
+        reported = study.get_trials(deepcopy=False)[trial.number].intermediate_values
+        for count in range(len(reported) + 1, len(evaluations) + 1):
             trial.report(best(evaluations[:count]), count)
-        reported = len(evaluations)
         return not trial.should_prune()
 
     try:
@@ -339,9 +312,9 @@ def _run_trial(study: optuna.Study, plan: Plan, trial: optuna.Trial) -> int | No
 
 
 def _train(plan: Plan, trial: optuna.Trial, values: Values, goes_on: GoesOn) -> Run:
-    """Train, or go on with the run of the trial that this one repeats."""
+    """Train, or resume the run of the trial that this one repeats."""
     config, command = plan.configure(values), plan.command(values)
-    show = functools.partial(illustrate, config, with_video=False)
+    show = partial(illustrate, config, with_video=False)
     label = f"trial-{trial.user_attrs.get(_REPEATS, trial.number)}"
     for path in plan.folder.glob(f"*_{label}"):
         earlier = read_run(path)

@@ -23,17 +23,15 @@ from flyrl.play.fly_setting import (
     REACH,
     SWITCHES,
     PlayedFlyConfig,
-    draw_scene,
-    pilot_name,
     pilots,
 )
 from flyrl.play.session import Playable
-from flyrl.rollouts import Policy
 from flyrl.simulation.flies import SHOWN, FlyState
 from flyrl.simulation.scene import build_scene
 from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
+from flyrl.tasks.episode import EDGE_MARGIN, is_inside
 from flyrl.tasks.target import draw_target
-from flyrl.tasks.terms import CORRECTION_CAP, EDGE_MARGIN, goal_distance, is_inside
+from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
 from flyrl.terrains import FLAT_GROUND, Bounds, Flat
 from flyrl.validation import FloatArray, one_of, random_seed, within
 
@@ -44,30 +42,23 @@ KEY_STEP: Final = 0.1
 """Change of a drive by a press of an arrow key."""
 
 GAIT_PLACES: Final = 100
-"""Parts of the latest second for which the panel tells which legs stand."""
-
-_PLACES_PER_DECISION: Final = round(INTERVAL_S * GAIT_PLACES)
+"""Moments of the latest second for which the panel shows which legs stand: two per decision."""
 
 _SPEED_DECISIONS: Final = 10
 """Decisions over which the speed is averaged: it sways with every step that the fly takes."""
 
-_ARROWS: Final = {"up": (1, 1), "down": (-1, -1), "left": (-1, 1), "right": (1, -1)}
-"""Key -> signs with which it changes the drive, left and right."""
+_KEY_SIGNS: Final = {"up": (1, 1), "down": (-1, -1), "left": (-1, 1), "right": (1, -1), "s": (0, 0)}
+"""Key -> signs with which it changes the drive, left and right; "s" stops."""
 
-LEFT, RIGHT, STEERING, STOP = "left", "right", "steering", "stop"
+SIDES: Final = ("drive_left", "drive_right")
+STEERING: Final = "steering"
 """Names of the controls that steer; those that make another scene are keys of `PlayedFlyConfig`."""
-
-_ENDS: Final = {
-    "fall": "It fell over",
-    "left_arena": "It left the arena",
-    UNSTABLE: "The physics blew up",
-}
 
 _GOALS: Final = 20_261_123
 """Sets the generator of later targets apart from the episode's, which has the same seed."""
 
 _OSCILLATORS: Final = ("phases", "magnitudes", "freqs", "amps", "scratch")
-"""State that a controller with oscillators takes over from another, to go on in its stride."""
+"""State that a controller with oscillators takes over from another, to continue in its stride."""
 
 
 class PlayedFly(Playable):
@@ -115,16 +106,18 @@ class PlayedFly(Playable):
         "click": "move the target",
     }
     interval_s = INTERVAL_S
+    outcome: str
+    _memory: Any
+    _goals: np.random.Generator
 
     def __init__(self, config: PlayedFlyConfig | None = None) -> None:
         self.config = config or PlayedFlyConfig()
-        self._choices = self.config.choices
-        self.steering = BY_HAND
+        self._choices = {
+            key: tuple(dict.fromkeys((*known, getattr(self.config, key))))
+            for key, known in CHOICES.items()
+        }
         self._pilots = pilots(self.config.policy)
-        self._policy: Policy | None = None
-        self._memory: Any = None
-        if self.config.policy is not None:
-            self._steer(pilot_name(self.config.policy))
+        self._steer(self.config.policy or BY_HAND)
         self.env = BatchedEnv(self.config.env(), num_envs=1, num_threads=1)
         self._build_scenery()
         self.reset(self.config.seed)
@@ -138,26 +131,30 @@ class PlayedFly(Playable):
     def hint(self) -> str:
         """Keys that matter now."""
         if self.outcome != RUNNING:
-            return "Reset starts again"
+            return f"The walk has ended: {self.outcome}. Reset starts again."
         if not self._legs.follows_command:
-            return "these legs walk straight ahead, whoever steers"
+            return f"The controller {self._legs.name} ignores the drive."
         if self._policy is None:
             return "arrow keys: steer     s: stop"
         return f"{self.steering} steers to the target     arrow keys: take over"
 
-    def step(self, number: int) -> None:
-        """Simulate a number of decisions, or as many as there are before the end."""
-        for _ in range(number):
-            if self.outcome != RUNNING:
-                break
-            if self._policy is not None:
-                action, self._memory = self._policy.predict(self.env.observe(), self._memory)
-                self._drive = np.array(self.env.task.actions.commands(action[0]), dtype=np.float64)
-            self._decide()
-            if self._policy is not None and self._distance_mm < REACH:
-                x, y, _ = self._state.position_w[0].tolist()
-                target = draw_target(self._goals, (x, y), self._bounds, DISTANCE)
-                self.env.set_goals(np.array([target]))
+    def step(self) -> None:
+        """Simulate a decision; nothing after the end."""
+        env, flies = self.env, self.env.flies
+        if self.outcome != RUNNING:
+            return
+        if self._policy is not None:
+            action, self._memory = self._policy.predict(env.observe(), self._memory)
+            self._drive = np.array(env.task.actions.commands(action[0]), dtype=np.float64)
+        first = int(cast(NDArray[np.void], flies.gait_logs)["num_samples"][0])
+        self.outcome = str(env.step(env.task.actions.of(self._drive[None])).outcome[0])
+        stance = unpack(flies.gait_samples(0, first))["stance"]
+        if len(stance):
+            self._stands += [stance[len(stance) // 2], stance[-1]]
+        self._trail.append(self._state.position_w[0, :2])
+        if self._policy is not None and self._distance_mm < REACH:
+            x, y = self._trail[-1].tolist()
+            env.set_goals(np.array([draw_target(self._goals, (x, y), self._bounds, DISTANCE)]))
         self._pose()
 
     def reset(self, seed: int) -> None:
@@ -172,39 +169,33 @@ class PlayedFly(Playable):
         self._drive = np.zeros(2)
         self._start()
 
-    def press(self, key: str) -> None:
-        """Change the drive, by hand from now on: arrows by `KEY_STEP`, "s" to a halt."""
-        if one_of("key", key, (*_ARROWS, "s")) == "s":
-            self._drive_by_hand((0.0, 0.0))
-        else:
-            self._drive_by_hand(self._drive + KEY_STEP * np.array(_ARROWS[key]))
-
     def change(self, name: str, value: "Setting") -> None:
-        """Set a control.
+        """Set a control, press a key, or move the target to where a click is, x and y in mm.
+
+        The target stays if that is beside the terrain, or too close to its edge.
 
         Raises
         ------
         ValueError
-            If there is none of the name, or the value is not allowed; everything is as before then.
+            If the value is not allowed; everything is as before then.
         """
-        one_of("control", name, (LEFT, RIGHT, STEERING, STOP, *CHOICES, *SWITCHES))
-        if name == STOP:
+        drive = self._drive.copy()
+        if name == "s":
             self._drive_by_hand((0.0, 0.0))
-        elif name == STEERING:
-            self._steer(str(value))
-        elif name in (LEFT, RIGHT):
-            low, high = DRIVE_LOW, DRIVE_HIGH
-            drive = self._drive.copy()
-            drive[int(name == RIGHT)] = within(f"drive, {name}", cast(float, value), low, high)
+        elif name in _KEY_SIGNS:
+            self._drive_by_hand(drive + KEY_STEP * np.array(_KEY_SIGNS[name]))
+        elif name in SIDES:
+            drive[SIDES.index(name)] = within(name, cast(float, value), DRIVE_LOW, DRIVE_HIGH)
             self._drive_by_hand(drive)
+        elif name == STEERING:
+            self._steer(one_of(STEERING, str(value), (BY_HAND, *self._pilots)))
+        elif name == "click":
+            x_w, y_w = cast(tuple[float, float], value)
+            if is_inside(x_w, y_w, self._bounds, EDGE_MARGIN):
+                self.env.set_goals(np.array([[x_w, y_w]]))
+                self._pose()
         else:
             self._remake(replace(self.config, **{name: value}))  # type: ignore[arg-type]
-
-    def point(self, x_w: float, y_w: float) -> None:
-        """Move the target, mm; nothing happens beside the terrain, or too close to its edge."""
-        if is_inside(x_w, y_w, self._bounds, EDGE_MARGIN):
-            self.env.set_goals(np.array([[x_w, y_w]]))
-            self._pose()
 
     def relax(self) -> None:
         """Let go of the drive, if a person has it; a policy steers on when the page is back."""
@@ -214,46 +205,60 @@ class PlayedFly(Playable):
     def draw(self, panel: "Panel") -> None:
         """Draw how it fares, steering, legs, scene, reward, and muscles if it has any."""
         if panel.section("Fly"):
-            if self.outcome != RUNNING:
-                panel.text(f"{_ENDS[self.outcome]} ({self.outcome}). Reset to go on.")
-            ways = np.linalg.norm(np.diff(self._trail, axis=0), axis=-1)
-            speed = float(ways.sum()) / (max(len(ways), 1) * INTERVAL_S)
+            way = float(np.linalg.norm(self._trail[-1] - self._trail[0]))
+            speed = way / (max(len(self._trail) - 1, 1) * INTERVAL_S)
             panel.values({"speed, mm/s": speed, "to the target, mm": self._distance_mm})
         if panel.section("Steering"):
-            left, right = self._drive.round(2).tolist()
             panel.choice(STEERING, "who steers", (BY_HAND, *self._pilots), self.steering)
-            panel.slider(LEFT, "drive, left", DRIVE_LOW, DRIVE_HIGH, left)
-            panel.slider(RIGHT, "drive, right", DRIVE_LOW, DRIVE_HIGH, right)
-            panel.buttons({STOP: "Stop"})
-            if not self._legs.follows_command:
-                panel.text(f"The controller {self._legs.name} ignores the drive.")
+            for name, drive in zip(SIDES, self._drive.round(2).tolist(), strict=True):
+                panel.slider(name, name.replace("_", ", "), DRIVE_LOW, DRIVE_HIGH, drive)
+            panel.buttons({"s": "Stop"})
         if panel.section("Legs"):
-            stands = np.array(self._stands, dtype=bool)
-            _draw_legs(panel, self._state, self._legs, stands)
+            self._draw_legs(panel)
         if panel.section("Scene"):
-            draw_scene(panel, self.config, self._choices)
+            for key, options in self._choices.items():
+                panel.choice(key, key, options, getattr(self.config, key))
+            for key in SWITCHES:
+                panel.switch(key, key, getattr(self.config, key))
         if panel.section("Reward"):
-            sums = self.env.task_state().totals
-            terms = self.env.task.reward
-            totals = {term.name: term.weight * float(sums[term.name][0]) for term in terms}
-            titles = ("of the last decision", "since the start")
-            for title, rewards in zip(titles, (self._rewards, totals), strict=True):
+            state = self.env.task_state()
+            for title, value_of in (
+                ("of the last decision", lambda term: term.compute(state)),
+                ("since the start", lambda term: state.totals[term.name]),
+            ):
+                rewards = {
+                    term.name: term.weight * float(value_of(term)[0])
+                    for term in self.env.task.reward
+                }
                 panel.text(title)
                 panel.values({**rewards, "sum": sum(rewards.values())})
         if (tensions := self._state.muscle_tensions[0]).size:
             _draw_muscles(panel, tensions)
 
+    def _draw_legs(self, panel: "Panel") -> None:
+        """Draw phases, which legs stood in the latest second, and reflexes."""
+        fly, legs = self._state, self._legs
+        most = DRIVE_HIGH if legs.follows_command else 1.0
+        panel.text(f"phases of the legs, magnitudes up to {most:g}")
+        panel.dials(LEGS, fly.phases[0], fly.magnitudes[0] / most)
+        panel.text("legs that stand")
+        stands = np.array(self._stands, dtype=bool)
+        panel.raster(LEGS, stands.reshape(-1, len(LEGS)).T, GAIT_PLACES, 1.0)
+        if isinstance(legs, Hybrid):
+            for name in ("retraction", "stumbling"):
+                panel.text(f"{name}, up to {CORRECTION_CAP:g}")
+                shares = getattr(fly, name)[0] / CORRECTION_CAP
+                panel.bars(dict(zip(LEGS, shares.tolist(), strict=True)))
+
     def figures(self) -> dict[str, float | str | bool]:
         """Place to 0.1 mm, heading in deg to the left of +x, drives, target, and all settings."""
-        position_w, heading = self._state.position_w[0], self._state.yaw[0]
+        names = ("x_mm", "y_mm", "target_x_mm", "target_y_mm", *SIDES)
+        position_w, goal = self._state.position_w[0, :2], self.env.task_state().goal[0]
         # -0.0 becomes 0.0
-        places = np.round((*position_w[:2], *self._goal), 1) + 0.0
-        names = ("x_mm", "y_mm", "target_x_mm", "target_y_mm")
-        drives = self._drive.round(2) + 0.0
+        places = np.concatenate([position_w.round(1), goal.round(1), self._drive.round(2)]) + 0.0
         return {
             **dict(zip(names, places.tolist(), strict=True)),
-            "heading_deg": round(float(np.degrees(heading))),
-            **dict(zip(("drive_left", "drive_right"), drives.tolist(), strict=True)),
+            "heading_deg": round(float(np.degrees(self._state.yaw[0]))),
             "steering": self.steering,
             "outcome": self.outcome,
             **{key: getattr(self.config, key) for key in (*CHOICES, *SWITCHES)},
@@ -269,15 +274,10 @@ class PlayedFly(Playable):
         return cast(Controller, self.env.config.fly_scene.controller)
 
     @property
-    def _goal(self) -> FloatArray:
-        """Place of the target, mm, (2,)."""
-        goal: FloatArray = self.env.task_state().goal[0]
-        return goal
-
-    @property
     def _distance_mm(self) -> float:
         """Horizontal distance from the thorax to the target, mm."""
-        return float(goal_distance(self._state.position_w, self._goal[None])[0])
+        goals = self.env.task_state().goal
+        return float(goal_distance(self._state.position_w, goals)[0])
 
     @property
     def _bounds(self) -> Bounds:
@@ -290,26 +290,10 @@ class PlayedFly(Playable):
         self.env.reset(seeds=[self.seed])
         self.outcome, self._memory = RUNNING, None
         self._goals = np.random.default_rng([_GOALS, self.seed])
-        self._rewards = {term.name: 0.0 for term in self.env.task.reward}
         self._stands: deque[NDArray[np.bool_]] = deque(maxlen=GAIT_PLACES)
-        self._trail = deque([self._state.position_w[0, :2]], 1 + _SPEED_DECISIONS)
-        self._pose()
-
-    def _decide(self) -> None:
-        """Walk for a decision's time with the drive, and note how."""
-        flies = self.env.flies
-        first = int(flies.gait_logs["num_samples"][0]) if flies.gait_logs is not None else 0
-        transition = self.env.step(self.env.task.actions.of(self._drive[None]))
-        self.outcome = str(transition.outcome[0])
-        state = self.env.task_state()
-        self._rewards = {
-            term.name: term.weight * float(term.compute(state)[0]) for term in self.env.task.reward
-        }
-        stance = unpack(flies.gait_samples(0, first))["stance"]
-        if len(stance) >= _PLACES_PER_DECISION:
-            for part in np.array_split(stance, _PLACES_PER_DECISION):
-                self._stands.append(part.mean(axis=0) >= 0.5)
+        self._trail: deque[FloatArray] = deque(maxlen=1 + _SPEED_DECISIONS)
         self._trail.append(self._state.position_w[0, :2])
+        self._pose()
 
     def _drive_by_hand(self, drive: Any) -> None:
         self._steer(BY_HAND)
@@ -318,9 +302,7 @@ class PlayedFly(Playable):
 
     def _steer(self, name: str) -> None:
         """Let somebody steer, from the drive that is on."""
-        one_of(STEERING, name, (BY_HAND, *self._pilots))
-        self._policy, self._memory = self._pilots.get(name), None
-        self.steering = name
+        self.steering, self._policy, self._memory = name, self._pilots.get(name), None
 
     def _remake(self, config: PlayedFlyConfig) -> None:
         """Build the scene anew, and only then take it."""
@@ -372,20 +354,6 @@ class PlayedFly(Playable):
         if self.outcome != UNSTABLE:
             self.env.flies.copy_into(0, self.model, self.data)
             self.camera.lookat[:] = self.data.qpos[:3]
-
-
-def _draw_legs(panel: "Panel", fly: FlyState, legs: Controller, stands: NDArray[np.bool_]) -> None:
-    """Draw phases, which legs stood in the latest parts (n, 6) of the gait, and reflexes."""
-    most = DRIVE_HIGH if legs.follows_command else 1.0
-    panel.text(f"phases of the legs, magnitudes up to {most:g}")
-    panel.dials(LEGS, fly.phases[0], fly.magnitudes[0] / most)
-    panel.text("legs that stand")
-    panel.raster(LEGS, stands.reshape(-1, len(LEGS)).T, GAIT_PLACES, 1.0)
-    if isinstance(legs, Hybrid):
-        for name in ("retraction", "stumbling"):
-            panel.text(f"{name}, up to {CORRECTION_CAP:g}")
-            shares = getattr(fly, name)[0] / CORRECTION_CAP
-            panel.bars(dict(zip(LEGS, shares.tolist(), strict=True)))
 
 
 def _draw_muscles(panel: "Panel", tensions: FloatArray) -> None:

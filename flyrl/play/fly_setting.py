@@ -1,27 +1,20 @@
 """Settings of a played fly, the task that it walks in, and who can steer it there."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, cast, get_args
+from typing import Annotated, Final, cast, get_args
 
 from flyrl.bodies.fly import FLIES
 from flyrl.controllers import DRIVE, Hybrid
 from flyrl.controllers.controller import controller_named
 from flyrl.controllers.cpg_controller import Gait, OscillatorController
-from flyrl.entry_points import is_entry_point
 from flyrl.envs.config import EnvConfig
-from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle, named_policies
-from flyrl.policies.bundle import policy_file, policy_name
-from flyrl.policies.laws import FIXED
+from flyrl.policies import LearnedPolicy, load_bundle, load_policy, named_policies
 from flyrl.rollouts import Policy
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.tasks import FAILURES, TASKS, RewardTerm, Task, TaskState, terms
 from flyrl.tasks.task import Mask
-from flyrl.terrains import KINDS, Bounds, terrain_named
-from flyrl.validation import one_of, random_seed
-
-if TYPE_CHECKING:
-    from flyrl.play.panel import Panel
+from flyrl.terrains import KINDS, Bounds
+from flyrl.validation import Within, check_fields, one_of
 
 CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "controller": ("cpg", "hybrid", "rule_based", "rule_based_steered"),
@@ -30,9 +23,7 @@ CHOICES: Final[dict[str, tuple[str, ...]]] = {
     "physics": FLY_PRESETS,
     "body": tuple(FLIES),
 }
-"""Allowed values, by key of `PlayedFlyConfig`; a terrain and a controller of a user's own, too."""
-
-_OWN: Final = ("controller", "terrain")
+"""Values that the panel offers, by key of `PlayedFlyConfig`."""
 
 SWITCHES: Final = ("retraction", "stumbling", "adhesion")
 """Keys of `PlayedFlyConfig` that are on or off."""
@@ -66,41 +57,27 @@ class PlayedFlyConfig:
 
     terrain: str = "flat"
     controller: str = "hybrid"
-    gait: str = "tripod"
+    gait: Gait = "tripod"
     physics: str = "balanced"
     body: str = "current"
     retraction: bool = True
     stumbling: bool = True
     adhesion: bool = True
     policy: str | None = None
-    seed: int = 0
+    seed: Annotated[int, Within(0, 2**32 - 1)] = 0
 
     def __post_init__(self) -> None:
-        for key, allowed in CHOICES.items():
-            name = getattr(self, key)
-            if key not in _OWN or not is_entry_point(str(name)):
-                one_of(key, name, allowed)
-        if is_entry_point(self.terrain):
-            terrain_named(self.terrain)
+        check_fields(self)
+        one_of("body", self.body, FLIES)
         if controller_named(self.controller).command.names != DRIVE.names:
             raise ValueError(f"controller must be one that takes a drive, got {self.controller!r}")
-        for key in SWITCHES:
-            one_of(key, getattr(self, key), (False, True))
-        random_seed(self.seed)
-
-    @property
-    def choices(self) -> dict[str, tuple[str, ...]]:
-        """`CHOICES`, and what the user has of their own."""
-        return {
-            key: tuple(dict.fromkeys((*known, getattr(self, key))))
-            for key, known in CHOICES.items()
-        }
+        self.env()
 
     def env(self) -> EnvConfig:
         """The environment that the fly walks in."""
         body, controller = FLIES[self.body], controller_named(self.controller)
         if isinstance(controller, OscillatorController):
-            controller = replace(controller, gait=cast(Gait, self.gait))
+            controller = replace(controller, gait=self.gait)
         if isinstance(controller, Hybrid):
             controller = replace(
                 controller, retraction=float(self.retraction), stumbling=float(self.stumbling)
@@ -113,19 +90,6 @@ class PlayedFlyConfig:
             physics=self.physics,
             log_gait=True,
         )
-
-
-def draw_scene(
-    panel: "Panel", config: PlayedFlyConfig, choices: Mapping[str, tuple[str, ...]]
-) -> None:
-    """Draw the controls of the scene, with their `choices` by key."""
-    for key, options in choices.items():
-        label = "leg controller" if key == "controller" else key
-        panel.choice(key, label, options, getattr(config, key))
-    of_hybrid = "" if config.controller == "hybrid" else " (hybrid alone)"
-    for key in SWITCHES:
-        label = key if key == "adhesion" else f"{key} reflex{of_hybrid}"
-        panel.switch(key, label, getattr(config, key))
 
 
 _TARGET: Final = TASKS["target"]()
@@ -144,7 +108,7 @@ def _arrived(state: TaskState) -> Mask:
 
 
 def _play_task(task: Task) -> Task:
-    """The task without a time limit, which goes on when the target is reached."""
+    """The task without a time limit, which continues when the target is reached."""
     ways = {term.name: term for term in task.reward if term.weight and term.name != "lost_time"}
     # the fly may stay: what a target is worth is paid once
     ways["success"] = RewardTerm(
@@ -169,13 +133,12 @@ INTERVAL_S: Final = cast(float, PLAY_TASK.decision_interval_s)
 """How long a decision is held, s."""
 
 BY_HAND: Final = "by hand"
-PURSUIT: Final = "pursuit"
 
 
 def pilots(given: str | None = None) -> dict[str, Policy]:
     """Make the policies that can steer to a target, by name.
 
-    They are `PURSUIT`, those that come with flyrl and learned that, and the one that is given.
+    They are "pursuit", those that come with flyrl and learned that, and the one that is given.
 
     Parameters
     ----------
@@ -187,39 +150,22 @@ def pilots(given: str | None = None) -> dict[str, Policy]:
     ValueError
         What is given is missing, is no policy, or one that cannot steer here.
     """
-    found: dict[str, Policy] = {PURSUIT: FIXED[PURSUIT].make(PLAY_TASK)}
-    for name, file in named_policies().items():
-        policy = LearnedPolicy(load_bundle(file))
-        if policy.bundle.env["task"]["name"] == PLAY_TASK.name and _misfit(policy) is None:
-            found[name] = policy
+    found: dict[str, Policy] = {"pursuit": load_policy("pursuit", PLAY_TASK)}
+    for name in named_policies():
+        bundle = load_bundle(name)
+        if bundle.env["task"]["name"] == PLAY_TASK.name:
+            found[name] = LearnedPolicy(bundle)
     if given is not None and given not in found:
         names = ", ".join(found)
         try:
-            policy = LearnedPolicy(load_bundle(given))
-        except PolicyFileError as error:
-            raise PolicyFileError(
-                f"policy must be a file, a run folder or one of {names}; {error}"
+            found[given] = policy = LearnedPolicy(load_bundle(given))
+            policy.check_task(PLAY_TASK)
+            interval = policy.bundle.env.get("task", {}).get("decision_interval", INTERVAL_S)
+            if interval != INTERVAL_S:
+                raise ValueError(f"it decides every {interval} s; it must be {INTERVAL_S} s")
+        except ValueError as error:
+            raise ValueError(
+                f"policy must be a file, a run folder or one of {names} that can steer to a "
+                f"target, got {given!r}: {error}"
             ) from error
-        misfit = _misfit(policy)
-        if misfit is not None:
-            raise PolicyFileError(f"policy {given!r} cannot steer here ({names} can): {misfit}")
-        found[pilot_name(given)] = policy
     return found
-
-
-def pilot_name(given: str) -> str:
-    """Name under which a policy that is given stands among the pilots."""
-    return given if given == PURSUIT else policy_name(policy_file(given)) or given
-
-
-def _misfit(policy: LearnedPolicy) -> str | None:
-    """Reason why a policy does not fit; None if it does."""
-    try:
-        policy.check_task(PLAY_TASK)
-    except PolicyFileError as error:
-        return str(error)
-    task = policy.bundle.env.get("task")
-    interval = task.get("decision_interval") if isinstance(task, Mapping) else None
-    if interval is not None and interval != INTERVAL_S:
-        return f"it decides every {interval} s; it must be {INTERVAL_S} s"
-    return None

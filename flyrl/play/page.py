@@ -8,7 +8,6 @@ import contextlib
 import copy
 import io
 import logging
-import math
 import socket
 import time
 from collections.abc import Iterator
@@ -25,6 +24,12 @@ from flyrl.play.server import PageUnavailableError, Service, served_on
 if TYPE_CHECKING:  # the page is served before that is imported, which takes seconds
     from flyrl.play.session import Session
 
+_CLICK: Final = "click"
+"""Among the keys: a click on the ground."""
+
+STATE: Final = mujoco.mjtState.mjSTATE_INTEGRATION
+"""State of what is played that is sent to the page."""
+
 _PAUSED_FRAME_S: Final = 1 / 25
 """Time from one state that is sent to the next while time stands still; else the viewer's own."""
 
@@ -36,23 +41,6 @@ _MARGIN: Final = 12
 
 _WIDTH: Final = 330
 """px; of the panel."""
-
-_NARROW: Final = 850
-"""px; pages below this width begin with the panel folded."""
-
-_KEY_NAMES: Final = {
-    "up": "UpArrow",
-    "down": "DownArrow",
-    "left": "LeftArrow",
-    "right": "RightArrow",
-    "space": "Space",
-    "enter": "Enter",
-    "backspace": "Backspace",
-}
-"""Names of Dear ImGui; letters are their own."""
-
-_CLICK: Final = "click"
-"""Among the keys: what a click on the ground does."""
 
 
 @contextlib.contextmanager
@@ -79,10 +67,8 @@ def serve(listening: socket.socket) -> Iterator["Page"]:
         except Exception as error:
             raise PageUnavailableError(f"MuJoCo's web viewer does not start: {error}") from error
         with contextlib.closing(viewer):
-            if not service.is_confined:
-                raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
             if not service.is_guarded.wait(timeout=10.0):  # s
-                raise PageUnavailableError("mujoco.studio does not serve its page")
+                raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
             yield Page(viewer, service)
 
 
@@ -100,8 +86,7 @@ class Page:
     def __init__(self, viewer: web_viewer.WebViewer, service: Service) -> None:
         self._viewer = viewer
         self._service = service
-        self._is_narrow = self._is_closed = self._forgets_keys = False
-        self._height = math.inf
+        self._forgets_keys = False
 
     def play(self, session: "Session") -> None:
         """Play until interrupted, or until the viewer is closed."""
@@ -122,7 +107,7 @@ class Page:
                 with _silence():
                     viewer.dispatch(messages.ModelEvent(model=display_model(drawn)))
                 self._service.is_ready = True
-            playable.copy_into(viewer.data)
+            mujoco.mj_copyState(playable.model, playable.data, viewer.data, STATE)
             # by itself it would ask for a browser all the time
             if is_watched and viewer.prepare_next_frame():
                 viewer.dispatch(messages.UpdateEvent())
@@ -152,69 +137,51 @@ class Page:
         elif not io.WantCaptureKeyboard:
             for name in session.keys:
                 if name != _CLICK and imgui.IsKeyPressed(_key(name), False):
-                    session.press(name)
-        if not io.WantCaptureMouse and io.KeyShift and imgui.IsMouseClicked(imgui.MouseButton.Left):
-            self._point(session)
-        for name, value in self._draw_panel(session).items():
+                    session.change(name, True)
+        if (
+            _CLICK in session.keys
+            and io.KeyShift
+            and not io.WantCaptureMouse
+            and imgui.IsMouseClicked(imgui.MouseButton.Left)
+        ):
+            mouse, size, viewer = io.MousePos, io.DisplaySize, self._viewer
+            place = mouse.x / size.x, mouse.y / size.y
+            point = ground_point(viewer.model, viewer.data, viewer.camera, *place, size.x / size.y)
+            if point is not None:
+                session.change(_CLICK, point)
+        for name, value in _draw_panel(session).items():
             session.change(name, value)
 
-    def _point(self, session: "Session") -> None:
-        mouse, size, viewer = imgui.GetIO().MousePos, imgui.GetIO().DisplaySize, self._viewer
-        place = mouse.x / size.x, mouse.y / size.y
-        point = ground_point(viewer.model, viewer.data, viewer.camera, *place, size.x / size.y)
-        if point is not None:
-            session.point(*point)
 
-    def _draw_panel(self, session: "Session") -> dict[str, Setting]:
-        """Draw the panel at the left of the page; return what a person has changed.
+def _draw_panel(session: "Session") -> dict[str, Setting]:
+    """Draw the panel at the left of the page; return what a person has changed.
 
-        At the left, since the width of the page is only known some pictures after it was opened.
-        """
-        panel = Panel()
-        page = imgui.GetIO().DisplaySize
-        always = int(imgui.Cond.Always)
-        is_narrow = page.x < _NARROW
-        if is_narrow != self._is_narrow or self._is_closed:
-            imgui.SetNextWindowCollapsed(is_narrow or self._is_closed, always)
-            self._is_narrow = is_narrow
-        width, height = min(_WIDTH, page.x - 2 * _MARGIN), page.y - 2 * _MARGIN
-        imgui.SetNextWindowPos(imgui.Vec2(_MARGIN, _MARGIN), always)
-        imgui.SetNextWindowSize(imgui.Vec2(width, min(height, self._height)), always)
-        flags = imgui.WindowFlags
-        fixed = (flags.NoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
-        title = session.playable.title
-        is_unfolded, is_open = imgui.Begin(title, True, sum(map(int, fixed)))
-        if is_unfolded:
-            session.draw(panel)
-            if panel.section("Keys and mouse"):
-                for name, tells in session.keys.items():
-                    panel.text(f"{'shift + click' if name == _CLICK else name}: {tells}")
-                panel.text("drag: turn the view;  wheel: nearer, farther")
-            # as high as its content, from the next picture on
-            self._height = imgui.GetCursorPosY() + _MARGIN
-        # closed it would not come back: then it is folded
-        self._is_closed = not is_open
-        imgui.End()
-        if not is_narrow:
-            _draw_hint(session.playable.hint, width + 2 * _MARGIN, _MARGIN)
-        elif not is_unfolded:
-            below = 2 * _MARGIN + imgui.GetFrameHeight()
-            _draw_hint(session.playable.hint, _MARGIN, below)
-        return panel.changes
-
-
-def _draw_hint(text: str, x: float, y: float) -> None:
-    imgui.SetNextWindowPos(imgui.Vec2(x, y), int(imgui.Cond.Always))
+    At the left, since the width of the page is only known some pictures after it was opened.
+    """
+    panel = Panel()
+    height = imgui.GetIO().DisplaySize.y - 2 * _MARGIN
+    imgui.SetNextWindowPos(imgui.Vec2(_MARGIN, _MARGIN), int(imgui.Cond.Always))
+    # as high as its content, if that fits
+    imgui.SetNextWindowSizeConstraints(imgui.Vec2(_WIDTH, 0.0), imgui.Vec2(_WIDTH, height))
     flags = imgui.WindowFlags
-    plain = (flags.NoDecoration, flags.NoInputs, flags.NoNav, flags.NoDocking)
-    more = (flags.AlwaysAutoResize, flags.NoSavedSettings, flags.NoFocusOnAppearing)
-    imgui.Begin("hint", None, sum(map(int, (*plain, *more))))
-    imgui.Text(text)
+    fixed = (flags.AlwaysAutoResize, flags.NoMove, flags.NoSavedSettings, flags.NoDocking)
+    is_unfolded, is_open = imgui.Begin(session.playable.title, True, sum(map(int, fixed)))
+    if not is_open:  # closed it would not come back
+        imgui.SetWindowCollapsed(True)
+    if is_unfolded:
+        panel.text(session.playable.hint)
+        session.draw(panel)
+        if panel.section("Keys and mouse"):
+            for name, text in session.keys.items():
+                panel.text(f"{'shift + click' if name == _CLICK else name}: {text}")
+            panel.text("drag: turn the view;  wheel: nearer, farther")
     imgui.End()
+    return panel.changes
 
 
 def _key(name: str) -> imgui.Key:
-    return getattr(imgui.Key, _KEY_NAMES.get(name, name.upper()))
+    title = name.title()
+    return getattr(imgui.Key, title if hasattr(imgui.Key, title) else f"{title}Arrow")
 
 
 def _silence() -> contextlib.AbstractContextManager[io.StringIO]:
@@ -225,7 +192,7 @@ def _silence() -> contextlib.AbstractContextManager[io.StringIO]:
 def display_model(model: mujoco.MjModel) -> mujoco.MjModel:
     """Copy a model for viewer and browser, which run MuJoCo on it to find where bodies are.
 
-    It has no contacts, constraints, actuators, sensors.
+    It has no contacts, constraints, actuators or sensors.
     """
     display = copy.deepcopy(model)
     bits = mujoco.mjtDisableBit

@@ -1,36 +1,24 @@
 """The panel in Dear ImGui: it draws controls and readings, and notes what a person changes."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 from mujoco.studio.dear_imgui import dear_imgui as imgui
+from mujoco.studio.implot import implot
 from numpy.typing import NDArray
 
-Setting = float | str | bool | int
+Setting = float | str | bool | int | tuple[float, float]
 """Value that a person gives a control."""
 
 _LABELS: Final = 0.42
 """Share of the width that labels take."""
 
-_SMALL: Final = 0.82
-"""Size of the letters beside small drawings."""
-
-_RADIUS: Final = 17
-"""Of a dial, px."""
-
-_GAP: Final = 6
-"""Between drawings, px."""
-
-_FEW: Final = 12
-"""Bars that are given a row each; more stand side by side."""
-
-_INK: Final = (0.25, 0.62, 0.92, 1.0)
-"""Red, green, blue, alpha of hands, and of filled rectangles of a raster."""
+_BAR_LABELS: Final = 110.0
+"""px; to the right of bars, for their labels."""
 
 _RED: Final = (0.78, 0.09, 0.09, 1.0)
-"""The same of bars."""
+"""Red, green, blue, alpha of bars."""
 
 
 class Panel:
@@ -46,13 +34,10 @@ class Panel:
 
     def __init__(self) -> None:
         self.changes: dict[str, Setting] = {}
-        self._has_sections = False
 
     def section(self, title: str, is_open: bool = True) -> bool:
         """Begin a section; return whether it is unfolded, as only then its content is drawn."""
-        if self._has_sections:
-            imgui.Spacing()
-        self._has_sections = True
+        imgui.Spacing()
         flags = imgui.TreeNodeFlags.DefaultOpen if is_open else 0
         return bool(imgui.CollapsingHeader(title, int(flags)))
 
@@ -66,10 +51,9 @@ class Panel:
         """Control of a number between two others."""
         _label(label)
         flags = int(imgui.SliderFlags.AlwaysClamp)
-        changed, chosen = imgui.SliderFloat(f"##{name}", value, low, high, "%.2f", flags)
-        self._note(name, changed, float(chosen))
+        self._note(name, *imgui.SliderFloat(f"##{name}", value, low, high, "%.2f", flags))
 
-    def choice(self, name: str, label: str, options: tuple[str, ...], value: str) -> None:
+    def choice(self, name: str, label: str, options: Sequence[str], value: str) -> None:
         """Control of one of several texts."""
         _label(label)
         current = options.index(value) if value in options else -1
@@ -78,79 +62,57 @@ class Panel:
 
     def switch(self, name: str, label: str, is_on: bool) -> None:
         """Control that is on or off."""
-        changed, chosen = imgui.Checkbox(f"{label}##{name}", is_on)
-        self._note(name, changed, bool(chosen))
+        self._note(name, *imgui.Checkbox(f"{label}##{name}", is_on))
 
     def integer(self, name: str, label: str, value: int) -> None:
         """Control of a whole number."""
         _label(label)
-        changed, chosen = imgui.InputInt(f"##{name}", value)
-        self._note(name, changed, int(chosen))
+        self._note(name, *imgui.InputInt(f"##{name}", value))
 
     def buttons(self, labels: Mapping[str, str]) -> None:
         """Buttons in a line, name -> label; a press gives True."""
-        for number, (name, label) in enumerate(labels.items()):
-            if number:
-                imgui.SameLine()
+        for name, label in labels.items():
             # the name alone tells buttons apart, as a label may change while it is pressed
             self._note(name, imgui.Button(f"{label}###{name}"), True)
+            imgui.SameLine()
+        imgui.NewLine()
 
     def values(self, values: Mapping[str, float]) -> None:
         """Numbers below each other, by label."""
-        right = imgui.GetCursorPosX() + imgui.GetContentRegionAvail().x
         for label, value in values.items():
-            imgui.TextUnformatted(label)
             places = 0 if isinstance(value, int) else 3 if abs(value) < 10 else 1
-            text = f"{round(value, places) + 0.0:.{places}f}"  # -0.0 becomes 0.0
-            imgui.SameLine(right - imgui.CalcTextSize(text).x)
-            imgui.TextUnformatted(text)
+            _label(label)
+            imgui.TextUnformatted(f"{round(value, places) + 0.0:.{places}f}")  # -0.0 becomes 0.0
 
     def bars(self, shares: Mapping[str, float]) -> None:
-        """Bars from 0 to 1, by label; many stand side by side."""
-        labels = list(shares)
-        columns = 1 if len(labels) <= _FEW else 2
-        rows = -(-len(labels) // columns)
+        """Bars from 0 to 1, by label."""
         imgui.PushStyleColor(int(imgui.Col.PlotHistogram), imgui.Vec4(*_RED))
-        if imgui.BeginTable(f"##bars of {labels}", columns):
-            with _small_letters():
-                indent = max(imgui.CalcTextSize(label).x for label in labels) + _GAP
-                for place in range(rows * columns):
-                    imgui.TableNextColumn()
-                    # down a column first, as one reads a list
-                    row, column = divmod(place, columns)
-                    if (number := column * rows + row) < len(labels):
-                        label = labels[number]
-                        imgui.TextUnformatted(label)
-                        imgui.SameLine(0.0, indent - imgui.CalcTextSize(label).x)
-                        size = imgui.Vec2(-1.0, imgui.GetTextLineHeight())
-                        imgui.ProgressBar(shares[labels[number]], size, "")
-            imgui.EndTable()
+        for label, share in shares.items():
+            imgui.ProgressBar(share, imgui.Vec2(-_BAR_LABELS, imgui.GetTextLineHeight()), "")
+            imgui.SameLine()
+            imgui.TextUnformatted(label)
         imgui.PopStyleColor()
 
     def dials(
-        self, labels: tuple[str, ...], phases: NDArray[np.float64], lengths: NDArray[np.float64]
+        self, labels: Sequence[str], phases: NDArray[np.float64], lengths: NDArray[np.float64]
     ) -> None:
         """Clocks in a row, whose hands point to phases, rad, with lengths from 0 to 1, (n,) each.
 
         Phase 0 is upright, a quarter of a turn to the right.
         """
-        place, draw = imgui.GetCursorScreenPos(), imgui.GetWindowDrawList()
-        pitch = 2 * _RADIUS + _GAP
-        with _small_letters():
-            for number, label in enumerate(labels):
-                x, y = place.x + number * pitch + _RADIUS, place.y + _RADIUS + 1
-                hand = (_RADIUS - 2) * min(max(float(lengths[number]), 0.0), 1.0)
-                right, up = hand * np.sin(phases[number]), hand * np.cos(phases[number])
-                middle = imgui.Vec2(x, y)
-                draw.AddCircle(middle, _RADIUS, _faint(), 24, 1.5)
-                draw.AddLine(middle, imgui.Vec2(x + right, y - up), _colour(*_INK), 2.5)
-                left = x - imgui.CalcTextSize(label).x / 2
-                _write(draw, left, y + _RADIUS + 1, label)
-            height = 2 * _RADIUS + imgui.GetTextLineHeight() + _GAP
-        imgui.Dummy(imgui.Vec2(len(labels) * pitch, height))
+        places, turn = np.arange(len(labels)), np.linspace(0.0, 2.0 * np.pi, 25)
+        x, y = (-0.5, len(labels) - 0.5), (-0.5, 0.5)
+        if _begin_plot("##dials", 80.0, x, y, implot.AxisFlags.NoDecorations):
+            implot.SetupAxisTicks(implot.Axis.X1, places, labels)
+            for place in places:
+                implot.PlotLine("##rims", place + 0.45 * np.sin(turn), 0.45 * np.cos(turn))
+            right, up = 0.4 * lengths * np.sin(phases), 0.4 * lengths * np.cos(phases)
+            ends = np.stack([places, places + right], axis=1), np.stack([0.0 * up, up], axis=1)
+            implot.PlotLine("##hands", *map(np.ravel, ends), implot.LineFlags.Segments)
+            implot.EndPlot()
 
     def raster(
-        self, labels: tuple[str, ...], rows: NDArray[np.bool_], places: int, span_s: float
+        self, labels: Sequence[str], rows: NDArray[np.bool_], places: int, span_s: float
     ) -> None:
         """Rows of what was so over the latest seconds, the newest at the right.
 
@@ -165,29 +127,13 @@ class Panel:
         span_s
             Time that all places take, s.
         """
-        place, draw = imgui.GetCursorScreenPos(), imgui.GetWindowDrawList()
-        width = imgui.GetContentRegionAvail().x
-        with _small_letters():
-            pitch = imgui.GetTextLineHeight() + 1
-            left = place.x + _GAP + max(imgui.CalcTextSize(label).x for label in labels)
-            cell = (place.x + width - left) / places
-            first = left + (places - rows.shape[1]) * cell
-            for number, (label, row) in enumerate(zip(labels, rows, strict=True)):
-                top = place.y + number * pitch
-                _write(draw, place.x, top, label)
-                edges = np.flatnonzero(np.diff(row, prepend=False, append=False)).reshape(-1, 2)
-                spans = [(0, len(row), _faint())]
-                spans += [(start, end, _colour(*_INK)) for start, end in edges.tolist()]
-                for start, end, colour in spans:
-                    draw.AddRectFilled(
-                        imgui.Vec2(first + start * cell, top + 2),
-                        imgui.Vec2(first + end * cell, top + pitch - 1),
-                        colour,
-                    )
-            below = f"the latest {span_s:g} s"
-            bottom = place.y + len(rows) * pitch
-            _write(draw, place.x + width - imgui.CalcTextSize(below).x, bottom, below)
-        imgui.Dummy(imgui.Vec2(width, (len(rows) + 1) * pitch))
+        times = np.repeat(np.arange(1 - rows.shape[1], 1) * span_s / places, 2)[1:]
+        x, y = (-span_s, 0.0), (-0.5, len(labels) - 0.5)
+        if _begin_plot("##raster", 130.0, x, y, implot.AxisFlags.Invert):
+            implot.SetupAxisTicks(implot.Axis.Y1, np.arange(len(labels)), labels)
+            for place, row in enumerate(np.repeat(rows, 2, axis=1)[:, :-1]):
+                implot.PlotShaded("##rows", times, place + 0.4 * row, place - 0.4 * row)
+            implot.EndPlot()
 
     def _note(self, name: str, has_changed: bool, value: Setting) -> None:
         if has_changed:
@@ -203,24 +149,17 @@ def _label(text: str) -> None:
     imgui.SetNextItemWidth(-1.0)
 
 
-def _write(draw: Any, x: float, y: float, text: str) -> None:
-    draw.AddText(imgui.Vec2(x, y), imgui.GetColorU32(int(imgui.Col.Text)), text)
-
-
-def _colour(red: float, green: float, blue: float, alpha: float) -> int:
-    return int(imgui.GetColorU32(imgui.Vec4(red, green, blue, alpha)))
-
-
-def _faint() -> int:
-    """A shade between letters and their ground, in any theme."""
-    ink = imgui.GetStyleColorVec4(int(imgui.Col.Text))
-    return _colour(ink.x, ink.y, ink.z, 0.22)
-
-
-@contextmanager
-def _small_letters() -> Iterator[None]:
-    imgui.SetWindowFontScale(_SMALL)
-    try:
-        yield
-    finally:
-        imgui.SetWindowFontScale(1.0)
+def _begin_plot(
+    title: str,
+    height: float,
+    x: tuple[float, float],
+    y: tuple[float, float],
+    y_flags: implot.AxisFlags,
+) -> bool:
+    """Begin a plot of a height, px, with ranges of its axes, which is only to be looked at."""
+    flags = implot.Flags.CanvasOnly.value | implot.Flags.NoInputs.value
+    if not implot.BeginPlot(title, imgui.Vec2(-1.0, height), flags):
+        return False
+    implot.SetupAxes("", "", implot.AxisFlags.NoGridLines.value, y_flags.value)
+    implot.SetupAxesLimits(*x, *y, implot.Cond.Always.value)
+    return True

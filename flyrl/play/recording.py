@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import imageio_ffmpeg
 import mujoco
@@ -29,20 +29,10 @@ MAX_S: Final = 30
 _BYTES: Final = 2 * 10**6
 """A video may have so many for every 10 s, or part of them."""
 
-DRAWN: Final = int(
-    mujoco.mjtState.mjSTATE_QPOS
-    | mujoco.mjtState.mjSTATE_MOCAP_POS
-    | mujoco.mjtState.mjSTATE_MOCAP_QUAT
-)
-"""Part of MuJoCo's state that is drawn: joints and mocap bodies."""
+_STATE: Final = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
-
-class _Frame(NamedTuple):
-    """A picture to draw: the state's part `DRAWN`, and from where it is seen."""
-
-    model: mujoco.MjModel
-    state: FloatArray
-    camera: mujoco.MjvCamera
+_Frame = tuple[mujoco.MjModel, FloatArray, mujoco.MjvCamera]
+"""A picture to draw: of a model in a state, and from where it is seen."""
 
 
 class VideoRecorder:
@@ -88,15 +78,17 @@ class VideoRecorder:
         self, model: mujoco.MjModel, data: mujoco.MjData, camera: mujoco.MjvCamera, number: int
     ) -> None:
         """Keep the state as that many pictures, `FRAMES_PER_S` of which pass in a second."""
-        state = np.empty(mujoco.mj_stateSize(model, DRAWN))
-        mujoco.mj_getState(model, data, state, DRAWN)
+        state = np.empty(mujoco.mj_stateSize(model, _STATE))
+        mujoco.mj_getState(model, data, state, _STATE)
         room = round(MAX_S * FRAMES_PER_S) - len(self._frames)
-        self._frames += [_Frame(model, state, copy.copy(camera))] * min(number, room)
+        self._frames += [(model, state, copy.copy(camera))] * min(number, room)
         if number >= room:
             self.stop()
 
     def stop(self) -> None:
         """Write what was collected, in a thread: this returns before the video is there."""
+        if not self.is_on:
+            return
         self.is_on, self.note = False, ""
         frames, self._frames = self._frames, []
         if frames:
@@ -106,8 +98,7 @@ class VideoRecorder:
 
     def close(self) -> None:
         """Write what was collected, and wait until it is there."""
-        if self.is_on:
-            self.stop()
+        self.stop()
         if self._writing is not None:
             self._writing.join()
 
@@ -128,19 +119,15 @@ class VideoRecorder:
 
 def _drawn(frames: list[_Frame]) -> Iterator[Picture]:
     """Draw frames; where the model becomes another one, it is set up anew."""
-    for _, group in itertools.groupby(frames, key=lambda frame: id(frame.model)):
+    for _, group in itertools.groupby(frames, key=lambda frame: id(frame[0])):
         alike = list(group)
-        shown = copy.deepcopy(alike[0].model)
-        shown.vis.quality.offsamples = 0
-        shown.vis.global_.offwidth, shown.vis.global_.offheight = WIDTH, HEIGHT
+        shown = copy.deepcopy(alike[0][0])
         data = mujoco.MjData(shown)
         with closing(Offscreen(shown, WIDTH, HEIGHT)) as offscreen:
-            for frame in alike:
-                mujoco.mj_setState(shown, data, frame.state, DRAWN)
-                mujoco.mj_kinematics(shown, data)
-                mujoco.mj_comPos(shown, data)
-                mujoco.mj_camlight(shown, data)
-                yield offscreen.draw(data, frame.camera)
+            for _, state, camera in alike:
+                mujoco.mj_setState(shown, data, state, _STATE)
+                mujoco.mj_forward(shown, data)
+                yield offscreen.draw(data, camera)
 
 
 def _no_video(error: Exception) -> str:

@@ -66,8 +66,6 @@ class Service:
 
     Attributes
     ----------
-    is_confined
-        Whether the viewer took the socket that it was given.
     is_guarded
         Set when the server starts, guarded.
     is_ready
@@ -76,7 +74,6 @@ class Service:
         Number of the page's WebSockets that are open; a browser that shows it has two.
     """
 
-    is_confined: bool = False
     is_guarded: threading.Event = field(default_factory=threading.Event)
     is_ready: bool = False
     connections: int = 0
@@ -90,25 +87,18 @@ def served_on(listening: socket.socket) -> Iterator[Service]:
     address for its name), or another page as its origin, is answered 403; so is a WebSocket
     without an origin.
     """
-    port = listening.getsockname()[1]
-    hosts = [f"{name}:{port}" for name in (ADDRESS, "localhost")]
     service = Service()
-
-    def give(host: str, port: int = 0) -> socket.socket:
-        service.is_confined = True
-        return listening
-
     bind, serve = web_server.bind_public_socket, web_server.serve
-    web_server.bind_public_socket = give
-    web_server.serve = _guarded(serve, hosts, service)
+    web_server.bind_public_socket = lambda host, port=0: listening
+    web_server.serve = _guarded(serve, listening, service)
     try:
         yield service
     finally:
         web_server.bind_public_socket, web_server.serve = bind, serve
 
 
-def tell_unless_page_left(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Handle what a loop meets as by default, except that a page left.
+def log_unless_page_left(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Handle an error that nobody awaits as asyncio does, except that a page left.
 
     While MuJoCo's server sends to that page, it cancels the sending and asks no more how it ended.
     """
@@ -116,8 +106,12 @@ def tell_unless_page_left(loop: asyncio.AbstractEventLoop, context: dict[str, An
         loop.default_exception_handler(context)
 
 
-def _guarded(serve: Callable[..., Any], hosts: list[str], service: Service) -> Callable[..., Any]:
-    """Like `websockets.serve`, for requests to these hosts from their own pages alone."""
+def _guarded(
+    serve: Callable[..., Any], listening: socket.socket, service: Service
+) -> Callable[..., Any]:
+    """Like `websockets.serve`, on this socket and for requests from its own pages alone."""
+    port = listening.getsockname()[1]
+    hosts = [f"{name}:{port}" for name in (ADDRESS, "localhost")]
     origins = [f"http://{host}" for host in hosts]
 
     def guarded(
@@ -142,11 +136,11 @@ def _guarded(serve: Callable[..., Any], hosts: list[str], service: Service) -> C
             return process_request(connection, request)
 
         # called within the server's loop
-        asyncio.get_running_loop().set_exception_handler(tell_unless_page_left)
+        asyncio.get_running_loop().set_exception_handler(log_unless_page_left)
         service.is_guarded.set()
         # controllers may have to be compiled before there is a model, which takes a minute;
         # a page that is still open at the end need not say goodbye
-        settings |= {"open_timeout": None, "close_timeout": _GOODBYE_S}
+        settings |= {"open_timeout": None, "close_timeout": _GOODBYE_S, "sock": listening}
         return serve(handle, process_request=process, origins=origins, **settings)
 
     return guarded

@@ -1,16 +1,14 @@
 """What is played, and its course in time: in real time or slower while somebody watches."""
 
 import copy
-import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, cast
 
 import mujoco
 
-from flyrl.play.recording import DRAWN, FRAMES_PER_S, VideoRecorder
-from flyrl.validation import one_of, random_seed
+from flyrl.play.recording import FRAMES_PER_S, VideoRecorder
+from flyrl.validation import random_seed
 
 if TYPE_CHECKING:
     from flyrl.play.panel import Panel, Setting
@@ -22,26 +20,15 @@ BUDGET_S: Final = 0.05
 """How long the simulation may take at a time, so that the page stays alive; the rest is dropped."""
 
 SPEEDS: Final[Mapping[str, float]] = {
-    **{f"1/{part}": 1 / part for part in (16, 8, 4, 2)},
-    "1": 1.0,
-    "2": 2.0,
-}
+    "1/16": 1 / 16, "1/8": 1 / 8, "1/4": 1 / 4, "1/2": 1 / 2, "1": 1.0, "2": 2.0
+}  # fmt: skip
 """Simulated time per real time, by name."""
 
-PAUSE, STEP, RESET, SPEED, SEED, RECORD = (
-    f"session.{name}" for name in ("pause", "step", "reset", "speed", "seed", "record")
-)
-"""Names of the session's own controls."""
+PAUSE, STEP, RESET = "space", "enter", "backspace"
+SPEED, SEED, RECORD = "session.speed", "session.seed", "session.record"
+"""Names of the session's own controls: keys, and others."""
 
-_KEYS: Final = {
-    "space": (PAUSE, "pause, go on"),
-    "enter": (STEP, "pause, a single step"),
-    "backspace": (RESET, "reset"),
-}
-"""Name of a key -> what it stands for, and in a few words."""
-
-_BITE_S: Final = 0.01
-"""Simulated time between two looks at the clock."""
+_KEYS: Final = {PAUSE: "pause, resume", STEP: "pause, a single step", RESET: "reset"}
 
 _RATE_S: Final = 0.5
 """Time over which the speed that is reached is measured."""
@@ -56,14 +43,13 @@ class Playable(Protocol):
         Its name.
     keys
         Name of a key -> what a press does, in a few words. Letters, and "up", "down", "left",
-        "right"; "click" tells what `point` does.
+        "right"; "click" is a click on the ground.
     interval_s
         Simulated time that a step takes, s.
     seed
         Of the last reset.
     model, data
-        Of MuJoCo, to be drawn. The model is another object after the scene was changed; of the data
-        the part `recording.DRAWN` of the state is drawn.
+        Of MuJoCo, to be drawn. The model is another object after the scene was changed.
     camera
         From where it is seen at first.
     """
@@ -76,10 +62,6 @@ class Playable(Protocol):
     data: mujoco.MjData
     camera: mujoco.MjvCamera
 
-    def copy_into(self, data: mujoco.MjData) -> None:
-        """Copy what is drawn into data of another copy of the model."""
-        mujoco.mj_copyState(self.model, self.data, data, DRAWN)
-
     @property
     def time_s(self) -> float:
         """Simulated time since the last reset, s."""
@@ -89,14 +71,20 @@ class Playable(Protocol):
     def hint(self) -> str:
         """A line that stands in the picture: the keys that matter at the moment."""
 
-    def step(self, number: int) -> None:
-        """Simulate a number of steps."""
+    def step(self) -> None:
+        """Simulate a step."""
 
     def reset(self, seed: int) -> None:
-        """Start again; the same seed starts the same."""
+        """Start again; the same seed starts the same. ValueError if it is no seed."""
 
-    def press(self, key: str) -> None:
-        """Do what a key stands for, one of `keys`."""
+    def change(self, name: str, value: "Setting") -> None:
+        """Set a control of the panel, press a key (True), or "click" on the ground (x, y, mm).
+
+        Raises
+        ------
+        ValueError
+            If the value is not allowed; everything is as before then.
+        """
 
     def relax(self) -> None:
         """Let go of all that a person holds, since nobody is there any more."""
@@ -106,58 +94,6 @@ class Playable(Protocol):
 
     def figures(self) -> Mapping[str, float | str | bool]:
         """Values for the log, rounded to what is worth a line."""
-
-    def change(self, name: str, value: "Setting") -> None:
-        """Set a control of the panel.
-
-        Raises
-        ------
-        ValueError
-            If it cannot be set so; everything is as before then.
-        """
-        raise ValueError(f"{self.title} has no {name!r} to set")
-
-    def point(self, x_w: float, y_w: float) -> None:
-        """Do what a click on the ground stands for, mm in the world's frame; by default nothing."""
-        return
-
-
-@dataclass
-class Pace:
-    """Says how many steps of the physics are due, so that they pass in real time, or as is said.
-
-    Attributes
-    ----------
-    interval_s : simulated time that a step takes.
-    max_lag_s : how much simulated time is made up for at most.
-    """
-
-    interval_s: float
-    max_lag_s: float = MAX_LAG_S
-    _last_s: float | None = None
-    _owed_s: float = 0.0
-
-    def steps(self, now_s: float, speed: float = 1.0) -> int:
-        """Steps due since the last call; none at the first one, and the first after a `pause`.
-
-        Parameters
-        ----------
-        now_s : of any clock that only goes forward.
-        speed : simulated time per time.
-        """
-        passed = 0.0 if self._last_s is None else now_s - self._last_s
-        self._last_s = now_s
-        longest = max(self.max_lag_s, self.interval_s)
-        self._owed_s = min(self._owed_s + passed * speed, longest)
-        # a hair more: 0.1 / 0.001 must not come to 99
-        steps = int(self._owed_s / self.interval_s + 1e-6)
-        self._owed_s -= steps * self.interval_s
-        return steps
-
-    def pause(self) -> None:
-        """Let time pass without steps until the next call of `steps`."""
-        self._last_s = None
-        self._owed_s = 0.0
 
 
 class Session:
@@ -182,9 +118,9 @@ class Session:
     is_watched, is_paused
         Whether somebody is there; whether time stands still all the same.
     speed
-        Simulated time per time.
+        One of `SPEEDS`.
     keys
-        Name of a key -> what a press does: the playable's, and "space", "enter", "backspace".
+        Name of a key -> what a press does: the playable's, and those of the session.
     camera
         From where it is seen.
     """
@@ -197,80 +133,72 @@ class Session:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.playable: Final = playable
-        self.keys: Final = {**playable.keys, **{key: tells for key, (_, tells) in _KEYS.items()}}
+        self.keys: Final = {**playable.keys, **_KEYS}
         self.camera = copy.copy(playable.camera)
-        self.is_watched = False
-        self.is_paused = False
-        self.speed = 1.0
+        self.is_watched = self.is_paused = False
+        self.speed = "1"
         self._recorder = recorder
         self._log = log
         self._clock = clock
-        self._pace = Pace(playable.interval_s)
-        self._film = Pace(1 / FRAMES_PER_S, max_lag_s=1.0)
-        self._rate, self._rate_since = "", (math.inf, 0.0)
+        self._last_s: float | None = None
+        self._owed_s = self._owed_frames = 0.0
+        self._rate, self._rate_since = "", (0.0, 0.0)
         self._next_seed = playable.seed
         self._message = ""
-        self._told: dict[str, Any] | None = None
-        self._tell()
+        self._logged: dict[str, Any] | None = None
+        self._note()
 
     def watch(self, is_watched: bool) -> None:
-        """Go on, since somebody watches; or else relax and wait."""
+        """Resume, since somebody watches; or else relax and wait."""
         self.is_watched = is_watched
         if not is_watched:
             self.playable.relax()
-            self._stop_clocks()
-            self._record(is_on=False)
-        self._tell()
-
-    def press(self, key: str) -> None:
-        """Press a key; one that means nothing here, or while nobody watches, does nothing."""
-        if key in _KEYS:
-            self.change(_KEYS[key][0], True)
-        elif self.is_watched and key in self.playable.keys:
-            self.playable.press(key)
-            self._tell()
-
-    def point(self, x_w: float, y_w: float) -> None:
-        """Click on the ground, mm in the world's frame."""
-        if self.is_watched:
-            self.playable.point(x_w, y_w)
-            self._tell()
+            self._recorder.stop()
+        self._note()
 
     def change(self, name: str, value: "Setting") -> None:
-        """Set a control of the panel; a refusal is shown on the panel and logged.
+        """Set a control or press a key; a refusal is shown on the panel and logged.
 
         While nobody watches this does nothing.
         """
         if not self.is_watched:
             return
         try:
-            if name in (PAUSE, STEP, RESET, SPEED, SEED, RECORD):
-                self._change(name, value)
-            else:
-                self.playable.change(name, value)
+            self._change(name, value)
             self._message = ""
         except ValueError as error:
             self._message = " ".join(str(error).split())
-        self._tell()
+        self._note()
 
     def advance(self, now_s: float) -> None:
         """Step the physics up to a time in s, of any clock that only goes forward."""
-        if self.is_watched and not self.is_paused:
-            self._step(self._pace.steps(now_s, self.speed))
+        if not self.is_watched or self.is_paused:
+            self._last_s, self._rate = None, ""
+        else:
+            if self._last_s is None:
+                self._last_s, self._owed_s = now_s, 0.0
+                self._rate_since = now_s, self.playable.time_s
+            interval_s = self.playable.interval_s
+            owed_s = self._owed_s + (now_s - self._last_s) * SPEEDS[self.speed]
+            self._owed_s = min(owed_s, max(MAX_LAG_S, interval_s))
+            self._last_s = now_s
+            end_s = self._clock() + BUDGET_S
+            # a hair more: 0.1 / 0.001 must not come to 99
+            for _ in range(int(self._owed_s / interval_s + 1e-6)):
+                self._owed_s -= interval_s
+                if self._clock() <= end_s:
+                    self._step()
             self._measure(now_s)
-            self._take(self._film.steps(now_s))
-        self._tell()
+        self._note()
 
     def draw(self, panel: "Panel") -> None:
         """Draw the session's own controls, then those of what is played."""
         if panel.section("Time"):
-            speed = next(name for name, speed in SPEEDS.items() if speed == self.speed)
             rate = "paused" if self.is_paused else self._rate
             panel.text(f"{self.playable.time_s:.2f} s   {rate}")
-            panel.buttons(
-                {PAUSE: "Go on" if self.is_paused else "Pause", STEP: "Step", RESET: "Reset"}
-            )
-            panel.choice(SPEED, "speed", tuple(SPEEDS), speed)
+            pause = "Resume" if self.is_paused else "Pause"
+            panel.buttons({PAUSE: pause, STEP: "Step", RESET: "Reset"})
+            panel.choice(SPEED, "speed", tuple(SPEEDS), self.speed)
             panel.integer(SEED, "seed of a reset", self._next_seed)
             panel.switch(RECORD, "record a video", self._recorder.is_on)
             for note in filter(None, (self._recorder.note, self._message)):
@@ -279,74 +207,52 @@ class Session:
 
     def _change(self, name: str, value: "Setting") -> None:
         if name == PAUSE:
-            self._pause(not self.is_paused)
+            self.is_paused = not self.is_paused
         elif name == STEP:
-            self._pause(True)
-            self.playable.step(1)
-            self._take(1)
+            self.is_paused = True
+            self._step()
         elif name == RESET:
             self.playable.reset(self._next_seed)
-            self._stop_clocks()
+            self._last_s = None
         elif name == SPEED:
-            self.speed = SPEEDS[one_of("speed", str(value), SPEEDS)]
+            self.speed = str(value)
         elif name == SEED:
-            self._next_seed = random_seed(int(value))
+            self._next_seed = random_seed(cast(int, value))
+        elif name == RECORD:
+            self._owed_frames = 1.0
+            (self._recorder.start if value else self._recorder.stop)()
         else:
-            self._record(is_on=bool(value))
+            self.playable.change(name, value)
 
-    def _pause(self, is_paused: bool) -> None:
-        self.is_paused = is_paused
-        if is_paused:
-            self._stop_clocks()
-
-    def _stop_clocks(self) -> None:
-        self._pace.pause()
-        self._film.pause()
-        self._rate, self._rate_since = "", (math.inf, 0.0)
+    def _step(self) -> None:
+        """Take a step; a video shows it for as long as it takes on the screen."""
+        playable = self.playable
+        playable.step()
+        if self._recorder.is_on:
+            self._owed_frames += FRAMES_PER_S * playable.interval_s / SPEEDS[self.speed]
+            number = int(self._owed_frames + 1e-6)
+            self._owed_frames -= number
+            self._recorder.take(playable.model, playable.data, self.camera, number)
 
     def _measure(self, now_s: float) -> None:
         """Measure how fast simulated time passes."""
         then_s, before_s = self._rate_since
-        if math.isinf(then_s):
-            self._rate_since = (now_s, self.playable.time_s)
-        elif now_s - then_s >= _RATE_S:
-            rate = (self.playable.time_s - before_s) / (now_s - then_s)
-            self._rate = f"{rate:.2f} x real time"
-            self._rate_since = (now_s, self.playable.time_s)
+        if now_s - then_s >= _RATE_S:
+            self._rate = f"{(self.playable.time_s - before_s) / (now_s - then_s):.2f} x real time"
+            self._rate_since = now_s, self.playable.time_s
 
-    def _record(self, is_on: bool) -> None:
-        if self._recorder.is_on and not is_on:
-            self._recorder.stop()
-        elif is_on and not self._recorder.is_on:
-            self._recorder.start()
-            self._film.pause()
-            self._take(1)
-
-    def _step(self, due: int) -> None:
-        """Take so many steps, as far as there is time."""
-        bite = max(1, round(_BITE_S / self.playable.interval_s))
-        end_s = self._clock() + BUDGET_S
-        while due > 0 and self._clock() <= end_s:
-            number = min(due, bite)
-            self.playable.step(number)
-            due -= number
-
-    def _take(self, number: int) -> None:
-        if number and self._recorder.is_on:
-            playable = self.playable
-            self._recorder.take(playable.model, playable.data, self.camera, number)
-
-    def _tell(self) -> None:
+    def _note(self) -> None:
+        """Log what has changed."""
         entry = {
             "is_watched": self.is_watched,
             "is_paused": self.is_paused,
-            "speed": self.speed,
+            "speed": SPEEDS[self.speed],
             "seed": self.playable.seed,
             "is_recording": self._recorder.is_on,
             "recording": self._recorder.note,
             "message": self._message,
             **self.playable.figures(),
         }
-        if entry != self._told:
-            self._told = entry
+        if entry != self._logged:
+            self._logged = entry
             self._log({"time_s": round(self.playable.time_s, 4), **entry})

@@ -16,7 +16,7 @@ from flyrl.play.session import Playable
 from flyrl.simulation.worms import add_surroundings, side_view
 
 if TYPE_CHECKING:
-    from flyrl.play.panel import Panel
+    from flyrl.play.panel import Panel, Setting
 
 _CHANGES: Final = {"h": STEP, "n": -STEP}
 """Key -> change of the number of recruited neurons."""
@@ -45,9 +45,9 @@ class PlayedWorm(Playable):
         self.interval_s = float(self.model.opt.timestep)
         self.relax()
 
-    def step(self, number: int) -> None:
-        """Simulate a number of steps of the physics."""
-        mujoco.mj_step(self.model, self.data, number)
+    def step(self) -> None:
+        """Simulate a step of the physics."""
+        mujoco.mj_step(self.model, self.data)
 
     def reset(self, seed: int) -> None:
         """Straighten up again; nothing of a worm is random, so every seed does the same."""
@@ -55,9 +55,9 @@ class PlayedWorm(Playable):
         mujoco.mj_resetData(self.model, self.data)
         self.relax()
 
-    def press(self, key: str) -> None:
+    def change(self, name: str, value: "Setting") -> None:
         """Recruit more neurons, or fewer."""
-        self._activate(min(max(self.n + _CHANGES[key], 0), last_neuron(self._creature)))
+        self._activate(min(max(self.n + _CHANGES[name], 0), last_neuron(self._creature)))
 
     def relax(self) -> None:
         """Recruit the first neuron alone."""

@@ -25,13 +25,12 @@ from flyrl.report.style import (
     LINE,
     LIST_STYLE,
     MUTED,
-    PAPER_STYLE,
     SHADES,
+    STYLE,
     WIDTH_IN,
     add_legend,
     colours,
     panels,
-    svg_text,
 )
 from flyrl.rollouts import BoolArray, EpisodeRecord
 from flyrl.validation import FloatArray, one_of
@@ -51,15 +50,13 @@ STRIDE_S: Final = 0.1
 """Over which a speed is taken, s: about a stride, within which the thorax rocks."""
 
 
-def gait_figure(records: Sequence[EpisodeRecord], name: str) -> str:
+def gait_figure(records: Sequence[EpisodeRecord]) -> Figure:
     """Gait diagrams, one above the other: stance as bars, leg by leg, and what reflexes do.
 
     Parameters
     ----------
     records
         Of episodes with a log of the gait.
-    name
-        Of the figure, for its ids.
     """
     shade = colours(record.controller for record in records)
     height = 0.35 + 1.25 * len(records)
@@ -70,10 +67,10 @@ def gait_figure(records: Sequence[EpisodeRecord], name: str) -> str:
             leg_bars(axes, counted_stance(record), gait.interval_s, shade[record.controller])
             leg_bars(axes, gait.retraction, gait.interval_s, MUTED, (0.36, 0.14))
             leg_bars(axes, gait.stumbling, gait.interval_s, INK, (-0.5, 0.14))
-            axes.set_xlim(0, min(SHOWN_S, record.duration_s))
-            axes.set_title(record.controller, loc="left", fontweight="bold")
+            axes.set(title=record.controller, xlim=(0, min(SHOWN_S, record.duration_s)))
+            axes.grid(visible=False)
         every[-1].set_xlabel("time (s)")
-        return svg_text(figure, name)
+    return figure
 
 
 def leg_bars(
@@ -110,16 +107,14 @@ def spans(raster: BoolArray, interval_s: float) -> list[tuple[float, float]]:
 
 
 def drive_map_figure(
-    drive_map: DriveMap, visited: Mapping[str, NDArray[np.floating[Any]]], name: str
-) -> str:
+    drive_map: DriveMap, visited: Mapping[str, NDArray[np.floating[Any]]]
+) -> Figure:
     """Speed and yaw rate over the drive plane, with the drives that policies chose on top.
 
     Parameters
     ----------
     visited
         Drives (T, 2) by name of the controller.
-    name
-        Of the figure, for its ids.
     """
     drives, shade = drive_map.drives, colours(visited)
     turning = drive_map.yaw_rate_deg_s, drive_map.yaw_rate_error_deg_s
@@ -134,29 +129,19 @@ def drive_map_figure(
             sure = np.ma.masked_where(is_noise | np.isnan(values), values)
             lines = axes.contour(drives, drives, sure, levels, colors=MUTED, linewidths=1.1)
             axes.clabel(lines, fontsize=8, fmt="%g")
-            failed = np.argwhere(np.isnan(values))
-            axes.plot(drives[failed[:, 1]], drives[failed[:, 0]], "x", color=INK)
+            left, right = np.nonzero(np.isnan(values))
+            axes.plot(drives[right], drives[left], "x", color=INK)
             for controller, chosen in visited.items():
                 left, right = chosen[:: max(1, len(chosen) // MAX_VISITED)].T
                 look: Any = {"color": shade[controller], "s": 5, "alpha": 0.35, "linewidths": 0}
                 axes.scatter(right, left, label=controller, **look)
-            axes.set_title(title, loc="left")
-            axes.set_xlabel("right drive")
-            axes.set_ylabel("left drive")
-            axes.set_aspect("equal")
-            axes.grid(visible=True)
+            axes.set(title=title, xlabel="right drive", ylabel="left drive", aspect="equal")
         add_legend(figure, markerscale=3)
-        return svg_text(figure, name)
+    return figure
 
 
-def steering_figure(steering: Steering, name: str) -> str:
-    """Left and right drive over the bearing, a panel per policy: mean and range over the starts.
-
-    Parameters
-    ----------
-    name
-        Of the figure, for its ids.
-    """
+def steering_figure(steering: Steering) -> Figure:
+    """Left and right drive over the bearing, a panel per policy: mean and range over the starts."""
     shown = list(steering.drives.items())[:MAX_STEERING]
     shade, bearings = colours(steering.drives), steering.bearings_deg
     columns = min(max(len(shown), 2), _STEERING_COLUMNS)
@@ -169,18 +154,17 @@ def steering_figure(steering: Steering, name: str) -> str:
                 axes.plot(bearings, values.mean(axis=0), linestyle=line, label=text, color=colour)
                 band: Any = {"color": colour, "alpha": 0.15, "linewidth": 0}
                 axes.fill_between(bearings, values.min(axis=0), values.max(axis=0), **band)
-            axes.set_title(policy, loc="left", fontweight="bold")
+            axes.set_title(policy, fontweight="bold")
             axes.set_xticks([-180, -90, 0, 90, 180])
-            axes.grid(visible=True)
         for axes in every[len(shown) :]:
             axes.set_axis_off()
         every[0].set_ylabel("drive")
         figure.supxlabel("bearing (deg), left positive", fontsize=10, color=MUTED)
         add_legend(figure, ncols=2)
-        return svg_text(figure, name)
+    return figure
 
 
-def time_figure(records: Sequence[EpisodeRecord], name: str, until_s: float) -> str:
+def time_figure(records: Sequence[EpisodeRecord], until_s: float) -> Figure:
     """Way, speed and drives (or tensions) over the time of one episode, a line per controller.
 
     A line that ends with a dot ends with its episode.
@@ -189,26 +173,23 @@ def time_figure(records: Sequence[EpisodeRecord], name: str, until_s: float) -> 
     ----------
     records
         Of everyone on the same episode, at least one.
-    name
-        Of the figure, for its ids.
     until_s
         Time at the right end of each panel, s; at the left it is 0.
     """
     shade = colours(record.controller for record in records)
     with panels(2, 2, 3.9, sharex=True) as (figure, every):
         every[3].sharey(every[2])  # the drives
+        styles = ["default", "default", "steps-pre", "steps-pre"]
         for record in records:
-            for axes, (title, values) in zip(every, courses(record).items(), strict=True):
-                style = "steps-pre" if axes in every[2:] else "default"
+            drawn = zip(every, courses(record).items(), styles, strict=True)
+            for axes, (title, values), style in drawn:
                 _line(axes, record, values, until_s, shade[record.controller], style)
-                axes.set_title(title, loc="left")
-        for axes in every:
-            axes.grid(visible=True)
-            axes.set_xlim(0, until_s)
+                axes.set_title(title)
+        every[0].set_xlim(0, until_s)
         for axes in every[2:]:
             axes.set_xlabel("simulated time (s)")
         add_legend(figure)
-        return svg_text(figure, name)
+    return figure
 
 
 def courses(record: EpisodeRecord) -> dict[str, FloatArray]:
@@ -237,9 +218,9 @@ def _line(
     axes: Axes, record: EpisodeRecord, values: FloatArray, until_s: float, shade: str, style: str
 ) -> None:
     # up to the first sample that is not shown, so that the line reaches the edge
-    shown = slice(int(np.searchsorted(record.time_s, until_s)) + 1)
+    shown = int(np.searchsorted(record.time_s, until_s)) + 1
     look: Any = {"color": shade, "linewidth": 1.4, "drawstyle": style, "label": record.controller}
-    axes.plot(record.time_s[shown], values[shown], **look)
+    axes.plot(record.time_s[:shown], values[:shown], **look)
     drawn = np.flatnonzero(np.isfinite(values))
     if record.duration_s <= until_s + 1e-9 and drawn.size:
         end = record.time_s[drawn[-1:]], values[drawn[-1:]]
@@ -302,9 +283,10 @@ def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> Wa
         one_of("joints", joint, JOINTS)
     time_s = table.time_s.to_numpy()
     interval_s = float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1e-3
-    with mpl.rc_context(PAPER_STYLE):
-        heights = [1.0, 1.4, 1.0] if joints else [1.0, 1.0]
-        figure = WalkFigure(figsize=(WIDTH_IN, 0.6 + 1.4 * sum(heights)), layout="constrained")
+    heights = [1.0, 1.4, 1.0] if joints else [1.0, 1.0]
+    size = WIDTH_IN, 0.6 + 1.4 * sum(heights)
+    with mpl.rc_context(STYLE):
+        figure = WalkFigure(figsize=size, layout="constrained")
         speed, *angles, gait = figure.subplots(len(heights), sharex=True, height_ratios=heights)
         _draw_speed(speed, table, interval_s)
         for axes in angles:
@@ -325,8 +307,7 @@ def _draw_speed(axes: Axes, table: pd.DataFrame, interval_s: float) -> None:
     window = max(1, round(STRIDE_S / interval_s))
     mean = velocity.rolling(window, center=True, min_periods=1).mean()
     axes.plot(table.time_s, np.linalg.norm(mean, axis=1), color=SHADES[0], lw=1.6)
-    axes.set_ylabel(f"speed (mm/s),\nover {STRIDE_S:g} s")
-    axes.set_ylim(bottom=0.0)
+    axes.set(ylabel=f"speed (mm/s),\nover {STRIDE_S:g} s", ylim=(0.0, None))
 
 
 def _draw_gait(axes: Axes, table: pd.DataFrame, interval_s: float) -> None:

@@ -8,7 +8,7 @@ Nothing here is simulated but the controllers themselves. Sources: Ijspeert et a
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import networkx as nx
@@ -41,7 +41,6 @@ from flyrl.report.style import (
     LEG_SHADES,
     LINE,
     MUTED,
-    PAPER_STYLE,
     SHADES,
     WIDTH_IN,
     Plot,
@@ -63,29 +62,23 @@ TURN: Final = (1.2, 0.2)
 CYCLES: Final = 3
 """Step cycles in the figures of recorded steps."""
 
-_LEG_NAMES: Final[dict[str, str]] = dict(zip(LEGS, LEGS, strict=True))
 _PLACES: Final = {leg: ("LR".index(leg[0]), "HMF".index(leg[1])) for leg in LEGS}
 """Where the legs stand in the rules' graph: left and right, hind to front."""
 
 
 def three_oscillators_plot() -> Plot:
     """Phases and magnitudes of three coupled oscillators, over 10 s."""
-    network = three_oscillators()
-    time_s, phases, magnitudes = _course(network, 10.0)
-    names = {f"oscillator {i}": str(i) for i in range(1, 4)}
-    return _oscillators(time_s, phases, magnitudes, names, SHADES[:3])
+    return _oscillators(three_oscillators(), 10.0, ["1", "2", "3"], SHADES, "oscillator ")
 
 
 def tripod_plot() -> Plot:
     """Phases and magnitudes of the six legs' oscillators in the tripod gait, over 1 s."""
-    time_s, phases, magnitudes = _course(_tripod(), 1.0)
-    return _oscillators(time_s, phases, magnitudes, _LEG_NAMES, LEG_SHADES)
+    return _oscillators(_tripod(), 1.0, LEGS, LEG_SHADES)
 
 
 def turn_plot() -> Plot:
     """Magnitudes and phases of the oscillators, 1 s straight ahead and then 1 s in a turn."""
-    time_s, phases, magnitudes = _course(_tripod(), 2.0, turn_s=1.0)
-    plot = _oscillators(time_s, phases, magnitudes, _LEG_NAMES, LEG_SHADES)
+    plot = _oscillators(_tripod(), 2.0, LEGS, LEG_SHADES, turn_s=1.0)
     for axes in plot.figure.axes:
         axes.axvline(1.0, color=MUTED, linewidth=0.8, linestyle=":")
     plot.figure.axes[1].set_title(f"drive (1, 1), then {TURN}", loc="right", color=MUTED)
@@ -103,21 +96,20 @@ def steps_plot(*, ramps: bool = False) -> Plot:
     phase = np.linspace(0.0, 2 * np.pi * CYCLES, 120 * CYCLES + 1)
     magnitude = phase / phase[-1] if ramps else np.ones_like(phase)
     table = pd.DataFrame({"phase": phase, "magnitude": magnitude})
-    shape = len(LEGS), len(STEPS)
-    with panels(*shape, 9.5, PAPER_STYLE, sharex=True, sharey=True) as (figure, every):
-        grid = np.array(every).reshape(shape)
-        for recording, column in zip(STEPS, grid.T, strict=True):
+    size = len(LEGS), len(STEPS), 9.5
+    with panels(*size, sharex=True, sharey=True) as (figure, every):
+        for i, recording in enumerate(STEPS):
+            column = every[i :: len(STEPS)]
             steps = PreprogrammedSteps(recording)
-            column[0].set_title(f"{recording}, {1e3 * steps.duration:.4g} ms a step", loc="left")
+            column[0].set_title(f"{recording}, {1e3 * steps.duration:.4g} ms a step")
             column[-1].set_xlabel("phase (rad)")
             for leg, axes in zip(LEGS, column, strict=True):
                 angles = steps.get_joint_angles(leg, phase, magnitude).T
-                _lines(axes, phase, np.degrees(angles), LEG_DOFS, SHADES[: len(LEG_DOFS)])
+                table[[f"{recording}_{leg}{dof}" for dof in LEG_DOFS]] = angles
+                _lines(axes, phase, np.degrees(angles), LEG_DOFS, SHADES)
                 for start, end in steps.swing_period[leg] + 2 * np.pi * np.arange(CYCLES)[:, None]:
                     axes.axvspan(start, end, color=LINE, alpha=0.6, zorder=0)
-                for dof, angle in zip(LEG_DOFS, angles.T, strict=True):
-                    table[f"{recording}_{leg}{dof}"] = angle
-        for leg, axes in zip(LEGS, grid[:, 0], strict=True):
+        for leg, axes in zip(LEGS, every[:: len(STEPS)], strict=True):
             axes.set_ylabel(f"{leg} (deg)")
         ticks = np.arange(CYCLES + 1)
         every[0].set_xlim(0.0, phase[-1])
@@ -130,34 +122,46 @@ def adhesion_plot() -> Plot:
     """Whether each leg grips, over the phase of its step."""
     steps = PreprogrammedSteps()
     phase = np.linspace(0.0, 2 * np.pi, 721)
-    grips = {leg: np.asarray(steps.get_adhesion_onoff(leg, phase)) for leg in LEGS}
-    height, width = 3.6, 0.7 * WIDTH_IN
-    with panels(len(LEGS), 1, height, PAPER_STYLE, width=width, sharex=True) as (figure, every):
+    table = pd.DataFrame({"phase": phase})
+    size = {"height": 3.6, "width": 0.7 * WIDTH_IN}
+    with panels(len(LEGS), 1, **size, sharex=True) as (figure, every):
         for axes, leg, shade in zip(every, LEGS, LEG_SHADES, strict=True):
-            bars = spans(grips[leg], float(phase[1]))
+            grips = np.asarray(steps.get_adhesion_onoff(leg, phase))
+            table[leg] = grips.astype(int)
+            bars = spans(grips, float(phase[1]))
             axes.broken_barh(bars, (0.0, 1.0), facecolor=shade, linewidth=0)
             axes.set_ylabel(leg, rotation=0, ha="right", va="center")
             axes.set_yticks([0, 1], ["off", "on"], fontsize=7)
-        axes.set_xlim(0.0, 2 * np.pi)
+        axes.set(xlim=(0.0, 2 * np.pi), xlabel="phase of the step (rad)")
         axes.set_xticks(np.arange(5) * np.pi / 2, ["0", "π/2", "π", "3π/2", "2π"])
-        axes.set_xlabel("phase of the step (rad)")
-    table = pd.DataFrame(grips).astype(int)
-    table.insert(0, "phase", phase)
     return Plot(figure, table)
 
 
 def rules_graph_plot() -> Plot:
     """The legs' influences on each other, a panel for each kind."""
-    graph = construct_rules_graph()
     rows = []
-    style = {**PAPER_STYLE, "axes.grid": False}
-    with panels(1, len(RULES), 2.6, style) as (figure, every):
+    with panels(1, len(RULES), 2.6) as (figure, every):
         for axes, rule in zip(every, RULES, strict=True):
-            edges = filter_edges(graph, rule)
             weight = RULE_WEIGHTS[rule]
-            rows += [(rule, weight, *edge) for edge in edges]
-            _graph(axes, edges, SHADES[1] if weight < 0 else SHADES[2])
-            axes.set_title(f"{rule.replace('_', ' ')}: {weight:+g}")
+            graph = nx.empty_graph(LEGS, nx.DiGraph)
+            graph.add_edges_from(filter_edges(construct_rules_graph(), rule))
+            rows += [(rule, weight, *edge) for edge in graph.edges]
+            # seen from above, head up
+            nx.draw_networkx(
+                graph,
+                _PLACES,
+                ax=axes,
+                node_color=LINE,
+                edge_color=SHADES[1] if weight < 0 else SHADES[2],
+                font_size=8,
+                font_color=INK,
+                node_size=420,
+                width=1.4,
+                connectionstyle="arc3,rad=0.18",
+            )
+            axes.set(xlim=(-0.45, 1.45), ylim=(-0.4, 2.4))
+            axes.set_axis_off()
+            axes.set_title(f"{rule.replace('_', ' ')}: {weight:+g}", loc="center")
     return Plot(figure, pd.DataFrame(rows, columns=["rule", "weight", "source", "target"]))
 
 
@@ -171,35 +175,30 @@ def rules_plot() -> Plot:
     coordinator = RuleBasedSteppingCoordinator(
         RULES_TIMESTEP_S, construct_rules_graph(), RULE_WEIGHTS, steps
     )
-    shown = {
-        "phase": "leg_phases",
-        "total score": "combined_scores",
-        "rule 1": "rule1_scores",
-        "rule 2": "rule2_scores",
-        "rule 3": "rule3_scores",
+    titles = {
+        "leg_phases": "phase",
+        "combined_scores": "total score",
+        "rule1_scores": "rule 1",
+        "rule2_scores": "rule 2",
+        "rule3_scores": "rule 3",
     }
-    samples: dict[str, list[FloatArray]] = {title: [] for title in shown}
-    count = round(1.0 / RULES_TIMESTEP_S)
-    for _ in range(count):
+    samples = []
+    for _ in range(round(1.0 / RULES_TIMESTEP_S)):
         coordinator.step()
-        for title, name in shown.items():
-            samples[title].append(getattr(coordinator, name))
+        samples.append([getattr(coordinator, name) for name in titles])
     stride = round(TIMESTEP_S / RULES_TIMESTEP_S)
-    time_s: FloatArray = np.linspace(TIMESTEP_S, 1.0, count // stride)
-    columns = {title: np.array(values)[stride - 1 :: stride] for title, values in samples.items()}
-    swings = (columns["phase"] > 0) & (columns["phase"] < steps.swing_ends)
-    with panels(len(shown), 1, 9.5, PAPER_STYLE, sharex=True) as (figure, every):
-        for axes, (title, values) in zip(every, columns.items(), strict=True):
-            _baselines(axes, time_s, values, swings)
+    values = np.array(samples)[stride - 1 :: stride]  # (times, titles, legs)
+    time_s: FloatArray = np.linspace(TIMESTEP_S, 1.0, len(values))
+    swings = (values[:, 0] > 0) & (values[:, 0] < steps.swing_ends)
+    with panels(len(titles), 1, 9.5, sharex=True) as (figure, every):
+        for i, (axes, title) in enumerate(zip(every, titles.values(), strict=True)):
+            _baselines(axes, time_s, values[:, i], swings)
             axes.set_ylabel(title)
-        axes.set_xlabel("time (s); a leg swings where it is shaded")
-        axes.set_xlim(0.0, 1.0)
-    numbers = {
-        f"{name}_{leg}": columns[title][:, i]
-        for title, name in shown.items()
-        for i, leg in enumerate(LEGS)
-    }
-    return Plot(figure, pd.DataFrame({"time_s": time_s, **numbers}))
+        axes.set(xlim=(0.0, 1.0), xlabel="time (s); a leg swings where it is shaded")
+    columns = [f"{name}_{leg}" for name in titles for leg in LEGS]
+    table = pd.DataFrame(values.reshape(len(values), -1), columns=columns)
+    table.insert(0, "time_s", time_s)
+    return Plot(figure, table)
 
 
 def _baselines(axes: Axes, time_s: FloatArray, values: FloatArray, swings: BoolArray) -> None:
@@ -230,10 +229,23 @@ def _tripod() -> CPGNetwork:
     )
 
 
-def _course(
-    network: CPGNetwork, duration_s: float, turn_s: float = math.inf
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Let a network run, in a `TURN` from a time on: times (T,), phases and magnitudes (T, N)."""
+def _oscillators(
+    network: CPGNetwork,
+    duration_s: float,
+    names: Sequence[str],
+    shades: Sequence[str],
+    label: str = "",
+    turn_s: float = math.inf,
+) -> Plot:
+    """Phases of a network that runs, within a turn, above magnitudes.
+
+    Parameters
+    ----------
+    names
+        Of each oscillator, in the table, and in the legend after the `label`.
+    turn_s
+        Time from which on the drive is `TURN`, s.
+    """
     steps = math.ceil(duration_s / network.timestep - 1e-9)
     phases, magnitudes = [network.curr_phases], [network.curr_magnitudes]
     for step in range(steps):
@@ -244,68 +256,26 @@ def _course(
         phases.append(network.curr_phases)
         magnitudes.append(network.curr_magnitudes)
     time_s: FloatArray = np.linspace(0.0, steps * network.timestep, steps + 1)
-    return time_s, np.array(phases), np.array(magnitudes)
-
-
-def _oscillators(
-    time_s: FloatArray,
-    phases: FloatArray,
-    magnitudes: FloatArray,
-    names: Mapping[str, str],
-    shades: Sequence[str],
-) -> Plot:
-    """Phases, within a turn, above magnitudes.
-
-    Parameters
-    ----------
-    names
-        Of each oscillator in the legend, and in the table.
-    """
-    with panels(2, 1, 4.2, PAPER_STYLE, sharex=True) as (figure, (upper, lower)):
-        wrapped = phases % (2 * np.pi)
-        # a line that would run back across the panel is broken instead
-        wrapped[1:][np.abs(np.diff(wrapped, axis=0)) > np.pi] = np.nan
-        _lines(upper, time_s, wrapped, names, shades)
-        _lines(lower, time_s, magnitudes, names, shades)
+    wrapped = np.array(phases) % (2 * np.pi)
+    # a line that would run back across the panel is broken instead
+    wrapped[1:][np.abs(np.diff(wrapped, axis=0)) > np.pi] = np.nan
+    labels = [f"{label}{name}" for name in names]
+    with panels(2, 1, 4.2, sharex=True) as (figure, (upper, lower)):
+        _lines(upper, time_s, wrapped, labels, shades)
+        _lines(lower, time_s, np.array(magnitudes), labels, shades)
         upper.set_ylabel("phase (rad)")
         upper.set_yticks([0.0, np.pi, 2 * np.pi], ["0", "π", "2π"])
-        lower.set_ylabel("magnitude")
-        lower.set_ylim(bottom=0.0)
-        lower.set_xlabel("time (s)")
-        lower.set_xlim(time_s[0], time_s[-1])
+        lower.set(ylabel="magnitude", ylim=(0.0, None))
+        lower.set(xlabel="time (s)", xlim=(time_s[0], time_s[-1]))
         add_legend(figure, loc="outside upper center", ncols=len(names))
-    numbers = {
-        f"{quantity}_{name}": column
-        for quantity, columns in (("phase", phases), ("magnitude", magnitudes))
-        for column, name in zip(columns.T, names.values(), strict=True)
-    }
-    return Plot(figure, pd.DataFrame({"time_s": time_s, **numbers}))
+    columns = [f"{quantity}_{name}" for quantity in ("phase", "magnitude") for name in names]
+    table = pd.DataFrame(np.hstack([phases, magnitudes]), columns=columns)
+    table.insert(0, "time_s", time_s)
+    return Plot(figure, table)
 
 
 def _lines(
     axes: Axes, x: FloatArray, columns: FloatArray, names: Iterable[str], shades: Sequence[str]
 ) -> None:
-    for column, name, shade in zip(columns.T, names, shades, strict=True):
+    for column, name, shade in zip(columns.T, names, shades, strict=False):
         axes.plot(x, column, color=shade, linewidth=1.2, label=name)
-
-
-def _graph(axes: Axes, edges: list[tuple[str, str]], shade: str) -> None:
-    """Draw influences of one kind between the legs, seen from above, head up."""
-    graph = nx.DiGraph()
-    graph.add_nodes_from(LEGS)
-    graph.add_edges_from(edges)
-    nx.draw_networkx(
-        graph,
-        _PLACES,
-        ax=axes,
-        node_color=LINE,
-        edge_color=shade,
-        font_size=8,
-        font_color=INK,
-        node_size=420,
-        width=1.4,
-        connectionstyle="arc3,rad=0.18",
-    )
-    axes.set_xlim(-0.45, 1.45)
-    axes.set_ylim(-0.4, 2.4)
-    axes.set_axis_off()

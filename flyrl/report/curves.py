@@ -6,19 +6,17 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from statistics import fmean
 from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter, PercentFormatter
 
 from flyrl.files import replacing
-from flyrl.report.style import INK, PAPER_STYLE, SHADES, STYLE, WIDTH_IN, panels, svg_text
-
-FORMATS: Final = ("svg", "png")
+from flyrl.report.style import INK, SHADES, STYLE, panels
 
 _DASHES: Final = ("-", "--", ":", "-.")
 _PANELS: Final = ("success_rate", "mean_return")
@@ -27,8 +25,6 @@ _LEGEND_WIDTH: Final = 90
 
 _LEGEND_LINE: Final = 0.17
 """Height of such a line, inches."""
-
-_PAGE_STYLE: Final[Any] = {**STYLE, "axes.grid": True}
 
 Evaluations = Sequence[Mapping[str, float]]
 
@@ -49,39 +45,32 @@ def learning_curve(
     title
         Above the figure.
     """
-    decisions = [row["decisions"] for row in evaluations]
-    with _success_and_return(title) as (figure, (upper, lower)):
+    rows = pd.DataFrame(evaluations, columns=["decisions", *_PANELS])
+    with _success_and_return(title) as (figure, both):
         line: dict[str, Any] = {"color": SHADES[0], "marker": "o", "markersize": 4}
-        upper.plot(decisions, [row["success_rate"] for row in evaluations], **line)
+        ring: dict[str, Any] = {"s": 90, "facecolors": "none", "edgecolors": INK, "zorder": 3}
+        best = rows.sort_values([*_PANELS], ascending=False, kind="stable").head(1)
         if training:
-            x, y = np.array(training, dtype=float).T
-            lower.plot(x, y, color=SHADES[7], linewidth=1, label="training")
-        returns = [row["mean_return"] for row in evaluations]
-        lower.plot(decisions, returns, label="held-out", **line)
-        lower.set_ylabel("return")
-        lower.set_xlim(left=0)
-        lower.legend(loc="best")
-        if evaluations:
-            best = max(evaluations, key=lambda row: (row["success_rate"], row["mean_return"]))
-            ring: dict[str, Any] = {"s": 90, "facecolors": "none", "edgecolors": INK, "zorder": 3}
-            for axes, key in zip((upper, lower), _PANELS, strict=True):
-                axes.scatter([best["decisions"]], [best[key]], **ring)
+            both[1].plot(*np.transpose(training), color=SHADES[7], linewidth=1, label="training")
+        for axes, key in zip(both, _PANELS, strict=True):
+            axes.plot(rows["decisions"], rows[key], label="held-out", **line)
+            axes.scatter(best["decisions"], best[key], **ring)
+        both[1].set_ylabel("return")
+        both[1].legend(loc="best")
     return figure
 
 
 @contextmanager
-def _success_and_return(
-    title: str, style: Any = PAPER_STYLE, width: float = 7
-) -> Iterator[tuple[Figure, list[Axes]]]:
+def _success_and_return(title: str, width: float = 7) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure with an empty panel for success, and one for returns below."""
-    with panels(2, 1, 5, style, width=width, sharex=True) as (figure, (upper, lower)):
+    with panels(2, 1, 5, width=width, sharex=True) as (figure, (upper, lower)):
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-        upper.set_ylim(-0.03, 1.03)
+        upper.set(ylim=(-0.03, 1.03), ylabel="held-out success")
         upper.yaxis.set_major_formatter(PercentFormatter(1))
-        upper.set_ylabel("held-out success")
-        lower.set_xlabel("decisions")
+        lower.set(xlabel="decisions")
         lower.xaxis.set_major_formatter(EngFormatter(sep=""))
         yield figure, [upper, lower]
+        lower.set_xlim(left=0)
 
 
 def write_learning_curve(
@@ -106,7 +95,7 @@ def write_learning_curve(
     if not evaluations and not training:
         return []
     figure = learning_curve(evaluations, training, folder.name)
-    return save_figure(figure, folder, "learning_curve", PAPER_STYLE)
+    return save_figure(figure, folder, "learning_curve")
 
 
 def learning_curves(
@@ -114,7 +103,6 @@ def learning_curves(
     title: str = "",
     lower: str = "mean_return",
     *,
-    style: Any = PAPER_STYLE,
     width: float = 7,
 ) -> Figure:
     """Success and return on the held-out episodes: a line per group, a pale one per run.
@@ -130,43 +118,26 @@ def learning_curves(
         Above the figure.
     lower
         Column of the evaluations in the lower panel; all have it.
-    style, width
-        As in `panels`.
+    width
+        Of the figure, inches.
     """
-    with _success_and_return(title, style, width) as (figure, both):
-        for index, (label, runs) in enumerate(groups):
-            drawn = [{row["decisions"]: row for row in run} for run in runs if run]
+    with _success_and_return(title, width) as (figure, both):
+        for index, (name, runs) in enumerate(groups):
+            drawn = [pd.DataFrame(run).set_index("decisions") for run in runs if run]
             if not drawn:
                 continue
             dashes, shade = divmod(index, len(SHADES))
             line: dict[str, Any] = {"color": SHADES[shade], "linestyle": _DASHES[dashes % 4]}
             mean = {**line, "marker": "o", "markersize": 3, "zorder": 3}
-            shared = sorted(set(drawn[0]).intersection(*drawn[1:]))
             for axes, key in zip(both, (_PANELS[0], lower), strict=True):
                 for run in drawn:
-                    values = [row[key] for row in run.values()]
-                    axes.plot(list(run), values, linewidth=0.8, alpha=0.35, **line)
-                means = [fmean(run[decisions][key] for run in drawn) for decisions in shared]
-                axes.plot(shared, means, label=f"{label}, n = {len(drawn)}", **mean)
+                    axes.plot(run.index, run[key], linewidth=0.8, alpha=0.35, **line)
+                shared = pd.concat([run[key] for run in drawn], axis=1, join="inner").sort_index()
+                label = f"{name}, n = {len(drawn)}"
+                axes.plot(shared.index, shared.mean(axis=1), label=label, **mean)
         both[1].set_ylabel(f"held-out {lower.removeprefix('mean_').replace('_', ' ')}")
-        both[1].set_xlim(left=0)
         _add_legend(figure, both[0])
     return figure
-
-
-def learning_curves_svg(groups: Sequence[tuple[str, Sequence[Evaluations]]], name: str) -> str:
-    """`learning_curves` to stand inside a report, in the colours of its theme.
-
-    Parameters
-    ----------
-    groups
-        As in `learning_curves`.
-    name
-        Of the figure, for its ids.
-    """
-    figure = learning_curves(groups, style=_PAGE_STYLE, width=WIDTH_IN)
-    with mpl.rc_context(_PAGE_STYLE):
-        return svg_text(figure, name)
 
 
 def _add_legend(figure: Figure, axes: Axes) -> None:
@@ -203,16 +174,13 @@ def write_learning_curves(
     if not any(run for _, runs in groups for run in runs):
         return []
     figure = learning_curves(groups, title, lower)
-    return save_figure(figure, folder, "learning_curves", PAPER_STYLE)
+    return save_figure(figure, folder, "learning_curves")
 
 
-def save_figure(figure: Figure, folder: Path, name: str, style: Any = None) -> list[Path]:
+def save_figure(figure: Figure, folder: Path, name: str) -> list[Path]:
     """Write a figure as `name.svg` and `name.png` into a folder; return their paths."""
-    paths = []
-    for kind in FORMATS:
-        path = folder / f"{name}.{kind}"
-        with replacing(path) as partial, mpl.rc_context(style):
-            metadata = {"Date": None} if kind == "svg" else None
-            figure.savefig(partial, format=kind, dpi=150, metadata=metadata)
-        paths.append(path)
+    paths = [folder / f"{name}.{kind}" for kind in ("svg", "png")]
+    for path, metadata in zip(paths, ({"Date": None}, None), strict=True):
+        with replacing(path) as partial, mpl.rc_context(STYLE):
+            figure.savefig(partial, format=path.suffix[1:], dpi=150, metadata=metadata)
     return paths

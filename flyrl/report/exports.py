@@ -153,30 +153,3 @@ def _latex(table: pd.DataFrame, caption: str) -> str:
     for character, formula in _NOT_IN_TEXT.items():
         text = text.replace(character, formula)
     return f"% {caption}\n{text}"
-
-
-def standalone(svg: str) -> str:
-    """An SVG file from a figure that stands in a page.
-
-    What only browsers know gives way to plain SVG 1.1: colours to their light values, references
-    without a name space to `xlink:href`, a size that follows the page to one in points. Links into
-    the page are left out.
-
-    Raises
-    ------
-    ValueError
-        It has no view box.
-    """
-    head, rest = svg.split(">", 1)
-    box = re.search(r'viewBox="([^"]*)"', head)
-    if box is None:
-        raise ValueError(f"a figure needs a view box, got {head}>")
-    width, height = box.group(1).split()[2:]
-    rest = re.sub(r"var\(--\w+, (#[0-9a-f]{6})\)", r"\1", rest)
-    rest = re.sub(r"</?a\b[^>]*>", "", rest)
-    rest = rest.replace(' href="', ' xlink:href="')
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>\n'
-        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'version="1.1" width="{width}pt" height="{height}pt" {box.group()}>{rest}'
-    )

@@ -1,4 +1,4 @@
-"""Figures of a report's results, each an SVG string ready to stand inside an HTML page.
+"""Figures of a report's results.
 
 Matplotlib's object-oriented interface only: no pyplot, no list of open figures, no window system.
 """
@@ -30,7 +30,6 @@ from flyrl.report.style import (
     episode_url,
     outcome_dot,
     panels,
-    svg_text,
 )
 from flyrl.rollouts import BoolArray
 from flyrl.tasks import SUCCESS
@@ -54,7 +53,7 @@ _REACH: Final = 0.32
 _ROW_HEIGHT: Final = 0.36
 
 
-def success_figure(summary: Sequence[Json], condition: str = "") -> str:
+def success_figure(summary: Sequence[Json], condition: str = "") -> Figure:
     """Success rate of every controller with its interval, a panel per terrain.
 
     Parameters
@@ -65,20 +64,19 @@ def success_figure(summary: Sequence[Json], condition: str = "") -> str:
         Its name, as a title; empty where nothing is varied.
     """
     shade = colours(row["controller"] for row in summary)
+    places = {name: place for place, name in enumerate(shade)}
     terrains = list(dict.fromkeys(row["terrain"] for row in summary))
-    with _lists(list(shade), len(terrains)) as (figure, every):
-        for axes, terrain in zip(every, terrains, strict=True):
-            for place, (name, colour) in enumerate(shade.items()):
-                for row in summary:
-                    if (row["terrain"], row["controller"]) == (terrain, name):
-                        _success(axes, row, place, colour)
-            axes.set_xlim(-3, 103)
-            axes.set_xticks([0, 25, 50, 75, 100])
-            axes.set_xlabel("success (%)")
-            axes.set_title(terrain, loc="left", fontweight="bold")
+    with lists(list(shade), len(terrains)) as (figure, every):
+        panel = dict(zip(terrains, every, strict=True))
+        for row in summary:
+            name = row["controller"]
+            _success(panel[row["terrain"]], row, places[name], shade[name])
+        for terrain, axes in panel.items():
+            ticks = [0, 25, 50, 75, 100]
+            axes.set(title=terrain, xlim=(-3, 103), xticks=ticks, xlabel="success (%)")
         if condition:
             figure.suptitle(condition, x=0, ha="left", fontsize=10, color=MUTED)
-        return svg_text(figure, "success")
+    return figure
 
 
 def _success(axes: Axes, row: Json, place: int, colour: str) -> None:
@@ -100,7 +98,7 @@ def _success(axes: Axes, row: Json, place: int, colour: str) -> None:
 
 def distributions_figure(
     rows: pd.DataFrame, terrain: str, horizon_s: float, metrics: Sequence[str]
-) -> str:
+) -> Figure:
     """Every episode as a dot, with mean and quartiles; a panel per metric.
 
     Beyond `MAX_DOTS` an outline stands for the dots, its strong part for the successes among them.
@@ -110,35 +108,29 @@ def distributions_figure(
     """
     shade = colours(rows["controller"].unique())
     owns = [_of(rows, terrain, name) for name in shade]
-    with _lists(list(shade), len(metrics)) as (figure, every):
+    with lists(list(shade), len(metrics)) as (figure, every):
         for axes, metric in zip(every, metrics, strict=True):
-            drawn = [np.asarray(metric_values(own, metric, horizon_s)) for own in owns]
-            edges = _edges(drawn)
-            for place, (colour, own, values) in enumerate(
-                zip(shade.values(), owns, drawn, strict=True)
-            ):
-                if values.size:
-                    _episodes(axes, values, own, place, edges, colour)
-                    _quartiles(axes, values, place)
+            values = [np.asarray(metric_values(own, metric, horizon_s)) for own in owns]
+            draw_episodes(axes, values, owns, list(shade.values()))
             axes.set_xlabel(metric_label(metric))
             if metric == "time_to_goal_s":
                 axes.axvline(horizon_s, color=LINE, linewidth=1)
                 axes.set_xlim(left=0)
-        return svg_text(figure, f"distributions-{terrain}")
+    return figure
 
 
 def paired_figure(
     rows: pd.DataFrame, summary: Sequence[Json], terrain: str, horizon_s: float
-) -> str:
+) -> Figure | None:
     """Differences to the reference, episode by episode, with the mean and its interval."""
     compared = [row for row in summary if row["terrain"] == terrain and row["paired"]]
     if not compared:
-        return ""
+        return None
     shade = colours(row["controller"] for row in summary)
     other = _of(rows, terrain, compared[0]["paired"]["reference"])
     owns = [_of(rows, terrain, row["controller"]) for row in compared]
     metrics = list(compared[0]["paired"]["differences"])
-    with _lists([row["controller"] for row in compared], len(metrics)) as (figure, every):
+    with lists([row["controller"] for row in compared], len(metrics)) as (figure, every):
         for axes, metric in zip(every, metrics, strict=True):
             axes.axvline(0, color=MUTED, linewidth=1)
             drawn = [paired_values(own, other, metric, horizon_s) for own in owns]
@@ -149,16 +141,16 @@ def paired_figure(
                     pairs = own[own["episode"].isin(other["episode"])].assign(outcome=SUCCESS)
                     _episodes(axes, values, pairs, place, edges, colour, alpha=0.25)
                 difference = row["paired"]["differences"][metric]
-                if difference["low"] is not None:
-                    ends = [difference["low"], difference["high"]]
-                    axes.plot(ends, [place, place], color=INK, linewidth=2, zorder=4)
-                if difference["value"] is not None:
-                    dot: Any = {"color": colour, "markeredgecolor": INK, "markersize": 6}
-                    axes.plot([difference["value"]], [place], "o", zorder=5, **dot)
+                # what is None is not drawn
+                ends = np.array([difference["low"], difference["high"]], dtype=np.float64)
+                middle = np.array([difference["value"]], dtype=np.float64)
+                axes.plot(ends, [place, place], color=INK, linewidth=2, zorder=4)
+                dot: Any = {"color": colour, "markeredgecolor": INK, "markersize": 6}
+                axes.plot(middle, [place], "o", zorder=5, **dot)
             if metric == "success":
                 axes.set_xlim(-1.05, 1.05)
             axes.set_xlabel(f"Δ {metric_label(metric)}")
-        return svg_text(figure, f"differences-{terrain}")
+    return figure
 
 
 def doses_figure(
@@ -167,7 +159,7 @@ def doses_figure(
     quantity: str,
     labels: Sequence[str],
     metrics: Sequence[str],
-) -> str:
+) -> Figure:
     """What each dose of a quantity does: a panel per metric, a colour per controller.
 
     Success with its interval, of all other metrics the mean with quartiles; a line leads from
@@ -184,54 +176,50 @@ def doses_figure(
     shade = colours(row["controller"] for row in rows)
     values = [label.partition("=")[2] for label in labels]
     places, is_ordered = _places(values)
+    at = dict(zip(labels, places, strict=True))
     lines = math.ceil(len(metrics) / DOSE_PANELS)
     with panels(lines, DOSE_PANELS, 2.9 * lines) as (figure, every):
         for axes in every[len(metrics) :]:
             axes.set_axis_off()
         for axes, metric in zip(every, metrics, strict=False):
             for i, (name, colour) in enumerate(shade.items()):
-                own = {row["condition"]: row for row in rows if row["controller"] == name}
-                points = [_dose(own[label], metric) for label in labels if label in own]
-                at = [place for place, label in zip(places, labels, strict=True) if label in own]
-                low, middle, high = np.array(points, dtype=np.float64).T
+                own = [row for row in rows if row["controller"] == name]
+                own.sort(key=lambda row: labels.index(row["condition"]))
+                x = np.array([at[row["condition"]] for row in own])
+                low, middle, high = np.transpose([_dose(row, metric) for row in own])
                 if is_ordered:
-                    axes.fill_between(at, low, high, color=colour, alpha=0.15, linewidth=0)
-                    axes.plot(at, middle, "o-", color=colour, markersize=4.5, label=name)
+                    axes.fill_between(x, low, high, color=colour, alpha=0.15, linewidth=0)
                 else:
-                    beside = np.array(at) + 0.14 * (i - (len(shade) - 1) / 2)
-                    axes.vlines(beside, low, high, color=colour, alpha=0.35, linewidth=4)
-                    axes.plot(beside, middle, "o", color=colour, markersize=4.5, label=name)
-            axes.set_xlabel(quantity.replace("_", " "))
+                    x += 0.14 * (i - (len(shade) - 1) / 2)
+                    axes.vlines(x, low, high, color=colour, alpha=0.35, linewidth=4)
+                style = "o-" if is_ordered else "o"
+                axes.plot(x, middle, style, color=colour, markersize=4.5, label=name)
             title = "success (%)" if metric == "success" else metric_label(metric)
-            axes.set_title(title, loc="left")
+            axes.set(title=title, xlabel=quantity.replace("_", " "))
             if not is_ordered:
                 axes.set_xticks(places, values, fontsize=9)
+                axes.grid(visible=False, axis="x")
                 if max(map(len, values)) * len(values) > MAX_DOSE_LETTERS:
                     axes.tick_params(axis="x", labelrotation=20)
-            axes.grid(visible=True, axis="both" if is_ordered else "y")
         add_legend(figure)
-        return svg_text(figure, f"doses-{terrain}-{quantity}")
+    return figure
 
 
-def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[float]) -> str:
+def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[float]) -> Figure:
     """Share of runs that reach at least each success rate, a line per training, with intervals."""
     with panels(1, 1, 3.4) as (figure, (axes,)):
         percent = 100 * np.array(at)
         for i, (name, points) in enumerate(profiles.items()):
             colour = SHADES[i % len(SHADES)]
-            values = 100 * np.array([point.value for point in points], dtype=np.float64)
-            bounds = 100 * np.array([[point.low, point.high] for point in points], dtype=np.float64)
-            low, high = np.where(np.isnan(bounds.T), values, bounds.T)
+            triples = [(point.low, point.value, point.high) for point in points]
+            low, values, high = 100 * np.array(triples, dtype=np.float64).T
             band: Any = {"color": colour, "alpha": 0.15, "linewidth": 0}
             axes.fill_between(percent, low, high, step="post", **band)
             axes.step(percent, values, where="post", color=colour, label=name)
-        axes.set_xlabel("success of at least (%)")
-        axes.set_ylabel("runs (%)")
-        axes.set_xlim(-1, 101)
-        axes.set_ylim(-3, 103)
-        axes.grid(visible=True)
+        axes.set(xlabel="success of at least (%)", ylabel="runs (%)")
+        axes.set(xlim=(-1, 101), ylim=(-3, 103))
         add_legend(figure, ncols=2)
-        return svg_text(figure, "profiles")
+    return figure
 
 
 def _places(values: Sequence[str]) -> tuple[list[float], bool]:
@@ -252,15 +240,39 @@ def _dose(row: Json, metric: str) -> list[float]:
 
 
 @contextmanager
-def _lists(names: Sequence[str], columns: int) -> Iterator[tuple[Figure, list[Axes]]]:
+def lists(
+    names: Sequence[str], columns: int, *, sharex: bool = False
+) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure with panels side by side that share a row per name, first on top."""
-    height = _ROW_HEIGHT * len(names) + 0.75
-    with panels(1, columns, height, LIST_STYLE, sharey=True) as (figure, every):
+    size: Any = {"height": _ROW_HEIGHT * len(names) + 0.75, "style": LIST_STYLE}
+    with panels(1, columns, **size, sharex=sharex, sharey=True) as (figure, every):
         every[0].set_yticks(range(len(names)), names)
-        for axes in every:
-            axes.set_ylim(len(names) - 0.45, -0.55)
-            axes.grid(visible=True, axis="x")
+        every[0].set_ylim(len(names) - 0.45, -0.55)
         yield figure, every
+
+
+def draw_episodes(
+    axes: Axes,
+    values: Sequence[FloatArray],
+    rows: Sequence[pd.DataFrame],
+    shades: Sequence[str],
+) -> None:
+    """Draw a row of dots (or their outline) per entrant, with mean and quartiles, first on top.
+
+    Parameters
+    ----------
+    values
+        Metric of each entrant's episodes, (n,) each.
+    rows
+        Those episodes.
+    shades
+        Colour of each entrant.
+    """
+    edges = _edges(values)
+    for place, (own, episodes, shade) in enumerate(zip(values, rows, shades, strict=True)):
+        if own.size:
+            _episodes(axes, own, episodes, place, edges, shade)
+            _quartiles(axes, own, place)
 
 
 def _edges(drawn: Sequence[FloatArray]) -> FloatArray:

@@ -17,7 +17,7 @@ from flyrl.files import write_bytes, write_text
 from flyrl.muscles import MotorPool
 from flyrl.report import controller_figures as controllers
 from flyrl.report.curves import save_figure
-from flyrl.report.style import PAPER_STYLE, SHADES, WIDTH_IN, Plot, panels
+from flyrl.report.style import SHADES, WIDTH_IN, Plot, panels
 from flyrl.report.walk_videos import WALKS, Film, film_walk, film_worm
 from flyrl.report.walking_figures import comparison_plot, gaits_plot, slopes_plot
 from flyrl.resources import assets_folder
@@ -35,7 +35,7 @@ def terrains_plot() -> Plot:
         If no GL context can be made.
     """
     rows = []
-    with panels(2, 2, 7.4, {**PAPER_STYLE, "axes.grid": False}) as (figure, every):
+    with panels(2, 2, 7.4) as (figure, every):
         for axes, name in zip(every, LITERATURE, strict=True):
             env = BatchedEnv(EnvConfig("hybrid_turning", terrain=name), 1, 1)
             scene = env.config.fly_scene
@@ -44,7 +44,7 @@ def terrains_plot() -> Plot:
             with closing(FlyRenderer(scene)) as renderer:
                 axes.imshow(renderer.render(env.flies))
             axes.set_axis_off()
-            axes.set_title(name, loc="left")
+            axes.set_title(name)
             tops = scene.terrain.compiled().boxes.tops
             lowest, highest = (tops.min(), tops.max()) if tops.size else (0.0, 0.0)
             rows.append((name, tops.size, lowest, highest))
@@ -73,18 +73,15 @@ def muscle_plot(profile: Path | str) -> Plot:
         row = np.asarray(image.crop((0, 0, image.width, 1)).convert("RGBA").convert("RGB"))
     n = np.arange(len(pool))
     size: Any = {"width": 0.7 * WIDTH_IN, "height_ratios": (0.16, 0.7, 1.0), "sharex": True}
-    with panels(3, 1, 3.9, PAPER_STYLE, **size) as (figure, (strip, forces, curve)):
+    with panels(3, 1, 3.9, **size) as (figure, (strip, forces, curve)):
         strip.imshow(row, aspect="auto", extent=(-0.5, len(pool) - 0.5, 0, 1))
         strip.set_yticks([])
-        strip.set_title(f"{profile.name}: a pixel per motor neuron", loc="left")
+        strip.set_title(f"{profile.name}: a pixel per motor neuron")
         forces.fill_between(n, pool.forces, step="mid", color=SHADES[1], linewidth=0)
-        forces.set_ylabel("255 - blue")
-        forces.set_ylim(0, 265)
+        forces.set(ylabel="255 - blue", ylim=(0, 265))
         curve.step(n, pool.recruitment, where="post", color=SHADES[1])
-        curve.set_ylabel("tension")
-        curve.set_ylim(0, 1.04)
-        curve.set_xlim(-0.5, len(pool) - 0.5)
-        curve.set_xlabel("recruited up to motor neuron n")
+        curve.set(ylabel="tension", ylim=(0, 1.04))
+        curve.set(xlabel="recruited up to motor neuron n", xlim=(-0.5, len(pool) - 0.5))
         strip.grid(visible=False)
     table = pd.DataFrame({"n": n, "force": pool.forces, "tension": pool.recruitment})
     return Plot(figure, table)

@@ -14,6 +14,7 @@ from typing import Any, Final, TypedDict, Unpack
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flyrl.envs.config import randomisation_text
@@ -25,10 +26,19 @@ from flyrl.evaluation.results import Results
 from flyrl.evaluation.trainings import PROFILE_AT, generalisation, trainings
 from flyrl.files import OutputFolder
 from flyrl.report import close_up, figures, sections
-from flyrl.report.curves import Evaluations, learning_curves_svg
-from flyrl.report.exports import format_tables, standalone
+from flyrl.report.curves import Evaluations, learning_curves
+from flyrl.report.exports import format_tables
 from flyrl.report.paths import paths_figure
-from flyrl.report.style import colours, outcome_shapes, stylesheet, themed
+from flyrl.report.style import (
+    WIDTH_IN,
+    colours,
+    inline,
+    outcome_shapes,
+    standalone,
+    stylesheet,
+    svg_text,
+    themed,
+)
 from flyrl.report.video import Video
 from flyrl.report.wording import (
     changes_text,
@@ -110,7 +120,7 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     output.write_text(REPORT_FILE, format_page(context))
     files = {
         f"{FIGURES_FOLDER}/{plain_name(name)}.svg": standalone(svg)
-        for name, svg in context["figures"].items()
+        for name, svg in context["svgs"].items()
     }
     for name, text in format_tables(results, context["all_leaders"]).items():
         files[f"{TABLES_FOLDER}/{name}"] = text
@@ -140,8 +150,11 @@ def format_page(context: Mapping[str, Any]) -> str:
         lstrip_blocks=True,
     )
     environment.filters |= {
+        "data_url": data_url,
         "label": context["labels"].get,
+        "metric_label": metric_label,
         "number": format_number,
+        "outcome": outcome_name,
         "prefixed": lambda text, prefix: f"{prefix}{text}",
         "script_hash": script_hash,
     }
@@ -154,14 +167,19 @@ def _shown(value: Any) -> Any:
     return printable(value, keep="\n\t\u00a0") if is_text else value
 
 
+def data_url(data: bytes, kind: str) -> str:
+    """Address that holds a file itself, of a kind such as video/mp4."""
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
 def script_hash(script: str) -> str:
     """Source expression by which a Content-Security-Policy allows this inline script alone."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}"
 
 
 def draw_figures(
-    results: Results, seeds: Json | None, additions: Additions
-) -> tuple[dict[str, Markup], dict[str, str]]:
+    results: Results, terrains: Sequence[Json], seeds: Json | None, additions: Additions
+) -> tuple[dict[str, str], dict[str, str]]:
     """Every figure of a report, by the name that it has in the page and as a file.
 
     Those with nothing to show are left out, as are those of single walks where quantities were
@@ -169,25 +187,26 @@ def draw_figures(
 
     Parameters
     ----------
-    seeds
-        See `flyrl.report.sections.seeds_section`.
+    terrains, seeds
+        See `flyrl.report.sections.terrain_section` and `seeds_section`.
 
     Returns
     -------
-    Name -> SVG as it stands in the page, e.g. `success`, `paths-flat`, `doses-flat-friction`; and
-    terrain -> the ground in the figure of its paths, see `paths_figure`.
+    Name -> SVG, e.g. `success`, `paths-flat`, `doses-flat-friction`; and terrain -> the ground in
+    the figure of its paths, see `paths_figure`.
     """
     protocol, rows, summary = results.protocol, results.episodes, results.summaries
-    horizon_s, examples = protocol["horizon_s"], additions.get("examples", ())
-    usual, metrics = usual_condition(protocol), sections.spread_metrics(protocol)
-    drawn = {"success": figures.success_figure(sections.usual_rows(results), usual)}
+    horizon_s, metrics = protocol["horizon_s"], sections.spread_metrics(protocol)
+    success = figures.success_figure(sections.usual_rows(results), usual_condition(protocol))
+    drawn: dict[str, Figure | None] = {"success": success}
     grounds = {}
-    for terrain in protocol["terrains"]:
+    for terrain, section in zip(protocol["terrains"], terrains, strict=True):
         at = terrain["name"]
         for quantity, values in protocol["vary"].items():
             labels = [Condition(quantity, value).label for value in values]
-            had = [metric for metric in metrics if metric in sections.present_metrics(results)]
-            doses = figures.doses_figure(summary, at, quantity, labels, ["success", *had])
+            present = sections.present_metrics(results)
+            had = ["success", *(metric for metric in metrics if metric in present)]
+            doses = figures.doses_figure(summary, at, quantity, labels, had)
             drawn[f"doses-{at}-{quantity}"] = doses
         if protocol["vary"]:
             continue
@@ -195,27 +214,26 @@ def draw_figures(
         drawn[f"differences-{at}"] = figures.paired_figure(rows, summary, at, horizon_s)
         walks, episodes = sections.walks_on(results, at), results.drawn.get(at, ())
         drawn[f"paths-{at}"], grounds[at] = paths_figure(walks, terrain, episodes)
-        if walked := sections.gait_examples(examples, at):
-            drawn[f"gait-{at}"] = close_up.gait_figure(walked, f"gait-{at}")
-        shown = sections.by_episode(additions.get("videos", ()), examples, at)
-        for episode, (films, walked) in shown.items():
-            name, until_s = f"time-{at}-{episode}", sections.curves_end_s(films, walked)
-            drawn[name] = close_up.time_figure(walked, name, until_s) if walked else ""
+        if section["walks"]:
+            drawn[f"gait-{at}"] = close_up.gait_figure(section["walks"])
+        for player in section["players"]:
+            if player["walked"]:
+                curves = close_up.time_figure(player["walked"], player["until_s"])
+                drawn[f"time-{player['name']}"] = curves
     if seeds:
         drawn["profiles"] = figures.profiles_figure(seeds["profiles"], PROFILE_AT)
     if drive_map := additions.get("drive_map"):
-        visited = _learned_drives(results)
-        drawn["drive-map"] = close_up.drive_map_figure(drive_map, visited, "drive-map")
+        drawn["drive-map"] = close_up.drive_map_figure(drive_map, _learned_drives(results))
     if steering := additions.get("steering"):
-        drawn["steering"] = close_up.steering_figure(steering, "steering")
-    curves = additions.get("curves", {})
+        drawn["steering"] = close_up.steering_figure(steering)
+    evaluated = additions.get("curves", {})
     groups = [
-        (label, [curves[name] for name in names if curves.get(name)])
+        (label, [evaluated[name] for name in names if evaluated.get(name)])
         for label, names in trainings(protocol["entrants"]).items()
     ]
     if any(runs for _, runs in groups):
-        drawn["learning-curves"] = learning_curves_svg(groups, "learning-curves")
-    return {name: Markup(svg) for name, svg in drawn.items() if svg}, grounds
+        drawn["learning-curves"] = learning_curves(groups, width=WIDTH_IN)
+    return {name: svg_text(figure) for name, figure in drawn.items() if figure}, grounds
 
 
 def _learned_drives(results: Results) -> dict[str, NDArray[np.float32]]:
@@ -237,10 +255,14 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     protocol, summary = results.protocol, results.summaries
     videos, examples = additions.get("videos", ()), additions.get("examples", ())
     leading = sections.lead_videos(protocol, videos)
+    terrains = [
+        sections.terrain_section(results, terrain, videos, examples, leading)
+        for terrain in protocol["terrains"]
+    ]
     drive_map, steering = additions.get("drive_map"), additions.get("steering")
     names = [row["controller"] for row in summary]
     names += [entrant["name"] for entrant in protocol["entrants"]]
-    terrains = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
+    walked_on = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
     usual, condition = sections.usual_rows(results), usual_condition(protocol)
     leaders = sections.all_leaders(results)
     usual_leaders = [each for each in leaders if each.condition == usual[0]["condition"]]
@@ -264,9 +286,9 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     of_gait = [key for key in measured if metric_named(key).needs_gait or key == "drive_variation"]
     gait_metrics = [key for key in of_gait if key in present]
     seeds = sections.seeds_section(results)
-    drawn, grounds = draw_figures(results, seeds, additions)
+    svgs, grounds = draw_figures(results, terrains, seeds, additions)
     return {
-        "title": f"{protocol['task']} on {terrains}",
+        "title": f"{protocol['task']} on {walked_on}",
         "headline": headline(usual_leaders, controllers, condition),
         "notes": list(filter(None, [*notes, training_note(protocol)])),
         "condition": condition,
@@ -287,15 +309,13 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "shown": shown,
         "compared": protocol["compared"],
         "labels": labels,
-        "figures": drawn,
+        "svgs": svgs,
+        "figures": {name: Markup(inline(svg, name)) for name, svg in svgs.items()},
         "grounds": grounds,
         "rows": [sections.table_row(row) for row in usual],
         "episodes": sections.episodes_section(results, shown),
         "filmed": sorted({f"{video.terrain}/{video.episode}" for video in videos}),
-        "terrains": [
-            sections.terrain_section(results, terrain, videos, examples, leading)
-            for terrain in protocol["terrains"]
-        ],
+        "terrains": terrains,
         "lead": sections.lead_section(protocol, leading),
         "note": additions.get("note"),
         "drive_map": drive_map,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,24 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 
 from flyrl.evaluation.episodes import Json, Trajectory
-from flyrl.report.style import (
-    INK,
-    MUTED,
-    colours,
-    episode_url,
-    outcome_dot,
-    panels,
-    svg_text,
-)
+from flyrl.report.style import INK, MUTED, colours, episode_url, outcome_dot, panels
 from flyrl.report.wording import outcome_name
 from flyrl.tasks import SUCCESS, Episode
 from flyrl.terrains import NOWHERE, Bounds, Ground, Terrain, terrain_on_record
 from flyrl.validation import FloatArray
-
-Frame = tuple[FloatArray, FloatArray]
-"""Origin (2,), and what turns rows that are points, less that, into the frame, (2, 2)."""
-
-WORLD: Final[Frame] = (np.zeros(2), np.eye(2))
 
 MAX_PATHS: Final = 60
 """Paths drawn per controller; more are a smear."""
@@ -62,42 +48,27 @@ PIXELS: Final = 500
 
 
 class Thing(NamedTuple):
-    """A prop as it is seen from above: where it starts, how wide it is, mm, and its colour."""
+    """A prop as it is seen from above: where it starts, (2,), its radius, mm, and its colour."""
 
-    x: float
-    y: float
+    place: FloatArray
     radius: float
     rgb: tuple[float, float, float]
 
 
-def things_of(episode: Json, protocol: Json) -> tuple[Thing, ...]:
-    """Props of an episode, as the results hold them."""
-    props = protocol.get("table", {}).get("props", [])
-    starts = np.reshape(episode.get("props", []), (-1, 3))
-    return tuple(
-        Thing(float(x), float(y), _radius(prop), tuple(prop["rgba"][:3]))
-        for prop, (x, y, z) in zip(props, starts, strict=False)
-        if z > NOWHERE[2]
-    )
-
-
-def _radius(prop: Json) -> float:
-    """Half of a prop's width from above, mm; of a box, of its longer side."""
-    return max(prop["size"][:2]) / 2 if prop["shape"] == "box" else float(prop["size"][0])
-
-
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """What is drawn of an episode.
+    """An episode as it is drawn.
 
     Attributes
     ----------
     episode
         Its index on the terrain.
     path
-        In the world frame.
-    goal
-        (x, y) in the world frame, mm, or ().
+        Of the thorax, mm, (T, 2).
+    yaw
+        Heading at the start, rad.
+    goals
+        mm, (n, 2); none without a goal.
     outcome
         How it ended.
     things
@@ -105,17 +76,63 @@ class Walk:
     """
 
     episode: int
-    path: Trajectory
-    goal: Sequence[float]
+    path: FloatArray
+    yaw: float
+    goals: FloatArray
     outcome: str
-    things: tuple[Thing, ...] = ()
+    things: Sequence[Thing] = ()
 
 
 Walks = Mapping[str, Sequence[Walk]]
-"""Of each controller; those of an empty one are not drawn, but it keeps its colour."""
+"""Walks of each controller; those of an empty one are not drawn, but it keeps its colour."""
 
 
-def paths_figure(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> tuple[str, str]:
+def walk_of(
+    index: int, trajectory: Trajectory, episode: Json, outcome: str, protocol: Json
+) -> Walk:
+    """A walk in the world frame, without the samples that are not finite.
+
+    Parameters
+    ----------
+    index
+        Of the episode on the terrain.
+    episode
+        As the results hold it.
+    """
+    path = np.asarray(trajectory.position_w[:, :2], dtype=np.float64)
+    path = path[np.isfinite(path).all(axis=1)]
+    goals = np.reshape(np.array(episode.get("goal", ())[:2], dtype=np.float64), (-1, 2))
+    things = things_of(episode, protocol)
+    return Walk(index, path, float(trajectory.yaw[0]), goals, outcome, things)
+
+
+def things_of(episode: Json, protocol: Json) -> list[Thing]:
+    """Props of an episode, as the results hold them; of a box, its longer side is its width."""
+    things = []
+    starts = np.reshape(episode.get("props", []), (-1, 3))
+    for prop, start in zip(protocol.get("table", {}).get("props", []), starts, strict=False):
+        radius = max(prop["size"][:2]) / 2 if prop["shape"] == "box" else prop["size"][0]
+        if start[2] > NOWHERE[2]:
+            things.append(Thing(start[:2], radius, tuple(prop["rgba"][:3])))
+    return things
+
+
+def aligned(walk: Walk) -> Walk:
+    """A walk moved to start at the origin and turned until its goal, or its heading, lies ahead."""
+    start, angle = walk.path[0], walk.yaw
+    for goal in walk.goals:
+        angle = float(np.arctan2(*(goal - start)[::-1]))
+    # multiplying by it from the right turns by -angle
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return replace(
+        walk,
+        path=(walk.path - start) @ turn,
+        goals=(walk.goals - start) @ turn,
+        things=[each._replace(place=(each.place - start) @ turn) for each in walk.things],
+    )
+
+
+def paths_figure(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> tuple[Figure | None, str]:
     """Figure of the paths on a terrain, over a drawing of its ground where it is rough.
 
     Parameters
@@ -129,11 +146,11 @@ def paths_figure(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> tuple[st
 
     Returns
     -------
-    The figure, empty without a walk, and the ground in it: "none", "same" for all episodes, or
+    The figure, None without a walk, and the ground in it: "none", "same" for all episodes, or
     "random", of the first episode alone.
     """
     if not any(walks.values()):
-        return "", "none"
+        return None, "none"
     config = terrain_on_record(terrain["config"])
     if config is None or not config.is_rough or (config.random and not drawn):
         return aligned_figure(walks, terrain["name"]), "none"
@@ -145,7 +162,7 @@ def paths_figure(walks: Walks, terrain: Json, drawn: Sequence[Json]) -> tuple[st
     return ground_figure(walks, config, ground), "random"
 
 
-def aligned_figure(walks: Walks, terrain: str) -> str:
+def aligned_figure(walks: Walks, terrain: str) -> Figure:
     """Paths of every controller, a panel each, all episodes laid over one another.
 
     A path starts at the origin, with its goal straight ahead, to the right; without a goal it
@@ -154,25 +171,21 @@ def aligned_figure(walks: Walks, terrain: str) -> str:
     Parameters
     ----------
     terrain
-        Its label, for ids and links.
+        Its label, for links.
     """
-    shown = [walk for own in walks.values() for walk in own[:MAX_PATHS] if len(walk.goal)]
-    goals = [np.subtract(walk.goal[:2], finite(walk.path)[0]) for walk in shown]
-    farthest = max((float(np.linalg.norm(goal)) for goal in goals), default=0.0)
-    with _panels(walks, 2.25, ("along (mm)", "across (mm)")) as (figure, drawn):
-        for axes, own, shade in drawn:
-            frames = [start_frame(walk.path, walk.goal) for walk in own]
-            _draw(axes, own, frames, shade, terrain)
-            axes.grid(visible=True)
-        if farthest > 0:
-            # Flies that never turn walk far out of any useful view.
-            figure.axes[0].set_xlim(-0.9 * farthest, 1.5 * farthest)
-            figure.axes[0].set_ylim(-0.9 * farthest, 0.9 * farthest)
-        figure.draw_without_rendering()  # of equal aspects, the first layout leaves out titles
-        return svg_text(figure, f"paths-{terrain}")
+    walks = {name: [aligned(walk) for walk in own] for name, own in walks.items()}
+    shown = [walk.goals for own in walks.values() for walk in own[:MAX_PATHS]]
+    farthest = np.linalg.norm(np.concatenate(shown), axis=1).max(initial=0.0)
+    figure, (first, *_) = _draw(walks, terrain, 2.25, ("along (mm)", "across (mm)"))
+    if farthest > 0:
+        # Flies that never turn walk far out of any useful view.
+        view = np.array([-0.9, 1.5]) * farthest, np.array([-0.9, 0.9]) * farthest
+        first.set(xlim=view[0], ylim=view[1])
+    figure.draw_without_rendering()  # of equal aspects, the first layout leaves out titles
+    return figure
 
 
-def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
+def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> Figure:
     """Paths of every controller in the world frame over the ground that they were walked on.
 
     Parameters
@@ -182,21 +195,19 @@ def ground_figure(walks: Walks, terrain: Terrain, ground: Ground) -> str:
     """
     bounds = terrain.bounds
     view = view_of(walks, bounds)
-    width, height = view.x_max - view.x_min, view.y_max - view.y_min
-    panel_height = min(_PANEL_IN[0] * height / width, _PANEL_IN[1]) + 0.4
-    corner = bounds.x_min, bounds.y_min
+    x, y = (view.x_min, view.x_max), (view.y_min, view.y_max)
+    height = min(_PANEL_IN[0] * np.ptp(y) / np.ptp(x), _PANEL_IN[1]) + 0.4
+    figure, every = _draw(walks, terrain.label, height, ("x (mm)", "y (mm)"), faint=0.6)
     sides = bounds.x_max - bounds.x_min, bounds.y_max - bounds.y_min
     picture = ground_picture(terrain, ground, view)
-    extent = (view.x_min, view.x_max, view.y_min, view.y_max)
-    with _panels(walks, panel_height, ("x (mm)", "y (mm)")) as (figure, drawn):
-        for i, (axes, own, shade) in enumerate(drawn):
-            seen = axes.imshow(picture, extent=extent, origin="lower", interpolation="none")
-            seen.set_gid(f"ground-{i}")
-            axes.add_patch(Rectangle(corner, *sides, fill=False, edgecolor=MUTED))
-            _draw(axes, own, [WORLD] * len(own), shade, terrain.label, faint=0.6)
-        figure.axes[0].set_xlim(view.x_min, view.x_max)
-        figure.axes[0].set_ylim(view.y_min, view.y_max)
-        return svg_text(figure, f"paths-{terrain.label}")
+    for i, axes in enumerate(every):
+        seen = axes.imshow(picture, extent=(*x, *y), origin="lower", interpolation="none")
+        seen.set_gid(f"ground-{i}")
+        corner = bounds.x_min, bounds.y_min
+        axes.add_patch(Rectangle(corner, *sides, fill=False, edgecolor=MUTED))
+        axes.grid(visible=False)
+    every[0].set(xlim=x, ylim=y)
+    return figure
 
 
 def ground_picture(terrain: Terrain, ground: Ground, view: Bounds) -> FloatArray:
@@ -204,11 +215,11 @@ def ground_picture(terrain: Terrain, ground: Ground, view: Bounds) -> FloatArray
 
     The first row lies at the least y, the first column at the least x.
     """
-    x_side, y_side = view.x_max - view.x_min, view.y_max - view.y_min
-    grain = max(x_side, y_side) / PIXELS
+    sides = view.x_max - view.x_min, view.y_max - view.y_min
+    grain = max(sides) / PIXELS
     x, y = (
         start + grain * (np.arange(round(side / grain), dtype=np.float64) + 0.5)
-        for start, side in ((view.x_min, x_side), (view.y_min, y_side))
+        for start, side in zip((view.x_min, view.y_min), sides, strict=True)
     )
     tops = np.full((len(y), len(x)), np.nan)
     boxes = ground.boxes
@@ -218,30 +229,21 @@ def ground_picture(terrain: Terrain, ground: Ground, view: Bounds) -> FloatArray
     elif ground.floor is not None and not len(boxes.centres):
         tops[:] = ground.floor
     for centre, half_size, top in zip(boxes.centres, boxes.half_sizes, boxes.tops, strict=True):
-        rows, columns = (
-            np.flatnonzero(np.abs(along - centre[axis]) <= half_size[axis])
-            for axis, along in ((1, y), (0, x))
-        )
+        rows = np.flatnonzero(np.abs(y - centre[1]) <= half_size[1])
+        columns = np.flatnonzero(np.abs(x - centre[0]) <= half_size[0])
         inside = np.ix_(rows, columns)
         tops[inside] = np.fmax(tops[inside], top)
-    picture = np.empty((*tops.shape, 4))
-    picture[..., :3] = to_rgb(MUTED)
-    height = (tops - np.nanmin(tops)) / (np.ptp(tops[np.isfinite(tops)]) or 1.0)
+    height = (tops - np.nanmin(tops)) / (np.nanmax(tops) - np.nanmin(tops) or 1.0)
     low, high = GROUND_SHADES
     shades = low + (high - low) * np.round(height * (LEVELS - 1)) / (LEVELS - 1)
-    picture[..., 3] = np.nan_to_num(shades)
-    return picture
+    colour = np.broadcast_to(to_rgb(MUTED), (*tops.shape, 3))
+    return np.dstack([colour, np.nan_to_num(shades)])
 
 
 def view_of(walks: Walks, ground: Bounds) -> Bounds:
     """Where paths and goals are, with a margin, as far as there is ground."""
-    points = np.concatenate(
-        [
-            np.concatenate([finite(walk.path), np.reshape(walk.goal[:2], (-1, 2))])
-            for own in walks.values()
-            for walk in own[:MAX_PATHS]
-        ]
-    )
+    shown = [walk for own in walks.values() for walk in own[:MAX_PATHS]]
+    points = np.concatenate([each for walk in shown for each in (walk.path, walk.goals)])
     low = np.maximum(points.min(axis=0), (ground.x_min, ground.y_min)) - MARGIN
     high = np.minimum(points.max(axis=0), (ground.x_max, ground.y_max)) + MARGIN
     missing = np.maximum(LEAST_VIEW - (high - low), 0) / 2
@@ -249,43 +251,31 @@ def view_of(walks: Walks, ground: Bounds) -> Bounds:
     return Bounds(x_min, x_max, y_min, y_max)
 
 
-def start_frame(trajectory: Trajectory, goal: Sequence[float]) -> Frame:
-    """Frame at the start of a path, its x axis to the goal, or ahead without one."""
-    start = finite(trajectory)[0]
-    angle = float(trajectory.yaw[0])
-    if len(goal):
-        x, y = np.asarray(goal[:2], dtype=np.float64) - start
-        angle = float(np.arctan2(y, x))
-    # multiplying by R from the right turns by -angle
-    return start, np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+def _draw(
+    walks: Walks, terrain: str, height: float, labels: tuple[str, str], faint: float = 0.35
+) -> tuple[Figure, list[Axes]]:
+    """A figure with a titled panel per controller that walked, and those panels.
 
-
-def finite(trajectory: Trajectory) -> FloatArray:
-    """Path (T, 2) without the samples that are not finite, mm."""
-    path = np.asarray(trajectory.position_w[:, :2], dtype=np.float64)
-    return path[np.isfinite(path).all(axis=1)]
-
-
-@contextmanager
-def _panels(
-    walks: Walks, height: float, labels: tuple[str, str]
-) -> Iterator[tuple[Figure, list[tuple[Axes, Sequence[Walk], str]]]]:
-    """A figure with a titled panel per controller that walked, each so high, in inches.
-
-    Of each the panel, the walks and the colour.
+    Parameters
+    ----------
+    height
+        Of a panel, inches.
+    faint
+        Opacity of the paths of failures.
     """
     shade = colours(walks)
-    drawn = [(name, own) for name, own in walks.items() if own]
+    drawn = {name: own for name, own in walks.items() if own}
     lines = -(-len(drawn) // COLUMNS)
     with panels(lines, COLUMNS, 0.4 + height * lines, sharex=True, sharey=True) as (figure, grid):
-        for axes, (controller, own) in zip(grid, drawn, strict=False):
+        for axes, (controller, own) in zip(grid, drawn.items(), strict=False):
             # with room for the count
             size = 10 if len(controller) <= _SHORT_NAME else 7
-            axes.set_title(f"{controller}  ", loc="left", fontweight="bold", fontsize=size)
+            axes.set_title(f"{controller}  ", fontweight="bold", fontsize=size)
             reached = sum(walk.outcome == SUCCESS for walk in own)
             text = f"{reached}/{len(own)}" if len(own) > 1 else outcome_name(own[0].outcome)
             axes.set_title(text, loc="right", color=MUTED)
             axes.set_aspect("equal")
+            _draw_walks(axes, own[:MAX_PATHS], shade[controller], terrain, faint)
         for axes in grid[max(0, len(drawn) - COLUMNS) : len(drawn)]:
             axes.tick_params(labelbottom=True)  # a last line that is not full has none below
         for axes in grid[len(drawn) :]:
@@ -293,38 +283,24 @@ def _panels(
         middle = min(len(drawn), COLUMNS) / COLUMNS / 2
         figure.supxlabel(labels[0], x=middle, color=MUTED, fontsize=10)
         figure.supylabel(labels[1], color=MUTED, fontsize=10)
-        triples = [(axes, own, shade[name]) for axes, (name, own) in zip(grid, drawn, strict=False)]
-        yield figure, triples
+    return figure, grid[: len(drawn)]
 
 
-def _draw(
-    axes: Axes,
-    walks: Sequence[Walk],
-    frames: Sequence[Frame],
-    shade: str,
-    terrain: str,
-    faint: float = 0.35,
-) -> None:
-    """Things, paths, how they ended and their goals, each in its frame; failures are `faint`."""
-    ends: dict[str, list[tuple[FloatArray, str]]] = {}
-    goals = []
-    for walk, (origin, rotation) in list(zip(walks, frames, strict=True))[:MAX_PATHS]:
+def _draw_walks(axes: Axes, walks: Sequence[Walk], shade: str, terrain: str, faint: float) -> None:
+    """Things, paths, how they ended and their goals; failures are `faint`."""
+    for walk in walks:
         for thing in walk.things:
-            x, y = (np.array([thing.x, thing.y]) - origin) @ rotation
-            disc = Circle((x, y), thing.radius, color=thing.rgb, lw=0, zorder=1)
-            disc.set_alpha(max(0.1, 0.6 / len(walks)))  # the fainter, the more walks there are
-            axes.add_patch(disc)
-        path = (finite(walk.path) - origin) @ rotation
+            # the fainter, the more walks there are
+            look: Any = {"color": thing.rgb, "alpha": max(0.1, 0.6 / len(walks)), "lw": 0}
+            axes.add_patch(Circle(tuple(thing.place), thing.radius, zorder=1, **look))
         alpha = 0.8 if walk.outcome == SUCCESS else faint
-        axes.plot(path[:, 0], path[:, 1], color=shade, linewidth=0.9, alpha=alpha)
-        end = (path[-1], episode_url(terrain, walk.episode))
-        ends.setdefault(walk.outcome, []).append(end)
-        if len(walk.goal):
-            goals.append((np.asarray(walk.goal[:2], dtype=np.float64) - origin) @ rotation)
-    for outcome, own in ends.items():
-        points, urls = zip(*own, strict=True)
-        dots = axes.scatter(*np.transpose(points), zorder=3, **outcome_dot(outcome, shade))
-        dots.set_urls(urls)
-    if goals:
+        axes.plot(*walk.path.T, color=shade, linewidth=0.9, alpha=alpha)
+    for outcome in dict.fromkeys(walk.outcome for walk in walks):
+        own = [walk for walk in walks if walk.outcome == outcome]
+        ends = np.transpose([walk.path[-1] for walk in own])
+        dots = axes.scatter(*ends, zorder=3, **outcome_dot(outcome, shade))
+        dots.set_urls([episode_url(terrain, walk.episode) for walk in own])
+    goals = np.concatenate([walk.goals for walk in walks])
+    if len(goals):
         ring: Any = {"marker": "o", "s": 26, "facecolors": "none", "edgecolors": INK}
-        axes.scatter(*np.transpose(goals), linewidths=0.7, alpha=0.55, zorder=2, **ring)
+        axes.scatter(*goals.T, linewidths=0.7, alpha=0.55, zorder=2, **ring)

@@ -21,7 +21,7 @@ from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.evaluation.summary import Leader, find_leaders
 from flyrl.evaluation.trainings import seed_groups
 from flyrl.report.figures import MAX_DOTS
-from flyrl.report.paths import Walk, Walks, things_of
+from flyrl.report.paths import Walk, Walks, walk_of
 from flyrl.report.video import FLY_PACE, FPS, Video
 from flyrl.report.wording import contrast_text, interval_text, outcome_name
 from flyrl.rollouts import EpisodeRecord
@@ -105,9 +105,9 @@ def lead_section(protocol: Json, pair: Sequence[Video]) -> Json | None:
     """What a report leads with: the videos of `lead_videos`, and why these; None without any."""
     if not pair:
         return None
-    terrain, episode = pair[0].terrain, pair[0].episode
+    terrain = pair[0].terrain
     text = contrast_text(protocol, terrain)
-    return {"terrain": terrain, "text": text, "player": player(terrain, episode, pair, ())}
+    return {"terrain": terrain, "text": text, "player": player(terrain, pair, ())}
 
 
 def terrain_section(
@@ -131,18 +131,16 @@ def terrain_section(
     summary = [row for row in results.summaries if row["terrain"] == name]
     walked = results.episodes[results.episodes["terrain"] == name]
     of_usual = walked[walked["condition"] == usual]
-    filmed = by_episode([each for each in videos if each not in leading], examples, name)
-    lead = next(((each.terrain, each.episode) for each in leading), None)
-    logs = [record.gait for record in gait_examples(examples, name) if record.gait]
+    walks = gait_examples(examples, name)
+    logs = [record.gait for record in walks if record.gait]
     return {
         "name": name,
-        "doses": [
-            {"name": quantity, "text": QUANTITIES[quantity].text} for quantity in protocol["vary"]
-        ],
+        "doses": {quantity: QUANTITIES[quantity].text for quantity in protocol["vary"]},
         "rows": [table_row(row) for row in summary],
         "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
         "edge": _edge(walked, terrain),
         "is_outlined": walked["controller"].value_counts().max() > MAX_DOTS,
+        "walks": walks,
         "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
         "differences": [
             {"controller": row["controller"], **row["paired"]["differences"]}
@@ -154,8 +152,7 @@ def terrain_section(
         "kinds": success_by_kind(of_usual, terrain["config"]),
         "chosen": contrast_text(protocol, name),
         "players": [
-            {**player(name, episode, *shown), "has_lead": (name, episode) == lead}
-            for episode, shown in filmed.items()
+            player(name, *shown, leading) for shown in by_episode(videos, examples, name).values()
         ],
     }
 
@@ -194,17 +191,15 @@ def _edge(rows: pd.DataFrame, terrain: Json) -> str:
 
 def walks_on(results: Results, terrain: str) -> Walks:
     """Paths on a terrain by controller, where they were kept."""
-    drawn = results.drawn.get(terrain, ())
-    rows = results.episodes
+    drawn, rows = results.drawn.get(terrain, ()), results.episodes
     walks: dict[str, list[Walk]] = {name: [] for name in rows["controller"].unique()}
     for row, path in results.trajectories.items():
         walked = rows.iloc[row]
         if walked["terrain"] == terrain:
             index = int(walked["episode"])
             episode = drawn[index] if index < len(drawn) else {}
-            goal = episode.get("goal", ())
-            things = things_of(episode, results.protocol)
-            walks[walked["controller"]].append(Walk(index, path, goal, walked["outcome"], things))
+            walk = walk_of(index, path, episode, walked["outcome"], results.protocol)
+            walks[walked["controller"]].append(walk)
     return walks
 
 
@@ -215,23 +210,19 @@ def study_section(results: Results) -> Json | None:
     study = STUDIES[results.protocol["study"]]
     ours = {(row["terrain"], row["controller"]): row["metrics"] for row in usual_rows(results)}
     return {
-        "title": study.title,
-        "source": study.source,
-        "metric": metric_label(study.metric),
+        "published": study,
         "body": results.protocol.get("body", {}).get("name", "unknown"),
         "judgements": judge(study, results.summaries),
         "figures": [
-            {
-                "source": figures.source,
-                "body": figures.body,
-                "metric": metric_label(figures.metric),
-                "rows": [
-                    (terrain, controller, values, ours[terrain, controller][figures.metric])
-                    for (terrain, controller), values in figures.values.items()
-                    if (terrain, controller) in ours
+            (
+                each,
+                [
+                    (*at, values, ours[at][each.metric])
+                    for at, values in each.values.items()
+                    if at in ours
                 ],
-            }
-            for figures in study.figures
+            )
+            for each in study.figures
         ],
     }
 
@@ -294,7 +285,7 @@ def _text(value: Any) -> str:
 
 
 def episodes_section(results: Results, metrics: Sequence[str]) -> Json:
-    """Columns of the table of all episodes, and what draws it; both are unpacked when it is shown.
+    """Table of all episodes, and what draws it; both are unpacked when it is shown.
 
     A page with 100,000 episodes opens at once that way.
 
@@ -306,7 +297,7 @@ def episodes_section(results: Results, metrics: Sequence[str]) -> Json:
     package = resources.files("itables")
     return {
         "count": len(results.episodes),
-        "data": packed(json.dumps(episode_columns(results, metrics), separators=(",", ":"))),
+        "data": packed(json.dumps(episode_rows(results, metrics), separators=(",", ":"))),
         **{
             key: packed(package.joinpath(file).read_text(encoding="utf-8"))
             for key, file in _LIBRARY.items()
@@ -314,27 +305,18 @@ def episodes_section(results: Results, metrics: Sequence[str]) -> Json:
     }
 
 
-def episode_columns(results: Results, metrics: Sequence[str]) -> list[Json]:
-    """Columns of the table: `key`, `label`, `values`; for text, `names` that the values index."""
-    texts = ["terrain", "episode", "controller", "outcome"]
-    if results.protocol["vary"]:
-        texts.insert(1, "condition")
-    columns = []
-    for key in (*texts, *metrics, "seed"):
-        column: Json = {"key": key, "label": metric_label(key) if key in metrics else key}
-        values = results.episodes[key]
-        if key in ("episode", "seed"):
-            column["values"] = values.tolist()
-        elif key in metrics:
-            column["values"] = [
-                None if np.isnan(value) else float(f"{value:.{DIGITS}g}")
-                for value in values.to_numpy()
-            ]
-        else:
-            codes, names = pd.factorize(values.map(outcome_name) if key == "outcome" else values)
-            column |= {"names": list(names), "values": codes.tolist()}
-        columns.append(column)
-    return columns
+def episode_rows(results: Results, metrics: Sequence[str]) -> Json:
+    """`keys` and `labels` of the table's columns, and its `rows`; None where there is no value."""
+    condition = ["condition"] if results.protocol["vary"] else []
+    keys = ["terrain", *condition, "episode", "controller", "outcome", *metrics, "seed"]
+    table = results.episodes[keys].astype(object)
+    table["outcome"] = table["outcome"].map(outcome_name)
+    table[[*metrics]] = table[[*metrics]].map(lambda value: float(f"{value:.{DIGITS}g}"))
+    return {
+        "keys": keys,
+        "labels": [metric_label(key) if key in metrics else key for key in keys],
+        "rows": table.astype(object).where(table.notna(), None).to_numpy().tolist(),
+    }
 
 
 def packed(text: str) -> str:
@@ -357,44 +339,40 @@ def by_episode(
 
 
 def player(
-    terrain: str, episode: int, videos: Sequence[Video], walked: Sequence[EpisodeRecord]
+    terrain: str,
+    videos: Sequence[Video],
+    walked: Sequence[EpisodeRecord],
+    leading: Sequence[Video] = (),
 ) -> Json:
-    """Videos of an episode, their common clock, and until when curves run along, s."""
-    end_s = max((video.shown_s for video in videos), default=None)
+    """Videos of an episode, their common clock, and until when curves run along, s.
+
+    Parameters
+    ----------
+    videos, walked
+        Of the episode, at least one of them.
+    leading
+        Videos that are shown elsewhere.
+    """
+    episode = videos[0].episode if videos else walked[0].index
+    shown = [video for video in videos if video not in leading]
     frame_s = videos[0].frame_s if videos else FLY_PACE.frame_s
     is_fly = all(record.creature == "fly" for record in walked)
     return {
         "name": f"{terrain}-{episode}",
         "episode": episode,
-        "videos": [
-            {
-                "controller": video.controller,
-                "outcome": outcome_name(video.outcome),
-                "frames": video.num_frames,
-                "source": _data_url("video/mp4", video.mp4),
-                "poster": _data_url("image/jpeg", video.poster),
-            }
-            for video in videos
-        ],
+        "videos": shown,
+        "has_lead": len(shown) < len(videos),
         "legend": [(_css(LEG_COLOURS[name]), text) for name, text in _LEGEND.items() if is_fly],
         "fps": FPS,
         "slowdown": 1 / (FPS * frame_s),
         "frame_s": frame_s,
-        "frames": max((video.num_frames for video in videos), default=0),
-        "end_s": end_s,
-        "until_s": curves_end_s(videos, walked),
+        "frames": max((video.num_frames for video in shown), default=0),
+        "end_s": max((video.shown_s for video in shown), default=None),
+        "walked": walked,
+        # without videos, all of the walks
+        "until_s": max([each.shown_s for each in videos] or [each.duration_s for each in walked]),
     }
-
-
-def curves_end_s(videos: Sequence[Video], walked: Sequence[EpisodeRecord]) -> float:
-    """Time at the right end of the curves beside videos; without any, the end of all walks, s."""
-    filmed = [video.shown_s for video in videos]
-    return max(filmed or [record.duration_s for record in walked])
 
 
 def _css(rgb: tuple[float, float, float]) -> str:
     return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)
-
-
-def _data_url(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode()}"

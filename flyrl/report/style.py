@@ -11,7 +11,6 @@ from typing import Any, Final, NamedTuple
 import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from flyrl.report.wording import outcome_name
@@ -86,13 +85,15 @@ STYLE: Final[Any] = {
     "axes.edgecolor": LINE,
     "axes.labelcolor": MUTED,
     "axes.titlesize": 10,
+    "axes.titlelocation": "left",
     "axes.facecolor": "none",
-    "figure.facecolor": "none",
+    "figure.facecolor": "white",
     "axes.linewidth": 1,
     "xtick.color": LINE,
     "xtick.labelcolor": MUTED,
     "ytick.color": LINE,
     "ytick.labelcolor": MUTED,
+    "axes.grid": True,
     "grid.color": LINE,
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
@@ -101,19 +102,16 @@ STYLE: Final[Any] = {
     "legend.frameon": False,
     "ytick.major.size": 0,
     "xtick.major.size": 0,
+    "xtick.major.pad": 6,  # keeps the first labels of both axes apart
 }
-LIST_STYLE: Final[Any] = {**STYLE, "axes.spines.left": False, "ytick.labelcolor": INK}
-"""Of figures whose vertical axis is a list of names."""
-
-PAPER_STYLE: Final[Any] = {
+LIST_STYLE: Final[Any] = {
     **STYLE,
-    "axes.facecolor": "white",
-    "figure.facecolor": "white",
-    "axes.grid": True,
-    # the first labels of both axes keep apart
-    "xtick.major.pad": 6,
+    "axes.spines.left": False,
+    "ytick.labelcolor": INK,
+    "axes.grid.axis": "x",
+    "axes.titleweight": "bold",
 }
-"""Of figures that stand alone."""
+"""Style of figures whose vertical axis is a list of names."""
 
 
 @contextmanager
@@ -126,7 +124,7 @@ def panels(
     width: float = WIDTH_IN,
     **options: Any,
 ) -> Iterator[tuple[Figure, list[Axes]]]:
-    """A figure and its panels, row by row; it must be drawn on, and saved as SVG, inside `with`.
+    """A figure and its panels, row by row; it must be drawn on inside `with`.
 
     Parameters
     ----------
@@ -182,24 +180,38 @@ def episode_url(terrain: str, episode: int) -> str:
     return f"#episode={terrain}/{episode}"
 
 
-def svg_text(figure: Figure, name: str) -> str:
-    """SVG of `figure` without header and metadata; ids carry `name`, since pages hold many."""
-    buffer, name = io.StringIO(), plain_name(name)
-    FigureCanvasSVG(figure)
-    figure.savefig(
-        buffer, format="svg", metadata=dict.fromkeys(("Creator", "Date", "Format", "Type"))
-    )
-    svg = re.sub(r"<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
-    svg = re.sub(r'\bid="', f'id="{name}-', svg)
+def svg_text(figure: Figure) -> str:
+    """SVG file of a figure without a background, its text as text; dots may link into a page."""
+    buffer = io.StringIO()
+    nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with mpl.rc_context(STYLE):
+        figure.savefig(buffer, format="svg", facecolor="none", metadata=nothing)
     # a hundredth of a point is finer than any screen; scales of pictures are below 1
-    svg = re.sub(r"\b0\.\d{5,}", lambda number: f"{float(number[0]):.4f}", svg)
-    svg = re.sub(r"[1-9]\d*\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
-    svg = svg.replace("url(#", f"url(#{name}-")
-    # links lead to other parts of the page, not to figures
-    svg = svg.replace("xlink:href", "href").replace(' target="_blank"', "")
-    svg = svg.replace('<use href="#', f'<use href="#{name}-')
+    svg = re.sub(r"\b0\.\d{5,}", lambda number: f"{float(number[0]):.4f}", buffer.getvalue())
+    return re.sub(r"[1-9]\d*\.\d{3,}", lambda number: f"{float(number[0]):.2f}", svg)
+
+
+def standalone(svg: str) -> str:
+    """`svg_text` without the links into a page."""
+    return re.sub(r"</?a\b[^>]*>", "", svg)
+
+
+def inline(svg: str, name: str) -> str:
+    """`svg_text` to stand inside a page, whose colours and width it takes.
+
+    Parameters
+    ----------
+    name
+        Of the figure, for its ids: pages hold many figures.
+    """
+    name = plain_name(name)
     head, rest = svg[svg.index("<svg") :].split(">", 1)
-    # Scales with the page: only the view box gives its shape.
+    rest = re.sub(r'\bid="', f'id="{name}-', rest)
+    rest = rest.replace("url(#", f"url(#{name}-")
+    # links lead to other parts of the page, not to figures
+    rest = rest.replace("xlink:href", "href").replace(' target="_blank"', "")
+    rest = rest.replace('<use href="#', f'<use href="#{name}-')
+    # only the view box gives its shape
     box = re.findall(r'viewBox="[^"]*"', head)[0]
     return themed(f'<svg {box} xmlns="http://www.w3.org/2000/svg" role="img">{rest}')
 

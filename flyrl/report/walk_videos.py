@@ -79,7 +79,7 @@ class WalkVideo:
     camera, distance, overlay
         See `FlyRenderer`.
     coloured
-        Of a leg's doings (the fields of `LegStates`) those that the picture explains.
+        Of a leg's doings (the names in `LEG_COLOURS`) those that the picture explains.
     """
 
     title: str
@@ -170,18 +170,15 @@ def film_walk(walk: WalkVideo) -> Film:
 
 
 def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:
-    state, legs = flies.state(), flies.leg_states(0)
+    state = flies.state()
     x, y, z = state.position_w[0]
     forces = state.contact_forces_w[0].reshape(len(LEGS), -1, 3).sum(axis=1)
     row: dict[str, Any] = {"x_mm": x, "y_mm": y, "z_mm": z, "yaw_deg": np.degrees(state.yaw[0])}
     row["drive_left"], row["drive_right"] = state.command[0]
-    grips = legs.grips if body.adhesion_gain else np.zeros_like(legs.grips)
-    for name, of_legs in (
-        ("grips", grips.astype(int)),
-        ("retracts", legs.retracts.astype(int)),
-        ("stumbles", legs.stumbles.astype(int)),
-        ("force_uN", forces[:, 2]),
-    ):
+    legs = {name: on.astype(int) for name, on in flies.leg_states(0).items()}
+    if not body.adhesion_gain:
+        legs["grips"][:] = 0
+    for name, of_legs in {**legs, "force_uN": forces[:, 2]}.items():
         row |= {f"{name}_{leg}": value for leg, value in zip(LEGS, of_legs, strict=True)}
     return row
 
@@ -219,7 +216,6 @@ def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: floa
     creature = load_creature(spec, config.profile_path.parent)
     pictures: list[Picture] = []
     rows = []
-    creature.model.vis.global_.offwidth, creature.model.vis.global_.offheight = WIDTH, HEIGHT
     with closing(Offscreen(creature.model, WIDTH, HEIGHT)) as offscreen:
         camera = side_view(config)
         for moment in recruit_stepwise(creature, step, hold_s, 1 / FPS):

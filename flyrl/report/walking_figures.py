@@ -9,12 +9,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Final, get_args
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from flyrl.controllers import CPG
@@ -24,19 +20,8 @@ from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.evaluation.metrics import counted_stance, episode_metrics, metric_label
 from flyrl.policies import ConstantDrive
 from flyrl.report.close_up import leg_bars
-from flyrl.report.figures import swarm
-from flyrl.report.style import (
-    INK,
-    MUTED,
-    PAPER_STYLE,
-    SHADES,
-    WIDTH_IN,
-    Plot,
-    colours,
-    outcome_dot,
-    panels,
-)
-from flyrl.report.wording import outcome_name
+from flyrl.report.figures import draw_episodes, lists, swarm
+from flyrl.report.style import MUTED, SHADES, WIDTH_IN, Plot, colours, outcome_shapes, panels
 from flyrl.rollouts import EpisodeRecord, run_episodes
 from flyrl.simulation.randomisation import Randomisation
 from flyrl.terrains import LITERATURE, Ground, Slope
@@ -50,9 +35,6 @@ STUDY: Final = EvaluationConfig(
     paths=0,
 )
 """The setting of `experiment=controller_comparison`, without a learned policy."""
-
-_ROWS: Final = 40
-"""Dots that fit above one another."""
 
 METRIC: Final = "speed_mm_s"
 COLUMNS: Final = (
@@ -72,7 +54,7 @@ def comparison_plot(config: EvaluationConfig = STUDY) -> Plot:
 
 
 def draw_comparison(episodes: pd.DataFrame) -> Plot:
-    """Every episode's speed as a dot, with the mean; a panel per terrain.
+    """Every episode's speed as a dot, with mean and quartiles; a panel per terrain.
 
     Parameters
     ----------
@@ -81,46 +63,17 @@ def draw_comparison(episodes: pd.DataFrame) -> Plot:
     """
     table = episodes[list(COLUMNS)]
     shades = colours(table["controller"].unique())
-    terrains = list(table["terrain"].unique())
-    highest = float(table[METRIC].max())
-    with panels(1, len(terrains), 3.6, PAPER_STYLE, sharey=True) as (figure, every):
-        for axes, terrain in zip(every, terrains, strict=True):
-            for place, (name, shade) in enumerate(shades.items()):
-                chosen = (table["terrain"] == terrain) & (table["controller"] == name)
-                _dots(axes, table[chosen], place, shade, highest)
-            axes.set_title(terrain, loc="left")
-            axes.set_xticks(range(len(shades)), [name.replace("_", "-") for name in shades])
-            axes.set_xlim(-0.6, len(shades) - 0.4)
-            axes.grid(visible=False, axis="x")
-        every[0].set_ylabel(metric_label(METRIC))
-        every[0].set_ylim(bottom=min(0.0, table[METRIC].min()))
-        figure.legend(handles=_legend(table), loc="outside lower center", ncols=4)
+    grounds = table.groupby("terrain", sort=False, observed=True)
+    with lists(list(shades), grounds.ngroups, sharex=True) as (figure, every):
+        for axes, (terrain, walked) in zip(every, grounds, strict=True):
+            rows = [walked[walked["controller"] == name] for name in shades]
+            draw_episodes(axes, [own[METRIC].to_numpy() for own in rows], rows, [*shades.values()])
+            axes.set(title=terrain, xlabel=metric_label(METRIC))
+            for dots in axes.collections:
+                dots.set_urls([])  # there is no page to lead to
+        note = f"an episode: {outcome_shapes(table['outcome'].unique())}"
+        figure.supxlabel(note, fontsize=10, color=MUTED)
     return Plot(figure, table)
-
-
-def _dots(axes: Axes, rows: pd.DataFrame, place: int, shade: str, highest: float) -> None:
-    values = rows[METRIC].to_numpy(dtype=np.float64)
-    if not values.size:
-        return
-    # dots that are closer than one is high stand side by side
-    aside = place + swarm(values, max(2, round(_ROWS * np.ptp(values) / highest)))
-    for outcome in rows["outcome"].unique():
-        chosen = (rows["outcome"] == outcome).to_numpy()
-        dot = outcome_dot(outcome, shade)
-        axes.scatter(aside[chosen], values[chosen], zorder=3, **dot)
-    mean = float(np.mean(values))
-    axes.plot([place - 0.36, place + 0.36], [mean, mean], color=INK, linewidth=2)
-
-
-def _legend(rows: pd.DataFrame) -> list[Line2D]:
-    """What dots and lines mean."""
-    handles = [Line2D([], [], color=INK, linewidth=2, label="mean")]
-    for outcome in rows["outcome"].unique():
-        dot = outcome_dot(outcome, MUTED)
-        look: Any = {"linestyle": "", "marker": dot["marker"], "markersize": 5, "color": MUTED}
-        look["markerfacecolor"] = dot.get("facecolors", MUTED)
-        handles.insert(-1, Line2D([], [], label=f"an episode: {outcome_name(outcome)}", **look))
-    return handles
 
 
 PUBLISHED: Final = {
@@ -156,7 +109,7 @@ def slopes_plot() -> Plot:
             pd.DataFrame({"controller": "published median", **published}),
         ]
     )
-    with panels(1, 1, 3.6, PAPER_STYLE, width=0.7 * WIDTH_IN) as (figure, (axes,)):
+    with panels(1, 1, 3.6, width=0.7 * WIDTH_IN) as (figure, (axes,)):
         for controller, shade in zip(CONTROLLERS, SHADES, strict=False):
             own = table[table["controller"] == controller]
             axes.plot(own["adhesion_uN"], own["falls_at_deg"], "o", color=shade, ms=3, alpha=0.4)
@@ -166,9 +119,7 @@ def slopes_plot() -> Plot:
         axes.axhline(90, color=MUTED, lw=0.7)
         axes.text(1, 93, "wall", ha="left", fontsize=8, color=MUTED)
         axes.set_xlabel("adhesion of a gripping leg (µN); the fly weighs 10")
-        axes.set_ylabel("slope at which it falls (deg)")
-        axes.set_ylim(0, 190)
-        axes.set_yticks(range(0, 181, 30))
+        axes.set(ylabel="slope at which it falls (deg)", ylim=(0, 190), yticks=range(0, 181, 30))
         axes.legend(loc="upper left")
     return Plot(figure, table)
 
@@ -257,29 +208,22 @@ def gaits_plot() -> Plot:
             for episode, record in enumerate(records)
         ]
     )
-    with mpl.rc_context(PAPER_STYLE):
-        figure = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
-        grid = figure.add_gridspec(len(GAITS), 2, width_ratios=(2, 1))
-        speed = figure.add_subplot(grid[:, 1])
-        for place, (gait, records) in enumerate(walks.items()):
-            axes, record = figure.add_subplot(grid[place, 0]), records[0]
-            assert record.gait is not None
-            interval_s = record.gait.interval_s
-            shown = counted_stance(record)[-round(SHOWN_S / interval_s) :]
-            leg_bars(axes, shown, interval_s, SHADES[place])
+    size: Any = {"height": 3.6, "width_ratios": (2, 1)}
+    with panels(len(GAITS), 2, **size, sharex="col") as (figure, every):
+        drawn = zip(walks.items(), every[::2], every[1::2], SHADES, strict=False)
+        for (gait, records), axes, speed, shade in drawn:
+            assert records[0].gait is not None
+            interval_s = records[0].gait.interval_s
+            shown = counted_stance(records[0])[-round(SHOWN_S / interval_s) :]
+            leg_bars(axes, shown, interval_s, shade)
             axes.tick_params(axis="y", labelsize=6)
-            axes.set_xlim(0, SHOWN_S)
             axes.grid(visible=False)
-            axes.set_title(gait, loc="left")
-            axes.tick_params(labelbottom=place == len(GAITS) - 1)
+            axes.set(title=gait, xlim=(0, SHOWN_S))
             values = table[METRIC][table["gait"] == gait].to_numpy()
-            speed.plot(place + swarm(values, 12), values, "o", color=SHADES[place], ms=4)
+            speed.plot(values, swarm(values), "o", color=shade, ms=4)
+            speed.set(ylim=(-0.5, 0.5), yticks=[])
         axes.set_xlabel("time (s); bars: the leg stands")
-        speed.set_xticks(range(len(GAITS)), GAITS)
-        speed.set_xlim(-0.6, len(GAITS) - 0.4)
-        speed.set_ylim(bottom=0.0)
-        speed.set_ylabel(metric_label(METRIC))
-        speed.grid(visible=False, axis="x")
+        speed.set(xlabel=metric_label(METRIC), xlim=(0.0, None))
     return Plot(figure, table)
 
 

@@ -1,7 +1,6 @@
 """Installing the native callbacks into this process: compiled once, checked before every step."""
 
 import contextlib
-import ctypes
 import functools
 import sys
 import threading
@@ -17,10 +16,6 @@ from flyrl.controllers.controller import advance_command
 from flyrl.muscles.muscle import activate
 from flyrl.simulation.engine import layout
 from flyrl.simulation.native import control_callback, segment_of, sensor_callback
-
-_CONTROL_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-_SENSOR_TYPE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
-
 
 _ONE_AT_A_TIME = threading.Lock()
 """Two threads would each compile a callback, of which the second one's is not the installed one."""
@@ -40,10 +35,7 @@ def _c_functions() -> dict[str, Any]:
     found = layout()
     with compiling():
         control, sensor = control_callback(found), sensor_callback(found)
-    return {
-        "mjcb_control": _CONTROL_TYPE(control.address),
-        "mjcb_sensor": _SENSOR_TYPE(sensor.address),
-    }
+    return {"mjcb_control": control.ctypes, "mjcb_sensor": sensor.ctypes}
 
 
 @contextlib.contextmanager
@@ -99,32 +91,19 @@ def install() -> list[tuple[Callable[[], Any], Any]]:
     with _ONE_AT_A_TIME:
         # looked for before anything is compiled: MuJoCo would call it meanwhile
         ours = _c_functions() if _c_functions.cache_info().currsize else {}
-        missing = []
         for name, (get, _) in _PLACES.items():
             present = get()
-            if present is None:
-                missing.append(name)
-            elif not _same_function(present, ours.get(name)):
+            if present is not None and present is not ours.get(name):
                 raise RuntimeError(
                     f"MuJoCo's {name} is taken by {present!r}, which would change how flyrl's "
                     f"bodies move; remove it with mujoco.set_{name}(None) before they do"
                 )
         ours = _c_functions()
-        for name in missing:
-            if name in ours:
-                _PLACES[name][1](ours[name])
+        for name, function in ours.items():
+            get, put = _PLACES[name]
+            if get() is None:
+                put(function)
         return [(get, ours.get(name)) for name, (get, _) in _PLACES.items()]
-
-
-def _same_function(present: Any, ours: Any) -> bool:
-    if present is ours:
-        return True
-    try:
-        return (
-            ctypes.cast(present, ctypes.c_void_p).value == ctypes.cast(ours, ctypes.c_void_p).value
-        )
-    except (ctypes.ArgumentError, TypeError):
-        return False
 
 
 def _keep_out_of_the_users_folder() -> None:

@@ -13,7 +13,6 @@ from flyrl.bodies.fly import spawn_offset, start_pose
 from flyrl.controllers import PreprogrammedSteps
 from flyrl.simulation.batch import Batch, Ids
 from flyrl.simulation.fly_scene import STEPS_OF_BODY, build_fly_scene, leg_controller
-from flyrl.simulation.marks import LegStates
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import Scene
@@ -303,13 +302,13 @@ class FlyBatch(Batch):
         velocity[:, 2] = -z
         return velocity
 
-    def leg_states(self, sim: int) -> LegStates:
-        """Copy what the legs of simulation `sim` do, as its controller left them."""
-        return LegStates(
-            grips=self.output["adhesion"][sim] != 0.0,
-            retracts=self._legs["retraction"][sim] > 0.0,
-            stumbles=self._legs["stumbling"][sim] > 0.0,
-        )
+    def leg_states(self, sim: int) -> dict[str, NDArray[np.bool_]]:
+        """Copy what the legs of simulation `sim` do, (6,) each, by the names of `LEG_COLOURS`."""
+        return {
+            "grips": self.output["adhesion"][sim] != 0.0,
+            "retracts": self._legs["retraction"][sim] > 0.0,
+            "stumbles": self._legs["stumbling"][sim] > 0.0,
+        }
 
     def rows_after(
         self, other: "FlyBatch", controller: np.void, kept: Sequence[str] = ()

@@ -18,6 +18,7 @@ from flyrl.muscles import MotorPool
 from flyrl.simulation.callback import compiling, install
 from flyrl.simulation.engine import (
     ENGINE,
+    ENGINE_SIZE,
     MAGIC,
     NUM_MUSCLES,
     PROCESS,
@@ -104,8 +105,12 @@ def build_fly_scene(config: SceneConfig, visual: bool) -> Scene:
         needstage=mujoco.mjtStage.mjSTAGE_ACC,
         dim=1,
     )
-    # compiled twice: the controller's record needs the body ids that only a model has
-    engine = _engine_record(spec.compile())
+    parameters, muscles = controller.parameters(timestep), pack_leg_muscles(config.body)
+    size = ENGINE_SIZE + parameters.nbytes // 8 + muscles.size
+    spec.add_numeric(name="flyrl_controller", size=size)
+    model = spec.compile()
+    # written afterwards: the ids of bodies are the model's
+    engine = _engine_record(model)
     with compiling():
         engine["kernel"] = compiled_step(controller, timestep)
     place_fields(engine, userdata)
@@ -113,11 +118,8 @@ def build_fly_scene(config: SceneConfig, visual: bool) -> Scene:
     engine["senses_contact"] = config.body.senses_contact
     engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
     engine["steps_per_gait_sample"] = config.steps_per_gait_sample
-    muscles = pack_leg_muscles(config.body)
     engine["num_neurons"] = max(0, muscles.size - len(JOINTS) - NUM_MUSCLES)
-    model_data = pack_model_data(engine, controller.parameters(timestep), muscles)
-    spec.add_numeric(name="flyrl_controller", data=model_data, size=model_data.size)
-    model = spec.compile()
+    model.numeric_data[:size] = pack_model_data(engine, parameters, muscles)
     joints = [model.joint(name) for name in JOINTS]
     return Scene(
         config=config,
@@ -135,11 +137,10 @@ def _engine_record(model: mujoco.MjModel) -> np.void:
     engine["thorax_body"] = model.body("Thorax").id
     engine["end_effector_bodies"] = [model.body(name).id for name in END_EFFECTORS]
     segments = np.array([model.body(name).id for name in CONTACT_SEGMENTS])
-    tibias = segments.reshape(len(LEGS), len(SENSED_SEGMENTS))[:, 0]
+    engine["tibia_bodies"] = tibias = segments[:: len(SENSED_SEGMENTS)]
     # the callback finds a segment by its distance from the leg's tibia
-    if not np.array_equal(segments.reshape(len(LEGS), -1), tibias[:, None] + np.arange(6)):
+    if not np.array_equal(segments, np.add.outer(tibias, np.arange(6)).ravel()):
         raise RuntimeError("the sensed segments of a leg are not consecutive bodies of the model")
-    engine["tibia_bodies"] = tibias
     return engine
 
 

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -175,29 +175,13 @@ class Trace:
         ]
 
 
-@dataclass(frozen=True)
-class LegStates:
-    """What the legs of one simulation do; (6,) each, ordered as anatomy.LEGS.
-
-    Attributes
-    ----------
-    grips
-        Whether the adhesion of a leg is on.
-    retracts, stumbles
-        Whether the retraction reflex, or the stumbling reflex, corrects a leg.
-    """
-
-    grips: NDArray[np.bool_]
-    retracts: NDArray[np.bool_]
-    stumbles: NDArray[np.bool_]
-
-
 LEG_COLOURS: Final[dict[str, tuple[float, float, float]]] = {
     "grips": (0.13, 0.59, 1.0),
     "retracts": (0.93, 0.20, 0.80),
     "stumbles": (0.66, 0.93, 0.10),
 }
-"""Red, green and blue, by field of `LegStates`."""
+"""Red, green and blue of a leg whose adhesion is on, or that a reflex (retraction, stumbling)
+corrects."""
 
 _GLOW: Final = 1.5
 """How much brighter a leg is painted, which light meets from one side; GL cuts off what is beyond
@@ -222,7 +206,7 @@ class LegColours:
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         self._parts = []
-        for field, segments in _SEGMENTS.items():
+        for state, segments in _SEGMENTS.items():
             leg_of_body = {
                 model.body(f"{leg}{segment}").id: index
                 for index, leg in enumerate(LEGS)
@@ -230,11 +214,11 @@ class LegColours:
             }
             geoms = np.flatnonzero(np.isin(model.geom_bodyid, list(leg_of_body)))
             legs = np.array([leg_of_body[body] for body in model.geom_bodyid[geoms]], dtype=int)
-            self._parts.append((field, geoms, legs, model.geom_rgba[geoms].copy()))
+            self._parts.append((state, geoms, legs, model.geom_rgba[geoms].copy()))
 
-    def apply(self, states: LegStates) -> None:
-        """Colour what is on, and give what is off its usual colour."""
-        for field, geoms, legs, usual in self._parts:
-            is_on = getattr(states, field)[legs, np.newaxis]
-            colour = (*(_GLOW * np.array(LEG_COLOURS[field])), 1.0)
+    def apply(self, states: Mapping[str, NDArray[np.bool_]]) -> None:
+        """Colour legs whose state is on, (6,) by name; give the others their usual colour."""
+        for state, geoms, legs, usual in self._parts:
+            is_on = states[state][legs, np.newaxis]
+            colour = (*(_GLOW * np.array(LEG_COLOURS[state])), 1.0)
             self._model.geom_rgba[geoms] = np.where(is_on, colour, usual)

@@ -17,19 +17,6 @@ Integrator = Literal["euler", "implicitfast", "discrete"]
 Cone = Literal["pyramidal", "elliptic"]
 CollisionDetection = Literal["libccd", "native"]
 
-_INTEGRATORS: Final = {
-    "euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
-}
-
-
-_CONES: Final = {
-    "pyramidal": mujoco.mjtCone.mjCONE_PYRAMIDAL,
-    "elliptic": mujoco.mjtCone.mjCONE_ELLIPTIC,
-}
-
-
 # Calibrated with benchmarks/fidelity. A box stops a foot within one step, as the literature's
 # contact does, and takes 1/28 s to push it out again: pushed out at once, even the CPG alone
 # glides over gaps; never, and a coarse step traps the hybrid and the rules too. It is felt from
@@ -194,9 +181,9 @@ def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig, terrain: Terrain) 
     """Write the settings into a model specification, and turn gravity as a terrain does."""
     option = spec.option
     option.timestep = config.timestep
-    option.integrator = _INTEGRATORS[config.integrator]
+    option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{config.integrator.upper()}")
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    option.cone = _CONES[config.cone]
+    option.cone = getattr(mujoco.mjtCone, f"mjCONE_{config.cone.upper()}")
     option.iterations = config.solver_iterations
     option.tolerance = config.solver_tolerance
     option.noslip_iterations = config.noslip_iterations

@@ -5,7 +5,7 @@ al. 2018, arXiv:1710.06537). Ranges are settings; what was drawn from them belon
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Annotated, Any, Final
 
 import mujoco
@@ -79,7 +79,7 @@ class Randomisation:
     def numbers(self) -> dict[str, float]:
         """Its values by name; the missing leg's is its place in anatomy.LEGS, -1 without one."""
         leg = -1 if self.missing_leg is None else LEGS.index(self.missing_leg)
-        return {**asdict(self), "missing_leg": leg}
+        return {**vars(self), "missing_leg": leg}
 
 
 UNVARIED: Final = Randomisation()

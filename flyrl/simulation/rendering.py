@@ -1,7 +1,6 @@
 """Pictures of a fly or a worm, without a screen."""
 
 import importlib
-import math
 import os
 import sys
 from collections.abc import Sequence
@@ -88,11 +87,6 @@ class BodyRenderer:
         self._view = one_of("camera", camera, self.cameras)
         self._overlay = overlay
         self._model = build_scene(config, visual=True).model
-        # software GL draws 5-9 times as fast without multisampling and with small shadow maps
-        self._model.vis.quality.offsamples = 0
-        self._model.vis.quality.shadowsize = 1024
-        self._model.vis.global_.offwidth = width
-        self._model.vis.global_.offheight = height
         self._data = mujoco.MjData(self._model)
         self._markers = [
             i for i, prop in enumerate(config.props) if prop.at_goal or prop.shape == "marker"
@@ -114,7 +108,7 @@ class BodyRenderer:
         mujoco.mj_camlight(self._model, self._data)
         middle = self._look(goal)
         picture = self._offscreen.draw(self._data, self._camera, self._marks(batch, sim))
-        self.pixels_per_mm = self._offscreen.pixels_per_mm(self._camera, middle)
+        self.pixels_per_mm = self._offscreen.pixels_per_mm(middle)
         return picture
 
     def close(self) -> None:
@@ -204,7 +198,7 @@ class Offscreen:
     Parameters
     ----------
     model
-        What is drawn; its `vis.global_.offwidth` and `offheight` hold the picture.
+        What is drawn; quality and size of its pictures are set.
     width, height
         Size of the picture, px.
 
@@ -215,6 +209,9 @@ class Offscreen:
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
+        # software GL draws 5-9 times as fast without multisampling and with small shadow maps
+        model.vis.quality.offsamples, model.vis.quality.shadowsize = 0, 1024
+        model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         try:
             self._gl = _gl_context(width, height)
             self._gl.make_current()
@@ -250,40 +247,18 @@ class Offscreen:
         mujoco.mjr_readPixels(picture, None, self._viewport, self._context)
         return picture[::-1]
 
-    def pixels_per_mm(self, camera: mujoco.MjvCamera, point_w: NDArray[np.float64]) -> float:
-        """How many pixels 1 mm takes in a picture by `camera`, at a point, mm."""
-        ahead = line_of_sight(camera.azimuth, camera.elevation)
-        depth = camera.distance + float(ahead @ (point_w - camera.lookat))
-        return pixels_per_mm(self._shape[0], self._model.vis.global_.fovy, depth)
+    def pixels_per_mm(self, point_w: NDArray[np.float64]) -> float:
+        """Pixels that 1 mm across the line of sight took in the last picture, at a point, mm."""
+        camera = self._scene.camera[0]
+        depth = camera.forward @ (point_w - camera.pos)
+        side = depth * (camera.frustum_top - camera.frustum_bottom) / camera.frustum_near
+        return self._shape[0] / float(side)
 
     def close(self) -> None:
         """Free what GL holds."""
         self._gl.make_current()
         self._context.free()
         self._gl.free()
-
-
-def line_of_sight(azimuth: float, elevation: float) -> NDArray[np.float64]:
-    """Unit vector along which a camera looks, whose angles are in degrees, (3,), world frame."""
-    across, up = math.radians(azimuth), math.radians(elevation)
-    return np.array(
-        [math.cos(up) * math.cos(across), math.cos(up) * math.sin(across), math.sin(up)]
-    )
-
-
-def pixels_per_mm(height: int, fovy: float, depth: float) -> float:
-    """How many pixels 1 mm across the line of sight takes.
-
-    Parameters
-    ----------
-    height
-        Of the picture, px.
-    fovy
-        Angle of view from its lower to its upper edge, degrees.
-    depth
-        Distance from the camera along the line of sight, mm.
-    """
-    return height / (2 * math.tan(math.radians(fovy) / 2) * depth)
 
 
 def _gl_context(width: int, height: int) -> Any:

@@ -69,20 +69,12 @@ class Drives:
         low, high = self.bounds
         # np.clip takes twice as long
         clipped = np.minimum(np.maximum(np.asarray(actions, dtype=np.float64), low), high)
-        if self.low is None:
-            return clipped
-        least, greatest = self._command_range
-        commands: FloatArray = least + (clipped - low) / (high - low) * (greatest - least)
-        return commands
+        return clipped if self.low is None else _mapped(clipped, (low, high), self._command_range)
 
     def of(self, commands: ArrayLike) -> FloatArray:
         """Map commands to the actions that give them; the inverse of `commands`."""
         given = np.asarray(commands, dtype=np.float64)
-        if self.low is None:
-            return given
-        (low, high), (least, greatest) = self.bounds, self._command_range
-        actions: FloatArray = low + (given - least) / (greatest - least) * (high - low)
-        return actions
+        return given if self.low is None else _mapped(given, self._command_range, self.bounds)
 
     def of_command(self, command: Command) -> "Drives":
         """Actions that command something else: scaled if these are, else the command itself."""
@@ -185,7 +177,7 @@ class Neurons:
                 )
             return given
         clipped = np.clip(given, self.low, self.high)
-        return np.round((clipped - self.low) / (self.high - self.low) * last)
+        return np.round(_mapped(clipped, self.bounds, (0.0, last)))
 
     def of(self, neurons: ArrayLike) -> FloatArray:
         """Map numbers of neurons to the actions that command them; the inverse of `commands`."""
@@ -193,7 +185,7 @@ class Neurons:
         if self.is_integer:
             return given
         last = np.maximum(np.array(self.pools) - 1.0, 1.0)
-        return self.low + given / last * (self.high - self.low)
+        return _mapped(given, (0.0, last), self.bounds)
 
 
 def action_vectors(actions: Any) -> FloatArray:
@@ -207,15 +199,21 @@ def action_vectors(actions: Any) -> FloatArray:
     if not isinstance(actions, Mapping):
         return np.asarray(actions, dtype=np.float64)
     known_keys("action", actions, ("joints", "adhesion"))
-    for name in ("joints", "adhesion"):
-        if name not in actions:
-            raise ValueError(f"action has no {name!r}; it must have 'joints' and 'adhesion'")
+    if len(actions) < 2:
+        raise ValueError(f"action must have 'joints' and 'adhesion', got {', '.join(actions)}")
     shape = np.shape(actions["joints"])[:-1]
     joints = float_array("action['joints']", actions["joints"], (*shape, NUM_JOINTS))
     grips = float_array(
         "action['adhesion']", actions["adhesion"], (*shape, NUM_LEGS), minimum=0.0, maximum=1.0
     )
     return np.concatenate([joints, grips], axis=-1)
+
+
+def _mapped(values: FloatArray, source: tuple[Any, Any], target: tuple[Any, Any]) -> FloatArray:
+    """Values of one range, (low, high), mapped linearly to another."""
+    (low, high), (least, greatest) = source, target
+    mapped: FloatArray = least + (values - low) / (high - low) * (greatest - least)
+    return mapped
 
 
 def _box(low: FloatArray, high: FloatArray) -> spaces.Box:

@@ -7,29 +7,11 @@ from typing import Annotated
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, beyond_reach
+from flyrl.tasks.episode import TIME, Episode, beyond_reach, draw_inside
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES, direction_term, distance_term
-from flyrl.tasks.task import (
-    SUCCESS,
-    Mask,
-    ObservationTerm,
-    RewardTerm,
-    Task,
-    TaskState,
-    Termination,
-)
-from flyrl.tasks.terms import (
-    DRIVE_TIME_CONSTANT_S,
-    EDGE_MARGIN,
-    FAILURES,
-    SMOOTHNESS,
-    error,
-    is_inside,
-    success_in_time,
-    to_yaw_frame,
-)
+from flyrl.tasks.senses import direction_term, distance_term, steering
+from flyrl.tasks.task import ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import FloatArray, Within
 
@@ -46,7 +28,7 @@ def revolved(places: FloatArray, time_s: FloatArray, command: FloatArray) -> Flo
         x and y of the centre, mm, and rate, rad/s, counter-clockwise from above, (n, 3).
     """
     centre, angle = command[:, :2], command[:, 2] * time_s
-    offset = to_yaw_frame(places[:, :2] - centre, -angle)
+    offset = terms.to_yaw_frame(places[:, :2] - centre, -angle)
     return np.concatenate([centre + offset, places[:, 2:]], axis=1)
 
 
@@ -77,7 +59,8 @@ def sample_episode(
     farthest = nearest + difficulty * (farthest - nearest)
     turn_rate = difficulty * speed / radius
     times_s = np.linspace(0.0, time_limit, COURSE_POINTS)
-    for _ in range(MOST_DRAWS):
+
+    def draw() -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
         bearing, away = difficulty * rng.uniform(-np.pi, np.pi), rng.uniform(nearest, farthest)
         side, to_centre = rng.choice([-1.0, 1.0]), rng.uniform(-np.pi, np.pi)
         start = episode.spawn_position_w[:2] + away * np.array([np.cos(bearing), np.sin(bearing)])
@@ -85,36 +68,27 @@ def sample_episode(
         command = np.array([*centre, side * turn_rate])
         places = np.tile((*start, terrain.base_height), (COURSE_POINTS, 1))
         course = revolved(places, times_s, np.tile(command, (COURSE_POINTS, 1)))
-        if is_inside(course[:, 0], course[:, 1], terrain.bounds, EDGE_MARGIN).all():
-            break
-    else:
-        raise ValueError(
-            f"task.distance, task.speed and task.radius must leave the target room on the terrain "
-            f"{terrain.name!r} for {time_limit} s, got {distance} mm, {speed} mm/s and {radius} mm"
-        )
-    return replace(episode, command=tuple(command.tolist()), props=tuple(places[0].tolist()))
+        return course[:, :2], (command, places[0])
+
+    command, place = draw_inside(
+        terrain.bounds,
+        "task.distance, task.speed, task.radius and task.time_limit",
+        (distance, speed, radius, time_limit),
+        draw,
+    )
+    return replace(episode, command=tuple(command.tolist()), props=tuple(place.tolist()))
 
 
-def now(state: TaskState) -> TaskState:
-    """The state whose goal is where the target is."""
-    return replace(state, goal=state.props[:, 0, :2])
-
-
-def target_direction_b(state: TaskState) -> FloatArray:
-    """Unit vector to the target, (n, 2); see `terms.target_direction_b`."""
-    return terms.target_direction_b(now(state))
-
-
-def target_distance(state: TaskState) -> FloatArray:
-    """Distance to the target in units of 15 mm, (n, 1)."""
-    return terms.target_distance(now(state))
+def target(state: TaskState) -> FloatArray:
+    """Place of the target, mm, (n, 2)."""
+    return state.props[:, 0, :2]
 
 
 def target_velocity_b(state: TaskState) -> FloatArray:
     """Velocity of the target, forward and leftward, in units of 20 mm/s, (n, 2)."""
-    offset = state.props[:, 0, :2] - state.command[:, :2]
+    offset = target(state) - state.command[:, :2]
     velocity_w = state.command[:, 2:] * np.stack([-offset[:, 1], offset[:, 0]], axis=1)
-    return to_yaw_frame(velocity_w, state.fly.yaw) / 20.0
+    return terms.to_yaw_frame(velocity_w, state.fly.yaw) / 20.0
 
 
 def progress(state: TaskState) -> FloatArray:
@@ -124,16 +98,6 @@ def progress(state: TaskState) -> FloatArray:
     return terms.goal_distance(state.previous.position_w, before) - terms.goal_distance(
         state.fly.position_w, place[:, :2]
     )
-
-
-def is_caught(state: TaskState, reach: float) -> Mask:
-    """Whether the thorax is within `reach`, mm, of the target, horizontally, (n,)."""
-    return terms.is_at_target(now(state), reach)
-
-
-def turn_to_target(state: TaskState) -> FloatArray:
-    """Angle between the heading and the bearing of the target, deg, (n,)."""
-    return terms.turn_to_target(now(state))
 
 
 @TaskFunction
@@ -160,25 +124,23 @@ def chase(
         s until the episode is cut off.
     """
     near, far = beyond_reach("task.distance", distance, reach)
-    caught = partial(is_caught, reach=reach)
-    return Task(
-        observation=(
-            direction_term(target_direction_b, "the target's bearing from the heading"),
-            distance_term(target_distance, "the target"),
+    caught = partial(terms.is_at_target, reach=reach, place=target)
+    direction = partial(terms.target_direction_b, place=target)
+    return steering(
+        shown=(
+            direction_term(direction, "the target's bearing from the heading"),
+            distance_term(partial(terms.target_distance, place=target), "the target"),
             ObservationTerm(
                 "target_velocity", (2,), -5.0, 5.0, target_velocity_b,
                 "forward and leftward velocity of the target, in 20 mm/s",
             ),
-            *SENSES,
         ),
         reward=(
             RewardTerm("progress", 0.2, progress, "mm closer to the target"),
-            *success_in_time(caught, "the target is caught"),
-            *SMOOTHNESS,
+            *terms.success_in_time(caught, "the target is caught"),
         ),
-        terminations=(Termination(SUCCESS, caught), *FAILURES),
+        solved=caught,
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(Prop("target", "marker", (reach,), (0.85, 0.2, 0.2, 0.6), path=revolved),),
         sample_episode=partial(
             sample_episode, distance=distance, speed=speed, radius=radius, time_limit=time_limit
@@ -186,5 +148,7 @@ def chase(
         difficulty=f"distance of the target, from {near:g} mm to {near:g}-{far:g}, its bearing, "
         f"from 0 to ±180°, and its speed, from 0 to {speed:g} mm/s",
         success=f"thorax within {reach:g} mm of the target",
-        errors=(error("heading_error_deg", 180.0, turn_to_target),),
+        errors=(
+            terms.error("heading_error_deg", 180.0, partial(terms.turn_to_target, place=target)),
+        ),
     )  # fmt: skip

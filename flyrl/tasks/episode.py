@@ -1,13 +1,16 @@
 """One episode, in full: everything about it that was drawn at random."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
-from flyrl.terrains import SPAWN_CLEARANCE, Terrain
-from flyrl.validation import Within, check_fields, ordered
+from flyrl.terrains import SPAWN_CLEARANCE, Bounds, Terrain
+from flyrl.validation import FloatArray, Within, check_fields, ordered
+
+Drawn = TypeVar("Drawn")
 
 PUSH_S = 0.2
 """s; how long a push lasts. Where that is no whole number of decisions, it lasts for the nearest
@@ -27,6 +30,9 @@ FIRST_GROUND_SEED = 2**32
 
 MOST_DRAWS: Final = 10_000
 """A goal that does not lie on the terrain is drawn again, so many times at most."""
+
+EDGE_MARGIN: Final = 1.5
+"""mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
 
 TIME: Final = Within(1e-4, 3600)
 """s; a time in a task lies within this."""
@@ -110,6 +116,43 @@ def beyond_reach(name: str, distances: tuple[float, float], reach: float) -> tup
     return near, far
 
 
+def is_inside(x: Any, y: Any, bounds: Bounds, margin: float = 0.0) -> Any:
+    """Whether places (...) lie on the terrain, at least `margin`, mm, from its edge, (...)."""
+    return (
+        (bounds.x_min + margin <= x)
+        & (x <= bounds.x_max - margin)
+        & (bounds.y_min + margin <= y)
+        & (y <= bounds.y_max - margin)
+    )
+
+
+def draw_inside(
+    bounds: Bounds, settings: str, given: object, draw: Callable[[], tuple[FloatArray, Drawn]]
+) -> Drawn:
+    """Draw again until all places lie on the terrain, `EDGE_MARGIN` from its edge.
+
+    Parameters
+    ----------
+    settings, given
+        Names and values of what may leave no room, for the message.
+    draw
+        Gives places, mm, (k, 2), and what is drawn.
+
+    Raises
+    ------
+    ValueError
+        If the terrain has no room: `MOST_DRAWS` draws were beyond it.
+    """
+    for _ in range(MOST_DRAWS):
+        places, drawn = draw()
+        if is_inside(places[:, 0], places[:, 1], bounds, EDGE_MARGIN).all():
+            return drawn
+    raise ValueError(
+        f"{settings} must leave room on the terrain, of x from {bounds.x_min:g} to "
+        f"{bounds.x_max:g} and y from {bounds.y_min:g} to {bounds.y_max:g} mm, got {given}"
+    )
+
+
 def draw_spawn(terrain: Terrain, rng: np.random.Generator) -> tuple[float, float, float]:
     """Draw a spawn position on a terrain, mm."""
     area = terrain.spawn
@@ -122,9 +165,4 @@ def draw_oscillators(seed: int) -> tuple[Six, Six]:
     random_state = np.random.RandomState(seed)
     phases = random_state.uniform(0.0, 2 * np.pi, size=6)
     magnitudes = random_state.uniform(0.0, 1.0, size=6)
-    return _six(phases), _six(magnitudes)
-
-
-def _six(values: np.ndarray) -> Six:
-    a, b, c, d, e, f = (float(value) for value in values)
-    return a, b, c, d, e, f
+    return tuple(phases.tolist()), tuple(magnitudes.tolist())

@@ -1,7 +1,6 @@
 """A task with terms of the user's own added, replaced, removed and weighed; tasks as records."""
 
 import sys
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +19,7 @@ from flyrl.tasks.task import (
     Term,
     Termination,
 )
-from flyrl.validation import number, one_of
+from flyrl.validation import distinct, number, one_of, plain
 
 TABLES: Final[Mapping[str, type[Term]]] = {
     "observation": ObservationTerm,
@@ -65,77 +64,51 @@ def extended(
         if not isinstance(term, get_args(Term)):
             names = ", ".join(kind.__name__ for kind in TABLES.values())
             raise ValueError(f"term {source!r} must be one of {names}, got {term!r}")
-    removed = [_place(task, name) for name in without]
+    own = [row for table in TABLES for row in getattr(task, table)]
+    removed = [_found([_place(row) for row in own], name) for name in without]
+    kept = [row for row in own if _place(row) not in removed]
+    distinct("a task (task.without takes terms out)", map(_place, (*kept, *terms.values())))
+    rows: dict[str, Any] = {_place(row): row for row in own}
+    # a term that has the name of one that is taken out goes to its place
+    rows |= dict.fromkeys(removed) | {_place(term): term for term in terms.values()}
+    rewards = [place.removeprefix("reward.") for place in rows if place.startswith("reward.")]
+    for name, given in weights.items():
+        place = f"reward.{one_of('task.weights', name, rewards)}"
+        weight = number(f"task.weights.{name}", given)
+        rows[place] = rows[place] and replace(rows[place], weight=weight)
     tables: dict[str, Any] = {
-        table: _changed(task, table, removed, terms.values()) for table in TABLES
+        table: tuple(row for row in rows.values() if isinstance(row, kind))
+        for table, kind in TABLES.items()
     }
     if not tables["observation"]:
         raise ValueError("task.without must leave a term of the observation")
-    kept = {
-        source: term
-        for source, term in task.added.items()
-        if not any(place == _name_of(term) for place in removed)
-    }
-    own = {_name_of(term) for term in task.added.values()}
-    known = {term.name: None for term in (*task.reward, *tables["reward"])}
-    for name in weights:
-        one_of("task.weights", name, known)
-    weighed = {name: number(f"task.weights.{name}", weight) for name, weight in weights.items()}
-    tables["reward"] = tuple(
-        replace(term, weight=weighed.get(term.name, term.weight)) for term in tables["reward"]
-    )
+    added = {source: term for source, term in task.added.items() if _place(term) not in removed}
+    known = [_place(term) for term in task.added.values()]
     return replace(
         task,
         **tables,
-        added={**kept, **terms},
-        removed=(
-            *task.removed,
-            *(".".join(place) for place in removed if place not in own),
-        ),
+        added={**added, **terms},
+        removed=(*task.removed, *(place for place in removed if place not in known)),
     )
 
 
-def _name_of(term: Term) -> tuple[str, str]:
-    """Table and name of a term."""
+def _place(term: Term) -> str:
+    """Table and name of a term, as in "reward.success"."""
     table = next(table for table, kind in TABLES.items() if isinstance(term, kind))
-    return table, term.outcome if isinstance(term, Termination) else term.name
+    return f"{table}.{term.outcome if isinstance(term, Termination) else term.name}"
 
 
-def _place(task: Task, name: str) -> tuple[str, str]:
-    """Table and name of the term that a name to take out means."""
-    places = [_name_of(term) for table in TABLES for term in getattr(task, table)]
-    found = [place for place in places if name in (place[1], ".".join(place))]
+def _found(places: Sequence[str], name: str) -> str:
+    """Place of the term that a name to take out means."""
+    found = [place for place in places if name in (place, place.partition(".")[2])]
     if not found:
-        one_of("task.without", name, dict.fromkeys(place[1] for place in places))
+        names = dict.fromkeys(place.partition(".")[2] for place in places)
+        one_of("task.without", name, names)
     if len(found) > 1:
-        full = " or ".join(".".join(place) for place in found)
-        raise ValueError(f"task.without must say which {name!r}, {full}, got {name!r}")
+        raise ValueError(
+            f"task.without must say which {name!r}, {' or '.join(found)}, got {name!r}"
+        )
     return found[0]
-
-
-def _changed(
-    task: Task, table: str, removed: Sequence[tuple[str, str]], terms: Iterable[Term]
-) -> tuple[Any, ...]:
-    """A table without the removed rows, with the terms that are of its kind."""
-    new = [term for term in terms if isinstance(term, TABLES[table])]
-    rows: list[Term] = []
-    for row in getattr(task, table):
-        place = _name_of(row)
-        if place not in removed:
-            rows.append(row)
-            continue
-        heir = next((term for term in new if _name_of(term) == place), None)
-        if heir is not None:
-            rows.append(heir)
-            new.remove(heir)
-    rows += new
-    for (_, name), count in Counter(map(_name_of, rows)).items():
-        if count > 1:
-            raise ValueError(
-                f"the names in a task's {table} must differ, got {name!r} {count} times; to "
-                f"replace a term, add its name to task.without"
-            )
-    return tuple(rows)
 
 
 def load_terms(names: Sequence[str]) -> dict[str, Term]:
@@ -165,17 +138,13 @@ def task_record(task: Task) -> dict[str, Any]:
     """A task as plain JSON values: what `flyrl.tasks.task_from` makes it from."""
     return {
         "name": task.name,
-        **{name: _plain(value) for name, value in task.parameters.items()},
+        **plain(task.parameters),
         "terms": list(task.added),
         "without": list(task.removed),
         "weights": {term.name: term.weight for term in task.reward},
         "time_limit": task.time_limit_s,
         "drive_time_constant": task.drive_time_constant_s,
     }
-
-
-def _plain(value: Any) -> Any:
-    return list(map(_plain, value)) if isinstance(value, tuple) else value
 
 
 def task_table(task: Task) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Final
 
 from flyrl.bodies.worm import WormConfig
@@ -17,7 +17,7 @@ from flyrl.tasks.actions import Drives, JointTargets
 from flyrl.tasks.episode import TIME
 from flyrl.tasks.extension import extended, load_terms
 from flyrl.tasks.task import Task
-from flyrl.validation import check_fields, checked_arguments, known_keys, positive, within
+from flyrl.validation import checked, checked_arguments, known_keys, positive, within
 
 ALWAYS: Final = (
     "name", "decision_interval", "time_limit", "drive_time_constant", "terms", "without", "weights"
@@ -192,10 +192,10 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
     constant = settings.get("drive_time_constant")
     if constant is not None:
         task = _following(task, constant)
-    changes = _Changes(
-        **{key: settings[key] for key in ("terms", "without", "weights") if key in settings}
-    )
-    return extended(task, load_terms(changes.terms), changes.weights, changes.without)
+    terms = checked("task.terms", settings.get("terms", ()), tuple[str, ...])
+    without = checked("task.without", settings.get("without", ()), tuple[str, ...])
+    weights = checked("task.weights", settings.get("weights", {}), Mapping[str, float])
+    return extended(task, load_terms(terms), weights, without)
 
 
 def with_time_limit(task: TaskSettings | Task) -> TaskSettings | Task:
@@ -216,13 +216,3 @@ def _following(task: Task, time_constant: Any) -> Task:
             f"drives, got {time_constant}"
         )
     return replace(task, drive_time_constant_s=seconds)
-
-
-@dataclass(frozen=True)
-class _Changes:
-    terms: tuple[str, ...] = ()
-    without: tuple[str, ...] = ()
-    weights: Mapping[str, float] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_fields(self, "task")

@@ -13,13 +13,11 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES, direction_term
+from flyrl.tasks.senses import direction_term, steering
 from flyrl.tasks.task import RewardTerm, Task
-from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, lost_time
+from flyrl.tasks.terms import Pair
 from flyrl.terrains import Terrain
 from flyrl.validation import Within, ordered
-
-Pair = tuple[float, float]
 
 
 def sample_episode(
@@ -79,12 +77,9 @@ def heading(
     for i, times in enumerate(push_times):
         ordered(f"task.push_times[{i}]", times)
     within = float(np.deg2rad(tolerance))
-    return Task(
-        observation=(
-            direction_term(
-                terms.commanded_direction_b, "the commanded heading from the fly's own"
-            ),
-            *SENSES,
+    return steering(
+        shown=(
+            direction_term(terms.commanded_direction_b, "the commanded heading from the fly's own"),
         ),
         reward=(
             RewardTerm("along_heading", 1.0, terms.time_along_heading, "s times cos of the error"),
@@ -94,18 +89,15 @@ def heading(
             ),
             RewardTerm("forward", 0.02, terms.forward_way, "mm walked forward"),
             # the worst that the time cut off could have brought
-            lost_time(-1.0),
-            *SMOOTHNESS,
+            terms.lost_time(-1.0),
         ),
-        terminations=FAILURES,
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(sample_episode, turn=turn, push=push, push_times=push_times),
         difficulty=f"turn, from 0 to ±{turn:g}°, and pushes, from none to "
         f"{weakest:g}-{strongest:g} µN",
         succeeds_in_time=partial(terms.lasted, reward="on_heading", seconds=kept),
         success=f"within {tolerance:g} degrees of the heading for {kept:g} s",
-        errors=(error("heading_error_deg", 180.0, terms.turn_to_heading),),
+        errors=(terms.error("heading_error_deg", 180.0, terms.turn_to_heading),),
         decisive=("success", "heading_error_deg"),
         compared=("heading_error_deg",),
     )  # fmt: skip

@@ -8,30 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode
+from flyrl.tasks.episode import TIME, Episode, draw_inside
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES, direction_term, distance_term
-from flyrl.tasks.task import (
-    SUCCESS,
-    Mask,
-    ObservationTerm,
-    RewardTerm,
-    Task,
-    TaskState,
-    Termination,
-)
-from flyrl.tasks.terms import (
-    DRIVE_TIME_CONSTANT_S,
-    EDGE_MARGIN,
-    FAILURES,
-    SMOOTHNESS,
-    direction_b,
-    elapsed,
-    error,
-    is_inside,
-    success_in_time,
-)
+from flyrl.tasks.senses import direction_term, distance_term, steering
+from flyrl.tasks.task import Mask, ObservationTerm, RewardTerm, Task, TaskState, Termination
 from flyrl.terrains import TARGET_MARKER, Terrain
 from flyrl.validation import FloatArray, Within
 
@@ -87,17 +68,13 @@ def sample_episode(
     episode = bare_episode(terrain, seed, difficulty)
     rng = np.random.default_rng([seed, 1])
     x, y, _ = episode.spawn_position_w
-    for _ in range(MOST_DRAWS):
-        path = draw_path((x, y), rng, difficulty, length, radius, smoothness)
-        if is_inside(path[:, 0], path[:, 1], terrain.bounds, EDGE_MARGIN).all():
-            break
-    else:
-        raise ValueError(
-            f"task.length must leave a path room on the terrain {terrain.name!r}, got {length} mm"
-        )
-    end_x, end_y = (float(value) for value in path[-1])
-    command = tuple(float(value) for value in path.ravel())
-    return replace(episode, goal=(end_x, end_y), command=command)
+
+    def draw() -> tuple[FloatArray, FloatArray]:
+        drawn = draw_path((x, y), rng, difficulty, length, radius, smoothness)
+        return drawn, drawn
+
+    path = draw_inside(terrain.bounds, "task.length", length, draw)
+    return replace(episode, goal=tuple(path[-1].tolist()), command=tuple(path.ravel().tolist()))
 
 
 def path_position(state: TaskState, position_w: FloatArray) -> tuple[FloatArray, NDArray[np.intp]]:
@@ -118,7 +95,7 @@ def path_direction_b(state: TaskState, look_ahead: float) -> FloatArray:
     _, nearest = path_position(state, state.fly.position_w)
     path = state.command.reshape(len(nearest), -1, 2)
     ahead = np.minimum(nearest + round(look_ahead / PATH_SPACING), path.shape[1] - 1)
-    return direction_b(state, path[np.arange(len(nearest)), ahead])
+    return terms.direction_b(state, path[np.arange(len(nearest)), ahead])
 
 
 def path_distance(state: TaskState) -> FloatArray:
@@ -135,7 +112,7 @@ def path_progress(state: TaskState) -> FloatArray:
 
 def path_deviation(state: TaskState) -> FloatArray:
     """Distance to the path, times the time since the last decision, mm s, (n,)."""
-    return off_path(state) * elapsed(state)
+    return off_path(state) * terms.elapsed(state)
 
 
 def was_followed(state: TaskState, reach: float, tolerance: float) -> Mask:
@@ -185,9 +162,9 @@ def path(
     """
     followed = partial(was_followed, reach=reach, tolerance=tolerance)
     off = () if width is None else (Termination(LEFT_PATH, partial(has_left_path, width=width)),)
-    failures = (*FAILURES, *off)
-    return Task(
-        observation=(
+    failures = (*terms.FAILURES, *off)
+    return steering(
+        shown=(
             direction_term(
                 partial(path_direction_b, look_ahead=look_ahead),
                 f"the bearing of a point {look_ahead:g} mm ahead on the path",
@@ -197,17 +174,15 @@ def path(
                 "distance to the path, in 5 mm",
             ),
             distance_term(terms.target_distance, "the path's end"),
-            *SENSES,
         ),
         reward=(
             RewardTerm("progress", 0.2, path_progress, "mm along the path"),
             RewardTerm("deviation", -0.5, path_deviation, "mm from the path, times s"),
-            *success_in_time(followed, "the path was followed to its end", failures),
-            *SMOOTHNESS,
+            *terms.success_in_time(followed, "the path was followed to its end", failures),
         ),
-        terminations=(Termination(SUCCESS, followed), *failures),
+        solved=followed,
+        failures=failures,
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(TARGET_MARKER,),
         sample_episode=partial(
             sample_episode, length=length, radius=radius, smoothness=smoothness
@@ -216,7 +191,7 @@ def path(
         f"{length / 2:g} to {length:g} mm",
         success=f"thorax within {reach:g} mm of the path's end, having kept to the path within "
         f"{tolerance:g} mm on average",
-        errors=(error("path_error_mm", length, off_path),),
+        errors=(terms.error("path_error_mm", length, off_path),),
         decisive=("success", "path_error_mm"),
         compared=("time_to_goal_s", "path_error_mm"),
     )  # fmt: skip

@@ -1,15 +1,17 @@
-"""Observation terms that steering tasks share: where to go, and what a fly feels of itself.
+"""Rows that steering tasks share: where to go, what a fly feels of itself, what steering costs.
 
-It measures its velocity, yaw rate and tilt, with noise if asked for. Drive, phases, magnitudes and
-reflexes are its own commands, and legs are on the ground or not.
+A fly measures its velocity, yaw rate and tilt, with noise if asked for. Drive, phases, magnitudes
+and reflexes are its own commands, and legs are on the ground or not.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final
 
 from flyrl.tasks import terms
 from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW
-from flyrl.tasks.task import Compute, ObservationTerm
+from flyrl.tasks.task import SUCCESS, Compute, Mask, ObservationTerm, RewardTerm, Task, Termination
 
 
 def direction_term(compute: Compute, angle: str) -> ObservationTerm:
@@ -63,3 +65,39 @@ SENSES: Final = (
         "correction amounts, in 80: six of retraction, six of stumbling",
     ),
 )  # fmt: skip
+
+
+def steering(
+    shown: tuple[ObservationTerm, ...],
+    reward: tuple[RewardTerm, ...],
+    solved: Callable[[Any], Mask] | None = None,
+    failures: tuple[Termination, ...] = terms.FAILURES,
+    work: float = 0.0,
+    **table: Any,
+) -> Task:
+    """Task for flies that are steered, with the rows that all of these share.
+
+    Parameters
+    ----------
+    shown
+        What the task asks for; `SENSES` follow.
+    reward
+        What the task is about; `terms.SMOOTHNESS` follows.
+    solved
+        Whether an episode ends with a success, (n,) of bool; None: none does before its end.
+    failures
+        Terminations that are failures.
+    work
+        Weight of the joints' work.
+    **table
+        The other fields of the `Task`.
+    """
+    change, effort = terms.SMOOTHNESS
+    ends = () if solved is None else (Termination(SUCCESS, solved),)
+    return Task(
+        observation=(*shown, *SENSES),
+        reward=(*reward, change, replace(effort, weight=work)),
+        terminations=(*ends, *failures),
+        drive_time_constant_s=terms.DRIVE_TIME_CONSTANT_S,
+        **table,
+    )

@@ -8,29 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import MOST_DRAWS, TIME, Episode, beyond_reach
+from flyrl.tasks.episode import TIME, Episode, beyond_reach, draw_inside
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES, direction_term, distance_term
-from flyrl.tasks.task import (
-    SUCCESS,
-    ErrorTerm,
-    Mask,
-    ObservationTerm,
-    RewardTerm,
-    Task,
-    TaskState,
-    Termination,
-)
-from flyrl.tasks.terms import (
-    DRIVE_TIME_CONSTANT_S,
-    EDGE_MARGIN,
-    FAILURES,
-    SMOOTHNESS,
-    cost_of_time,
-    error,
-    is_inside,
-)
+from flyrl.tasks.senses import direction_term, distance_term, steering
+from flyrl.tasks.task import ErrorTerm, Mask, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.terrains import Prop, Terrain
 from flyrl.validation import FloatArray, Within
 
@@ -59,18 +41,15 @@ def sample_episode(
     nearest, farthest = spacing
     farthest = nearest + difficulty * (farthest - nearest)
     sharpest = difficulty * np.deg2rad(turn)
-    for _ in range(MOST_DRAWS):
+
+    def draw() -> tuple[FloatArray, FloatArray]:
         length = rng.uniform(nearest, farthest, size=gates)
         direction = np.cumsum(rng.uniform(-sharpest, sharpest, size=gates))
         steps = length[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=1)
         places = episode.spawn_position_w[:2] + np.cumsum(steps, axis=0)
-        if is_inside(places[:, 0], places[:, 1], terrain.bounds, EDGE_MARGIN).all():
-            break
-    else:
-        raise ValueError(
-            f"task.spacing must leave {gates} gates room on the terrain {terrain.name!r}, got "
-            f"{spacing}"
-        )
+        return places, places
+
+    places = draw_inside(terrain.bounds, "task.spacing and task.gates", (spacing, gates), draw)
     heights = np.full((gates, 1), terrain.base_height)
     return replace(episode, props=tuple(np.hstack([places, heights]).ravel().tolist()))
 
@@ -82,41 +61,17 @@ def _passed(state: TaskState) -> NDArray[np.intp]:
     return np.round(state.totals["gates"]).astype(np.intp)
 
 
-def towards(state: TaskState, ahead: int = 0) -> TaskState:
-    """The state whose goal is the gate that is due, or `ahead` after it; at the end the last."""
+def gate(state: TaskState, ahead: int = 0) -> FloatArray:
+    """Place of the gate that is due, or `ahead` after it, mm, (n, 2); at the end the last."""
     places = state.props[:, :, :2]
     due = np.minimum(_passed(state) + ahead, places.shape[1] - 1)
-    return replace(state, goal=places[np.arange(len(places)), due])
-
-
-def gate_direction_b(state: TaskState, ahead: int = 0) -> FloatArray:
-    """Unit vector to a gate, (n, 2); see `terms.target_direction_b`."""
-    return terms.target_direction_b(towards(state, ahead))
-
-
-def gate_distance(state: TaskState) -> FloatArray:
-    """Distance to the gate that is due, in units of 15 mm, (n, 1)."""
-    return terms.target_distance(towards(state))
-
-
-def progress(state: TaskState) -> FloatArray:
-    """By how much the distance to the gate that is due shrank, mm, (n,)."""
-    return terms.progress(towards(state))
-
-
-def is_at_gate(state: TaskState, reach: float) -> Mask:
-    """Whether the thorax is within `reach`, mm, of the gate that is due, (n,)."""
-    return terms.is_at_target(towards(state), reach)
+    chosen: FloatArray = places[np.arange(len(places)), due]
+    return chosen
 
 
 def has_passed_all(state: TaskState, gates: int) -> Mask:
     """Whether every gate was reached, (n,)."""
     return _passed(state) >= gates
-
-
-def turn_to_gate(state: TaskState) -> FloatArray:
-    """Angle between the heading and the bearing of the gate that is due, deg, (n,)."""
-    return terms.turn_to_target(towards(state))
 
 
 def gates_left(state: TaskState, gates: int) -> FloatArray:
@@ -155,32 +110,36 @@ def slalom(
         s until the episode is cut off.
     """
     near, far = beyond_reach("task.spacing", spacing, reach)
-    return Task(
-        observation=(
-            direction_term(gate_direction_b, "the bearing of the gate that is due"),
-            distance_term(gate_distance, "the gate that is due"),
+    at_gate = partial(terms.is_at_target, reach=reach, place=gate)
+    to_next = partial(terms.target_direction_b, place=partial(gate, ahead=1))
+    return steering(
+        shown=(
+            direction_term(
+                partial(terms.target_direction_b, place=gate), "the bearing of the gate that is due"
+            ),
+            distance_term(partial(terms.target_distance, place=gate), "the gate that is due"),
             ObservationTerm(
-                "next_direction", (2,), -1.0, 1.0, partial(gate_direction_b, ahead=1),
+                "next_direction", (2,), -1.0, 1.0, to_next,
                 "cos and sin of the bearing of the gate after it, of the last again",
             ),
-            *SENSES,
         ),
         reward=(
-            RewardTerm("progress", 0.2, progress, "mm closer to the gate that is due"),
-            RewardTerm("gates", 1.0, partial(is_at_gate, reach=reach), "a gate is reached"),
-            *cost_of_time(),
-            *SMOOTHNESS,
+            RewardTerm(
+                "progress", 0.2, partial(terms.progress, place=gate),
+                "mm closer to the gate that is due",
+            ),
+            RewardTerm("gates", 1.0, at_gate, "a gate is reached"),
+            *terms.cost_of_time(),
         ),
-        terminations=(Termination(SUCCESS, partial(has_passed_all, gates=gates)), *FAILURES),
+        solved=partial(has_passed_all, gates=gates),
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=tuple(gate_marker(index, gates, reach) for index in range(gates)),
         sample_episode=partial(sample_episode, gates=gates, spacing=spacing, turn=turn),
         difficulty=f"spacing of the gates, from {near:g} mm to {near:g}-{far:g}, and turns from "
         f"one to the next, from 0 to ±{turn:g}°",
         success=f"thorax within {reach:g} mm of {gates} gates, in turn",
         errors=(
-            error("heading_error_deg", 180.0, turn_to_gate),
+            terms.error("heading_error_deg", 180.0, partial(terms.turn_to_target, place=gate)),
             ErrorTerm(
                 "gates_left", gates, partial(gates_left, gates=gates),
                 "gates that were not reached yet", smallest_effect=0.25,

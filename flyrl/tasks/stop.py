@@ -8,10 +8,9 @@ import numpy as np
 from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, beyond_reach
 from flyrl.tasks.function import TaskFunction
-from flyrl.tasks.senses import SENSES, direction_term, distance_term
+from flyrl.tasks.senses import direction_term, distance_term, steering
 from flyrl.tasks.target import sample_episode
-from flyrl.tasks.task import SUCCESS, RewardTerm, Task, TaskState, Termination
-from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, cost_of_time
+from flyrl.tasks.task import RewardTerm, Task, TaskState
 from flyrl.terrains import TARGET_MARKER
 from flyrl.validation import FloatArray, Within
 
@@ -55,12 +54,10 @@ def stop(
         s until the episode is cut off.
     """
     near, far = beyond_reach("task.distance", distance, reach)
-    has_stood = partial(terms.lasted, reward="standing", seconds=kept)
-    return Task(
-        observation=(
+    return steering(
+        shown=(
             direction_term(terms.target_direction_b, "the place's bearing from the heading"),
             distance_term(terms.target_distance, "the place"),
-            *SENSES,
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the place"),
@@ -68,12 +65,10 @@ def stop(
                 "standing", 2.0 / kept, partial(time_stood, reach=reach, tolerance=tolerance),
                 f"s of standing there, slower than {tolerance:g} mm/s",
             ),
-            *cost_of_time(),
-            *SMOOTHNESS,
+            *terms.cost_of_time(),
         ),
-        terminations=(Termination(SUCCESS, has_stood), *FAILURES),
+        solved=partial(terms.lasted, reward="standing", seconds=kept),
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(TARGET_MARKER,),
         sample_episode=partial(sample_episode, distance=distance, bearing=bearing),
         difficulty=f"distance of the place, from {near:g} mm to {near:g}-{far:g}, and its "

@@ -10,15 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.tasks import terms
 from flyrl.tasks.episode import (
-    MOST_DRAWS,
     TIME,
     Episode,
     beyond_reach,
+    draw_inside,
     draw_oscillators,
     draw_spawn,
 )
+from flyrl.tasks.extension import extended
 from flyrl.tasks.function import TaskFunction, variant_of
-from flyrl.tasks.senses import SENSES, direction_term, distance_term
+from flyrl.tasks.senses import SENSES, direction_term, distance_term, steering
 from flyrl.tasks.task import (
     ACHIEVED_GOAL,
     DECISIONS_LOST,
@@ -33,16 +34,6 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
     as_observed,
-)
-from flyrl.tasks.terms import (
-    DRIVE_TIME_CONSTANT_S,
-    EDGE_MARGIN,
-    FAILURES,
-    SMOOTHNESS,
-    decisions_lost,
-    error,
-    is_inside,
-    success_in_time,
 )
 from flyrl.terrains import TARGET_MARKER, Bounds, Terrain
 from flyrl.validation import FloatArray, Within
@@ -102,21 +93,14 @@ def draw_target(
     ValueError
         If the terrain has no room for it.
     """
-    for _ in range(MOST_DRAWS):
+
+    def draw() -> tuple[FloatArray, tuple[float, float]]:
         distance, bearing = rng.uniform(*distances), rng.uniform(-widest, widest)
         x = start[0] + distance * np.cos(bearing)
         y = start[1] + distance * np.sin(bearing)
-        if is_inside(x, y, bounds, EDGE_MARGIN):
-            return float(x), float(y)
-    raise ValueError(
-        f"task.distance must leave a target room on the terrain, of x from {bounds.x_min:g} to "
-        f"{bounds.x_max:g} and y from {bounds.y_min:g} to {bounds.y_max:g} mm, got {distances}"
-    )
+        return np.array([[x, y]]), (float(x), float(y))
 
-
-_CHANGE, _WORK = SMOOTHNESS
-_SMOOTHNESS: Final = (_CHANGE, replace(_WORK, weight=-1.2e-3))
-"""Of a fly that has time: it reaches the target with less haste, at three quarters of the work."""
+    return draw_inside(bounds, "task.distance", distances, draw)
 
 
 @TaskFunction
@@ -141,38 +125,33 @@ def target(
     """
     near, far = beyond_reach("task.distance", distance, reach)
     at_target = partial(terms.is_at_target, reach=reach)
-    return Task(
-        observation=(
+    return steering(
+        shown=(
             direction_term(terms.target_direction_b, "the target's bearing from the heading"),
             distance_term(terms.target_distance, "the target"),
-            *SENSES,
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
-            *success_in_time(at_target, "the target is reached"),
-            *_SMOOTHNESS,
+            *terms.success_in_time(at_target, "the target is reached"),
         ),
-        terminations=(Termination(SUCCESS, at_target), *FAILURES),
+        solved=at_target,
+        # a fly that has time reaches the target with less haste, at three quarters of the work
+        work=-1.2e-3,
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         props=(TARGET_MARKER,),
         sample_episode=partial(sample_episode, distance=distance, bearing=bearing),
         difficulty=f"distance of the target, from {near:g} mm to {near:g}-{far:g}, and its "
         f"bearing, from 0 to ±{bearing:g}°",
         success=f"thorax within {reach:g} mm of the target",
-        errors=(error("heading_error_deg", 180.0, terms.turn_to_target),),
-    )  # fmt: skip
+        errors=(terms.error("heading_error_deg", 180.0, terms.turn_to_target),),
+    )
 
 
 @variant_of(target)
 def target_unfiltered(task: Task) -> Task:
     """Steer to a target as in version 0.1: the drive acts at once, and its change costs nothing."""
-    free = {term: replace(term, weight=0.0) for term in _SMOOTHNESS}
-    return replace(
-        task,
-        reward=tuple(free.get(term, term) for term in task.reward),
-        drive_time_constant_s=0.0,
-    )
+    free = {term.name: 0.0 for term in terms.SMOOTHNESS}
+    return replace(extended(task, {}, free), drive_time_constant_s=0.0)
 
 
 GOAL_UNIT: Final = 10.0
@@ -239,7 +218,7 @@ def at_goal(state: TaskState, reach: float) -> Mask:
 
 def _now(state: TaskState, of_goals: OfGoals) -> FloatArray:
     """Reward of the goals as they are observed and of the decisions that are lost, (n,)."""
-    return of_goals(*_goals(state), decisions_lost(state))
+    return of_goals(*_goals(state), terms.decisions_lost(state))
 
 
 def goal_reward(name: str, weight: float, of_goals: OfGoals, description: str) -> RewardTerm:
@@ -338,6 +317,6 @@ def target_goal(task: Task) -> Task:
             # no failure may save the decisions that it cuts off
             goal_reward("lost_time", -1.0, decisions, "decisions left when the fly fails"),
         ),
-        terminations=(Termination(SUCCESS, partial(at_goal, reach=reach)), *FAILURES),
+        terminations=(Termination(SUCCESS, partial(at_goal, reach=reach)), *terms.FAILURES),
         is_reached=partial(is_reached, reach=reach),
     )  # fmt: skip

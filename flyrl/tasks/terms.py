@@ -7,11 +7,13 @@ finish line are with their tasks.
 
 from collections.abc import Callable
 from functools import partial
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.tasks.episode import is_inside
 from flyrl.tasks.task import (
     DECISIONS_LOST,
     FALL,
@@ -24,7 +26,6 @@ from flyrl.tasks.task import (
     TaskState,
     Termination,
 )
-from flyrl.terrains import Bounds
 from flyrl.validation import FloatArray
 
 FALL_TILT = np.deg2rad(75.0)
@@ -36,10 +37,13 @@ _COS_FALL_TILT = float(np.cos(FALL_TILT))
 STRIDE_S = 1 / 12
 """s; period of the oscillators. Speed and yaw rate sway with it, by more than what is tolerated."""
 
-EDGE_MARGIN: Final = 1.5
-"""mm; no target or path comes closer to the terrain's edge; a spawn is 2 mm from it at least."""
-
 Pair = tuple[float, float]
+
+Place = Callable[[Any], FloatArray]
+"""From a `TaskState` to horizontal places, mm, (n, 2)."""
+
+GOAL: Final[Place] = attrgetter("goal")
+"""The place that episodes lead to, of terms that are given no other."""
 
 CORRECTION_CAP = 80.0
 """Correction amount at which the reflexes are capped."""
@@ -63,25 +67,10 @@ def direction_b(state: TaskState, place_w: FloatArray) -> FloatArray:
     return np.asarray(offset_b / np.maximum(length, 1e-9))
 
 
-def is_inside(x: Any, y: Any, bounds: Bounds, margin: float = 0.0) -> Any:
-    """Whether places (...) lie on the terrain, at least `margin`, mm, from its edge, (...)."""
-    return (
-        (bounds.x_min + margin <= x)
-        & (x <= bounds.x_max - margin)
-        & (bounds.y_min + margin <= y)
-        & (y <= bounds.y_max - margin)
-    )
-
-
 def goal_distance(position_w: FloatArray, goal: FloatArray) -> FloatArray:
     """Horizontal distance from the thorax to the target, mm, (n,)."""
     offset = goal - position_w[:, :2]
     return np.asarray(np.hypot(offset[:, 0], offset[:, 1]))
-
-
-def distance_left(state: TaskState) -> FloatArray:
-    """Horizontal distance from the thorax to the goal now, mm, (n,)."""
-    return goal_distance(state.fly.position_w, state.goal)
 
 
 def _unit_vectors(angle: FloatArray) -> FloatArray:
@@ -129,14 +118,14 @@ def command_deviation(state: TaskState, command_s: float, tolerance: Pair) -> Fl
 # --- observations --------------------------------------------------------------------------
 
 
-def target_direction_b(state: TaskState) -> FloatArray:
+def target_direction_b(state: TaskState, place: Place = GOAL) -> FloatArray:
     """Unit vector to the target: (cos, sin) of its bearing, left positive, (n, 2)."""
-    return direction_b(state, state.goal)
+    return direction_b(state, place(state))
 
 
-def target_distance(state: TaskState) -> FloatArray:
+def target_distance(state: TaskState, place: Place = GOAL) -> FloatArray:
     """Distance to the target in units of 15 mm, (n, 1)."""
-    return state.once(distance_left)[:, None] / 15.0
+    return goal_distance(state.fly.position_w, place(state))[:, None] / 15.0
 
 
 def commanded_direction_b(state: TaskState) -> FloatArray:
@@ -221,9 +210,9 @@ def error(name: str, worst: float, compute: Compute) -> ErrorTerm:
     return ErrorTerm(name, worst, compute, *ERRORS[name])
 
 
-def turn_to_target(state: TaskState) -> FloatArray:
+def turn_to_target(state: TaskState, place: Place = GOAL) -> FloatArray:
     """Angle between the heading and the bearing of the target, deg, (n,)."""
-    forward, left = target_direction_b(state).T
+    forward, left = target_direction_b(state, place).T
     return np.asarray(np.abs(np.rad2deg(np.arctan2(left, forward))))
 
 
@@ -245,10 +234,11 @@ def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> FloatAr
 # --- rewards -------------------------------------------------------------------------------
 
 
-def progress(state: TaskState) -> FloatArray:
+def progress(state: TaskState, place: Place = GOAL) -> FloatArray:
     """By how much the distance to the target shrank, mm, (n,)."""
-    before = goal_distance(state.previous.position_w, state.goal)
-    return np.asarray(before - state.once(distance_left))
+    target = place(state)
+    before = goal_distance(state.previous.position_w, target)
+    return np.asarray(before - goal_distance(state.fly.position_w, target))
 
 
 def forward_progress(state: TaskState) -> FloatArray:
@@ -310,9 +300,9 @@ def joint_work(state: TaskState) -> FloatArray:
 # --- terminations --------------------------------------------------------------------------
 
 
-def is_at_target(state: TaskState, reach: float) -> Mask:
+def is_at_target(state: TaskState, reach: float, place: Place = GOAL) -> Mask:
     """Whether the thorax is within `reach` of the target, mm, horizontally, (n,)."""
-    return state.once(distance_left) < reach
+    return goal_distance(state.fly.position_w, place(state)) < reach
 
 
 def lasted(state: TaskState, reward: str, seconds: float) -> Mask:

@@ -9,17 +9,8 @@ from flyrl.tasks import terms
 from flyrl.tasks.episode import TIME, Episode
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES, direction_term
-from flyrl.tasks.task import (
-    SUCCESS,
-    Mask,
-    ObservationTerm,
-    RewardTerm,
-    Task,
-    TaskState,
-    Termination,
-)
-from flyrl.tasks.terms import DRIVE_TIME_CONSTANT_S, FAILURES, SMOOTHNESS, error, success_in_time
+from flyrl.tasks.senses import direction_term, steering
+from flyrl.tasks.task import Mask, ObservationTerm, RewardTerm, Task, TaskState
 from flyrl.terrains import Terrain
 from flyrl.validation import FloatArray, Within
 
@@ -72,27 +63,24 @@ def traverse(
         s until the episode is cut off.
     """
     crossed = partial(has_crossed, finish_line=finish_line)
-    return Task(
-        observation=(
+    return steering(
+        shown=(
             direction_term(terms.forward_direction_b, "the bearing of the world's x axis"),
             ObservationTerm(
                 "finish_distance", (1,), -4.0, 4.0,
                 partial(finish_distance, finish_line=finish_line),
                 "distance to the finish line along +x, in 15 mm",
             ),
-            *SENSES,
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.forward_progress, "mm along +x"),
-            *success_in_time(crossed, "the ground is crossed"),
-            *SMOOTHNESS,
+            *terms.success_in_time(crossed, "the ground is crossed"),
         ),
-        terminations=(Termination(SUCCESS, crossed), *FAILURES),
+        solved=crossed,
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(sample_episode, finish_line=finish_line),
         success=f"thorax beyond x = {finish_line:g} mm",
-        errors=(error("heading_error_deg", 180.0, turn_to_finish),),
+        errors=(terms.error("heading_error_deg", 180.0, turn_to_finish),),
         decisive=("advance_mm",),
         compared=("time_to_goal_s", "advance_mm", "speed_mm_s"),
     )  # fmt: skip

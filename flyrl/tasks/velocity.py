@@ -13,23 +13,14 @@ from typing import Annotated, Any, Final
 import numpy as np
 
 from flyrl.tasks import terms
-from flyrl.tasks.episode import TIME, Episode
+from flyrl.tasks.episode import EDGE_MARGIN, TIME, Episode, is_inside
 from flyrl.tasks.function import TaskFunction
 from flyrl.tasks.hybrid_turning import sample_episode as bare_episode
-from flyrl.tasks.senses import SENSES
+from flyrl.tasks.senses import steering
 from flyrl.tasks.task import MeanTerm, ObservationTerm, RewardTerm, Task
-from flyrl.tasks.terms import (
-    DRIVE_TIME_CONSTANT_S,
-    EDGE_MARGIN,
-    FAILURES,
-    SMOOTHNESS,
-    error,
-    is_inside,
-)
+from flyrl.tasks.terms import Pair
 from flyrl.terrains import Terrain
 from flyrl.validation import FloatArray, Within, ordered
-
-Pair = tuple[float, float]
 
 REDRAWS: Final = 100
 """Of commands that would lead off the terrain. The easiest ones lead straight ahead, all alike."""
@@ -116,8 +107,8 @@ def velocity(
     judged: dict[str, Any] = {"command_s": command_time, "tolerance": tolerance}
     turn = f"±{left:g}" if right == -left else f"{right:g} to {left:g}"
     middle = (right + left) / 2
-    return Task(
-        observation=(
+    return steering(
+        shown=(
             ObservationTerm(
                 "command", (2,), -1.0, 1.0,
                 partial(terms.commanded_velocity, command_s=command_time),
@@ -133,7 +124,6 @@ def velocity(
                 "mean forward speed, in 20 mm/s, and yaw rate, in 10 rad/s, over about a stride",
                 spread=0.15,
             ),
-            *SENSES,
         ),
         reward=(
             RewardTerm(
@@ -144,11 +134,8 @@ def velocity(
                 "on_command", 1.0, partial(terms.time_on_command, **judged),
                 f"s within {tolerance[0]:g} mm/s and {tolerance[1]:g} rad/s of it",
             ),
-            *SMOOTHNESS,
         ),
-        terminations=FAILURES,
         time_limit_s=time_limit,
-        drive_time_constant_s=DRIVE_TIME_CONSTANT_S,
         sample_episode=partial(
             sample_episode, speed=speed, yaw_rate=yaw_rate,
             commands=math.ceil(time_limit / command_time - 1e-9), command_time=command_time,
@@ -165,8 +152,8 @@ def velocity(
         success=f"within {tolerance[0]:g} mm/s and {tolerance[1]:g} rad/s of the command for "
         f"{on_command:g} s",
         errors=(
-            error("speed_error_mm_s", _largest(speed), partial(terms.off_speed, **judged)),
-            error(
+            terms.error("speed_error_mm_s", _largest(speed), partial(terms.off_speed, **judged)),
+            terms.error(
                 "yaw_rate_error_deg_s", float(np.rad2deg(_largest(yaw_rate))),
                 partial(terms.off_yaw_rate, **judged),
             ),

@@ -70,7 +70,7 @@ def _muscles(worm: WormConfig) -> Neurons:
     return Neurons((len(pool),) * (2 * worm.joints))
 
 
-def _with_box(task: Task) -> Task:
+def with_box(task: Task) -> Task:
     """The same task with continuous actions."""
     assert isinstance(task.actions, Neurons)
     return replace(task, actions=replace(task.actions, is_integer=False))
@@ -176,10 +176,7 @@ def worm_crawl(
     )  # fmt: skip
 
 
-@variant_of(worm_crawl)
-def worm_crawl_box(task: Task) -> Task:
-    """Crawl, with continuous actions."""
-    return _with_box(task)
+worm_crawl_box = variant_of(worm_crawl)(with_box)
 
 
 @TaskFunction
@@ -250,7 +247,4 @@ def worm_hang(
     )  # fmt: skip
 
 
-@variant_of(worm_hang)
-def worm_hang_box(task: Task) -> Task:
-    """Bend as commanded, with continuous actions."""
-    return _with_box(task)
+worm_hang_box = variant_of(worm_hang)(with_box)

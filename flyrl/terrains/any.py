@@ -21,7 +21,7 @@ from flyrl.terrains.rough import (
     Mixed,
 )
 from flyrl.terrains.smooth import Flat, Hills, Slope
-from flyrl.terrains.terrain import Bounds, Boxes, Ground, Heights, Terrain, off_origin
+from flyrl.terrains.terrain import Bounds, Boxes, Ground, Heights, Terrain, joined, off_origin
 from flyrl.validation import Within, distinct, ordered
 
 Kind = Literal["flat", "gapped", "blocks", "mixed", "hills", "slope"]
@@ -146,11 +146,7 @@ class AnyGround(Terrain):
 
     def hull(self) -> Boxes:
         """Boxes of all kinds; a ground has those of its own."""
-        none, hulls = Boxes(), self._hulls.values()
-        return Boxes(
-            np.concatenate([none.centres, *(hull.centres for hull in hulls)]),
-            np.concatenate([none.half_sizes, *(hull.half_sizes for hull in hulls)]),
-        )
+        return joined(self._hulls.values())
 
     def heights(self) -> Heights | None:
         """Field of the hills; the other kinds have none of it."""

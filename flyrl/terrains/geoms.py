@@ -47,23 +47,26 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     0: they touch what asks to be touched, and not each other. The boxes of `terrain.compiled` are
     `ground_0`, `ground_1`, … with consecutive ids.
     """
-    _add_sky(spec)
-    ground, heights, bounds = terrain.compiled(), terrain.heights(), terrain.bounds
-    boxes = ground.boxes
-    if len(boxes.centres):
-        _add_boxes(spec, boxes, terrain.groups)
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.93, 0.95, 0.97),
+        rgb2=(0.62, 0.70, 0.78),
+        width=256,
+        height=1536,
+    )
+    ground, heights = terrain.compiled(), terrain.heights()
+    has_boxes = len(ground.boxes.centres) > 0
+    if has_boxes:
+        _add_boxes(spec, ground.boxes, terrain.groups)
     if heights is not None and ground.shift is not None:
         _add_heights(spec, heights, ground.shift)
     terrain.add_to(spec)
-    if ground.floor is None:
-        return
-    if ground.floor < terrain.base_height - _WALKED_ON:
-        material = spec.add_material(name=FLOOR, rgba=(0.20, 0.21, 0.24, 1), specular=0.0)
-    else:
-        material = _add_grid_material(spec)
-    is_bare = heights is None and not len(boxes.centres)
-    name = FLAT_GROUND if is_bare else FLOOR
-    _add_plane(spec, name, ground.floor, bounds, material.name)
+    if ground.floor is not None:
+        is_walked_on = ground.floor >= terrain.base_height - _WALKED_ON
+        name = FLOOR if has_boxes or heights is not None else FLAT_GROUND
+        _add_plane(spec, name, ground.floor, terrain.bounds, is_walked_on)
 
 
 def box_colours(boxes: Boxes) -> FloatArray:
@@ -80,7 +83,12 @@ def box_colours(boxes: Boxes) -> FloatArray:
 def _add_boxes(spec: mujoco.MjSpec, boxes: Boxes, groups: Sequence[slice]) -> None:
     spec.add_material(name="ground_block", specular=0.05, shininess=0.1)
     colours = box_colours(boxes)
-    bodies = [_group_body(spec, f"{GROUP}{i}") for i in range(len(groups))]
+    bodies = []
+    for i in range(len(groups)):
+        # where a group is sunk, MuJoCo leaves out all of its boxes at once
+        bodies.append(spec.worldbody.add_body(name=f"{GROUP}{i}"))
+        # what nothing refers to would be merged into the world
+        spec.add_exclude(bodyname1="world", bodyname2=f"{GROUP}{i}")
     for body, group in zip(bodies or [spec.worldbody], groups or [slice(None)], strict=True):
         for index in range(*group.indices(len(boxes.centres))):
             body.add_geom(
@@ -98,14 +106,6 @@ def _add_boxes(spec: mujoco.MjSpec, boxes: Boxes, groups: Sequence[slice]) -> No
         # Where level boxes overlap, MuJoCo's shadow pass lights their faces twice.
         for light in spec.lights:
             light.castshadow = False
-
-
-def _group_body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
-    """Body of a group of boxes: where they are sunk, MuJoCo leaves out all of them at once."""
-    body = spec.worldbody.add_body(name=name)
-    # what nothing refers to would be merged into the world
-    spec.add_exclude(bodyname1="world", bodyname2=name)
-    return body
 
 
 def _overlap(boxes: Boxes) -> bool:
@@ -138,9 +138,16 @@ def _add_heights(spec: mujoco.MjSpec, heights: Heights, shift: tuple[float, floa
 
 
 def _add_plane(
-    spec: mujoco.MjSpec, name: str, height: float, bounds: Bounds, material: str
+    spec: mujoco.MjSpec, name: str, height: float, bounds: Bounds, is_walked_on: bool
 ) -> None:
-    """A plane; it is drawn as far as there is ground, and touched everywhere."""
+    """Add a plane: drawn as far as there is ground, and touched everywhere."""
+    if is_walked_on:
+        material = add_checks(spec, "ground_grid", mujoco.mjtTexture.mjTEXTURE_2D, pixels=256)
+        # One picture holds 2 x 2 squares of 1 mm; MuJoCo lays half as many per mm as asked for.
+        material.texuniform = True
+        material.texrepeat = (1.0, 1.0)
+    else:
+        material = spec.add_material(name=FLOOR, rgba=(0.20, 0.21, 0.24, 1), specular=0.0)
     middle = (bounds.x_min + bounds.x_max) / 2, (bounds.y_min + bounds.y_max) / 2
     spec.worldbody.add_geom(
         name=name,
@@ -148,7 +155,7 @@ def _add_plane(
         contype=PLANES,
         pos=(*middle, height),
         size=(bounds.x_max - middle[0], bounds.y_max - middle[1], 1.0),
-        material=material,
+        material=material.name,
         **_GROUND,
     )
 
@@ -169,27 +176,6 @@ def add_checks(
     material = spec.add_material(name=name, specular=0.05, shininess=0.1)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
     return material
-
-
-def _add_grid_material(spec: mujoco.MjSpec) -> mujoco.MjsMaterial:
-    """Chequered material with squares of 1 mm, for scale."""
-    material = add_checks(spec, "ground_grid", mujoco.mjtTexture.mjTEXTURE_2D, pixels=256)
-    # One picture holds 2 x 2 squares; MuJoCo lays half as many per mm as it is asked for.
-    material.texuniform = True
-    material.texrepeat = (1.0, 1.0)
-    return material
-
-
-def _add_sky(spec: mujoco.MjSpec) -> None:
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.93, 0.95, 0.97),
-        rgb2=(0.62, 0.70, 0.78),
-        width=256,
-        height=1536,
-    )
 
 
 # ------------------------------------------------------------------ props

@@ -5,15 +5,15 @@ Figures: NeuroMechFly v2 (doi:10.1038/s41592-024-02497-y).
 
 from __future__ import annotations
 
-import functools
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Final
+from functools import cached_property
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flyrl.terrains.terrain import Bounds, Boxes, Terrain, check_ranges
+from flyrl.terrains.terrain import Bounds, Boxes, Terrain, joined
 from flyrl.validation import FloatArray, Within, ordered
 
 Ids = NDArray[np.intp]
@@ -40,40 +40,47 @@ MIXED_SEGMENT: Final = 9.0
 MIXED_COLUMNS: Final = 3
 
 
-@dataclass(frozen=True)
-class _Layout:
+class _Layout(NamedTuple):
     """Where the boxes of a terrain stand.
 
     Attributes
     ----------
     boxes : with gaps of GAP_WIDTH and without heights.
     blocks, high : ids of the blocks, and of those among them that stand out.
-    before_gap, after_gap : ids of the slabs on both sides of each gap.
+    before_gap : ids of the slabs behind which there is a gap, and then the next slab.
     """
 
     boxes: Boxes
     blocks: Ids
     high: Ids
     before_gap: Ids
-    after_gap: Ids
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Rough(Terrain):
-    """What the three have in common: boxes whose heights and gaps are drawn from ranges."""
+    """Boxes whose heights and gaps are drawn from ranges: the base of all three."""
 
     half_width: Annotated[float, Within(5, 1000)] = 20.0
 
-    drawn: ClassVar[tuple[str, ...]]
+    def _parts(self) -> list[tuple[Boxes, bool]]:
+        """Blocks (True) or slabs, front to back: what is drawn is drawn in this order."""
+        raise NotImplementedError
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_ranges(self, *self.drawn)
-
-    @property
+    @cached_property
     def layout(self) -> _Layout:
         """Where the boxes stand."""
-        raise NotImplementedError
+        parts = self._parts()
+        ends = np.cumsum([len(boxes.centres) for boxes, _ in parts])
+        groups = [*zip(np.split(np.arange(ends[-1]), ends[:-1]), parts, strict=True)]
+        none = np.empty(0, dtype=np.intp)
+        blocks = [none, *(ids for ids, (_, is_blocks) in groups if is_blocks)]
+        slabs = [none, *(ids for ids, (_, is_blocks) in groups if not is_blocks)]
+        return _Layout(
+            joined(boxes for boxes, _ in parts),
+            np.concatenate(blocks),
+            np.concatenate([ids[1:] for ids in blocks]),
+            np.concatenate([ids[:-1] for ids in slabs]),
+        )
 
     @property
     def _ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -115,7 +122,7 @@ class _Rough(Terrain):
         half_sizes[layout.blocks, 2] = (top - bottom) / 2
         # a gap grows to both sides; a slab's half size is half of what is left
         shift = (np.zeros(len(layout.before_gap)) + gaps - GAP_WIDTH) / 2
-        for slabs, sign in ((layout.before_gap, -1), (layout.after_gap, 1)):
+        for slabs, sign in ((layout.before_gap, -1), (layout.before_gap + 1, 1)):
             centres[slabs, 0] += sign * shift / 2
             half_sizes[slabs, 0] -= shift / 2
         return Boxes(centres, half_sizes)
@@ -154,22 +161,14 @@ class Gapped(_Strip):
 
     gap_range: Annotated[tuple[float, float], Within(0, MAX_GAP)] = (GAP_WIDTH, GAP_WIDTH)
 
-    drawn = ("gap_range",)
+    drawn_from = ("gap_range",)
+    base_height = GAP_FLOOR + SLAB_DEPTH
+    floor = GAP_FLOOR
 
-    @property
-    def base_height(self) -> float:
-        """Height of the slabs, mm."""
-        return GAP_FLOOR + SLAB_DEPTH
-
-    @property
-    def floor(self) -> float:
-        """Height of the gaps' floor, mm."""
-        return GAP_FLOOR
-
-    @property
-    def layout(self) -> _Layout:
-        """Where the slabs lie."""
-        return _gapped(self.x_range, self.half_width)
+    def _parts(self) -> list[tuple[Boxes, bool]]:
+        x = np.arange(self.x_range[0] + SLAB_WIDTH / 2, self.x_range[1], SLAB_WIDTH + GAP_WIDTH)
+        widths = np.full_like(x, SLAB_WIDTH)
+        return [(_slabs(x, widths, self.base_height, self.half_width), False)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,22 +184,13 @@ class Blocks(_Strip):
 
     height_range: Annotated[tuple[float, float], Within(0, MAX_HEIGHT)] = (0.35, 0.35)
 
-    drawn = ("height_range",)
+    drawn_from = ("height_range",)
+    base_height = BLOCK_BASE
+    floor = None
 
-    @property
-    def base_height(self) -> float:
-        """Height of the low blocks, mm."""
-        return BLOCK_BASE
-
-    @property
-    def floor(self) -> None:
-        """The blocks leave no gap."""
-        return
-
-    @property
-    def layout(self) -> _Layout:
-        """Where the blocks stand."""
-        return _chequerboard(self.x_range, self.half_width)
+    def _parts(self) -> list[tuple[Boxes, bool]]:
+        columns = _pitches(self.x_range[1] - self.x_range[0])
+        return [(_blocks(self.x_range[0], columns, self.half_width), True)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,7 +209,8 @@ class Mixed(_Rough):
     gap_range: Annotated[tuple[float, float], Within(0, MAX_GAP)] = (GAP_WIDTH, GAP_WIDTH)
     segments: Annotated[int, Within(1, 100)] = 3
 
-    drawn = ("height_range", "gap_range")
+    drawn_from = ("height_range", "gap_range")
+    floor = GAP_FLOOR
 
     @property
     def bounds(self) -> Bounds:
@@ -227,68 +218,20 @@ class Mixed(_Rough):
         x_max = MIXED_START + self.segments * MIXED_SEGMENT
         return Bounds(MIXED_START, x_max, -self.half_width, self.half_width)
 
-    @property
-    def floor(self) -> float:
-        """Height of the gaps' floor, mm."""
-        return GAP_FLOOR
-
-    @property
-    def layout(self) -> _Layout:
-        """Where blocks and slabs are."""
-        return _mixed(self.segments, self.half_width)
+    def _parts(self) -> list[tuple[Boxes, bool]]:
+        parts: list[tuple[Boxes, bool]] = []
+        for segment in range(self.segments):
+            start = MIXED_START + segment * MIXED_SEGMENT
+            blocks_end = start + MIXED_COLUMNS * BLOCK_PITCH
+            parts.append((_blocks(start, MIXED_COLUMNS, self.half_width), True))
+            edges = np.cumsum([blocks_end, SLAB_WIDTH / 2, GAP_WIDTH, SLAB_WIDTH, GAP_WIDTH])
+            starts, ends = edges[[0, 2, 4]], np.append(edges[[1, 3]], start + MIXED_SEGMENT)
+            slabs = _slabs((starts + ends) / 2, ends - starts, 0.0, self.half_width)
+            parts.append((slabs, False))
+        return parts
 
     def _sunk(self, difficulty: float) -> float:
         return BLOCK_BASE + difficulty * (sum(self.height_range) / 2)
-
-
-@functools.lru_cache(maxsize=8)
-def _gapped(x_range: tuple[float, float], half_width: float) -> _Layout:
-    x = np.arange(x_range[0] + SLAB_WIDTH / 2, x_range[1], SLAB_WIDTH + GAP_WIDTH)
-    slabs = _slabs(x, np.full_like(x, SLAB_WIDTH), GAP_FLOOR + SLAB_DEPTH, half_width)
-    return _lay_out([(slabs, False)])
-
-
-@functools.lru_cache(maxsize=8)
-def _chequerboard(x_range: tuple[float, float], half_width: float) -> _Layout:
-    columns = _pitches(x_range[1] - x_range[0])
-    return _lay_out([(_blocks(x_range[0], columns, half_width), True)])
-
-
-@functools.lru_cache(maxsize=8)
-def _mixed(segments: int, half_width: float) -> _Layout:
-    parts: list[tuple[Boxes, bool]] = []
-    for segment in range(segments):
-        start = MIXED_START + segment * MIXED_SEGMENT
-        blocks_end = start + MIXED_COLUMNS * BLOCK_PITCH
-        parts.append((_blocks(start, MIXED_COLUMNS, half_width), True))
-        edges = np.cumsum([blocks_end, SLAB_WIDTH / 2, GAP_WIDTH, SLAB_WIDTH, GAP_WIDTH])
-        starts, ends = edges[[0, 2, 4]], np.append(edges[[1, 3]], start + MIXED_SEGMENT)
-        slabs = _slabs((starts + ends) / 2, ends - starts, 0.0, half_width)
-        parts.append((slabs, False))
-    return _lay_out(parts)
-
-
-def _lay_out(parts: list[tuple[Boxes, bool]]) -> _Layout:
-    """Join parts, blocks (True) or slabs, front to back: what is drawn is drawn in this order."""
-    boxes, blocks, high, before_gap = [np.empty((2, 0, 3))], [], [], []
-    count = 0
-    for part, is_blocks in parts:
-        ids = np.arange(count, count + len(part.centres))
-        count += len(ids)
-        boxes.append(np.stack([part.centres, part.half_sizes]))
-        if is_blocks:
-            blocks.append(ids)
-            high.append(ids[1:])
-        else:
-            before_gap.append(ids[:-1])
-    before = _joined(before_gap)
-    return _Layout(
-        Boxes(*np.concatenate(boxes, axis=1)), _joined(blocks), _joined(high), before, before + 1
-    )
-
-
-def _joined(ids: list[Ids]) -> Ids:
-    return np.concatenate([np.empty(0, dtype=np.intp), *ids])
 
 
 def _slabs(x_centres: FloatArray, widths: FloatArray, top: float, half_width: float) -> Boxes:

@@ -12,7 +12,7 @@ import numpy as np
 
 from flyrl.bodies.fly import BOXES
 from flyrl.terrains.geoms import GROUND_FRICTION, add_checks
-from flyrl.terrains.terrain import Bounds, Heights, Terrain, check_not_random, check_ranges
+from flyrl.terrains.terrain import Bounds, Heights, Terrain
 from flyrl.validation import Within
 
 
@@ -20,9 +20,7 @@ from flyrl.validation import Within
 class Flat(Terrain):
     """A plane."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_not_random(self, "flat ground")
+    drawn_from = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,14 +37,9 @@ class Slope(Terrain):
     angle_range_deg: Annotated[tuple[float, float], Within(0, 180)] = (20.0, 20.0)
     uphill_range_deg: Annotated[tuple[float, float], Within(-180, 180)] = (0.0, 0.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_ranges(self, "angle_range_deg", "uphill_range_deg")
-
-    @property
-    def bounds(self) -> Bounds:
-        """Where there is ground to walk on; a fly that is 10 mm off it has fallen."""
-        return Bounds(-100.0, 100.0, -100.0, 100.0, z_max=10.0)
+    drawn_from = ("angle_range_deg", "uphill_range_deg")
+    # a fly that is 10 mm off it has fallen
+    bounds = Bounds(-100.0, 100.0, -100.0, 100.0, z_max=10.0)
 
     def down(self, rng: np.random.Generator, difficulty: float) -> tuple[float, float, float]:
         """Draw the unit vector along which things fall; with the difficulty it gets steeper."""
@@ -88,10 +81,7 @@ class Hills(Terrain):
         edge = HALF_WIDTH - _FURTHEST_SHIFT
         return Bounds(-edge, edge, -edge, edge, z_min=-self.height - 5.0)
 
-    @property
-    def floor(self) -> None:
-        """There is no plane below it."""
-        return
+    floor = None
 
     def heights(self) -> Heights:
         """The field."""
@@ -131,21 +121,11 @@ _THORAX_X: Final = 0.496
 
 @dataclass(frozen=True, kw_only=True)
 class _Held(Terrain):
-    """What both have in common: every fly starts at the same place."""
+    """Ground of a tethered fly, which always starts at the origin."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_not_random(self, self.name)
-
-    @property
-    def spawn(self) -> Bounds:
-        """The origin."""
-        return Bounds(0.0, 0.0, 0.0, 0.0)
-
-    @property
-    def floor(self) -> None:
-        """There is none."""
-        return
+    drawn_from = ()
+    spawn = Bounds(0.0, 0.0, 0.0, 0.0)
+    floor = None
 
 
 @dataclass(frozen=True, kw_only=True)

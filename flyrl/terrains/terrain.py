@@ -6,9 +6,9 @@ a `Ground`. x points forward at spawn. All lengths in mm, world frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final, cast
+from typing import Annotated, Any, ClassVar, Final, cast
 
 import mujoco
 import numpy as np
@@ -151,8 +151,24 @@ class Terrain:
     seed: Annotated[int, Within(0, 2**63 - 1)] = 0
     random: bool = False
 
+    drawn_from: ClassVar[tuple[str, ...] | None] = None
+    """Settings (least, greatest) of which one must differ on random ground; None: not checked."""
+
     def __post_init__(self) -> None:
         check_fields(self, "terrain")
+        keys = self.drawn_from or ()
+        ranges = [ordered(f"terrain.{key}", getattr(self, key)) for key in keys]
+        if not self.random or self.drawn_from is None:
+            return
+        if not keys:
+            raise ValueError(
+                f"terrain.random: got True, but {self.name} has nothing to draw; allowed is False"
+            )
+        if all(least == greatest for least, greatest in ranges):
+            raise ValueError(
+                "terrain.random: got True, but nothing is drawn as long as "
+                f"{' or '.join(keys)} is a single value; give two"
+            )
 
     @property
     def label(self) -> str:
@@ -270,28 +286,19 @@ class Terrain:
         return max(found) if found else None
 
 
+def joined(several: Iterable[Boxes]) -> Boxes:
+    """All boxes of several, in their order."""
+    every = [Boxes(), *several]
+    return Boxes(
+        np.concatenate([boxes.centres for boxes in every]),
+        np.concatenate([boxes.half_sizes for boxes in every]),
+    )
+
+
 def off_origin(boxes: Boxes) -> Boxes:
     """Boxes of which none lies at the world's origin: MuJoCo would keep it there."""
     nudge = 1e-6 * (np.abs(boxes.centres) < 1e-9).all(axis=1, keepdims=True)
     return Boxes(boxes.centres + nudge, boxes.half_sizes + nudge)
-
-
-def check_not_random(terrain: Terrain, text: str) -> None:
-    """Raise ValueError if a terrain of which nothing is drawn is to be random; `text` names it."""
-    if terrain.random:
-        raise ValueError(
-            f"terrain.random: got True, but {text} has nothing to draw; allowed is False"
-        )
-
-
-def check_ranges(terrain: Terrain, *keys: str) -> None:
-    """Raise ValueError unless settings are (least, greatest), and one differs on random ground."""
-    ranges = [ordered(f"terrain.{key}", getattr(terrain, key)) for key in keys]
-    if terrain.random and all(least == greatest for least, greatest in ranges):
-        raise ValueError(
-            "terrain.random: got True, but nothing is drawn as long as "
-            f"{' or '.join(keys)} is a single value; give two"
-        )
 
 
 KINDS: Final[dict[str, type[Terrain]]] = {}

@@ -3,9 +3,9 @@
 import signal
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final
@@ -34,7 +34,7 @@ from flyrl.training.config import (
 )
 from flyrl.training.models import learner_state
 from flyrl.training.run_folder import checkpoint_file, save_checkpoint, write_json
-from flyrl.training.runs import STATUS_FILE, checkpoint_files
+from flyrl.training.runs import STATUS_FILE, checkpoint_files, score
 
 _SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
@@ -103,64 +103,47 @@ def _means(records: Sequence[EpisodeRecord]) -> dict[str, float]:
     return {name: float(np.mean([each[name] for each in columns])) for name in columns[0]}
 
 
+@dataclass(frozen=True)
 class Curriculum:
-    """The present difficulty, and the successes that decide on the next.
+    """Present difficulty as a number of steps, and the successes that decide on the next.
 
-    Parameters
+    Attributes
     ----------
-    config
-        When it rises and falls.
+    level
+        Steps that the difficulty is above `start`.
+    successes
+        Of the latest episodes at this difficulty, the last one last.
     """
 
-    def __init__(self, config: CurriculumConfig) -> None:
-        self._config = config
-        self._level = 0
-        self._successes: deque[bool] = deque(maxlen=config.window)
+    level: int = 0
+    successes: tuple[bool, ...] = ()
 
-    @property
-    def difficulty(self) -> float:
-        """Of the episodes that are drawn now, from 0 to 1."""
-        return min(1.0, self._config.start + self._level * self._config.step)
+    def difficulty(self, config: CurriculumConfig) -> float:
+        """Difficulty of the episodes that are drawn now, from 0 to 1; 1 without a curriculum."""
+        return min(1.0, config.start + self.level * config.step) if config.enabled else 1.0
 
-    @property
-    def success_rate(self) -> float | None:
-        """Share of successes among the latest episodes at this difficulty; None without any."""
-        return sum(self._successes) / len(self._successes) if self._successes else None
-
-    def count(self, is_success: bool, difficulty: float) -> None:
-        """Take note of an episode that ended, and change the difficulty if it is time.
+    def after(self, config: CurriculumConfig, is_success: bool, difficulty: float) -> "Curriculum":
+        """Return what follows an episode that ended.
 
         Parameters
         ----------
+        config
+            When the difficulty rises and falls.
         is_success
             Whether the task was solved.
         difficulty
             That the episode was drawn at; it counts only if this is still the present one.
         """
-        if difficulty != self.difficulty:
-            return
-        self._successes.append(is_success)
-        share = self.success_rate
-        if share is None or len(self._successes) < self._config.window:
-            return
-        if share >= self._config.raise_at and self.difficulty < 1.0:
-            self._change(+1)
-        elif self._config.lower_at is not None and share <= self._config.lower_at and self._level:
-            self._change(-1)
-
-    def _change(self, levels: int) -> None:
-        self._level += levels
-        self._successes.clear()
-
-    def state(self) -> dict[str, Any]:
-        """Everything that the future depends on, as plain values, for `restore`."""
-        return {"level": self._level, "successes": list(self._successes)}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Put back what `state` returned."""
-        self._level = state["level"]
-        self._successes.clear()
-        self._successes.extend(state["successes"])
+        if difficulty != self.difficulty(config):
+            return self
+        successes = (*self.successes, is_success)[-config.window :]
+        share = sum(successes) / config.window
+        if len(successes) == config.window:
+            if share >= config.raise_at and difficulty < 1.0:
+                return Curriculum(self.level + 1)
+            if config.lower_at is not None and share <= config.lower_at and self.level:
+                return Curriculum(self.level - 1)
+        return Curriculum(self.level, successes)
 
 
 class RunCallback(BaseCallback):
@@ -185,9 +168,7 @@ class RunCallback(BaseCallback):
         num_envs = min(schedule.num_envs, len(self._episodes))
         self._env = BatchedEnv(config.env, num_envs, schedule.num_threads)
         self._evaluations: list[dict[str, float]] = []
-        self._best = (-1.0, -np.inf)
-        self._curriculum = Curriculum(schedule.curriculum) if schedule.curriculum.enabled else None
-        self._next_evaluation = schedule.evaluation_interval
+        self._curriculum = Curriculum()
         self._next_checkpoint = 0
         self._is_ending = False
         self._start = time.monotonic()
@@ -199,22 +180,19 @@ class RunCallback(BaseCallback):
         )
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from what a checkpoint says of the run."""
+        """Resume from what a checkpoint says of the run."""
         self._evaluations = state["evaluations"]
-        self._best = state["best"]
-        self._next_evaluation = state["next_evaluation"]
+        self._curriculum = Curriculum(**state["curriculum"])
         self._next_checkpoint = state["next_checkpoint"]
         self._start -= state["wall_time_s"]
-        if self._curriculum is not None:
-            self._curriculum.restore(state["curriculum"])
         self._bar.initial = min(state["decisions"], self._config.training.total_timesteps)
         self._bar.reset()
         self._show()
 
     @property
     def difficulty(self) -> float:
-        """Of the training episodes that are drawn now."""
-        return 1.0 if self._curriculum is None else self._curriculum.difficulty
+        """Difficulty of the training episodes that are drawn now."""
+        return self._curriculum.difficulty(self._config.training.curriculum)
 
     def close(self) -> None:
         """Leave the terminal in order."""
@@ -224,39 +202,41 @@ class RunCallback(BaseCallback):
         # set, not added up: the last update may go beyond the total
         total = self._config.training.total_timesteps
         self._bar.update(min(self.num_timesteps, total) - self._bar.n)
-        if self._curriculum is not None:
-            self._adapt(self._curriculum)
+        if self._config.training.curriculum.enabled:
+            self._adapt()
         return not self._is_ending
 
-    def _adapt(self, curriculum: Curriculum) -> None:
-        """Count the episodes that just ended; what is drawn from now on is as hard as is due."""
-        before = curriculum.difficulty
+    def _adapt(self) -> None:
+        """Count the episodes that just ended, and set the difficulty of those drawn from now on."""
+        before, config = self.difficulty, self._config.training.curriculum
         for i in np.flatnonzero(self.locals["dones"]):
             info = self.locals["infos"][i]
-            curriculum.count(info["is_success"], info["difficulty"])
-        fly_env(self.model).core.difficulty = curriculum.difficulty
-        self.logger.record("curriculum/difficulty", curriculum.difficulty)
-        if curriculum.success_rate is not None:
-            self.logger.record("curriculum/success_rate", curriculum.success_rate)
-        if curriculum.difficulty != before:
+            ended = info["is_success"], info["difficulty"]
+            self._curriculum = self._curriculum.after(config, *ended)
+        fly_env(self.model).core.difficulty = self.difficulty
+        self.logger.record("curriculum/difficulty", self.difficulty)
+        if successes := self._curriculum.successes:
+            self.logger.record("curriculum/success_rate", sum(successes) / len(successes))
+        if self.difficulty != before:
             self._show()
 
     def _show(self) -> None:
-        """Write beside the bar how things stand."""
+        """Write the latest success rate and the difficulty beside the bar."""
         shown = {}
         if self._evaluations:
             shown["success"] = f"{self._evaluations[-1]['success_rate']:.0%}"
-        if self._curriculum is not None:
-            shown["difficulty"] = f"{self._curriculum.difficulty:.2f}"
+        if self._config.training.curriculum.enabled:
+            shown["difficulty"] = f"{self.difficulty:.2f}"
         self._bar.set_postfix(shown)
 
     def _on_rollout_start(self) -> None:
-        if self.num_timesteps >= self._next_evaluation:
+        schedule = self._config.training
+        last = self._evaluations[-1]["decisions"] if self._evaluations else 0
+        if self.num_timesteps >= last + schedule.evaluation_interval:
             self.is_pruned = not self._evaluate()
-            self._next_evaluation = self.num_timesteps + self._config.training.evaluation_interval
         is_ending = bool(self._interrupted) or self.is_pruned or self._is_good_enough
         if self.num_timesteps >= self._next_checkpoint or is_ending:
-            self._next_checkpoint = self.num_timesteps + self._config.training.checkpoint_interval
+            self._next_checkpoint = self.num_timesteps + schedule.checkpoint_interval
             self._save_checkpoint()
         # the decision that follows is the last one, and not in the checkpoint: nothing is lost
         self._is_ending = is_ending
@@ -292,7 +272,6 @@ class RunCallback(BaseCallback):
         )
 
     def _save_checkpoint(self) -> None:
-        schedule = self._config.training
         state = {
             "learner": learner_state(self.model),
             "env": fly_env(self.model).snapshot(),
@@ -300,28 +279,27 @@ class RunCallback(BaseCallback):
             "run": {
                 "decisions": self.num_timesteps,
                 "evaluations": self._evaluations,
-                "best": self._best,
-                "next_evaluation": self._next_evaluation,
                 "next_checkpoint": self._next_checkpoint,
-                "curriculum": self._curriculum and self._curriculum.state(),
+                "curriculum": vars(self._curriculum),
                 "wall_time_s": time.monotonic() - self._start,
             },
         }
         save_checkpoint(checkpoint_file(self._folder, self.num_timesteps), state)
-        for path in checkpoint_files(self._folder)[: -schedule.checkpoints_kept]:
+        for path in checkpoint_files(self._folder)[: -self._config.training.checkpoints_kept]:
             path.unlink()
 
-    def _bundle(self, evaluation: dict[str, float] | None = None) -> PolicyBundle:
+    def _bundle(self) -> PolicyBundle:
+        task = self._config.env.resolved_task
         return bundle_from_sb3(
             self.model,
-            observation_layout(self._config.env.resolved_task),
+            observation_layout(task),
             env_record(self._config.env),
             {
                 "algo": self._config.algo.name,
                 "seed": self._config.seed,
                 "decisions": self.num_timesteps,
-                "evaluation": evaluation,
-                "terms": code_digests(code_of(self._config.env.resolved_task)),
+                "evaluation": None,
+                "terms": code_digests(code_of(task)),
                 "settings": lasting_settings(self._config),
                 "physics_preset": preset_record(self._config.env.scene.physics),
             },
@@ -337,25 +315,26 @@ class RunCallback(BaseCallback):
                 normaliser.save(str(partial))
 
     def _evaluate(self) -> bool:
-        """Let the policy, as it would be saved, walk the held-out episodes; keep it if best.
+        """Evaluate the policy, as it would be saved, on the held-out episodes; keep it if best.
 
         Returns
         -------
         Whether the run is to go on.
         """
-        records = run_episodes(self._env, LearnedPolicy(self._bundle()), self._episodes)
+        bundle = self._bundle()
+        records = run_episodes(self._env, LearnedPolicy(bundle), self._episodes)
         row = {"decisions": self.num_timesteps, **_means(records)}
+        is_best = score(row) > max(map(score, self._evaluations), default=(-1.0, -np.inf))
         self._evaluations.append(row)
         table = csv_text(list(self._evaluations[0]), self._evaluations)
         write_text(self._folder / "evaluations.csv", table)
         logged = {key: row[key] for key in ("success_rate", "mean_return", "mean_duration_s")}
         for key, value in logged.items():
             self.logger.record(f"evaluation/{key}", value)
-        bundle = self._bundle({"decisions": self.num_timesteps, **logged})
+        evaluation = {"decisions": self.num_timesteps, **logged}
+        bundle = replace(bundle, training={**bundle.training, "evaluation": evaluation})
         self._save(bundle)
-        score = (row["success_rate"], row["mean_return"])
-        if score > self._best:
-            self._best = score
+        if is_best:
             save_bundle(bundle, self._folder / "best.safetensors")
         self._show()
         return self._goes_on is None or self._goes_on(self._evaluations)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Final
 
-from flyrl.envs.config import UnexpectedArgumentError, config_for, env_record, plain
+from flyrl.envs.config import UnexpectedArgumentError, config_for, env_record
 from flyrl.envs.core import EnvConfig
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, tuned_name
@@ -21,7 +21,7 @@ from flyrl.training.algorithms import (
 )
 from flyrl.training.loggers import LOGGERS, LoggerConfig
 from flyrl.training.runs import present_names
-from flyrl.validation import Within, check_fields, did_you_mean, one_of, within
+from flyrl.validation import Within, check_fields, did_you_mean, one_of, plain, within
 
 LARGEST_SEED: Final = 2**31 - 1
 
@@ -327,7 +327,7 @@ def training_record(config: TrainingConfig) -> dict[str, Any]:
     record = {
         **env_record(config.env),
         "algo": {"name": config.algo.name, **plain(config.algo.settings)},
-        "training": plain(dataclasses.asdict(config.training)),
+        "training": plain(config.training),
         "seed": config.seed,
     }
     if config.logger is not None:

@@ -8,7 +8,7 @@ import importlib.util
 import os
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +24,9 @@ class LoggerError(OSError):
     """A service cannot be used."""
 
 
-class RemoteRun(ABC):
-    """A run that is open at a service. Every method may raise anything that the service does.
+@dataclass(frozen=True)
+class RemoteRun:
+    """A run that is open at a service. Both functions may raise anything that the service does.
 
     Attributes
     ----------
@@ -33,18 +34,16 @@ class RemoteRun(ABC):
         The service's name for the run.
     url
         Page of the run, if there is one.
+    log
+        Sends metrics by name, with the number of decisions so far.
+    finish
+        Sends files, to be kept with the run, and says how it ended.
     """
 
     run_id: str
     url: str | None
-
-    @abstractmethod
-    def log(self, values: Mapping[str, float], step: int) -> None:
-        """Send metrics by name; `step` is the number of decisions so far."""
-
-    @abstractmethod
-    def finish(self, outcome: Outcome, files: Sequence[Path]) -> None:
-        """Send files, to be kept with the run, and say how it ended."""
+    log: Callable[[dict[str, float], int], object]
+    finish: Callable[[Outcome, Sequence[Path]], object]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +64,7 @@ class LoggerConfig(ABC):
 
     @abstractmethod
     def open(self, folder: Path, settings: Mapping[str, Any], run_id: str | None) -> RemoteRun:
-        """Start a run at the service, or go on with the one that has an id.
+        """Start a run at the service, or resume the one that has an id.
 
         Parameters
         ----------
@@ -115,24 +114,16 @@ class WandbConfig(LoggerConfig):
             # upload at the end, 120 s, W&B would wait without limit if the network is lost
             settings=wandb.Settings(console="off", finish_timeout=120.0),
         )
-        return _WandbRun(wandb, run)
 
+        def finish(outcome: Outcome, files: Sequence[Path]) -> None:
+            if files:
+                artifact = wandb.Artifact(f"policy-{run.id}", type="model")
+                for path in files:
+                    artifact.add_file(str(path))
+                run.log_artifact(artifact)
+            run.finish(exit_code=0 if outcome == "finished" else 1)
 
-class _WandbRun(RemoteRun):
-    def __init__(self, wandb: Any, run: Any) -> None:
-        self._wandb, self._run = wandb, run
-        self.run_id, self.url = run.id, None if run.offline else run.url
-
-    def log(self, values: Mapping[str, float], step: int) -> None:
-        self._run.log(dict(values), step=step)
-
-    def finish(self, outcome: Outcome, files: Sequence[Path]) -> None:
-        if files:
-            artifact = self._wandb.Artifact(f"policy-{self.run_id}", type="model")
-            for path in files:
-                artifact.add_file(str(path))
-            self._run.log_artifact(artifact)
-        self._run.finish(exit_code=0 if outcome == "finished" else 1)
+        return RemoteRun(run.id, None if run.offline else run.url, run.log, finish)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,28 +164,25 @@ class MlflowConfig(LoggerConfig):
         else:
             client.update_run(run_id, status="RUNNING")
             run = client.get_run(run_id)
-        return _MlflowRun(mlflow, client, run)
-
-
-class _MlflowRun(RemoteRun):
-    _STATUSES: Final = {"finished": "FINISHED", "interrupted": "KILLED", "failed": "FAILED"}
-
-    def __init__(self, mlflow: Any, client: Any, run: Any) -> None:
-        self._metric, self._client = mlflow.entities.Metric, client
-        self.run_id, self.url = run.info.run_id, None
+        run_id = run.info.run_id
+        url = None
         if str(client.tracking_uri).startswith("http"):
-            page = f"#/experiments/{run.info.experiment_id}/runs/{self.run_id}"
-            self.url = f"{client.tracking_uri}/{page}"
+            page = f"#/experiments/{run.info.experiment_id}/runs/{run_id}"
+            url = f"{client.tracking_uri}/{page}"
 
-    def log(self, values: Mapping[str, float], step: int) -> None:
-        now_ms = int(1000 * time.time())
-        metrics = [self._metric(key, value, now_ms, step) for key, value in values.items()]
-        self._client.log_batch(self.run_id, metrics=metrics)
+        def log(values: Mapping[str, float], step: int) -> None:
+            now_ms = int(1000 * time.time())
+            metric = mlflow.entities.Metric
+            metrics = [metric(key, value, now_ms, step) for key, value in values.items()]
+            client.log_batch(run_id, metrics=metrics)
 
-    def finish(self, outcome: Outcome, files: Sequence[Path]) -> None:
-        for path in files:
-            self._client.log_artifact(self.run_id, str(path))
-        self._client.set_terminated(self.run_id, self._STATUSES[outcome])
+        def finish(outcome: Outcome, files: Sequence[Path]) -> None:
+            for path in files:
+                client.log_artifact(run_id, str(path))
+            status = {"finished": "FINISHED", "interrupted": "KILLED", "failed": "FAILED"}
+            client.set_terminated(run_id, status[outcome])
+
+        return RemoteRun(str(run_id), url, log, finish)
 
 
 LOGGERS: Final[Mapping[str, type[LoggerConfig]]] = {"wandb": WandbConfig, "mlflow": MlflowConfig}

@@ -52,19 +52,19 @@ def metrics_logger(folder: Path, decisions: int | None, *more: KVWriter) -> Logg
     """
     tensorboard = TensorBoardOutputFormat(str(folder / "tensorboard"))
     table = folder / "progress.csv"
-    rows: list[dict[str, str]] = []
+    values: list[dict[str, float]] = []
     if decisions is not None:
         tensorboard.writer.close()
         tensorboard.writer = SummaryWriter(folder / "tensorboard", purge_step=decisions + 1)
         # the header is torn if a kill came while the table got a new column: no row is safe then
         rows = [row for row in read_rows(table) if 0 <= _decisions(row) <= decisions]
+        try:
+            values = [{key: _number(text) for key, text in row.items() if text} for row in rows]
+        except (TypeError, ValueError) as error:
+            raise ResumeError(f"{table} does not hold numbers alone: {error!s:.200}") from error
     csv_format = CSVOutputFormat(str(table))
-    try:
-        values = [{key: _number(text) for key, text in row.items() if text} for row in rows]
-    except (TypeError, ValueError) as error:
-        raise ResumeError(f"{table} does not hold numbers alone: {error!s:.200}") from error
-    for row in values:
-        csv_format.write(row, {})
+    for row_values in values:
+        csv_format.write(row_values, {})
     return Logger(str(folder), [csv_format, tensorboard, *more])
 
 
@@ -159,7 +159,7 @@ class RemoteLog(KVWriter):
             write_json(path, {**record, "url": self._run.url})
         return self._run
 
-    def _done(self, task: Callable[[], None]) -> bool:
+    def _done(self, task: Callable[[], object]) -> bool:
         """Whether the service did it; if not, it is left alone for a while."""
         start = time.monotonic()
         try:

@@ -5,7 +5,7 @@ Also hindsight replay. Private names of Stable-Baselines3 are used in this modul
 
 import random
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,6 @@ from sb3_contrib.common.recurrent.type_aliases import RNNStates
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.noise import NormalActionNoise
-from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import DictReplayBufferSamples
 from stable_baselines3.common.utils import LinearSchedule
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -193,6 +192,7 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
 
 
 _COUNTERS: Final = ("num_timesteps", *PRIVATE[BaseAlgorithm])
+_LOGGED: Final = ("name_to_value", "name_to_count", "name_to_excluded")
 _BUFFER_ARRAYS: Final = (
     "observations",
     "next_observations",
@@ -205,9 +205,9 @@ _HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length", "failures")
 
 
 def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
-    """Copy everything in a model that its learning depends on, except its environment.
+    """Return everything in a model that its learning depends on, except its environment.
 
-    Call it between an update and the next decisions.
+    Call it between an update and the next decisions. The arrays are the model's own.
 
     Returns
     -------
@@ -219,24 +219,18 @@ def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
     infos, successes = model.ep_info_buffer, model.ep_success_buffer
     assert infos is not None  # made before the first decision
     assert successes is not None
-    normaliser, buffer = model.get_vec_normalize_env(), getattr(model, "replay_buffer", None)
+    buffer = _replay_buffer(model)
     return {
         "parameters": model.get_parameters(),
         "entropy_weight": _entropy_weight(model),
-        "counters": {name: getattr(model, name) for name in _COUNTERS},
+        "attributes": {name: getattr(*place) for name, place in _attributes(model).items()},
         "episodes": {
             "window": infos.maxlen,
             "infos": list(infos),
             "successes": list(successes),
         },
-        "log": {
-            "values": dict(model.logger.name_to_value),
-            "counts": dict(model.logger.name_to_count),
-            "excluded": dict(model.logger.name_to_excluded),
-        },
-        "replay_buffer": None if buffer is None else _buffer_state(buffer),
-        "normaliser": None if normaliser is None else _normaliser_state(normaliser),
-        "memory": _memory(model),
+        "log": {name: dict(getattr(model.logger, name)) for name in _LOGGED},
+        "replay_buffer": {} if buffer is None else _filled(buffer),
         "generators": {
             "python": random.getstate(),
             "numpy": np.random.get_state(legacy=False),
@@ -251,25 +245,19 @@ def restore_learner(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
     model.set_parameters(state["parameters"], exact_match=True)
     if (weight := _entropy_weight(model)) is not None:
         weight.copy_(torch.as_tensor(state["entropy_weight"]))
-    for name in _COUNTERS:
-        setattr(model, name, state["counters"][name])
+    for name, place in _attributes(model).items():
+        setattr(*place, state["attributes"][name])
+    if isinstance(model, RecurrentPPO):
+        actor, critic = map(_tensors, state["attributes"]["_last_lstm_states"])
+        model._last_lstm_states = RNNStates(actor, critic)  # type: ignore[assignment] # declared as None
     episodes = state["episodes"]
     model.ep_info_buffer = deque(episodes["infos"], maxlen=episodes["window"])
     model.ep_success_buffer = deque(episodes["successes"], maxlen=episodes["window"])
-    model.logger.name_to_value.update(state["log"]["values"])
-    model.logger.name_to_count.update(state["log"]["counts"])
-    model.logger.name_to_excluded.update(state["log"]["excluded"])
-    if (buffer := getattr(model, "replay_buffer", None)) is not None:
-        _restore_buffer(buffer, state["replay_buffer"])
-    if (normaliser := model.get_vec_normalize_env()) is not None:
-        normaliser.returns = state["normaliser"]["returns"]
-        for name, moments in _moments(normaliser).items():
-            values = state["normaliser"]["statistics"][name]
-            moments.mean, moments.var = values["mean"], values["var"]
-            moments.count = values["count"]
-    if isinstance(model, RecurrentPPO):
-        pi, vf = (tuple(map(torch.as_tensor, state["memory"][part])) for part in ("pi", "vf"))
-        model._last_lstm_states = RNNStates(pi, vf)  # type: ignore[assignment] # declared as None
+    for name in _LOGGED:
+        getattr(model.logger, name).update(state["log"][name])
+    if (buffer := _replay_buffer(model)) is not None:
+        for name, values in _filled(buffer).items():
+            values[:] = state["replay_buffer"][name]
     generators = state["generators"]
     random.setstate(generators["python"])
     np.random.set_state(generators["numpy"])
@@ -283,48 +271,36 @@ def _entropy_weight(model: BaseAlgorithm) -> torch.Tensor | None:
     return None if weight is None else weight.detach()
 
 
-def _arrays(buffer: ReplayBuffer) -> dict[str, NDArray[Any]]:
-    """Arrays of a replay buffer by name, a row per decision of all environments."""
+def _replay_buffer(model: BaseAlgorithm) -> ReplayBuffer | None:
+    return getattr(model, "replay_buffer", None)
+
+
+def _attributes(model: BaseAlgorithm) -> dict[str, tuple[Any, str]]:
+    """Attributes that are kept as they are: object and name, by a name of its own for each."""
+    places: dict[str, tuple[Any, str]] = {name: (model, name) for name in _COUNTERS}
+    if isinstance(model, RecurrentPPO):
+        places["_last_lstm_states"] = model, "_last_lstm_states"
+    if (buffer := _replay_buffer(model)) is not None:
+        names = ["pos", "full"] + ["_current_ep_start"] * isinstance(buffer, HindsightBuffer)
+        places |= {f"replay_buffer.{name}": (buffer, name) for name in names}
+    if (normaliser := model.get_vec_normalize_env()) is not None:
+        observation = normaliser.obs_rms if normaliser.norm_obs else {}
+        statistics = flat({"return": normaliser.ret_rms, "observation": observation})
+        places["returns"] = normaliser, "returns"
+        for name, moments in statistics.items():
+            places |= {f"{name}.{part}": (moments, part) for part in ("mean", "var", "count")}
+    return places
+
+
+def _filled(buffer: ReplayBuffer) -> dict[str, NDArray[Any]]:
+    """Filled rows of a replay buffer's arrays by name, a row per decision of all environments."""
     is_hindsight = isinstance(buffer, HindsightBuffer)
     names = _BUFFER_ARRAYS + (_HINDSIGHT_ARRAYS if is_hindsight else ())
-    return flat({name: getattr(buffer, name) for name in names})
+    arrays = flat({name: getattr(buffer, name) for name in names})
+    rows = buffer.buffer_size if buffer.full else buffer.pos
+    return {name: values[:rows] for name, values in arrays.items()}
 
 
-def _buffer_state(buffer: ReplayBuffer) -> dict[str, Any]:
-    filled = buffer.buffer_size if buffer.full else buffer.pos
-    return {
-        "pos": buffer.pos,
-        "full": buffer.full,
-        "episode_starts": getattr(buffer, "_current_ep_start", None),
-        "arrays": {name: values[:filled] for name, values in _arrays(buffer).items()},
-    }
-
-
-def _restore_buffer(buffer: ReplayBuffer, state: Mapping[str, Any]) -> None:
-    buffer.pos, buffer.full = state["pos"], state["full"]
-    if isinstance(buffer, HindsightBuffer):
-        buffer._current_ep_start = state["episode_starts"]
-    for name, values in _arrays(buffer).items():
-        kept = state["arrays"][name]
-        values[: len(kept)] = kept
-
-
-def _normaliser_state(normaliser: VecNormalize) -> dict[str, Any]:
-    moments = {
-        name: {"mean": each.mean, "var": each.var, "count": each.count}
-        for name, each in _moments(normaliser).items()
-    }
-    return {"returns": normaliser.returns.copy(), "statistics": moments}
-
-
-def _moments(normaliser: VecNormalize) -> dict[str, RunningMeanStd]:
-    observation = normaliser.obs_rms if normaliser.norm_obs else {}
-    return flat({"return": normaliser.ret_rms, "observation": observation})
-
-
-def _memory(model: BaseAlgorithm) -> dict[str, list[torch.Tensor]] | None:
-    """State of a recurrent policy's LSTMs: the actor's and the critic's, hidden and cell each."""
-    if not isinstance(model, RecurrentPPO):
-        return None
-    states: RNNStates = model._last_lstm_states  # type: ignore[assignment] # declared as None
-    return {"pi": list(states.pi), "vf": list(states.vf)}
+def _tensors(arrays: Iterable[Any]) -> tuple[torch.Tensor, torch.Tensor]:
+    hidden, cell = map(torch.as_tensor, arrays)
+    return hidden, cell

@@ -94,19 +94,16 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], when: str) ->
         if key in {"started", "resumed"} or first.get(key) == second.get(key):
             continue
         if key == "cpu.flags":
-            lost, new = _set_difference(first.get(key), second.get(key))
-            lines.append(f"CPU flags: without {lost}; with {new}")
+            lost, new = (str(flags or "").split() for flags in (first.get(key), second.get(key)))
+            lost, new = sorted({*lost} - {*new}), sorted({*new} - {*lost})
+            lines.append(
+                f"CPU flags: without {' '.join(lost) or 'none'}; with {' '.join(new) or 'none'}"
+            )
         elif key == "git.diff":
             lines.append("the code has other changes beyond its commit: see code.diff")
         else:
             lines.append(f"{key}: {first.get(key)}, {when} {second.get(key)}")
     return list(map(printable, lines))
-
-
-def _set_difference(before: Any, now: Any) -> tuple[str, str]:
-    """Words only in the first text, and only in the second."""
-    first, second = set(str(before or "").split()), set(str(now or "").split())
-    return " ".join(sorted(first - second)) or "none", " ".join(sorted(second - first)) or "none"
 
 
 def _checkout() -> Path | None:
@@ -153,14 +150,12 @@ def _run(*command: str) -> bytes | None:
 
 def cpu(info: str) -> dict[str, Any]:
     """Model and instruction sets of the first CPU, from what Linux says in `/proc/cpuinfo`."""
-    model, flags = None, None
-    for line in info.splitlines():
-        key, _, value = line.partition(":")
-        if key.strip() == "model name" and model is None:
-            model = value.strip()
-        elif key.strip() in {"flags", "Features"} and flags is None:  # on x86, on ARM
-            flags = value.strip()
-    return {"model": model or platform.processor() or None, "flags": flags}
+    lines = [line.partition(":") for line in info.partition("\n\n")[0].splitlines()]
+    first = {key.strip(): value.strip() for key, _, value in lines}
+    return {
+        "model": first.get("model name") or platform.processor() or None,
+        "flags": first.get("flags", first.get("Features")),  # on x86, on ARM
+    }
 
 
 @dataclass(frozen=True)
@@ -217,7 +212,7 @@ def _last(run: RunSummary) -> Path:
 
 def difference(first: PolicyBundle, second: PolicyBundle) -> str | None:
     """Difference of two policies in what they make of an observation; None if in no bit."""
-    one, other = _settings(first), _settings(second)
+    one, other = (_settings(bundle) for bundle in (first, second))
     for key in {**one, **other}:
         if one.get(key) != other.get(key):
             return f"{key} {one.get(key)}, in the repeat {other.get(key)}"

@@ -152,7 +152,7 @@ def _note_command(folder: Path, command: Sequence[str]) -> None:
         write_text(path, earlier + shlex.join(command) + "\n")
 
 
-_FORMAT: Final = 10
+_FORMAT: Final = 11
 
 _PARTS: Final = frozenset(("learner", "env", "run", "settings"))
 
@@ -256,7 +256,9 @@ def _map(tree: Any, convert: Any) -> Any:
     if isinstance(tree, Mapping):
         return {key: _map(value, convert) for key, value in tree.items()}
     if isinstance(tree, list | tuple):
-        return type(tree)(_map(value, convert) for value in tree)
+        # a named tuple becomes a plain one
+        kind = list if isinstance(tree, list) else tuple
+        return kind(_map(value, convert) for value in tree)
     return convert(tree)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
 from flyrl.files import load_yaml
 from flyrl.text import printable
@@ -26,7 +26,6 @@ _FILES: Final = (CONFIG_FILE, "provenance.json", "progress.csv", STATUS_FILE, "l
 """Any of these makes a folder one of a run."""
 
 State = Literal["finished", "interrupted", "running", "damaged"]
-T = TypeVar("T")
 
 
 def present_names(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -189,7 +188,7 @@ class RunSummary:
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether there is something to go on from."""
+        """Whether there is a checkpoint to resume from."""
         return bool(checkpoint_files(self.path))
 
     @property
@@ -200,11 +199,12 @@ class RunSummary:
     @property
     def best(self) -> Mapping[str, float] | None:
         """The evaluation with the highest success, and among these the highest return."""
-        return max(
-            self.evaluations,
-            key=lambda row: (row["success_rate"], row["mean_return"]),
-            default=None,
-        )
+        return max(self.evaluations, key=score, default=None)
+
+
+def score(evaluation: Mapping[str, float]) -> tuple[float, float]:
+    """Success and return of an evaluation, by which the best one is chosen."""
+    return evaluation["success_rate"], evaluation["mean_return"]
 
 
 def names_of(run: RunSummary) -> dict[str, Any]:
@@ -258,7 +258,7 @@ def read_run(path: Path) -> RunSummary:
     """Read a run folder, whatever state its files are in."""
     problems: list[str] = []
 
-    def read(name: str, how: Callable[[Path], T], otherwise: T, *, is_needed: bool = True) -> T:
+    def read(name: str, how: Callable[[Path], Any], *, is_needed: bool = True) -> Any:
         try:
             return how(path / name)
         except FileNotFoundError:
@@ -266,16 +266,13 @@ def read_run(path: Path) -> RunSummary:
                 problems.append(f"{name} is missing")
         except (OSError, ValueError, KeyError, TypeError) as error:
             problems.append(f"{name} cannot be read: {_one_line(error)}")
-        return otherwise
+        return {}
 
-    none: Mapping[str, Any] = {}
-    no_evaluations: tuple[Mapping[str, float], ...] = ()
-    no_rows: list[dict[str, str]] = []
-    settings = read(CONFIG_FILE, _settings, none)
-    provenance = read("provenance.json", _json_mapping, none)
-    status = read(STATUS_FILE, _status, none, is_needed=False)
-    evaluations = read("evaluations.csv", _evaluations, no_evaluations, is_needed=False)
-    progress = read("progress.csv", read_rows, no_rows, is_needed=False)
+    settings = read(CONFIG_FILE, _settings)
+    provenance = read("provenance.json", _json_mapping)
+    status = read(STATUS_FILE, _status, is_needed=False)
+    evaluations = tuple(read("evaluations.csv", _evaluations, is_needed=False))
+    progress = read("progress.csv", read_rows, is_needed=False)
     if is_running(path):
         state: State = "running"
     elif not settings:
@@ -285,7 +282,7 @@ def read_run(path: Path) -> RunSummary:
     if state == "finished" and not (path / "last.safetensors").is_file():
         problems.append("last.safetensors is missing")
     if state == "running":
-        status = none  # of an interruption before
+        status = {}  # of an interruption before
     decisions, wall_time = _how_far(progress, evaluations)
     return RunSummary(
         path,
@@ -339,7 +336,7 @@ def is_finished(folder: Path) -> bool:
         raise ResumeError(f"{file} cannot be read: {_one_line(error)}") from error
 
 
-def _evaluations(path: Path) -> tuple[Mapping[str, float], ...]:
+def _evaluations(path: Path) -> list[dict[str, float]]:
     rows = [
         {key: float(value) for key, value in row.items()}
         for row in csv.DictReader(path.read_text(encoding="utf-8").splitlines())
@@ -348,21 +345,19 @@ def _evaluations(path: Path) -> tuple[Mapping[str, float], ...]:
     for row, key in itertools.product(rows, needed):
         if not math.isfinite(row[key]):
             raise ValueError(f"{key} must be finite, got {row[key]}")
-    return tuple(rows)
+    return rows
 
 
 def _how_far(
     progress: list[dict[str, str]], evaluations: tuple[Mapping[str, float], ...]
 ) -> tuple[int | None, float | None]:
     """Decisions and wall time of a run without a status, from its tables."""
-    counts = [int(row["decisions"]) for row in evaluations]
-    times = []
-    for row in progress:
-        if (count := row.get("time/total_timesteps") or "").isdigit():
-            counts.append(int(count))
-        if (seconds := row.get("time/time_elapsed") or "").isdigit():
-            times.append(float(seconds))
-    return max(counts, default=None), max(times, default=None)
+    counts, times = (
+        [int(text) for row in progress if (text := row.get(f"time/{key}") or "").isdigit()]
+        for key in ("total_timesteps", "time_elapsed")
+    )
+    counts += [int(row["decisions"]) for row in evaluations]
+    return max(counts, default=None), max(map(float, times), default=None)
 
 
 def _one_line(error: Exception) -> str:

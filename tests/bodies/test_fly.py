@@ -200,17 +200,18 @@ def test_stretch_pose_is_the_published_one():
 # ------------------------------------------------------------------ collision
 
 
-@pytest.mark.parametrize("shape", leg_collision(), ids=lambda shape: shape.segment)
-def test_shapes_reach_as_far_as_the_meshes_they_stand_for(shape):
+@pytest.mark.parametrize("segment", leg_collision())
+def test_shapes_reach_as_far_as_the_meshes_they_stand_for(segment):
     """A capsule along its axis, a hull along the body's axes."""
-    content = (assets_folder() / "meshes" / f"{shape.segment}.stl").read_bytes()
+    content = (assets_folder() / "meshes" / f"{segment}.stl").read_bytes()
     records = np.frombuffer(content, np.uint8, offset=84).reshape(-1, 50)
     points = records[:, 12:48].copy().view("<f4").reshape(-1, 3)
-    start, end, vertices = map(np.array, (shape.start, shape.end, shape.vertices))
+    capsule, hull = leg_collision()[segment]["capsule"], leg_collision()[segment]["hull"]
+    start, end, vertices = map(np.array, (capsule["from"], capsule["to"], hull["vertices"]))
     axis = (end - start) / np.linalg.norm(end - start)
     along = points @ axis
-    assert start @ axis - shape.radius == pytest.approx(along.min(), abs=0.015)
-    assert end @ axis + shape.radius == pytest.approx(along.max(), abs=0.015)
+    assert start @ axis - capsule["radius"] == pytest.approx(along.min(), abs=0.015)
+    assert end @ axis + capsule["radius"] == pytest.approx(along.max(), abs=0.015)
     np.testing.assert_allclose(vertices.min(axis=0), points.min(axis=0), atol=0.015)
     np.testing.assert_allclose(vertices.max(axis=0), points.max(axis=0), atol=0.015)
 
@@ -231,10 +232,10 @@ def _sorted(points):
 
 
 def test_hulls_have_the_imported_vertices(model):
-    for row in leg_collision():
-        expected = _sorted(np.array(row.vertices))
+    for segment, shapes in leg_collision().items():
+        expected = _sorted(np.array(shapes["hull"]["vertices"]))
         # MuJoCo keeps vertices in single precision
-        np.testing.assert_allclose(_hull_points(model, row.segment), expected, atol=2e-7)
+        np.testing.assert_allclose(_hull_points(model, segment), expected, atol=2e-7)
 
 
 def test_hulls_of_left_and_right_mirror_each_other(model):

@@ -11,10 +11,6 @@ import pytest
 from flyrl.cli.main import command_parsers
 from flyrl.cli.main import offered as values_offered
 
-ASKED = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_SUPPRESS_SPACE": "1"}
-BREAKS = " \t\n\"'><=;|&(:"
-"""Characters at which bash splits words."""
-
 
 class Finder(argcomplete.CompletionFinder):
     """One that leaves file descriptor 9 alone, which is pytest's here."""
@@ -28,18 +24,17 @@ def offered(monkeypatch):
     """What stands in a menu after a command line, as whole words."""
 
     def offered(line):
-        asked = {**ASKED, "COMP_LINE": line, "COMP_POINT": str(len(line))}
-        for name, value in asked.items():
+        asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "COMP_LINE": line}
+        for name, value in {**asked, "COMP_POINT": str(len(line))}.items():
             monkeypatch.setenv(name, value)
-        parser, _ = command_parsers()
         out = io.StringIO()
         Finder()(
-            parser,
+            command_parsers()[0],
             exit_method=lambda status: None,
             output_stream=out,
             default_completer=values_offered,
         )
-        return [word.replace("\\", "") for word in out.getvalue().split("\n") if word]
+        return [word.replace("\\", "").strip() for word in out.getvalue().split("\n") if word]
 
     return offered
 
@@ -71,7 +66,7 @@ def test_bash_is_answered_on_its_descriptor_without_anything_heavy():
             "PYTHONPATH": str(Path(__file__).parents[2]),
             "_ARGCOMPLETE": "1",
             "_ARGCOMPLETE_SHELL": "bash",
-            "_ARGCOMPLETE_COMP_WORDBREAKS": BREAKS,
+            "_ARGCOMPLETE_COMP_WORDBREAKS": " \t\n\"'><=;|&(:",
             "COMP_LINE": line,
             "COMP_POINT": str(len(line)),
         },

@@ -21,12 +21,10 @@ from flyrl.cli.config import (
     evaluation_config,
     evaluation_settings,
     group,
-    own_settings,
     training_config,
 )
 from flyrl.cli.groups import composed
 from flyrl.envs.core import EnvConfig
-from flyrl.evaluation import make_entrants
 from flyrl.resources import configs_folder
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS
@@ -135,35 +133,18 @@ def test_a_setting_on_the_command_line_beats_the_tuned_one():
 
 
 def test_keys_reach_the_settings():
-    config = training_config(
-        _composed(
-            "training.curriculum.enabled=true",
-            "algo.learning_rate=1e-3",
-            "terrain=blocks",
-            "terrain.random=true",
-            "terrain.height_range=[0.15,0.45]",
-            "task.decision_interval=0.01",
-            "task.time_limit=1.5",
-            "task.weights.progress=0.1",
-            "randomisation.mass=[0.5,2]",
-            "randomisation.missing_leg=[LF,RH]",
-        )
-    )
+    given = "training.curriculum.enabled=true algo.learning_rate=1e-3 terrain=blocks"
+    given += " terrain.random=true terrain.height_range=[0.15,0.45] task.decision_interval=0.01"
+    given += " task.time_limit=1.5 task.weights.progress=0.1 randomisation.missing_leg=[LF,RH]"
+    config = training_config(_composed(*given.split(), "randomisation.mass=[0.5,2]"))
     task = config.env.resolved_task
     assert config.algo.settings["learning_rate"] == 1e-3
     assert config.training.curriculum == CurriculumConfig(enabled=True)
     assert config.env.scene.terrain == TERRAINS["random_blocks"]
     drawn_from = RandomisationConfig(mass=(0.5, 2.0), missing_leg=("LF", "RH"))
     assert config.env.resolved_randomisation == drawn_from
-    weights = {term.name: term.weight for term in task.reward}
-    assert weights == {
-        "progress": 0.1,
-        "success": 2.0,
-        "time": -0.5,
-        "lost_time": -0.5,
-        "drive_change": -0.03,
-        "work": -0.0012,
-    }
+    usual = {term.name: term.weight for term in TASKS["target"]().reward}
+    assert {term.name: term.weight for term in task.reward} == {**usual, "progress": 0.1}
     assert task.time_limit_s == 1.5
     assert config.env.steps_per_decision == round(0.01 / config.env.scene.physics.timestep)
 
@@ -205,18 +186,31 @@ def test_bad_values(override, message):
 
 
 @pytest.mark.parametrize(
-    ("film", "expected"), [("contrast", "contrast"), ("7", (7,)), ("[7,0]", (7, 0))]
+    ("override", "expected"),
+    [
+        ("film=contrast", {"film": "contrast"}),
+        ("film=7", {"film": (7,)}),
+        ("film=[7,0]", {"film": (7, 0)}),
+        (
+            "vary={friction: [0.5, 1], missing_legs: [[], [LM, RM]]}",
+            {"vary": {"friction": (0.5, 1.0), "missing_legs": ((), ("LM", "RM"))}},
+        ),
+    ],
 )
-def test_episodes_to_film_are_numbers_or_a_word(film, expected):
-    composed = _composed(f"film={film}", name="evaluate")
-    assert evaluation_config(composed, own_settings(composed), "").film == expected
+def test_keys_reach_an_evaluation(override, expected):
+    composed = _composed(override, name="evaluate")
+    config = evaluation_config(composed, evaluation_settings(composed), "")
+    assert {name: getattr(config, name) for name in expected} == expected
 
 
-def test_quantities_are_varied_from_the_command_line():
-    vary = "vary={friction: [0.5, 1], missing_legs: [[], [LM, RM]]}"
-    composed = _composed(vary, name="evaluate")
-    config = evaluation_config(composed, own_settings(composed), "")
-    assert config.vary == {"friction": (0.5, 1.0), "missing_legs": ((), ("LM", "RM"))}
+def test_an_evaluation_takes_terrains_by_name_and_by_settings():
+    random = {"name": "blocks", "height_range": [0.2, 0.3], "random": True}
+    terrains = ["flat", {"name": "blocks", "height_range": [0.15, 0.45]}, random, "random_mixed"]
+    composed = {**_composed(name="evaluate"), "terrains": terrains}
+    config = evaluation_config(composed, evaluation_settings(composed), "")
+    labels = [terrain.label for terrain in config.terrain_configs]
+    assert labels == ["flat", "blocks", "random_blocks", "random_mixed"]
+    assert config.terrain_configs[1].height_range == (0.15, 0.45)
 
 
 ODD = (None, True, 5, -1, 10**9, 10**400, 1e-12, 1e308, math.nan, math.inf, "", "abc", [], {}, [[]])
@@ -246,24 +240,4 @@ def test_every_key_takes_an_odd_value_or_refuses_it(name):
                     training_config(changed)
                     evaluation_settings(group(changed, "evaluation"))
                 else:
-                    evaluation_config(changed, own_settings(changed), "")
-
-
-@pytest.mark.parametrize(
-    ("name", "quantities"),
-    [
-        ("controller_comparison", set()),
-        ("weak_side", {"left_muscles"}),
-        ("robustness", {"friction", "mass", "sensor_noise", "drive_latency", "push"}),
-        (
-            "lesions",
-            {"missing_legs", "senses_contact", "coupling", "fixed_joints"}
-            | {"retraction", "stumbling"},
-        ),
-    ],
-)
-def test_experiments_of_evaluations_can_be_walked(name, quantities):
-    composed = _composed(f"experiment={name}", name="evaluate")
-    config = evaluation_config(composed, own_settings(composed), "")
-    assert set(config.vary) == quantities
-    assert {entrant.name for entrant in make_entrants(config)} >= set(config.controllers)
+                    evaluation_config(changed, evaluation_settings(changed), "")

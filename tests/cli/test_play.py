@@ -29,9 +29,9 @@ def test_a_worm_has_none_of_a_flys_options(option, capsys):
     [
         ("--terrain=sand", "terrain must be one of"),
         ("--terrain=no_such_lab:Ridge", "terrain is 'no_such_lab:Ridge', but no_such_lab cannot"),
-        ("--controller=joints", "controller must be one of 'cpg', 'hybrid', 'rule_based'"),
+        ("--controller=joints", "controller must be one that takes a drive, got 'joints'"),
         ("--policy=no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
-        ("--policy=velocity-flat", "'velocity-flat' cannot steer here"),
+        ("--policy=velocity-flat", "got 'velocity-flat': the policy was trained on other"),
     ],
 )
 def test_a_wrong_option_is_refused_before_an_address_is_printed(option, message, capsys):

@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flyrl.cli.entry import by_key, job_names, note_of, run_job
+from flyrl.cli.entry import job_names, note_of, run_job
 from flyrl.training.callback import RunCallback
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
@@ -20,7 +20,6 @@ from tests.training.folders import make_run
 
 ROOT = Path(__file__).parents[2]
 TINY = (*TINY_ARGUMENTS, "training.evaluation_episodes=1", "video_after=false")
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
 def _tiny(*arguments):
@@ -29,44 +28,42 @@ def _tiny(*arguments):
     return [*arguments, *(one for one in TINY if one.partition("=")[0] not in asked)]
 
 
-def _train(folder, *arguments):
-    return subprocess.run(
+def _started(folder, *arguments):
+    """A training in a process of its own, for other launchers."""
+    return subprocess.Popen(
         [sys.executable, str(ROOT / "train.py"), *_tiny(*arguments)],
         cwd=folder,
-        env=ENVIRONMENT,
-        capture_output=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
         text=True,
-        check=False,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
 
 
 @pytest.fixture
 def train_here(run_here):
-    """The same in this process; not for other launchers."""
+    """Train in this process."""
     return lambda *arguments: run_here("train.py", *_tiny(*arguments))
 
 
-def test_jobs_are_told_apart_by_what_is_swept():
-    jobs = [("seed=0", "algo=ppo", "x=1"), ("seed=1", "algo=ppo", "x=1", "+y=2")]
-    assert job_names(jobs)[jobs[1]] == ("job 2 of 2: seed=1 y=2", "y-2")
-    assert by_key([r"task.terms=[my_terms\:HEIGHT]"]) == {"task.terms": "[my_terms:HEIGHT]"}
-
-
-def test_folders_are_named_by_swept_values_that_any_file_system_takes():
+def test_jobs_and_folders_are_named_by_swept_values_that_any_file_system_takes():
     long = f"+task.terms=['{'x' * 300}:Y']"
     jobs = [
         ("seed=0", "algo=ppo", "algo.gamma=0.99", "algo.hidden_layers=[64,64]", "x=1"),
         ("seed=1", "algo=sac", "algo.gamma=0.9", r"evaluation.policies=[a/b\:é]", "x=1"),
         ("seed=2", "algo=sac", "algo.gamma=0.9", long, "x=1"),
     ]
-    assert [label for _, label in job_names(jobs).values()] == [
+    titles, labels = zip(*job_names(jobs).values(), strict=True)
+    swept = "seed=1 algo=sac algo.gamma=0.9 evaluation.policies=[a/b:é]"
+    assert titles[1] == f"job 2 of 3: {swept}"
+    assert labels == (
         "gamma-0.99_hidden_layers-64-64",
         "gamma-0.9_policies-a-b",
         ("gamma-0.9_terms--" + "x" * 80)[:80],
-    ]
+    )
 
 
-def test_a_bug_in_a_job_is_noted_and_takes_no_other_down(tmp_path, capsys):
+def test_a_bug_in_a_job_is_noted_or_at_least_printed_and_takes_no_other_down(tmp_path, capsys):
     def job():
         raise ZeroDivisionError("by zero")
 
@@ -74,27 +71,9 @@ def test_a_bug_in_a_job_is_noted_and_takes_no_other_down(tmp_path, capsys):
     run_job(note, job, is_here=True)
     assert note.read_text() == "ZeroDivisionError: by zero"
     assert "Traceback" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_here, monkeypatch):
-    evaluate = RunCallback._evaluate
-
-    def interrupted(callback):
-        os.kill(os.getpid(), signal.SIGTERM)
-        return evaluate(callback)
-
-    monkeypatch.setattr(RunCallback, "_evaluate", interrupted)  # once, at the end of each job
-    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here", "training.evaluation_interval=64")
-    assert result.returncode == 128 + signal.SIGTERM
-    (run,) = (tmp_path / "here").glob("*_target_*")
-    assert read_run(run).state == "finished"
-
-
-def test_a_note_that_cannot_be_written_raises_nothing(tmp_path, capsys):
-    (tmp_path / "jobs").write_text("a file")
-    run_job(tmp_path / "jobs" / "note", dict, is_here=True)
-    assert capsys.readouterr().err == f"error: [Errno 17] File exists: '{tmp_path / 'jobs'}'\n"
+    (tmp_path / "file").write_text("")
+    run_job(tmp_path / "file" / "note", dict, is_here=True)
+    assert capsys.readouterr().err == f"error: [Errno 17] File exists: '{tmp_path / 'file'}'\n"
 
 
 @pytest.mark.parametrize(
@@ -112,17 +91,12 @@ def test_a_folder_that_cannot_be_used_is_an_error_in_one_line(tmp_path, train_he
     assert line.startswith(f"error: {error}")
 
 
-def test_the_option_for_a_sweep_may_come_last(run_here):
-    result = run_here("train.py", "seed=-1,-2", "-m")
-    assert result.returncode == 1
-    assert "failed: job 2 of 2: seed=-2: seed must be a whole number from 0 to" in result.stderr
-
-
 def test_a_comparison_that_cannot_be_written_is_an_error_in_one_line(tmp_path, run_here):
     make_run(tmp_path / "here" / "run")
     (tmp_path / "here" / "comparison.csv").mkdir()
-    result = run_here("train.py", "-m", "seed=-1,-2", "hydra.sweep.dir=here")
+    result = run_here("train.py", "seed=-1,-2", "hydra.sweep.dir=here", "-m")  # may come last
     assert result.returncode == 2
+    assert "failed: job 2 of 2: seed=-2: seed must be a whole number from 0 to" in result.stderr
     assert "error: [Errno 21] Is a directory: " in result.stderr
     assert "Traceback" not in result.stderr
 
@@ -138,13 +112,29 @@ def _compared(sweep, key):
 
 
 @pytest.mark.slow
+def test_a_signal_that_comes_too_late_for_a_job_ends_the_sweep(tmp_path, train_here, monkeypatch):
+    evaluate = RunCallback._evaluate
+
+    def interrupted(callback):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return evaluate(callback)
+
+    monkeypatch.setattr(RunCallback, "_evaluate", interrupted)  # once, at the end of each job
+    result = train_here("-m", "seed=0,1", "hydra.sweep.dir=here", "training.evaluation_interval=64")
+    assert result.returncode == 128 + signal.SIGTERM
+    (run,) = (tmp_path / "here").glob("*_target_*")
+    assert read_run(run).state == "finished"
+
+
+@pytest.mark.slow
 def test_a_job_that_fails_in_another_process_takes_no_other_down(tmp_path):
-    result = _train(tmp_path, "launcher=submitit", "algo.gamma=2,0.9", "seed=0")
-    assert result.returncode == 1, result.stderr
+    process = _started(tmp_path, "launcher=submitit", "algo.gamma=2,0.9", "seed=0")
+    output, errors = process.communicate()
+    assert process.returncode == 1, errors
     message = "algo.gamma must be a finite number from 0 to 1, got 2\n"
-    assert f"failed: job 1 of 2: algo.gamma=2: {message}" in result.stderr
+    assert f"failed: job 1 of 2: algo.gamma=2: {message}" in errors
     sweep = _only_sweep(tmp_path)
-    assert result.stdout.splitlines()[-1] == f"sweep: {sweep.relative_to(tmp_path)}"
+    assert output.splitlines()[-1] == f"sweep: {sweep.relative_to(tmp_path)}"
     (run,) = sweep.glob("*_target_flat_ppo_0_gamma-0.9")
     assert read_run(run).state == "finished"
     assert (sweep / "learning_curves.svg").is_file()
@@ -157,14 +147,7 @@ def test_a_job_that_fails_in_another_process_takes_no_other_down(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["joblib", "ray"])
 def test_an_interrupted_sweep_says_how_to_go_on(tmp_path, launcher):
-    command = _tiny(f"launcher={launcher}", "training.total_timesteps=1000000")
-    process = subprocess.Popen(
-        [sys.executable, str(ROOT / "train.py"), *command],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        text=True,
-        stderr=subprocess.PIPE,
-    )
+    process = _started(tmp_path, f"launcher={launcher}", "training.total_timesteps=1000000")
     deadline = time.monotonic() + 240
     while not any(tmp_path.glob("runs/sweeps/*/*/checkpoints/[!.]*.pt")):
         assert time.monotonic() < deadline
@@ -252,21 +235,13 @@ def test_a_run_whose_worker_is_killed_is_not_lost_to_ray(tmp_path, train_here):
         "training.checkpoint_interval=256",
         "training.evaluation_interval=1024",
     ]
-    command = [*_tiny("launcher=ray", *asked), "hydra.sweep.dir=on_ray"]
-    with subprocess.Popen(
-        [sys.executable, str(ROOT / "train.py"), *command],
-        cwd=tmp_path,
-        env=ENVIRONMENT,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    ) as driver:
+    with _started(tmp_path, "launcher=ray", *asked, "hydra.sweep.dir=on_ray") as driver:
         try:
             _worker_at_work(driver, tmp_path / "on_ray").kill()
-            output, _ = driver.communicate(timeout=300)
+            _, errors = driver.communicate(timeout=300)
         finally:
             driver.terminate()
-    assert driver.returncode == 0, output
+    assert driver.returncode == 0, errors
     assert train_here("-m", *asked, "hydra.sweep.dir=here").returncode == 0
     ours, theirs = (next((tmp_path / name).glob("*_ppo_0")) for name in ("on_ray", "here"))
     assert read_run(ours).state == "finished"

@@ -12,50 +12,38 @@ SHORT = ["walk", "--seconds", "0.05"]
 POSE = np.tile(PreprogrammedSteps().default_pose, (3, 1))
 
 
-def test_a_walk_is_written_as_a_table(tmp_path, capsys):
-    path = tmp_path / "walk.csv"
-    assert main([*SHORT, "--controller", "cpg", "--drive", "1", "0.5", "--csv", str(path)]) == 0
-    table = pd.read_csv(path)
-    assert table.time_s.iloc[-1] == pytest.approx(0.05, abs=1e-3)
-    assert (table.command_right.iloc[-1], table.command_left.iloc[-1]) == (0.5, 1.0)
-    assert "mm along x" in capsys.readouterr().out
-
-
-def test_parts_take_settings_in_braces(tmp_path):
-    paths = [tmp_path / "wave.csv", tmp_path / "tripod.csv"]
-    for gait, path in zip(("wave", "tripod"), paths, strict=True):
-        legs = ["--controller", f"{{name: cpg, gait: {gait}}}", "--terrain", "{name: flat}"]
-        assert main([*SHORT, *legs, "--csv", str(path)]) == 0
-    wave, tripod = map(pd.read_csv, paths)
+def test_a_walk_is_written_and_drawn_and_its_parts_take_settings_in_braces(tmp_path, capsys):
+    for gait in ("wave", "tripod"):
+        files = {kind: str(tmp_path / f"{gait}.{kind}") for kind in ("csv", "npz", "svg")}
+        legs = ["--controller", f"{{name: cpg, gait: {gait}}}", "--drive", "1", "0.5"]
+        outputs = ["--csv", files["csv"], "--npz", files["npz"], "--plot", files["svg"]]
+        assert main([*SHORT, *legs, *outputs]) == 0
+    wave, tripod = (pd.read_csv(tmp_path / f"{gait}.csv") for gait in ("wave", "tripod"))
     assert not wave.equals(tripod)
-
-
-def test_a_wrong_setting_in_braces_is_refused(capsys):
-    assert main([*SHORT, "--controller", "{name: cpg, gait: wav}"]) == 2
-    assert "controller.gait must be one of" in capsys.readouterr().err
-
-
-def test_a_walk_is_drawn_and_written_by_kind(tmp_path, capsys):
-    files = {"npz": tmp_path / "walk.npz", "plot": tmp_path / "walk.svg"}
-    words = [word for kind, path in files.items() for word in (f"--{kind}", str(path))]
-    assert main([*SHORT, *words]) == 0
-    with np.load(files["npz"]) as arrays:
+    assert tripod.time_s.iloc[-1] == pytest.approx(0.05, abs=1e-3)
+    assert (tripod.command_right.iloc[-1], tripod.command_left.iloc[-1]) == (0.5, 1.0)
+    assert "mm along x" in capsys.readouterr().out
+    with np.load(tmp_path / "wave.npz") as arrays:
         assert arrays["joints"].shape == (64, 42)
-    assert files["plot"].read_text().startswith("<?xml")
-    assert main([*SHORT, "--csv", "walk.txt"]) == 2
-    assert "--csv must name a file that ends in .csv" in capsys.readouterr().err
+    assert (tmp_path / "wave.svg").read_text().startswith("<?xml")
 
 
-def test_a_video_that_is_no_mp4_is_refused_before_the_walk(capsys):
-    assert main(["walk", "--seconds", "1e9", "--video", "walk.avi"]) == 2
-    assert "--video must name a file that ends in .mp4" in capsys.readouterr().err
-
-
-def test_an_option_that_a_recording_goes_without_is_named(tmp_path, capsys):
-    np.savez(tmp_path / "own.npz", joints=POSE, adhesion=np.ones((3, 6)))
-    joints = ["--joints", str(tmp_path / "own.npz"), "--rate-hz", "100"]
-    assert main(["walk", *joints, "--seconds", "1"]) == 2
-    assert "seconds must not be given with joints, got 1.0" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--controller", "{name: cpg", "is no YAML"),
+        ("--controller", "{name: cpg, gait: wav}", "controller.gait must be one of"),
+        ("--csv", "walk.txt", "--csv must name a file that ends in .csv"),
+        ("--video", "walk.avi", "--video must name a file that ends in .mp4"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_before_the_walk(capsys, option, value, message):
+    try:
+        status = main(["walk", "--seconds", "1e9", option, value])
+    except SystemExit as end:
+        status = end.code
+    assert status == 2
+    assert message in capsys.readouterr().err
 
 
 def test_a_table_can_be_replayed(tmp_path, capsys):

@@ -3,7 +3,6 @@
 import pytest
 
 TRAINING = [
-    ("terain=flat", "error: there is no key 'terain'; did you mean 'terrain'?"),
     ("resume=", "error: resume must be the path of a folder or file, got ''"),
     ("evaluation.folder=", "error: folder must be the path of a folder or file, got ''"),
     ("trust=yes", "error: trust must be one of False, True, got 'yes'"),
@@ -19,6 +18,7 @@ EVALUATION = [
     ("folder=", "error: folder must be the path of a folder or file, got ''"),
     ("camera=side", "camera must be one of 'follow', 'top', 'goal', got 'side'"),
     ("episdes=3", "error: there is no key 'episdes'; did you mean 'episodes'?"),
+    ("task.decision_interval=0.01", "task.decision_interval must be null in an evaluation"),
     ("task=worm_hang body.profile=my.png", "error: body.profile must be one of 'human'"),
     ("task=worm_hang +controller.name=cpg", "controller"),
     ("task=worm_hang task.time_limit=-3", "error: task.time_limit must be a finite"),

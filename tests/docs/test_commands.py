@@ -13,7 +13,6 @@ import re
 import shlex
 import sys
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,8 +20,8 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from flyrl.cli import evaluate as evaluate_command
 from flyrl.cli import train as train_command
-from flyrl.cli.arguments import check_arguments, parsed_options, with_own_things
-from flyrl.cli.config import own_settings, training_config
+from flyrl.cli.arguments import check_arguments
+from flyrl.cli.config import evaluation_settings, training_config
 from flyrl.cli.evaluate import comparison
 from flyrl.cli.groups import composed as composed_values
 from flyrl.cli.main import command_parsers
@@ -128,7 +127,7 @@ def composed(program):
         for command, _ in commands(page):
             name, *arguments = words(command)
             if name == program and command not in FAILING:
-                overrides = parsed_options(arguments).overrides  # without flags
+                overrides = [each for each in arguments if "=" in each]
                 OverridesParser.create().parse_overrides(overrides)
                 lasting = tuple(each for each in overrides if not each.startswith("seed="))
                 found.setdefault(lasting, (page, command))
@@ -163,21 +162,21 @@ def evaluated(overrides, learned):
     `learned` is the folder of a run, which stands for policies that do not come with flyrl.
     """
     record = short_values("evaluate", [*overrides, *SHORT, *SHORT_EVALUATION])
-    settings = own_settings(record)
+    settings = evaluation_settings(record)
     known = named_policies()
-    policies = [name if name in known else str(learned) for name in settings.given["policies"]]
-    vary = settings.given["vary"]
+    policies = [name if name in known else str(learned) for name in settings["policies"]]
+    vary = settings["vary"]
     one_each = vary and {name: values[-1:] for name, values in vary.items()}
-    terrains = settings.given["terrains"][-1:]
-    given = {**settings.given, "policies": policies, "vary": one_each, "terrains": terrains}
-    config, entrants = comparison(record, replace(settings, given=given), ())
+    terrains = settings["terrains"][-1:]
+    given = {**settings, "policies": policies, "vary": one_each, "terrains": terrains}
+    config, entrants = comparison(record, given, ())
     return evaluate(config, entrants=entrants)
 
 
 def short_values(program, overrides):
     is_coarse = not any(each.startswith(("physics=", "task=worm")) for each in overrides)
     chosen = [*overrides, *COARSE] if is_coarse else overrides
-    return composed_values(program, with_own_things(chosen))
+    return composed_values(program, chosen)
 
 
 def check(command, *, is_whole=True):

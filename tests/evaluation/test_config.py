@@ -1,28 +1,21 @@
 import pytest
 
 from flyrl.evaluation import EvaluationConfig
-from flyrl.evaluation.config import FIRST_SEED, MAX_EPISODES, MAX_SEED
+from flyrl.evaluation.config import MAX_EPISODES, MAX_SEED
 from flyrl.tasks import TASKS
 from flyrl.terrains import TERRAINS, Blocks, Flat
+from flyrl.training.callback import HELD_OUT_SEEDS
+
+TALL = Blocks(height_range=(0.1, 0.4))
 
 
-def test_no_two_seeds_share_an_episode():
-    first = set(EvaluationConfig(seed=3, episodes=MAX_EPISODES).seeds())
-    assert first.isdisjoint(EvaluationConfig(seed=4, episodes=MAX_EPISODES).seeds())
-
-
-def test_episodes_lie_beyond_every_seed_that_training_draws():
-    assert EvaluationConfig(seed=0).seeds()[0] == FIRST_SEED > 2**31
-
-
-def test_no_policy_is_chosen_on_an_episode_that_it_is_compared_on():
-    from flyrl.training.callback import HELD_OUT_SEEDS
-
-    assert HELD_OUT_SEEDS.stop <= FIRST_SEED
-
-
-def test_the_last_seed_is_still_a_seed():
-    assert EvaluationConfig(seed=MAX_SEED, episodes=MAX_EPISODES).seeds()[-1] == 2**32 - 1
+def test_no_seed_shares_an_episode_with_another_or_with_training():
+    first, second, last = (
+        EvaluationConfig(seed=seed, episodes=MAX_EPISODES).seeds() for seed in (0, 1, MAX_SEED)
+    )
+    assert 2**31 < HELD_OUT_SEEDS.stop <= first[0]
+    assert set(first).isdisjoint(second)
+    assert last[-1] == 2**32 - 1  # which is still a seed
 
 
 def test_more_episodes_begin_with_the_same_ones():
@@ -30,15 +23,10 @@ def test_more_episodes_begin_with_the_same_ones():
     assert EvaluationConfig(episodes=5).draw_episodes(Flat())[:3] == few
 
 
-def test_terrains_by_name_and_by_config():
-    blocks = Blocks(height_range=(0.1, 0.4))
+@pytest.mark.parametrize("blocks", [TALL, {"name": "blocks", "height_range": (0.1, 0.4)}])
+def test_terrains_by_name_by_config_and_by_fields(blocks):
     config = EvaluationConfig(terrains=("flat", blocks, "random_blocks"))
-    assert config.terrain_configs == (Flat(), blocks, TERRAINS["random_blocks"])
-
-
-def test_a_terrain_by_its_fields():
-    config = EvaluationConfig(terrains=({"name": "blocks", "height_range": (0.1, 0.4)},))
-    assert config.terrains == (Blocks(height_range=(0.1, 0.4)),)
+    assert config.terrain_configs == (Flat(), TALL, TERRAINS["random_blocks"])
 
 
 @pytest.mark.parametrize("task", ["hybrid_turning", TASKS["hybrid_turning"]()])
@@ -70,6 +58,10 @@ def test_episodes_that_are_chosen_differ_between_terrains():
         ({"policies": (5,)}, r"policies\[0\] must be text"),
         ({"terrains": (5,)}, r"terrains\[0\] must be text or a Terrain"),
         ({"vary": ["push"]}, "vary must be a Mapping"),
+        ({"vary": {"fricton": (1.0,)}}, "did you mean 'friction'"),
+        ({"vary": {"friction": ()}}, "vary must name values"),
+        ({"vary": {"friction": (1.0, 1.0)}}, "vary must not hold 'friction=1' twice"),
+        ({"vary": {"coupling": (-1.0,)}}, "vary.coupling"),
     ],
 )
 def test_what_is_not_allowed_is_named(changes, message):

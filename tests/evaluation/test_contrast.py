@@ -10,7 +10,7 @@ from tests.synthetic import TASK, judged_by, make_results
 KINDS = {"mine": "learned", "other": "learned", "own": "own", "law": "fixed", "cpg": "fixed"}
 
 
-def chosen(*walked, terrains=("flat",), decisive=("success", "time_to_goal_s")):
+def chosen(*walked, decisive=("success", "time_to_goal_s")):
     """Choice among the rows of some entrants, of whom `law` is the reference."""
     rows = [row for own in walked for row in own]
     protocol = {
@@ -18,37 +18,33 @@ def chosen(*walked, terrains=("flat",), decisive=("success", "time_to_goal_s")):
         "decisive": decisive,
         "reference": "law",
         "entrants": [{"name": name, "kind": kind} for name, kind in KINDS.items()],
-        "terrains": [{"name": name} for name in terrains],
+        "terrains": [{"name": "flat"}],
     }
     return contrasts(episode_table(rows), protocol)
-
-
-def test_the_first_in_which_the_policy_succeeds_and_the_reference_fails():
-    # in episode 0 the reference alone succeeds, in 2 both; rows may stand in any order
-    rows = timed("mine", [None, None, 1.0, 0.5, 1.5])[::-1]
-    assert chosen(rows, timed("law", [1.0, None, 1.0, None, None])) == {
-        "flat": {
-            "episode": 3,
-            "controller": "mine",
-            "reference": "law",
-            "metric": "success",
-            "values": [1.0, 0.0],
-        }
-    }
 
 
 @pytest.mark.parametrize(
     ("mine", "law", "metric", "episode", "values"),
     [
+        # the first in which the policy alone succeeds: in 0 the reference alone does, in 2 both
+        ([None, None, 1.0, 0.5, 1.5], [1.0, None, 1.0, None, None], "success", 3, [1.0, 0.0]),
         # both always succeed: the largest difference, whoever is ahead; the first of equal ones
         ([1.0, 2.0, 0.5], [1.25, 1.0, 1.5], "time_to_goal_s", 1, [2.0, 1.0]),
         # the reference alone succeeds
         ([1.0, None, None], [1.0, 1.0, 0.5], "success", 1, [0.0, 1.0]),
     ],
 )
-def test_else_the_first_in_which_they_differ_most(mine, law, metric, episode, values):
-    found = chosen(timed("mine", mine), timed("law", law))["flat"]
-    assert (found["metric"], found["episode"], found["values"]) == (metric, episode, values)
+def test_the_episode_in_which_they_differ_most(mine, law, metric, episode, values):
+    # rows may stand in any order
+    assert chosen(timed("mine", mine)[::-1], timed("law", law)) == {
+        "flat": {
+            "episode": episode,
+            "controller": "mine",
+            "reference": "law",
+            "metric": metric,
+            "values": values,
+        }
+    }
 
 
 def test_the_task_says_in_what_they_differ():
@@ -58,46 +54,36 @@ def test_the_task_says_in_what_they_differ():
     assert (found["metric"], found["episode"], found["values"]) == ("advance_mm", 2, [11.0, 5.0])
 
 
-def test_only_episodes_that_both_walked_count():
-    found = chosen(timed("mine", [1.0, 1.0]), timed("law", [None, None])[1:])
-    assert found["flat"]["episode"] == 1
-
-
-def test_the_best_policy_over_all_terrains_is_shown_on_each():
-    found = chosen(
-        *(
-            timed("mine", times, ground)
-            for times, ground in (([1.0] * 3, "flat"), ([1.0] * 3, "g"))
-        ),
-        *(
-            timed("other", times, ground)
-            for times, ground in (([0.5] * 3, "flat"), ([None] * 3, "g"))
-        ),
-        *(timed("law", [1.0, None, 1.0], ground) for ground in ("flat", "g")),
-        timed("cpg", [None] * 3),
-        terrains=("flat", "g"),
-    )
-    assert [(each["controller"], each["episode"]) for each in found.values()] == [("mine", 1)] * 2
-
-
-def test_a_policy_of_ones_own_counts_as_learned():
-    found = chosen(timed("own", [None, 1.0]), timed("law", [None, None]))["flat"]
-    assert (found["controller"], found["episode"]) == ("own", 1)
+LOSS, WIN = [None] * 3, [1.0] * 3
 
 
 @pytest.mark.parametrize(
-    "walked",
+    ("walked", "expected"),
     [
-        [timed("law", [None, 1.0])],
-        [timed("cpg", [1.0, 1.0]), timed("law", [None, 1.0])],
-        [timed("mine", [1.0, None]), timed("law", [1.0, None])],
-        # excluded on flat
-        [timed("mine", [1.0, 1.0], "gapped"), timed("law", [None, 1.0])],
+        # only episodes that both walked count
+        ([timed("mine", WIN), timed("law", LOSS)[1:]], ("mine", 1)),
+        # a policy of one's own counts as learned
+        ([timed("own", [None, 1.0]), timed("law", [None, None])], ("own", 1)),
+        # the best over all terrains is shown on each
+        (
+            [
+                *(timed("mine", WIN, "flat"), timed("mine", WIN, "gapped")),
+                *(timed("other", [0.5] * 3, "flat"), timed("other", LOSS, "gapped")),
+                *(timed("law", [1.0, None, 1.0], ground) for ground in ("flat", "gapped")),
+                timed("cpg", LOSS),
+            ],
+            ("mine", 1),
+        ),
+        # without a contrast it is episode 0: alone, nobody learned, all the same, crashed on flat
+        ([timed("law", [None, 1.0])], (None, 0)),
+        ([timed("cpg", [1.0, 1.0]), timed("law", [None, 1.0])], (None, 0)),
+        ([timed("mine", [1.0, None]), timed("law", [1.0, None])], (None, 0)),
+        ([timed("mine", [1.0, 1.0], "gapped"), timed("law", [None, 1.0])], (None, 0)),
     ],
-    ids=["alone", "nobody learned", "all the same", "crashed"],
 )
-def test_without_a_contrast_it_is_episode_0(walked):
-    assert chosen(*walked) == {"flat": {"episode": 0}}
+def test_whose_episode_it_is(walked, expected):
+    found = chosen(*walked)["flat"]
+    assert (found.get("controller"), found["episode"]) == expected
 
 
 def test_it_follows_from_the_rows_alone():

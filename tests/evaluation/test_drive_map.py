@@ -15,22 +15,17 @@ def drive_map():
 
 
 def test_equal_drives_walk_straight_the_faster_the_stronger(drive_map):
-    # at -0.5, 0.5 and 1.5
     np.testing.assert_allclose(drive_map.drives, [-0.5, 0.5, 1.5])
     assert np.abs(np.diag(drive_map.yaw_rate_deg_s)).max() < 20
     speeds = np.diag(drive_map.speed_mm_s)
     assert speeds[2] > 2 * speeds[1] > 4
+    assert (drive_map.speed_error_mm_s > 0).all()  # starts differ in their phases
 
 
 def test_the_stronger_side_turns_the_fly_to_the_other(drive_map):
     left_stronger, right_stronger = drive_map.yaw_rate_deg_s[2, 1], drive_map.yaw_rate_deg_s[1, 2]
     assert left_stronger < -50 < 50 < right_stronger
     assert right_stronger == pytest.approx(-left_stronger, rel=0.2)
-
-
-def test_every_drive_has_its_standard_error(drive_map):
-    assert drive_map.starts == 2
-    assert (drive_map.speed_error_mm_s > 0).all()  # starts differ in their phases
 
 
 def test_mean_and_standard_error_of_the_flies_that_walked():
@@ -74,12 +69,15 @@ def test_pursuit_turns_as_its_rule_says(steering):
     np.testing.assert_allclose(ahead, 1.5, atol=1e-6)
 
 
-@pytest.mark.parametrize("task", ["velocity", "target_goal"])
-def test_a_task_without_a_bearing_has_none(task):
-    assert steering_of(config(task, controllers=("hybrid",))) is None
-
-
-def test_the_bearing_is_found_by_its_mark_not_by_its_name():
+def unmarked():
+    """Target, whose bearing has its name but not its mark."""
     first, *others = TASKS["target"]().observation
-    unmarked = replace(TASKS["target"](), observation=(replace(first, is_bearing=False), *others))
-    assert steering_of(config(unmarked, controllers=("pursuit",))) is None
+    return replace(TASKS["target"](), observation=(replace(first, is_bearing=False), *others))
+
+
+@pytest.mark.parametrize(
+    ("task", "law"),
+    [("velocity", "open_loop"), ("target_goal", "pursuit"), (unmarked(), "pursuit")],
+)
+def test_a_task_without_a_bearing_has_none(task, law):
+    assert steering_of(config(task, controllers=(law,))) is None

@@ -9,12 +9,7 @@ from flyrl.controllers import CPG, Hybrid
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import NAME_LENGTH, free_name
-from flyrl.policies import (
-    PolicyFileError,
-    export_sb3,
-    load_bundle,
-    observation_layout,
-)
+from flyrl.policies import PolicyFileError, export_sb3, load_bundle, observation_layout
 from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.laws import FIXED
 from flyrl.tasks import TASKS
@@ -23,23 +18,19 @@ from tests.bundles import target_bundle
 TARGET = TASKS["target"]()
 
 
-def save_policy(path, *, training=None, env=None, observation=None):
+def save_policy(path, **fields):
     """A policy that always answers (0.5, -0.5)."""
-    fields = {} if observation is None else {"observation": observation}
-    fields["env"] = {"controller": dataclasses.asdict(Hybrid())} if env is None else env
-    fields["training"] = {"algo": "ppo"} if training is None else training
-    save_bundle(target_bundle((0.5, -0.5), **fields), path)
+    usual = {"env": {"controller": dataclasses.asdict(Hybrid())}, "training": {"algo": "ppo"}}
+    save_bundle(target_bundle((0.5, -0.5), **{**usual, **fields}), path)
     return str(path)
 
 
-def names(config):
-    return [entrant.name for entrant in make_entrants(config)]
+def made(**settings):
+    return make_entrants(EvaluationConfig(**{"controllers": (), **settings}))
 
 
-def only(**settings):
-    """The one entrant of an evaluation."""
-    (entrant,) = make_entrants(EvaluationConfig(**{"controllers": (), **settings}))
-    return entrant
+def names(entrants):
+    return [entrant.name for entrant in entrants]
 
 
 def zeros(task, count=1):
@@ -47,26 +38,26 @@ def zeros(task, count=1):
 
 
 @pytest.mark.parametrize(
-    ("name", "kept"),
+    ("name", "taken", "free"),
     [
-        ("target-ppo", "target-ppo"),
-        ("<b>x</b>", "b_x__b_"),
-        ("=1+1", "1+1"),
-        ("-a\x1b[2J\tb", "a__2J_b"),
-        ("@\r", "unnamed"),
-        ("x" * 1000, "x" * NAME_LENGTH),
+        ("target-ppo", (), "target-ppo"),
+        ("<b>x</b>", (), "b_x__b_"),
+        ("=1+1", (), "1+1"),
+        ("-a\x1b[2J\tb", (), "a__2J_b"),
+        ("@\r", (), "unnamed"),
+        ("x" * 1000, (), "x" * NAME_LENGTH),
+        ("a<", ("a_",), "a_-2"),
     ],
 )
-def test_names_are_short_printable_text(name, kept):
-    assert free_name(name, ()) == kept
+def test_names_are_short_printable_text(name, taken, free):
+    assert free_name(name, taken) == free
 
 
 def test_learned_policies_come_first_and_namesakes_are_numbered(tmp_path):
     path = save_policy(tmp_path / "a.safetensors")
     unknown = save_policy(tmp_path / "mine.safetensors", training={})
-    config = EvaluationConfig(policies=(path, unknown, path), controllers=("cpg", "zero"))
-    assert names(config) == ["ppo", "mine", "ppo-2", "cpg", "zero"]
-    assert free_name("a<", ("a_",)) == "a_-2"
+    entrants = made(policies=(path, unknown, path), controllers=("cpg", "zero"))
+    assert names(entrants) == ["ppo", "mine", "ppo-2", "cpg", "zero"]
 
 
 @pytest.mark.parametrize(
@@ -75,10 +66,10 @@ def test_learned_policies_come_first_and_namesakes_are_numbered(tmp_path):
 )
 def test_the_record_says_how_a_policy_was_learned_and_from_which_file(tmp_path, terrain, text):
     path = save_policy(tmp_path / "a.safetensors", env={"terrain": terrain})
-    record = only(policies=(path,)).record
-    assert record["policy"] == f"learned with ppo on {text}"
-    assert record["source"] == path
-    assert record["sha256"] == hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    (entrant,) = made(policies=(path,))
+    assert entrant.record["policy"] == f"learned with ppo on {text}"
+    assert entrant.record["source"] == path
+    assert entrant.record["sha256"] == hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
@@ -94,11 +85,11 @@ def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
 
 def test_what_steers_can_be_put_on_other_legs(tmp_path):
     path = save_policy(tmp_path / "a.safetensors")
-    config = EvaluationConfig(
+    entrants = made(
         policies=(f"{path}@cpg", f"{path}@rule_based_steered"),
         controllers=("pursuit", "pursuit@cpg", "constant(1.2, 0.4)@cpg"),
     )
-    assert {each.name: each.controller.name for each in make_entrants(config)} == {
+    assert {each.name: each.controller.name for each in entrants} == {
         "ppo@cpg": "cpg",
         "ppo@rule_based_steered": "rule_based_steered",
         "pursuit": "hybrid",
@@ -109,57 +100,41 @@ def test_what_steers_can_be_put_on_other_legs(tmp_path):
 
 @pytest.mark.parametrize("wave", [CPG(gait="wave"), {"name": "cpg", "gait": "wave"}])
 def test_legs_with_settings_are_entrants_at_the_drive_of_the_usual_ones(wave):
-    own, usual = make_entrants(EvaluationConfig(controllers=(wave, "cpg")))
+    own, usual = made(controllers=(wave, "cpg"))
     assert (own.name, usual.name) == ("cpg(gait=wave)", "cpg")
     assert own.controller == dataclasses.replace(usual.controller, gait="wave")
     assert own.record["policy"] == usual.record["policy"] == "constant drive (1, 1)"
 
 
-def test_legs_with_the_usual_settings_have_the_name_alone():
-    with pytest.raises(ValueError, match="controllers must not hold 'cpg' twice"):
-        make_entrants(EvaluationConfig(controllers=(CPG(), "cpg")))
-
-
-@pytest.mark.parametrize("legs", ["rule_based", "joints"])
-def test_legs_that_follow_no_drive_are_refused(legs):
-    with pytest.raises(ValueError, match=f"pursuit@{legs}: legs after @ must .* got '{legs}'"):
-        make_entrants(EvaluationConfig(controllers=(f"pursuit@{legs}",)))
-
-
-def test_a_policy_for_other_observations_is_refused(tmp_path):
-    path = save_policy(tmp_path / "a.safetensors", observation=observation_layout(TARGET)[1:])
-    with pytest.raises(PolicyFileError, match=r"a\.safetensors: .*other observations"):
-        make_entrants(EvaluationConfig(policies=(path,)))
-
-
-def test_a_policy_of_other_terms_names_them_and_imports_nothing(tmp_path):
-    height = TermLayout("height", 1)
-    path = save_policy(
-        tmp_path / "a.safetensors",
-        env={"task": {"name": "target", "terms": ["no_such_module:HEIGHT"]}},
-        observation=(*observation_layout(TARGET), height),
-    )
-    with pytest.raises(
-        PolicyFileError,
-        match=r"term 10 was height \(1 values\), here it is missing; it was trained with "
-        r"task\.terms=\[no_such_module:HEIGHT\], here it is task\.terms=\[\]",
-    ):
-        make_entrants(EvaluationConfig(policies=(path,)))
-
-
 @pytest.mark.parametrize(
-    ("legs", "message"),
+    ("fields", "message"),
     [
-        ({"wheels": 4}, "leg controller"),
-        ({"name": "wheels"}, r"a\.safetensors: its leg controller.*'wheels'"),
-        ([], "leg controller"),
-        ({"name": "rule_based"}, r"a\.safetensors.*'rule_based', ignores the drive"),
+        # names the terms, and imports nothing
+        (
+            {
+                "env": {"task": {"name": "target", "terms": ["no_such_module:HEIGHT"]}},
+                "observation": (*observation_layout(TARGET), TermLayout("height", 1)),
+            },
+            r"other observations.*term 10 was height \(1 values\), here it is missing; it was "
+            r"trained with task\.terms=\[no_such_module:HEIGHT\], here it is task\.terms=\[\]",
+        ),
+        ({"env": {"controller": {"wheels": 4}}}, "leg controller"),
+        ({"env": {"controller": {"name": "wheels"}}}, "its leg controller.*'wheels'"),
+        ({"env": {"controller": []}}, "leg controller"),
+        ({"env": {"controller": {"name": "rule_based"}}}, "'rule_based', ignores the drive"),
     ],
 )
-def test_a_policy_on_legs_that_it_cannot_steer_is_refused(tmp_path, legs, message):
-    path = save_policy(tmp_path / "a.safetensors", env={"controller": legs})
-    with pytest.raises(PolicyFileError, match=message):
-        make_entrants(EvaluationConfig(policies=(path,)))
+def test_a_policy_file_that_cannot_be_used_here(tmp_path, fields, message):
+    path = save_policy(tmp_path / "a.safetensors", **fields)
+    with pytest.raises(PolicyFileError, match=rf"a\.safetensors: .*{message}"):
+        made(policies=(path,))
+
+
+def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
+    env = {"task": {"decision_interval": 0.00025}}
+    path = save_policy(tmp_path / "a.safetensors", env=env)
+    with pytest.raises(ValueError, match=r"a\.safetensors cannot walk here: decision_interval is"):
+        made(policies=(path,), physics="fast")
 
 
 @pytest.mark.parametrize(
@@ -171,7 +146,7 @@ def test_a_policy_on_legs_that_it_cannot_steer_is_refused(tmp_path, legs, messag
     ],
 )
 def test_constant_drives(name, legs, drive):
-    entrant = only(controllers=(name,))
+    (entrant,) = made(controllers=(name,))
     assert entrant.controller.name == legs
     action, _ = entrant.policy.predict(zeros(TARGET, 3))
     np.testing.assert_allclose(TARGET.actions.commands(action), [drive] * 3, atol=1e-6)
@@ -189,13 +164,6 @@ def test_pursuit_drives_alike_whether_it_sees_the_direction_or_goals():
     assert len(np.unique(actions[0], axis=0)) > 4
 
 
-def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
-    env = {"task": {"decision_interval": 0.00025}}
-    path = save_policy(tmp_path / "a.safetensors", env=env)
-    with pytest.raises(ValueError, match=r"a\.safetensors cannot walk here: decision_interval is"):
-        make_entrants(EvaluationConfig(policies=(path,), controllers=(), physics="fast"))
-
-
 @pytest.mark.parametrize(
     ("task", "others"),
     [
@@ -205,41 +173,25 @@ def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
     ],
 )
 def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, others):
-    assert names(EvaluationConfig(task=task)) == [
+    assert names(made(task=task, controllers=None)) == [
         name
         for name, fixed in FIXED.items()
         if fixed.is_usual and name not in others and fixed.legs is not None
     ]
 
 
-def test_the_classic_body_gets_its_own_recorded_step():
-    (entrant,) = make_entrants(EvaluationConfig(controllers=("cpg",), body="classic"))
-    assert entrant.controller.steps == "tethered"
-
-
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    ("name", "body", "setting", "value"),
     [
-        ({"controllers": ("cpg", "rule_basd")}, "rule_based.*'rule_basd'.*mean 'rule_based'"),
-        ({"controllers": ("cpg", "hybrid", "cpg")}, "'cpg' twice"),
-        ({"controllers": ("open_loop",)}, "'open_loop' needs a task for flies that shows command"),
-        ({"controllers": ("cpg",), "reference": "hybrid"}, "reference"),
-        ({"controllers": ("constant(1.2, fast)",)}, "two numbers"),
-        ({"controllers": ("constant(9, 0)",)}, "drive of 'constant"),
-        ({"controllers": ("constant(1)",)}, r"constant\(left, right\)"),
-        ({"policies": ("/nowhere/at/all",)}, "nowhere"),
+        ("cpg", "classic", "steps", "tethered"),  # the recorded step of that body
+        ("hybrid_current", "current", "reflexes", "current"),
+        ("hybrid_classic", "current", "reflexes", "classic"),
     ],
 )
-def test_who_cannot_take_part(settings, message):
-    with pytest.raises(ValueError, match=message):
-        make_entrants(EvaluationConfig(**settings))
-
-
-def test_hybrid_comes_with_either_set_of_reflexes():
-    config = EvaluationConfig(controllers=("hybrid_current", "hybrid_classic"))
-    current, classic = make_entrants(config)
-    assert (current.controller.reflexes, classic.controller.reflexes) == ("current", "classic")
-    assert current.controller.name == classic.controller.name == "hybrid"
+def test_the_body_and_the_name_decide_on_steps_and_reflexes(name, body, setting, value):
+    (entrant,) = made(controllers=(name,), body=body)
+    assert entrant.controller.name == name.partition("_")[0]
+    assert getattr(entrant.controller, setting) == value
 
 
 @pytest.fixture
@@ -262,17 +214,16 @@ def own_policies(own_module):
 
 
 def test_a_factory_of_a_users_own_makes_an_entrant(own_policies):
-    config = EvaluationConfig(policies=("own_policies:steady",), controllers=("hybrid",))
-    entrant, _ = make_entrants(config)
+    entrant, hybrid = made(policies=("own_policies:steady",), controllers=("hybrid",))
     assert entrant.name == "steady"
-    assert entrant.controller == config.legs
+    assert entrant.controller == hybrid.controller
     assert entrant.record["sha256"] == hashlib.sha256(own_policies.read_bytes()).hexdigest()
     action, _ = entrant.policy.predict(np.zeros((2, 1)))
     np.testing.assert_allclose(TARGET.actions.commands(action), 0.5, atol=1e-6)
 
 
 def test_a_function_of_time_and_observation_is_an_entrant(own_policies):
-    entrant = only(policies=("own_policies:law",))
+    (entrant,) = made(policies=("own_policies:law",))
     assert (entrant.name, entrant.record["source"]) == ("law", "own_policies:law")
     first, state = entrant.policy.predict(zeros(TARGET))
     second, _ = entrant.policy.predict(zeros(TARGET), state)
@@ -280,64 +231,53 @@ def test_a_function_of_time_and_observation_is_an_entrant(own_policies):
     np.testing.assert_allclose(drives, [[0.5, 1.0], [0.52, 1.0]], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        (
-            "own_policies:many",
-            r"must be an object with predict\(\), a function of \(time_s, observation\)",
-        ),
-        ("own_policies:stedy", "did you mean 'steady'"),
-        ("own_policies:broken", "raised KeyError: 'nothing'"),
-        ("own_policies:nothing", "must return a policy with predict"),
-        ("no_such_module:steady", "cannot be imported: ModuleNotFoundError"),
-    ],
-)
-def test_a_factory_that_cannot_be_used(own_policies, name, message):
-    with pytest.raises(ValueError, match=message):
-        make_entrants(EvaluationConfig(policies=(name,), controllers=()))
-
-
 @pytest.fixture(scope="module")
 def sb3_model(tmp_path_factory):
     """The zip file of a model that nobody trained."""
     path = tmp_path_factory.mktemp("sb3") / "model.zip"
-    bundle = load_bundle("target-flat")
-    export_sb3(bundle).save(path)
+    export_sb3(load_bundle("target-flat")).save(path)
     return path
 
 
 def test_a_model_of_stable_baselines3_takes_part(sb3_model):
-    config = EvaluationConfig(
-        policies=("target-flat", f"ppo:{sb3_model}"), controllers=(), trust_pickles=True
-    )
-    own, imported = make_entrants(config)
-    assert imported.name == "ppo"
+    policies = ("target-flat", f"ppo:{sb3_model}")
+    own, imported, hybrid = made(policies=policies, controllers=("hybrid",), trust_pickles=True)
+    assert (imported.name, imported.controller) == ("ppo", hybrid.controller)
     assert imported.record["sha256"] == hashlib.sha256(sb3_model.read_bytes()).hexdigest()
-    observation = (
-        np.random.default_rng(0).normal(size=(4, own.policy.bundle.num_inputs)).astype(np.float32)
-    )
-    np.testing.assert_allclose(
-        own.policy.predict(observation)[0], imported.policy.predict(observation)[0], atol=1e-6
-    )
-
-
-def test_a_zip_file_does_not_say_what_its_model_was_trained_in(sb3_model):
-    config = EvaluationConfig(policies=(f"ppo:{sb3_model}",), controllers=(), trust_pickles=True)
-    (imported,) = make_entrants(config)
+    # the file does not say what its model was trained in
     assert imported.record["trained_in"] == {}
     assert imported.record["policy"] == "learned with ppo on unknown ground"
-    assert imported.controller == config.legs
+    size = own.policy.bundle.num_inputs
+    observation = np.random.default_rng(0).normal(size=(4, size)).astype(np.float32)
+    actions = [each.policy.predict(observation)[0] for each in (own, imported)]
+    np.testing.assert_allclose(*actions, atol=1e-6)
 
 
 @pytest.mark.parametrize(
-    ("name", "message"),
+    ("settings", "message"),
     [
-        ("ppo:{}", "was not opened"),
-        ("{}", "say which algorithm made it, e.g. ppo:"),
-        ("reinforce:{}", "algorithm of"),
+        ({"controllers": ("cpg", "rule_basd")}, "rule_based.*'rule_basd'.*mean 'rule_based'"),
+        ({"controllers": ("cpg", "hybrid", "cpg")}, "'cpg' twice"),
+        ({"controllers": (CPG(), "cpg")}, "controllers must not hold 'cpg' twice"),
+        ({"controllers": ("open_loop",)}, "'open_loop' needs a task for flies that shows command"),
+        ({"controllers": ("cpg",), "reference": "hybrid"}, "reference"),
+        ({"controllers": ("constant(1.2, fast)",)}, "two numbers"),
+        ({"controllers": ("constant(9, 0)",)}, "drive of 'constant"),
+        ({"controllers": ("constant(1)",)}, r"constant\(left, right\)"),
+        ({"controllers": ("pursuit@rule_based",)}, "pursuit@rule_based: .*, got 'rule_based'"),
+        ({"controllers": ("pursuit@joints",)}, "pursuit@joints: legs after @ must .* 'joints'"),
+        ({"policies": ("/nowhere/at/all",)}, "nowhere"),
+        ({"policies": ("own_policies:many",)}, r"a function of \(time_s, observation\)"),
+        ({"policies": ("own_policies:stedy",)}, "did you mean 'steady'"),
+        ({"policies": ("own_policies:broken",)}, "raised KeyError: 'nothing'"),
+        ({"policies": ("own_policies:nothing",)}, "must return a policy with predict"),
+        ({"policies": ("no_such_module:steady",)}, "cannot be imported: ModuleNotFoundError"),
+        ({"policies": ("ppo:{zip}",)}, "was not opened"),
+        ({"policies": ("{zip}",)}, "say which algorithm made it, e.g. ppo:"),
+        ({"policies": ("reinforce:{zip}",)}, "algorithm of"),
     ],
 )
-def test_a_zip_file_needs_its_algorithm_and_trust(sb3_model, name, message):
+def test_who_cannot_take_part(own_policies, sb3_model, settings, message):
+    policies = tuple(name.format(zip=sb3_model) for name in settings.get("policies", ()))
     with pytest.raises(ValueError, match=message):
-        make_entrants(EvaluationConfig(policies=(name.format(sb3_model),), controllers=()))
+        made(**{**settings, "policies": policies})

@@ -16,18 +16,11 @@ def raster(*rows):
     return np.array([[mark == "#" for mark in row] for row in rows]).T
 
 
-# LF, LH, RM swing as one; LM, RF, RH too
-TRIPOD = raster(*("##..####..##" if leg in ("LF", "LH", "RM") else "#####..####." for leg in LEGS))
-
-
 def test_a_blip_is_no_step():
     # at 2 ms, what lasts one or two samples
     drawn = raster("####.######..####......######.####")
     clean = raster("#################......###########")
     np.testing.assert_array_equal(gait.without_blips(drawn, 0.002), clean)
-
-
-def test_nothing_has_no_blips():
     assert gait.without_blips(np.empty((0, 6), bool), 0.001).shape == (0, 6)
 
 
@@ -46,15 +39,17 @@ def test_a_swing_goes_from_lift_off_to_touchdown_and_only_whole_ones_count():
     assert found == [[(4, 7), (8, 10)]] * 6
 
 
-def test_strides_go_from_touchdown_to_touchdown():
-    # touchdowns at 2, 7 and 12: 2 strides in 10 samples of 10 ms
-    assert gait.stride_frequency_hz(raster("..###..###..###"), 0.01) == pytest.approx(20)
-
-
-def test_the_frequency_is_the_mean_over_the_legs_that_stepped():
-    rows = ["..###..###..###", ".#.#.#.#.#.#.#.", *["#" * 15] * 4]
-    # 20 Hz, and 50 Hz
-    assert gait.stride_frequency_hz(raster(*rows), 0.01) == pytest.approx(35)
+@pytest.mark.parametrize(
+    ("rows", "frequency_hz"),
+    [
+        # touchdowns at 2, 7 and 12: 2 strides in 10 samples of 10 ms
+        (["..###..###..###"], 20),
+        # 20 Hz, and 50 Hz: the mean over the legs that stepped
+        (["..###..###..###", ".#.#.#.#.#.#.#.", *["#" * 15] * 4], 35),
+    ],
+)
+def test_strides_go_from_touchdown_to_touchdown(rows, frequency_hz):
+    assert gait.stride_frequency_hz(raster(*rows), 0.01) == pytest.approx(frequency_hz)
 
 
 def test_one_touchdown_is_no_stride():
@@ -68,34 +63,29 @@ def test_the_duty_factor_counts_whole_strides():
     assert gait.duty_factor(raster("..###..###..########")) == pytest.approx(0.6)
 
 
-def test_a_perfect_tripod_has_strength_1():
-    assert gait.tripod_coordination(TRIPOD) == 1
+STANDS = dict.fromkeys(LEGS, "#" * 16)
 
 
-def test_a_tripod_that_swings_partly_together():
-    rows = dict.fromkeys(LEGS, "############")
-    # LM swings from 2 to 6, RF from 4 to 8, RH from 3 to 7: all three from 4 to 6, any from 2 to 8
-    rows |= {"LM": "##....######", "RF": "####....####", "RH": "###....#####"}
-    assert gait.tripod_coordination(raster(*rows.values())) == pytest.approx(2 / 6)
-
-
-def test_legs_of_a_tripod_that_never_swing_together_have_strength_0():
-    rows = dict.fromkeys(LEGS, "############")
-    rows |= {"LM": "#..#########", "RF": "####..######", "RH": "#######..###"}
-    assert gait.tripod_coordination(raster(*rows.values())) == 0
+@pytest.mark.parametrize(
+    ("middle", "front", "hind", "strength"),
+    [
+        # LM swings from 2 to 6, RF from 4 to 8, RH from 3 to 7: all three from 4 to 6, any from 2
+        ("##....##########", "####....########", "###....#########", 2 / 6),
+        ("#..#############", "####..##########", "#######..#######", 0),  # never together
+        # partners are the nearest swings
+        ("########..######", "##..####..##..##", "########..######", 1),
+    ],
+)
+def test_a_tripod_is_as_strong_as_its_legs_swing_together(middle, front, hind, strength):
+    rows = {**STANDS, "LM": middle, "RF": front, "RH": hind}
+    assert gait.tripod_coordination(raster(*rows.values())) == pytest.approx(strength)
 
 
 def test_a_leg_that_never_swings_leaves_a_tripod_without_strength():
     rows = ["####" if leg == "RF" else "#.##" for leg in LEGS]
-    # the other one has it
+    # the other one has it, a perfect one
     assert gait.tripod_coordination(raster(*rows)) == 1
     assert gait.tripod_coordination(raster("####")) is None
-
-
-def test_partners_are_the_nearest_swings():
-    rows = dict.fromkeys(LEGS, "#" * 16)
-    rows |= {"LM": "########..######", "RF": "##..####..##..##", "RH": "########..######"}
-    assert gait.tripod_coordination(raster(*rows.values())) == 1
 
 
 def test_reflex_activity_counts_a_leg_once():
@@ -105,17 +95,11 @@ def test_reflex_activity_counts_a_leg_once():
     assert gait.reflex_activity(retraction, stumbling) == pytest.approx(5 / 24)
 
 
-def test_a_drive_that_is_held_varies_by_nothing():
-    drive = np.array([[0, 0], [1, 0.5], [1, 0.5], [1, 0.5]])
-    assert gait.drive_variation(drive, np.array([0, 0.02, 0.04, 0.06])) == 0
-
-
 def test_variation_is_the_change_per_second():
     drive = np.array([[0, 0], [1, 0], [0, 0], [1, 0.5]])
     # left 2, right 0.5 in 0.04 s
     time_s = np.array([0, 0.02, 0.04, 0.06])
     assert gait.drive_variation(drive, time_s) == pytest.approx(1.25 / 0.04)
-
-
-def test_one_decision_has_no_variation():
-    assert gait.drive_variation(np.ones((2, 2)), np.array([0, 0.02])) is None
+    # one that is held varies by nothing; one decision has no variation
+    assert gait.drive_variation(drive[[0, 1, 1, 1]], time_s) == 0
+    assert gait.drive_variation(drive[:2], time_s[:2]) is None

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from flyrl.evaluation import EvaluationConfig, evaluate, load_results, write_results
-from flyrl.evaluation.metrics import (
-    METRICS,
-    check_metrics,
-)
+from flyrl.evaluation.metrics import METRICS, check_metrics
 from flyrl.evaluation.summary import find_leaders
 from flyrl.report import write_report
 from flyrl.tasks import TASKS, ErrorTerm, Task, Termination
@@ -50,9 +47,7 @@ def test_its_error_is_a_metric(results):
     assert (results.episodes["way_off_mm"] > 0.2 * 50).all()
     assert results.summaries[0]["metrics"]["way_off_mm"]["n"] == 12
     assert list(METRICS) == [*results.summaries[0]["metrics"]][:-1]
-
-
-def test_its_outcome_is_told(results):
+    # so is its outcome one of the outcomes
     assert set(results.episodes["outcome"]) == {"too_late"}
     assert "too_late" in results.protocol["outcomes"]
 

@@ -23,19 +23,16 @@ def walked(controller, terrain, condition, index, outcome="timeout", way_mm=1.0,
 
 def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
     """One row per speed (mm/s), over 3 s."""
-    return [
-        walked(controller, terrain, "", index, outcome, way_mm=3 * speed)
-        for index, speed in enumerate(speeds)
-    ]
+    ways = enumerate(3 * speed for speed in speeds)
+    return [walked(controller, terrain, "", index, outcome, way_mm=way) for index, way in ways]
 
 
 def timed(controller, times, terrain="flat", condition=""):
     """A row per episode: its time to goal, s, or None without success."""
+    ends = enumerate(("success", time) if time else ("timeout", 3.0) for time in times)
     return [
-        walked(controller, terrain, condition, index, "success", duration_s=time)
-        if time
-        else walked(controller, terrain, condition, index)
-        for index, time in enumerate(times)
+        walked(controller, terrain, condition, index, outcome, duration_s=duration_s)
+        for index, (outcome, duration_s) in ends
     ]
 
 
@@ -48,13 +45,9 @@ def pairs(own, others, metric="speed_mm_s"):
     return list(paired_values(episode_table(own), episode_table(others), metric, 3.0))
 
 
-def test_pairs_are_matched_by_episode_not_by_order():
+def test_pairs_are_matched_by_episode_and_the_unpaired_left_out():
     own, others = rows([3, 5, 9]), rows([1, 1, 1])
     assert pairs(own[::-1], others) == pytest.approx([8, 4, 2])
-
-
-def test_unpaired_episodes_are_left_out():
-    own, others = rows([3, 5, 9]), rows([1, 1, 1])
     assert pairs(own[1:], others[:2]) == pytest.approx([4])
 
 
@@ -88,12 +81,9 @@ def test_summary_counts_outcomes():
     }  # fmt: skip
 
 
-def test_unknown_reference():
+def test_what_cannot_be_summarised():
     with pytest.raises(ValueError, match=r"reference.*cpg.*'hybrid'"):
         summary_of(rows([1]), reference="hybrid")
-
-
-def test_an_episode_walked_twice():
     with pytest.raises(ValueError, match="twice"):
         summary_of(rows([1]) + rows([2]))
 
@@ -161,42 +151,38 @@ def leaders(*given, **protocol):
     return find_leaders(table, {**judged_by(TASK), **protocol}, np.random.default_rng(0))
 
 
-def test_success_decides():
+@pytest.mark.parametrize(
+    ("times", "names", "metric", "following"),
+    [
+        ({"slow": [2.9] * 6, "quick": [0.1, *[None] * 5]}, {"slow"}, "success", "quick"),
+        # of equal success, time decides
+        (
+            {"slow": [2.0, 2.1, 2.2, 2.3, 2.4], "quick": [1.0, 1.2, 1.1, 1.3, 1.5]},
+            *({"quick"}, "time_to_goal_s", "slow"),
+        ),
+        # no significant difference: a shared first place
+        (
+            {"one": [1, 2, 1, 2, 1, 2], "other": [2, 1, 2, 1, 2, 1], "none": [None] * 6},
+            *({"one", "other"}, "success", "none"),
+        ),
+        # a difference that is always the same is one, but not of four episodes
+        ({"all": [1.0] * 5, "none": [None] * 5}, {"all"}, "success", "none"),
+        ({"all": [1.0] * 4, "none": [None] * 4}, {"all", "none"}, "success", None),
+        ({"alone": [1.0] * 5}, {"alone"}, "success", None),
+    ],
+)
+def test_the_first_metric_that_tells_them_apart_decides(times, names, metric, following):
+    (leader,) = leaders(*(timed(name, own) for name, own in times.items()))
+    assert (set(leader.names), leader.metric, leader.next_name) == (names, metric, following)
+
+
+def test_a_leader_has_its_mean_and_its_lead():
     (leader,) = leaders(timed("slow", [2.9] * 6), timed("quick", [0.1, *[None] * 5]))
-    assert leader.names == ("slow",)
-    assert (leader.metric, leader.value, leader.next_value) == ("success", 1, pytest.approx(1 / 6))
-    assert leader.next_name == "quick"
+    assert (leader.value, leader.next_value) == (1, pytest.approx(1 / 6))
     assert leader.difference.value == pytest.approx(5 / 6)
     assert leader.difference.low > 0
-
-
-def test_of_equal_success_time_decides():
-    (leader,) = leaders(
-        timed("slow", [2.0, 2.1, 2.2, 2.3, 2.4]), timed("quick", [1.0, 1.2, 1.1, 1.3, 1.5])
-    )
-    assert (leader.names, leader.next_name, leader.metric) == (
-        ("quick",), "slow", "time_to_goal_s"
-    )  # fmt: skip
-    assert leader.difference.high < 0
-
-
-def test_who_cannot_be_told_apart_shares_the_first_place():
-    one, other = timed("one", [1, 2, 1, 2, 1, 2]), timed("other", [2, 1, 2, 1, 2, 1])
-    (leader,) = leaders(one, other, timed("none", [None] * 6))
-    assert set(leader.names) == {"one", "other"}
-    assert (leader.metric, leader.value, leader.next_name) == ("success", 1, "none")
-
-
-def test_a_difference_that_is_always_the_same_is_one():
-    (leader,) = leaders(timed("all", [1.0] * 5), timed("none", [None] * 5))
-    assert leader.names == ("all",)
-    assert leader.difference.low is None
-
-
-def test_four_episodes_decide_nothing():
-    (leader,) = leaders(timed("all", [1.0] * 4), timed("none", [None] * 4))
-    assert leader.names == ("all", "none")
-    assert leader.difference is None
+    (always,) = leaders(timed("all", [1.0] * 5), timed("none", [None] * 5))
+    assert (always.difference.value, always.difference.low) == (1, None)
 
 
 def test_each_terrain_and_each_condition_has_its_own():
@@ -211,11 +197,6 @@ def test_each_terrain_and_each_condition_has_its_own():
         ("flat", "push=8", ("one", "other")),
         ("gapped", "push=0", ("other",)),
     ]
-
-
-def test_one_alone_is_the_best_without_a_next():
-    (leader,) = leaders(timed("one", [1.0] * 5))
-    assert (leader.names, leader.next_name) == (("one",), None)
 
 
 def test_the_task_says_what_decides():

@@ -55,10 +55,8 @@ def test_a_row_per_training_and_a_column_per_terrain():
     values = [[cell.success.value for cell in each.cells] for each in found.rows]
     assert values == [[0.5, 0.8], [1.0, 0.0]]
     # the terrain of the training is marked
-    assert [[cell.is_home for cell in each.cells] for each in found.rows] == [
-        [False, True],
-        [True, False],
-    ]
+    homes = [[cell.is_home for cell in each.cells] for each in found.rows]
+    assert homes == [[False, True], [True, False]]
 
 
 def test_a_policy_on_other_legs_is_no_other_seed_of_its_training():
@@ -106,11 +104,6 @@ def test_where_success_says_little_there_is_a_second_figure():
     assert matrix(pair, summary).second is None
 
 
-def test_who_walked_nowhere_leaves_a_cell_empty():
-    (training,) = matrix([entrant("a", FLAT)], [row("a", "flat", 1)]).rows
-    assert training.cells[1].success.value is None
-
-
 def test_trainings_of_a_terrain_stand_together():
     third = entrant("c", BLOCKS, policy="another way", training={"algo": "sac", "settings": {}})
     found = matrix([*TWO, third], TWO_ROWS)
@@ -118,10 +111,11 @@ def test_trainings_of_a_terrain_stand_together():
 
 
 def test_one_terrain_is_nothing_to_compare():
-    rows = [row("b", "flat", 1)]
-    assert matrix([entrant("b", FLAT)], rows, terrains=(FLAT,)) is None
-    assert matrix([entrant("b", FLAT)], rows, terrains=(FLAT, BLOCKS)) is not None
+    mine, rows = [entrant("b", FLAT)], [row("b", "flat", 1)]
+    assert matrix(mine, rows, terrains=(FLAT,)) is None
     assert matrix(TWO, TWO_ROWS, terrains=(FLAT,)) is not None
+    (training,) = matrix(mine, rows).rows
+    assert training.cells[1].success.value is None  # nobody walked there
 
 
 @pytest.mark.parametrize(
@@ -137,21 +131,16 @@ def test_a_policy_of_unknown_terrain_is_left_out(changes):
     assert matrix([entrant("a", FLAT, **changes)], TWO_ROWS) is None
 
 
+DRAWN = {"height_range": (0.15, 0.45)}
+
+
 @pytest.mark.parametrize(
     ("one", "other", "same"),
     [
         (BLOCKS, Blocks(seed=3), True),  # nothing is drawn
         (BLOCKS, Blocks(height_range=(0.3, 0.3)), False),
-        (
-            TERRAINS["random_blocks"],
-            Blocks(seed=5, height_range=(0.15, 0.45), random=True),
-            True,
-        ),
-        (
-            Blocks(seed=4, height_range=(0.15, 0.45)),
-            Blocks(seed=5, height_range=(0.15, 0.45)),
-            False,
-        ),
+        (TERRAINS["random_blocks"], Blocks(seed=5, random=True, **DRAWN), True),
+        (Blocks(seed=4, **DRAWN), Blocks(seed=5, **DRAWN), False),
     ],
 )
 def test_settings_without_effect_make_no_other_ground(one, other, same):
@@ -160,54 +149,52 @@ def test_settings_without_effect_make_no_other_ground(one, other, same):
 
 def member(name, seed, rate=1e-3, policy="learned with ppo on flat"):
     """A learned entrant whose training has settings."""
-    settings = {"algo": {"learning_rate": rate}}
-    training = {"algo": "ppo", "seed": seed, "settings": settings}
+    training = {"algo": "ppo", "seed": seed, "settings": {"algo": {"learning_rate": rate}}}
     return entrant(name, FLAT, policy=policy, training=training)
 
 
-RATES = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0)}
-
-
-def summary(rates):
-    return [
+def groups_of(*entrants, rates, missing=()):
+    """Groups over flat and mixed ground, given the success rates on both by name."""
+    rows = [
         row(name, terrain, rate, episodes=1)
         for name, pair in rates.items()
         for terrain, rate in zip(("flat", "mixed"), pair, strict=True)
+        if (name, terrain) != missing
     ]
+    return seed_groups(entrants, rows)
+
+
+RATES = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0)}
+A, B = member("a", 0), member("b", 1)
 
 
 def test_policies_of_one_training_are_a_group():
-    entrants = [member("a", 0), member("b", 1), member("c", 0, rate=1e-2)]
-    first, second = seed_groups(entrants, summary(RATES))
+    first, second = groups_of(A, B, member("c", 0, rate=1e-2), rates=RATES)
     assert first.names == ("a", "b")
     assert first.terrains == ("flat", "mixed")
     np.testing.assert_array_equal(first.scores, [[1.0, 0.8], [0.6, 0.4]])
     assert second.names == ("c",)
+    # who is missing on a terrain is left out
+    (group,) = groups_of(A, B, rates=RATES, missing=("b", "mixed"))
+    assert group.names == ("a",)
 
 
 def test_groups_of_the_same_name_are_told_apart():
-    entrants = [member("a", 0), member("b", 1, rate=1e-2), member("c", 2, 0.1, policy="other")]
-    labels = [group.label for group in seed_groups(entrants, summary(RATES))]
+    groups = groups_of(A, member("b", 1, 1e-2), member("c", 2, 0.1, "other"), rates=RATES)
+    labels = [group.label for group in groups]
     assert labels == ["learned with ppo on flat (a)", "learned with ppo on flat (b)", "other"]
 
 
 def test_fixed_controllers_and_policies_of_unknown_training_stand_alone():
-    unknown = [{**member(name, 0), "training": {"algo": "ppo"}} for name in "ab"]
+    unknown = [{**each, "training": {"algo": "ppo"}} for each in (A, B)]
     fixed = {"name": "c", "kind": "fixed", "policy": "constant drive (1, 1)"}
-    groups = seed_groups([*unknown, fixed], summary(RATES))
+    groups = groups_of(*unknown, fixed, rates=RATES)
     assert [group.names for group in groups] == [("a",), ("b",)]
-
-
-def test_who_is_missing_on_a_terrain_is_left_out():
-    rows = [row for row in summary(RATES) if (row["terrain"], row["controller"]) != ("mixed", "b")]
-    (group,) = seed_groups([member("a", 0), member("b", 1)], rows)
-    assert group.names == ("a",)
 
 
 def test_figures_over_seeds():
     rates = {name: (0.1 * i, 0.2) for i, name in enumerate("abcdefgh")}
-    entrants = [member(name, i) for i, name in enumerate(rates)]
-    (group,) = seed_groups(entrants, summary(rates))
+    (group,) = groups_of(*(member(name, i) for i, name in enumerate(rates)), rates=rates)
     flat, mixed = group.on_each(np.random.default_rng(0))
     # of 0 ... 0.7 the middle half
     assert flat.value == pytest.approx(0.35)

@@ -15,11 +15,6 @@ def walk():
     return flyrl.walk("cpg", drive=(1, 0.8), seconds=0.1, every=2e-3)
 
 
-def test_csv(walk, tmp_path):
-    table = pd.read_csv(walk.save(tmp_path / "walk.csv"))
-    pd.testing.assert_frame_equal(table, walk.frame(), rtol=1e-5, check_dtype=False)
-
-
 def test_numpy_arrays_can_be_replayed(walk, tmp_path):
     path = walk.save(tmp_path / "walk.npz")
     with np.load(path) as arrays:
@@ -30,15 +25,18 @@ def test_numpy_arrays_can_be_replayed(walk, tmp_path):
     assert len(again.frame()) > 0.9 * len(walk.frame())
 
 
-def test_parquet(walk, tmp_path):
+def test_csv_and_parquet(walk, tmp_path):
+    table = pd.read_csv(walk.save(tmp_path / "walk.csv"))
+    pd.testing.assert_frame_equal(table, walk.frame(), rtol=1e-5, check_dtype=False)
     pytest.importorskip("pyarrow")
     table = pd.read_parquet(walk.save(tmp_path / "walk.parquet"))
     pd.testing.assert_frame_equal(table, walk.frame())
 
 
-def test_nwb_holds_time_series_in_si_units(walk, tmp_path):
+def test_nwb_is_valid_and_holds_time_series_in_si_units(walk, tmp_path):
     pynwb = pytest.importorskip("pynwb")
     path, table = walk.save(tmp_path / "walk.nwb"), walk.frame()
+    assert not pynwb.validate(path=str(path))
     with pynwb.NWBHDF5IO(str(path), "r") as file:
         nwb = file.read()
         assert nwb.subject.species == "Drosophila melanogaster"
@@ -51,11 +49,6 @@ def test_nwb_holds_time_series_in_si_units(walk, tmp_path):
         assert (forces.unit, forces.conversion) == ("N", 1e-6)
         np.testing.assert_array_equal(found["stance"].data[:], table[_of_legs("stance")])
         np.testing.assert_array_equal(found["command"].data[-1], [1, 0.8])
-
-
-def test_nwb_passes_its_own_validator(walk, tmp_path):
-    pynwb = pytest.importorskip("pynwb")
-    assert not pynwb.validate(path=str(walk.save(tmp_path / "walk.nwb")))
 
 
 @pytest.mark.parametrize(("suffix", "package"), [("parquet", "pyarrow"), ("nwb", "pynwb")])

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import flyrl
-from flyrl.cli.config import evaluation_config, own_settings
+from flyrl.cli.config import evaluation_config, evaluation_settings
 from flyrl.controllers import CPG
 from flyrl.evaluation import measure_drive_map
 from flyrl.evaluation.episodes import episodes_digest
@@ -31,13 +31,25 @@ def results():
     return flyrl.evaluate(["cpg", "target-flat", turning, "zero"], terrains=["flat"], **SHORT)
 
 
-def test_python_and_command_line_walk_the_same_bits(run_here, tmp_path):
-    ours = flyrl.evaluate(["cpg", "target-flat"], terrains=["flat", "blocks"], **SHORT)
-    done = run_here(
-        "evaluate.py", "policies=[target-flat]", "controllers=[cpg]", "terrains=[flat,blocks]",
-        "physics=fast", "episodes=2", "task.time_limit=0.4", "progress_bar=false",
-        "num_threads=1", "videos=false", "close_ups=false", "folder=there",
-    )  # fmt: skip
+@pytest.mark.parametrize(
+    ("given", "arguments"),
+    [
+        (
+            {"entrants": ["cpg", "target-flat"], "terrains": ["flat", "blocks"], **SHORT},
+            "policies=[target-flat] controllers=[cpg] terrains=[flat,blocks] task.time_limit=0.4",
+        ),
+        # without a time limit of its own, the task ends after the same time
+        (
+            {**SHORT, "entrants": "zero", "task": "hybrid_turning"},
+            "task=hybrid_turning controllers=[zero]",
+        ),
+    ],
+)
+def test_python_and_command_line_walk_the_same_bits(run_here, tmp_path, given, arguments):
+    ours = flyrl.evaluate(**given)
+    short = "physics=fast episodes=2 progress_bar=false num_threads=1 folder=there"
+    plain = ("videos=false", "close_ups=false")
+    done = run_here("evaluate.py", *arguments.split(), *short.split(), *plain)
     assert done.returncode == 0, done.stderr
     theirs = flyrl.evaluation.load_results(tmp_path / "there")
     pd.testing.assert_frame_equal(ours.episodes, theirs.episodes)
@@ -56,32 +68,10 @@ def test_results_are_tables(results):
 
 
 def test_a_report_is_one_file(results, tmp_path):
-    path = results.report(tmp_path / "mine.html", **NO_EXTRAS)
-    assert path == tmp_path / "mine.html"
-    assert [each.name for each in tmp_path.iterdir()] == ["mine.html"]
+    path = results.report(tmp_path / "new" / "mine.html", **NO_EXTRAS)
+    assert path == tmp_path / "new" / "mine.html"
+    assert [each.name for each in path.parent.iterdir()] == ["mine.html"]
     assert read_origin(path)["episodes_sha256"] == episodes_digest(results.episodes)
-
-
-def test_a_report_makes_its_folder(results, tmp_path):
-    assert results.report(tmp_path / "a" / "b" / "mine.html", **NO_EXTRAS).is_file()
-
-
-def test_a_task_without_a_time_limit_ends_as_on_the_command_line(run_here, tmp_path):
-    given = {"physics": "fast", "episodes": 1, "progress_bar": False, "num_threads": 1}
-    ours = flyrl.evaluate(["zero"], "hybrid_turning", **given)
-    done = run_here(
-        "evaluate.py", "task=hybrid_turning", "controllers=[zero]", "physics=fast", "episodes=1",
-        "progress_bar=false", "num_threads=1", "videos=false", "close_ups=false", "folder=there",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    theirs = flyrl.evaluation.load_results(tmp_path / "there")
-    pd.testing.assert_frame_equal(ours.episodes, theirs.episodes)
-
-
-def test_a_terrain_may_be_a_mapping():
-    stairs = {"name": "examples.stairs:Stairs", "step_height": 0.1}
-    walked = flyrl.evaluate("zero", terrains=["flat", stairs], **SHORT)
-    assert list(walked.summary.terrain) == ["flat", "Stairs"]
 
 
 def test_settings_of_the_task_are_keywords():
@@ -91,11 +81,6 @@ def test_settings_of_the_task_are_keywords():
     again = flyrl.evaluate("zero", **{**SHORT, "task": named})
     pd.testing.assert_frame_equal(walked.episodes, again.episodes)
     assert walked.config.task == again.config.task
-
-
-def test_a_law_on_other_legs_takes_part_by_name():
-    (entrant,) = flyrl.evaluate("pursuit@cpg", **SHORT).protocol["entrants"]
-    assert (entrant["kind"], entrant["leg_controller"]) == ("fixed", "cpg")
 
 
 def test_drives_are_shown_on_flat_ground_where_the_grounds_differ(tmp_path, monkeypatch):
@@ -120,13 +105,6 @@ def test_what_a_report_holds_can_be_repeated(run_here, tmp_path):
     assert "identical, bit for bit" in done.stdout
 
 
-def test_a_run_takes_part(tmp_path):
-    run = Run(make_run(tmp_path / "a"), None)
-    (entrant,) = flyrl.evaluate(run, **SHORT).protocol["entrants"]
-    assert (entrant["name"], entrant["kind"]) == ("ppo", "learned")
-    assert entrant["source"] == str(run.folder / "last.safetensors")
-
-
 def test_a_function_that_fails_is_out_and_the_others_go_on(capsys):
     def late(time_s, observation):
         raise RuntimeError("not yet")
@@ -140,19 +118,24 @@ def test_a_function_that_fails_is_out_and_the_others_go_on(capsys):
     assert "warning: late crashed on flat" in capsys.readouterr().err
 
 
-def test_things_of_ones_own_take_part_by_name():
-    walked = flyrl.evaluate(
-        ["tests.controllers.own:Wave", "tests.front.test_results:turning"], **SHORT
-    )
-    kinds = {each["name"]: each["kind"] for each in walked.protocol["entrants"]}
-    assert kinds == {"turning": "own", "tests.controllers.own:Wave": "fixed"}
+def test_things_of_ones_own_take_part_by_name(tmp_path):
+    run = Run(make_run(tmp_path / "a"), None)
+    own = ["tests.controllers.own:Wave", "tests.front.test_results:turning"]
+    stairs = {"name": "examples.stairs:Stairs", "step_height": 0.1}
+    walked = flyrl.evaluate([run, *own, "pursuit@cpg"], terrains=["flat", stairs], **SHORT)
+    entrants = {each["name"]: each for each in walked.protocol["entrants"]}
+    kinds = {name: each["kind"] for name, each in entrants.items()}
+    assert kinds == {"ppo": "learned", "turning": "own", own[0]: "fixed", "pursuit@cpg": "fixed"}
+    assert entrants["ppo"]["source"] == str(run.folder / "last.safetensors")
+    assert entrants["pursuit@cpg"]["leg_controller"] == "cpg"
+    assert list(dict.fromkeys(walked.summary.terrain)) == ["flat", "Stairs"]
 
 
 def test_legs_with_settings_take_part_and_are_on_record():
     walked = flyrl.evaluate([CPG(gait="wave"), {"name": "cpg", "frequency_hz": 9}], **SHORT)
     assert set(walked.summary.controller) == {"cpg(gait=wave)", "cpg(frequency_hz=9.0)"}
     record = json.loads(json.dumps(walked.protocol["settings"]))
-    config = evaluation_config(record, own_settings(record), "")
+    config = evaluation_config(record, evaluation_settings(record), "")
     assert config.controllers == (CPG(gait="wave"), CPG(frequency_hz=9))
 
 
@@ -180,14 +163,12 @@ def test_what_cannot_be_evaluated_is_refused(given, message):
 def test_learning_curves_are_those_of_run_folders(tmp_path):
     trained = make_run(tmp_path / "a", evaluations=((100, 0.5, 1.0), (200, 0.75, 2.0)))
     bare = make_run(tmp_path / "b", evaluations=())
-    elsewhere = tmp_path / "mine.safetensors"
-    entrants = [
-        {"name": "a", "kind": "learned", "source": str(trained / "last.safetensors")},
-        {"name": "b", "kind": "learned", "source": str(bare / "last.safetensors")},
-        {"name": "mine", "kind": "learned", "source": str(elsewhere)},
-        {"name": "cpg", "kind": "fixed", "source": None},
+    sources = {"a": trained / "last.safetensors", "b": bare / "last.safetensors"}
+    sources["mine"] = tmp_path / "mine.safetensors"
+    learned = [
+        {"name": name, "kind": "learned", "source": str(file)} for name, file in sources.items()
     ]
-    curves = training_evaluations(entrants)
+    curves = training_evaluations([*learned, {"name": "cpg", "kind": "fixed", "source": None}])
     assert curves.keys() == {"a"}
     rows = [(row["decisions"], row["success_rate"], row["mean_return"]) for row in curves["a"]]
     assert rows == [(100, 0.5, 1), (200, 0.75, 2)]

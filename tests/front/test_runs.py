@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from safetensors.numpy import load_file
 
 import flyrl
@@ -23,20 +24,11 @@ from tests.tiny import TINY_ARGUMENTS
 
 SHORT_TARGET = replace(TASKS["target"](), time_limit_s=0.2)
 TINY = {
-    "physics": "fast",
-    "total_timesteps": 64,
-    "num_envs": 4,
-    "num_threads": 1,
-    "evaluation_interval": 32,
-    "evaluation_episodes": 2,
-    "checkpoint_interval": 32,
-    "progress_bar": False,
-    "n_steps": 8,
-    "batch_size": 16,
-    "n_epochs": 2,
-    "hidden_layers": (8,),
-    "video_after": False,
+    key.rpartition(".")[2]: yaml.safe_load(value)
+    for key, _, value in (word.partition("=") for word in TINY_ARGUMENTS)
+    if not key.startswith("task.")
 }
+TINY["video_after"] = False
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +46,9 @@ def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
         np.testing.assert_array_equal(values, theirs[name])
 
 
-def test_a_task_without_a_time_limit_is_that_of_the_command_line():
-    theirs = training_config(composed("train", ["task=hybrid_turning"]))
+def test_settings_are_those_of_the_command_line_and_a_keyword_beats_the_tuned_one():
+    theirs = training_config(composed("train", ["task=hybrid_turning"]))  # without a time limit
     assert training_record(config_from_keywords("hybrid_turning")) == training_record(theirs)
-
-
-def test_a_keyword_beats_the_tuned_setting():
     config = config_from_keywords("traverse", gamma=0.5, num_envs=8)
     assert (config.algo.settings["gamma"], config.algo.settings["log_std_init"]) == (0.5, -1.5)
     assert (config.training.num_envs, config.training.teacher) == (8, "pursuit")
@@ -88,16 +77,13 @@ def test_a_setting_that_cannot_be_is_refused_before_any_work(given, message, tmp
     assert not (tmp_path / "runs").exists()
 
 
-def test_a_run_has_its_learning_curve_as_a_table(run):
+def test_a_run_has_its_learning_curve_as_a_table_and_loads_its_policy(run):
     curve = run.learning_curve
     assert isinstance(curve, pd.DataFrame)
     assert list(curve.decisions) == [32, 64]
     assert curve.success_rate.between(0, 1).all()
     assert "unweighted_progress" in curve
     assert 'src="data:image/svg+xml;base64,' in run._repr_html_()
-
-
-def test_a_run_loads_its_policy(run):
     assert run.policy("last").bundle.training["decisions"] == 64
     action, _ = run.policy().predict(flyrl.make("target").reset(seed=0)[0])
     assert action.shape == (2,)

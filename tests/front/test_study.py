@@ -137,7 +137,7 @@ def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, 
     status = _tune(tmp_path, "--name", "two", "--trials", "2")
     thread.join()
     assert status == 128 + signal.SIGTERM
-    assert "interrupted; go on with the same command" in capsys.readouterr().out
+    assert "interrupted; resume with the same command" in capsys.readouterr().out
     (run,) = find_runs(folder)
     assert read_run(run).state == "interrupted"
     if is_killed:  # what a kill after the checkpoint leaves: a trial that runs, and a run

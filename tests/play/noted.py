@@ -1,11 +1,19 @@
 """A panel that is drawn nowhere."""
 
 
+def drawn(played, what, title=None):
+    """Arguments of each control or reading of a kind, in a section or in all."""
+    panel = Noted(played)
+    return [
+        call for section, kind, call in panel.calls if kind == what and title in (None, section)
+    ]
+
+
 class Noted:
-    """Keeps what is drawn: (section, what, arguments)."""
+    """Keeps what is drawn: titles, and (section, what, arguments)."""
 
     def __init__(self, played):
-        self.calls, self.titles = [], []
+        self.calls, self.titles = [], [""]
         played.draw(self)
 
     def section(self, title, is_open=True):
@@ -14,11 +22,3 @@ class Noted:
 
     def __getattr__(self, what):
         return lambda *arguments: self.calls.append((self.titles[-1], what, [*arguments]))
-
-    def drawn(self, what, title=None):
-        """Arguments of each control or reading of a kind, in a section or in all."""
-        return [
-            arguments
-            for section, kind, arguments in self.calls
-            if kind == what and title in (None, section)
-        ]

@@ -11,16 +11,13 @@ from PIL import Image
 from flyrl.cli.main import main
 from tests.chromium import chromium
 from tests.play.commands import FLY, TOY, playing
-from tests.play.toy import Toy
 
-WIDTH, HEIGHT = 900, 440
-"""px; of a page, in which the panel is unfolded and shows its first two sections."""
+WIDTH, HEIGHT = 900, 500
+"""px; of a page, in which the panel shows its first sections."""
 
-SCALE = 0.5
-"""Of the pixels that are drawn, since software takes its time for each."""
-
-COARSE = 0.2
-"""The same where much is done; pixels of 5 px still show bars and the target."""
+SCALE = 0.2
+"""Of the pixels that are drawn, since software takes its time for each; those of 5 px still show
+bars and the target."""
 
 SLOW_DISPLAY = """
     const draw = window.requestAnimationFrame.bind(window);
@@ -35,12 +32,12 @@ LEFT, RIGHT = 12, 342
 """px; where the panel begins and ends."""
 
 # Places on the page, as the panel is laid out.
-PAUSE, STEP, RESET = ((LEFT + x, 100) for x in (28, 73, 117))
-SEED_PLUS = (LEFT + 296, 152)
-RECORD = (LEFT + 18, 178)
-SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 222, 234), (LEFT + 285, 234)
-SHAPE = (LEFT + 200, 260)
-SHAPES = {"box": (LEFT + 200, 285), "ball": (LEFT + 200, 305), "cube": (LEFT + 200, 325)}
+PAUSE, STEP, RESET = ((LEFT + x, 124) for x in (28, 73, 117))
+SEED_PLUS = (LEFT + 296, 176)
+RECORD = (LEFT + 18, 202)
+SLIDER_MIDDLE, SLIDER_RIGHT = (LEFT + 220, 258), (LEFT + 285, 258)
+SHAPE = (LEFT + 200, 283)
+SHAPES = {"ball": (LEFT + 200, 328), "cube": (LEFT + 200, 348)}
 GROUND = (640, 300)
 
 
@@ -79,43 +76,41 @@ def press(page, key, is_so, played):
     return entry
 
 
-def picture(page):
-    """What the page shows above the viewer's bar."""
-    shot = page.screenshot(timeout=120_000, scale="device")
-    seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
-    return seen[: int(SCENE_HEIGHT * scale_of(seen))]
+def drag(page, start, end, is_so, played):
+    """Drag the mouse until the log says what it did."""
+    hover(page, start)
+    page.mouse.down()
+    frames(page, 2)
+    page.mouse.move(*end, steps=3)
+    played.until(is_so)
+    frames(page, 2)
+    page.mouse.up()
+    frames(page, 3)
 
 
-def scale_of(seen):
-    """Pixels of a picture per px of the page."""
-    return seen.shape[1] / WIDTH
+def point_at(page, place):
+    """Click on the ground."""
+    page.keyboard.down("Shift")
+    click(page, place)
+    page.keyboard.up("Shift")
 
 
-def scene_of(seen):
-    """What is seen beside the panel."""
-    return seen[:, int(RIGHT * scale_of(seen)) :]
+def await_picture(page, shows):
+    """Wait until panel and scene show something; what has changed is not drawn at once."""
+    end = time.monotonic() + 90
+    while True:
+        shot = page.screenshot(timeout=120_000, scale="device")
+        seen = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
+        seen = seen[: int(SCENE_HEIGHT * SCALE)]
+        if shows(seen[:, : int(RIGHT * SCALE)], seen[:, int(RIGHT * SCALE) :]):
+            return
+        assert time.monotonic() < end, "it is never seen"
 
 
 def strong(colours, channel):
     """Where a channel stands out."""
-    others = [other for other in range(3) if other != channel]
-    return (colours[..., channel] > 90) & np.all(
-        colours[..., channel, None] > colours[..., others] + 50, axis=-1
-    )
-
-
-def red_rows(seen):
-    """In how many rows of the page the panel shows the bars' red."""
-    scale = scale_of(seen)
-    red, green, blue = np.moveaxis(seen[:, : int(RIGHT * scale)], -1, 0)
-    return np.any((red > 150) & (green < 60) & (blue < 60), axis=1).sum() / scale
-
-
-def await_picture(page, shows):
-    """Wait for a picture that shows something; a scene that has changed is not drawn at once."""
-    end = time.monotonic() + 90
-    while not shows(picture(page)):
-        assert time.monotonic() < end, "it is never seen"
+    others = np.delete(colours, channel, axis=-1)
+    return (colours[..., channel] > 90) & (colours[..., channel] > others.max(axis=-1) + 50)
 
 
 @pytest.fixture(scope="module")
@@ -128,16 +123,16 @@ def browser():
 def toy(tmp_path_factory, browser):
     """A toy in play, and its page."""
     with playing(tmp_path_factory.mktemp("toy") / "log.jsonl", TOY) as played:
-        page = open_page(browser, played, COARSE)
+        page = open_page(browser, played)
         yield played, page
         page.close()
         played.until(lambda entry: not entry["is_watched"])
         assert played.interrupt() == (0, "\n", "")
 
 
-def open_page(browser, played, scale):
+def open_page(browser, played):
     size = {"width": WIDTH, "height": HEIGHT}
-    page = browser.new_page(viewport=size, device_scale_factor=scale)
+    page = browser.new_page(viewport=size, device_scale_factor=SCALE)
     page.add_init_script(SLOW_DISPLAY)
     page.goto(played.url)
     played.until(lambda entry: entry["is_watched"])
@@ -149,7 +144,7 @@ class TestToy:
     """One page, in which one thing is done after the other."""
 
     def test_bars_are_red(self, toy):
-        await_picture(toy[1], lambda seen: red_rows(seen) >= 16)
+        await_picture(toy[1], lambda panel, _: strong(panel, 0).any(axis=1).sum() >= 16 * SCALE)
 
     def test_keys(self, toy):
         played, page = toy
@@ -161,14 +156,7 @@ class TestToy:
 
     def test_a_slider_is_dragged(self, toy):
         played, page = toy
-        hover(page, SLIDER_MIDDLE)
-        page.mouse.down()
-        frames(page, 2)
-        page.mouse.move(*SLIDER_RIGHT, steps=3)
-        played.until(lambda entry: entry["speed_x"] > 0.9)
-        frames(page, 2)
-        page.mouse.up()
-        frames(page, 3)
+        drag(page, SLIDER_MIDDLE, SLIDER_RIGHT, lambda entry: entry["speed_x"] > 0.9, played)
         # from -2 to 2 over 172 px, but for the grip's width
         expected = (SLIDER_RIGHT[0] - SLIDER_MIDDLE[0]) / 156 * 4
         assert played.entries()[-1]["speed_x"] == pytest.approx(expected, abs=0.2)
@@ -179,21 +167,18 @@ class TestToy:
         paused = played.until(lambda entry: entry["is_paused"])
         click(page, STEP)
         step = played.until(lambda entry: entry["x"] != paused["x"])
-        assert step["time_s"] == pytest.approx(paused["time_s"] + Toy.interval_s)
+        assert step["time_s"] == pytest.approx(paused["time_s"] + 0.002)
         click(page, SEED_PLUS)
         click(page, RESET)
         reset = played.until(lambda entry: entry["seed"] == 1)
         assert (reset["time_s"], reset["x"]) == (0, 0)
         press(page, "Space", lambda entry: not entry["is_paused"], played)
 
-    def test_a_choice_changes_the_scene(self, toy):
+    def test_a_choice_changes_the_scene_and_what_is_refused_is_told(self, toy):
         played, page = toy
         click(page, SHAPE)
         click(page, SHAPES["ball"])
         played.until(lambda entry: entry["shape"] == "ball")
-
-    def test_what_is_refused_is_told(self, toy):
-        played, page = toy
         click(page, SHAPE)
         click(page, SHAPES["cube"])
         entry = played.until(lambda entry: entry["message"])
@@ -202,16 +187,14 @@ class TestToy:
 
     def test_a_click_on_the_ground_moves_the_target_there(self, toy):
         played, page = toy
-        page.keyboard.down("Shift")
-        click(page, GROUND)
-        page.keyboard.up("Shift")
+        point_at(page, GROUND)
         played.until(lambda entry: entry["target_x"] != 3)
 
-        def shows(seen):
-            green, blue = (strong(scene_of(seen), channel) for channel in (1, 2))
+        def shows(_, scene):
+            green, blue = (strong(scene, channel) for channel in (1, 2))
             if not green.any() or not blue.any():
                 return False  # the ball, which was a box, is not there yet
-            place = np.mean(np.nonzero(blue), axis=1)[::-1] / scale_of(seen) + (RIGHT, 0)
+            place = np.mean(np.nonzero(blue), axis=1)[::-1] / SCALE + (RIGHT, 0)
             return np.abs(place - GROUND).max() < 12
 
         await_picture(page, shows)
@@ -236,9 +219,9 @@ class TestToy:
         page.close()
         left = played.until(lambda entry: not entry["is_watched"])
         assert left["speed_x"] == 0
-        again = open_page(browser, played, SCALE)
+        again = open_page(browser, played)
         # what is pressed while a page is still loading counts as held from before
-        await_picture(again, lambda seen: strong(scene_of(seen), 2).any())
+        await_picture(again, lambda _, scene: strong(scene, 2).any())
         frames(again, 5)
         assert played.entries()[-1]["speed_x"] == 0
         entry = press(again, "ArrowUp", lambda entry: entry["speed_x"] != 0, played)
@@ -247,40 +230,26 @@ class TestToy:
 
 
 # Of the fly's panel.
-WHO_STEERS = (LEFT + 200, 303)
-TARGET_FLAT = (LEFT + 200, 368)
-DRIVE_LEFT, DRIVE_RIGHT = (LEFT + 180, 329), (LEFT + 180, 355)
-
-
-def drag(page, start, end):
-    hover(page, start)
-    page.mouse.down()
-    frames(page, 2)
-    page.mouse.move(*end, steps=3)
-    frames(page, 3)
-    page.mouse.up()
-    frames(page, 3)
+WHO_STEERS, TARGET_FLAT = (LEFT + 200, 340), (LEFT + 200, 405)
+DRIVE_LEFT = (LEFT + 180, 366)
 
 
 def target_of(entry):
     return entry["target_x_mm"], entry["target_y_mm"]
 
 
-def distance_to_target(entry):
-    return np.hypot(entry["x_mm"] - entry["target_x_mm"], entry["y_mm"] - entry["target_y_mm"])
-
-
 @pytest.mark.slow
 def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks(tmp_path, browser):
     main(["compile"])  # else the page waits for its controller for a minute
     with playing(tmp_path / "log.jsonl", FLY) as played:
-        page = open_page(browser, played, COARSE)
+        page = open_page(browser, played)
         stood = played.latest()
         assert (stood["drive_left"], stood["drive_right"]) == (0, 0)
         entry = press(page, "ArrowUp", lambda e: e["drive_left"] > 0, played)
         assert (entry["drive_left"], entry["drive_right"]) == (0.1, 0.1)
-        drag(page, DRIVE_LEFT, (DRIVE_LEFT[0] + 60, DRIVE_LEFT[1]))
-        entry = played.until(lambda entry: entry["drive_left"] > 0.4)
+        end = (DRIVE_LEFT[0] + 60, DRIVE_LEFT[1])
+        drag(page, DRIVE_LEFT, end, lambda entry: entry["drive_left"] > 0.4, played)
+        entry = played.latest()
         assert entry["drive_right"] == 0.1
         # a stronger left side turns it right
         heading = entry["heading_deg"]
@@ -289,14 +258,12 @@ def test_a_fly_is_steered_by_keys_by_sliders_and_by_a_policy_to_where_one_clicks
         click(page, TARGET_FLAT)
         played.until(lambda entry: entry["steering"] == "target-flat")
         target = target_of(played.latest())
-        page.keyboard.down("Shift")
-        click(page, GROUND)
-        page.keyboard.up("Shift")
+        point_at(page, GROUND)
         played.until(lambda entry: target_of(entry) != target)
         # the fly may be there before anybody looks: when it was moved, it was away
         moved = next(entry for entry in played.entries() if target_of(entry) != target)
-        assert distance_to_target(moved) > 1
         put = target_of(moved)
+        assert np.hypot(moved["x_mm"] - put[0], moved["y_mm"] - put[1]) > 1
         arrived = played.until(lambda entry: target_of(entry) not in (target, put))
         assert (arrived["outcome"], arrived["steering"]) == ("running", "target-flat")
         press(page, "ArrowDown", lambda entry: entry["steering"] == "by hand", played)

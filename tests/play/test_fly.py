@@ -13,12 +13,9 @@ from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
 from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS, Boxes, Terrain
 from tests.controllers.own import Wave
-from tests.play.noted import Noted
-
-OWN_LEGS, OWN_GROUND = "tests.controllers.own", __name__
+from tests.play.noted import Noted, drawn
 
 FAST = PlayedFlyConfig(physics="fast", seed=3)
-MUSCLES = PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,56 +41,56 @@ def changed():
 @pytest.fixture(scope="module")
 def strong():
     """One fly with muscles, pursuing its target."""
-    return PlayedFly(MUSCLES)
+    return PlayedFly(PlayedFlyConfig(physics="fast", body="fly_muscles", policy="pursuit"))
 
 
 def started(fly, drive=(0.0, 0.0), seed=3):
-    fly.press("s")
     fly.reset(seed)
-    fly.change("left", drive[0])
-    fly.change("right", drive[1])
+    fly.change("drive_left", drive[0])
+    fly.change("drive_right", drive[1])
     return fly
 
 
-def places(fly, decisions):
+def walk(fly, decisions):
+    """Places of all joints after each decision."""
     rows = []
     for _ in range(decisions):
-        fly.step(1)
+        fly.step()
         rows.append(fly.data.qpos.copy())
     return np.array(rows)
 
 
-def drawn(fly, what, title=None):
-    return Noted(fly).drawn(what, title)
+def point(fly, ahead, aside=0.0):
+    """Move the target to a place relative to the fly, mm."""
+    fly.change("click", (fly.data.qpos[0] + ahead, fly.data.qpos[1] + aside))
 
 
 def values(fly):
     return {label: value for (shown,) in drawn(fly, "values") for label, value in shown.items()}
 
 
-def drives(fly):
-    return tuple(fly.figures()[f"drive_{side}"] for side in ("left", "right"))
+def steered(fly):
+    """Who steers, and the drive."""
+    return tuple(fly.figures()[name] for name in ("steering", "drive_left", "drive_right"))
 
 
 def test_it_walks_where_it_is_driven_and_not_without_drive(fly):
     ways = []
     for drive in ((1.0, 1.0), (0.0, 0.0)):
         start = started(fly, drive).data.qpos[:2].copy()
-        fly.step(25)
-        ways.append(np.linalg.norm(fly.data.qpos[:2] - start))
+        ways.append(np.linalg.norm(walk(fly, 25)[-1, :2] - start))
     walked, stood = ways
     assert walked > 4.0 + stood
 
 
 def test_it_moves_as_the_environment_does_under_the_same_drives(fly):
-    drives = [(1.0, 1.0), (1.2, 0.4), (-0.5, 1.5)]
     env = BatchedEnv(FAST.env(), 1, 1)
     env.reset(seeds=[3])
-    started(fly)
-    for drive in drives:
-        fly.change("left", drive[0])
-        fly.change("right", drive[1])
-        fly.step(2)
+    fly.reset(3)
+    for drive in ((1.0, 1.0), (1.2, 0.4), (-0.5, 1.5)):
+        fly.change("drive_left", drive[0])
+        fly.change("drive_right", drive[1])
+        walk(fly, 2)
         for _ in range(2):
             env.step(Drives().of([drive]))
         np.testing.assert_array_equal(fly.env.flies._qpos, env.flies._qpos)
@@ -107,87 +104,70 @@ def test_the_same_actions_give_the_same_bits(fly, strong):
         for _ in range(2):
             played.reset(5)
             played.change("steering", "target-flat")
-            rows = [places(played, 2)]
-            played.point(-5.0, 3.0)
-            rows.append(places(played, 3))
-            played.press("left")
-            rows.append(places(played, 2))
+            rows = [walk(played, 2)]
+            played.change("click", (-5.0, 3.0))
+            rows.append(walk(played, 3))
+            played.change("left", True)
+            rows.append(walk(played, 2))
             runs.append(np.concatenate(rows))
         np.testing.assert_array_equal(*runs)
 
 
 def test_arrow_keys_change_both_drives_by_a_tenth_within_the_bounds(fly):
     started(fly)
-    for key, expected in (("up", (0.1, 0.1)), ("left", (0.0, 0.2)), ("right", (0.1, 0.1))):
-        fly.press(key)
-        assert drives(fly) == expected
+    for key, *drives in (("up", 0.1, 0.1), ("left", 0.0, 0.2), ("right", 0.1, 0.1)):
+        fly.change(key, True)
+        assert steered(fly) == ("by hand", *drives)
     for _ in range(20):
-        fly.press("left")
+        fly.change("left", True)
     assert [slider[-1] for slider in drawn(fly, "slider")] == [-0.5, 1.5]
-    fly.press("s")
-    assert drives(fly) == (0.0, 0.0)
+    fly.change("s", True)
+    assert steered(fly) == ("by hand", 0.0, 0.0)
 
 
 def test_a_policy_goes_to_where_the_target_was_put(fly):
     for side in (4.0, -4.0):
-        started(fly)
+        fly.reset(3)
         fly.change("steering", "target-flat")
-        fly.point(fly.data.qpos[0] + 5.0, fly.data.qpos[1] + side)
+        point(fly, 5.0, side)
         # from 6.4 mm away
-        fly.step(22)
+        walk(fly, 22)
         assert values(fly)["to the target, mm"] < 2.0
 
 
 def test_a_key_takes_the_steering_from_a_policy_at_its_drive(fly):
-    started(fly)
+    fly.reset(3)
     fly.change("steering", "pursuit")
-    fly.point(fly.data.qpos[0] + 9.0, fly.data.qpos[1])
-    fly.step(1)
-    left, right = fly.figures()["drive_left"], fly.figures()["drive_right"]
+    point(fly, 9.0)
+    fly.step()
+    _, left, right = steered(fly)
     assert left > 1.0
-    fly.press("down")
-    figures = fly.figures()
-    assert figures["steering"] == "by hand"
-    assert figures["drive_left"] == pytest.approx(left - 0.1)
-    assert figures["drive_right"] == pytest.approx(right - 0.1)
-
-
-def steered(fly):
-    """Who steers, and the drive."""
-    return tuple(fly.figures()[name] for name in ("steering", "drive_left", "drive_right"))
-
-
-def test_letting_go_stops_a_person_and_no_policy(fly):
-    started(fly, (1.0, 0.5))
+    # nobody is there any more: a policy steers on
     fly.relax()
-    assert steered(fly) == ("by hand", 0, 0)
-    fly.change("steering", "pursuit")
-    fly.step(1)
-    before = steered(fly)
+    assert steered(fly) == ("pursuit", left, right)
+    fly.change("down", True)
+    assert steered(fly) == ("by hand", pytest.approx(left - 0.1), pytest.approx(right - 0.1))
     fly.relax()
-    assert steered(fly) == before != ("pursuit", 0, 0)
-    fly.press("s")
     assert steered(fly) == ("by hand", 0, 0)
 
 
 def test_a_policy_that_arrives_gets_another_target(fly):
     targets = []
     for _ in range(2):
-        started(fly)
+        fly.reset(3)
         fly.change("steering", "pursuit")
-        fly.point(fly.data.qpos[0] + 1.005, fly.data.qpos[1])
-        fly.step(8)
+        point(fly, 1.005)
+        walk(fly, 8)
         targets.append([fly.figures()[f"target_{axis}_mm"] for axis in "xy"])
-        distance = values(fly)["to the target, mm"]
-        assert DISTANCE[0] - 2 < distance < DISTANCE[1] + 2
+        assert DISTANCE[0] - 2 < values(fly)["to the target, mm"] < DISTANCE[1] + 2
     assert targets[0] == targets[1]
 
 
 def test_flat_ground_has_no_edge(fly):
     started(fly, (1.0, 1.0))
     fly.env.flies._qpos[0, 0] = 1000.0
-    fly.point(1020.0, 3.0)
-    fly.step(3)
+    fly.change("click", (1020.0, 3.0))
+    walk(fly, 3)
     assert fly.outcome == "running"
     assert fly.figures()["target_x_mm"] == 1020.0
     assert fly.model.geom(FLAT_GROUND).size[:2].tolist() == [0, 0]  # MuJoCo's endless plane
@@ -195,11 +175,11 @@ def test_flat_ground_has_no_edge(fly):
 
 def test_reaching_the_target_pays_once_and_ends_nothing(fly):
     started(fly)
-    fly.point(fly.data.qpos[0] + 1.005, fly.data.qpos[1])
+    point(fly, 1.005)
     paid = []
     for _ in range(8):
-        fly.press("up")
-        fly.step(2)
+        fly.change("up", True)
+        walk(fly, 2)
         paid.append(values(fly)["success"])
     # the last "success" is that of the return
     assert paid[-1] == 2.0
@@ -215,30 +195,34 @@ def test_what_fell_stays_with_its_reason_until_it_is_reset(fly):
         started(fly, (1.0, 1.0))
         before = fly.data.qpos.copy()
         spoil(fly.env.flies)
-        fly.step(3)
+        walk(fly, 3)
         assert fly.figures()["outcome"] == outcome
-        assert f"({outcome})" in drawn(fly, "text", "Fly")[0][0]
+        assert fly.hint == f"The walk has ended: {outcome}. Reset starts again."
         assert fly.time_s == pytest.approx(0.02)
         assert all(np.isfinite(list(values(fly).values())))
         # what blew up is seen as it was before
         assert np.array_equal(fly.data.qpos, before) == (outcome == "unstable")
     fly.reset(3)
-    fly.step(1)
+    fly.step()
     assert fly.outcome == "running"
 
 
-def test_rough_ground_ends(changed):
+def test_rough_ground_ends_and_a_target_moves_within_it_alone(changed):
     changed.change("terrain", "blocks")
-    changed.reset(3)
+    changed.change("click", (20.0, -15.0))
+    for outside in ((24.0, 0.0), (0.0, 19.0), (float("nan"), 0.0), (float("inf"), 0.0)):
+        changed.change("click", outside)
+    assert [changed.figures()[f"target_{axis}_mm"] for axis in "xy"] == [20.0, -15.0]
+    np.testing.assert_array_equal(changed.data.mocap_pos[0, :2], [20.0, -15.0])
     changed.env.flies._qpos[0, 0] = 26.0
-    changed.step(1)
+    changed.step()
     assert changed.outcome == "left_arena"
     changed.change("terrain", "flat")
 
 
 def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed):
     fly = started(changed, (1.0, 0.8))
-    fly.step(10)
+    walk(fly, 10)
     model = fly.model
     for name, value in (
         ("controller", "rule_based"),
@@ -251,12 +235,13 @@ def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed)
         ("adhesion", False),
         ("physics", "balanced"),
     ):
-        before, time_s, drive = fly.data.qpos.copy(), fly.time_s, fly.figures()["drive_right"]
+        before, time_s, drive = fly.data.qpos.copy(), fly.time_s, steered(fly)
         fly.change(name, value)
         np.testing.assert_array_equal(fly.data.qpos, before)
-        assert (fly.time_s, fly.figures()["drive_right"]) == (time_s, drive)
+        assert (fly.time_s, steered(fly)) == (time_s, drive)
         assert fly.figures()[name] == value
-        fly.step(1)
+        assert ("ignores the drive" in fly.hint) == (value == "rule_based")
+        fly.step()
         assert fly.time_s == pytest.approx(time_s + 0.02)
         assert not np.array_equal(fly.data.qpos, before)
     scene = fly.env.config.fly_scene
@@ -267,7 +252,7 @@ def test_other_legs_physics_reflexes_and_grip_leave_the_fly_where_it_is(changed)
 
 def test_another_terrain_starts_the_episode_anew(changed):
     fly = started(changed, (1.0, 0.8), seed=4)
-    fly.step(2)
+    walk(fly, 2)
     model = fly.model
     fly.change("terrain", "blocks")
     env = BatchedEnv(fly.config.env(), 1, 1)
@@ -281,52 +266,19 @@ def test_another_terrain_starts_the_episode_anew(changed):
     assert (fly.time_s, fly.seed, fly.figures()["drive_left"]) == (0.0, 4, 1.0)
 
 
-@pytest.fixture(scope="module")
-def own():
-    """One fly with a controller and on a terrain of the user's own."""
-    names = {"controller": f"{OWN_LEGS}:Wave", "terrain": f"{OWN_GROUND}:Ridge"}
-    return PlayedFly(PlayedFlyConfig(physics="fast", **names))
-
-
-def test_a_fly_walks_with_legs_and_on_ground_of_the_users_own(own):
-    started(own, (1.0, 1.0)).step(2)
-    scene = own.env.config.fly_scene
+def test_legs_and_ground_of_the_users_own_are_walked_with_and_stay_choices():
+    names = {"controller": "tests.controllers.own:Wave", "terrain": f"{__name__}:Ridge"}
+    fly = started(PlayedFly(PlayedFlyConfig(physics="fast", **names)), (1.0, 1.0))
+    walk(fly, 2)
+    scene = fly.env.config.fly_scene
     assert (scene.controller, scene.terrain) == (Wave(), Ridge())
-    assert own.outcome == "running"
-
-
-@pytest.mark.parametrize(
-    ("key", "name", "other"),
-    [("controller", f"{OWN_LEGS}:Wave", "hybrid"), ("terrain", f"{OWN_GROUND}:Ridge", "flat")],
-)
-def test_what_is_the_users_own_stays_a_choice_after_another(own, key, name, other):
-    own.change(key, other)
-    own.step(1)
-    assert name in next(options for each, _, options, _ in drawn(own, "choice") if each == key)
-    own.change(key, name)
-    assert own.figures()[key] == name
-
-
-def test_legs_that_take_no_drive_are_refused():
-    with pytest.raises(ValueError, match=r"must be one that takes a drive, got .*own:Height"):
-        PlayedFlyConfig(controller=f"{OWN_LEGS}:Height")
-
-
-def test_legs_that_ignore_the_drive_are_told(changed):
-    told = "The controller rule_based ignores the drive."
-    for name, is_told in (("rule_based_steered", False), ("rule_based", True), ("hybrid", False)):
-        changed.change("controller", name)
-        assert ([told] in drawn(changed, "text", "Steering")) == is_told
-
-
-def test_a_target_moves_within_the_arena_alone(changed):
-    changed.change("terrain", "blocks")
-    changed.point(20.0, -15.0)
-    for outside in ((24.0, 0.0), (0.0, 19.0), (float("nan"), 0.0), (float("inf"), 0.0)):
-        changed.point(*outside)
-    figures = changed.figures()
-    assert (figures["target_x_mm"], figures["target_y_mm"]) == (20.0, -15.0)
-    np.testing.assert_array_equal(changed.data.mocap_pos[0, :2], [20.0, -15.0])
+    assert fly.outcome == "running"
+    for (key, name), other in zip(names.items(), ("hybrid", "flat"), strict=True):
+        fly.change(key, other)
+        fly.step()
+        assert name in next(options for each, _, options, _ in drawn(fly, "choice") if each == key)
+        fly.change(key, name)
+        assert fly.figures()[key] == name
 
 
 def test_what_is_not_allowed_is_told_and_changes_nothing(fly):
@@ -334,13 +286,12 @@ def test_what_is_not_allowed_is_told_and_changes_nothing(fly):
     before = fly.figures()
     for name, value, message in (
         ("controller", "hybird", "controller must be one of .*hybrid.* got 'hybird'"),
+        ("controller", "tests.controllers.own:Height", "must be one that takes a drive, got .*He"),
         ("physics", "worm", "physics must be one of 'reference', 'balanced', 'fast'"),
         ("terrain", "sand", "terrain must be one of 'flat'.* got 'sand'"),
         ("steering", "velocity-flat", "steering must be one of 'by hand'.*'velocity-flat'"),
-        ("left", 1.6, "drive, left must lie within -0.5 and 1.5, got 1.6"),
-        ("left", "fast", "drive, left must lie within"),
-        ("adhesion", "no", "adhesion must be one of False, True, got 'no'"),
-        ("colour", "red", "control must be one of 'left'"),
+        ("drive_left", 1.6, "drive_left must lie within -0.5 and 1.5, got 1.6"),
+        ("adhesion", "no", "adhesion must be True or False, got 'no'"),
     ):
         with pytest.raises(ValueError, match=message):
             fly.change(name, value)
@@ -359,7 +310,7 @@ def test_a_policy_that_decides_at_other_times_is_refused(tmp_path):
 
 def test_the_panel_tells_of_legs_and_rewards(fly):
     started(fly, (1.0, 1.0))
-    fly.step(10)
+    walk(fly, 10)
     ((labels, phases, lengths),) = drawn(fly, "dials")
     assert labels == LEGS
     assert (phases.shape, lengths.shape) == ((6,), (6,))
@@ -378,21 +329,12 @@ def test_the_panel_tells_of_legs_and_rewards(fly):
     assert options["terrain"] == tuple(KINDS)
 
 
-def test_a_part_of_the_gait_counts_as_stance_if_the_leg_stands_for_half_of_it(fly, monkeypatch):
-    started(fly)
-    # LF stands for 5 of the latest 10 ms, RH for 4; before, all six legs do
-    samples = [0b111111] * 10 + [0b000001] + [0b100001] * 4 + [0] * 5
-    monkeypatch.setattr(fly.env.flies, "gait_samples", lambda *_: np.array(samples, np.uint32))
-    fly.step(1)
-    assert drawn(fly, "raster")[0][1].tolist() == [[True, True], *[[True, False]] * 5]
-
-
 def test_all_muscles_are_on_the_panel(strong):
     strong.reset(0)
-    strong.step(2)
+    walk(strong, 2)
     panel = Noted(strong)
     assert panel.titles[-7:] == ["Muscles", *(f"Muscles of {leg}" for leg in LEGS)]
-    ((bars,),) = panel.drawn("bars", "Muscles of RH")
+    ((bars,),) = drawn(strong, "bars", "Muscles of RH")
     assert list(bars)[:2] == ["Coxa +", "Coxa -"]
     np.testing.assert_array_equal(list(bars.values()), strong.env.state.muscle_tensions[0, 70:])
 
@@ -401,5 +343,5 @@ def test_what_is_drawn_has_no_controller_and_a_camera_on_the_thorax(fly):
     assert fly.model.numeric_data[0] == 0.0
     assert fly.model.body(fly.camera.trackbodyid).name == "Thorax"
     started(fly, (1.0, 1.0))
-    fly.step(3)
+    walk(fly, 3)
     np.testing.assert_array_equal(fly.camera.lookat, fly.data.qpos[:3])

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.play.page import display_model, ground_point
+from flyrl.play.page import STATE, display_model, ground_point
 from flyrl.play.worm import PlayedWorm
 from tests.play.toy import Toy
 
@@ -59,12 +59,12 @@ def test_what_is_drawn_knows_no_forces():
 
 def test_mocap_bodies_are_drawn_where_they_are():
     toy = Toy()
-    toy.point(5.0, -1.0)
+    toy.change("click", (5.0, -1.0))
     toy.data.qpos[0] = 0.7
     toy.data.mocap_quat[0] = (0.6, 0.8, 0, 0)
     model = display_model(toy.model)
     data = mujoco.MjData(model)
-    toy.copy_into(data)
+    mujoco.mj_copyState(toy.model, toy.data, data, STATE)
     mujoco.mj_forward(model, data)
     assert data.body("target").xpos == pytest.approx((5, -1, 0.2))
     assert data.body("target").xquat == pytest.approx((0.6, 0.8, 0, 0))

@@ -14,7 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosedOK, InvalidStatus
 from websockets.sync.client import connect
 
-from flyrl.play.server import listen, tell_unless_page_left, url
+from flyrl.play.server import listen, log_unless_page_left, url
 from tests.play.commands import TOY, playing
 
 LISTENS = "0A"
@@ -138,7 +138,7 @@ def test_a_port_can_be_used_again_at_once():
 )
 def test_a_page_that_left_is_nothing_to_tell(error, is_told, caplog):
     async def fail():
-        asyncio.get_running_loop().set_exception_handler(tell_unless_page_left)
+        asyncio.get_running_loop().set_exception_handler(log_unless_page_left)
         task = asyncio.create_task(raising())
         await asyncio.wait([task])
         # nobody asks how it ended: asyncio tells when the task is collected

@@ -1,7 +1,5 @@
 """The worm that keys recruit neurons of, without a page."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,30 +7,29 @@ from flyrl.bodies.worm import DEMONSTRATION
 from flyrl.muscles import MotorPool
 from flyrl.play.worm import PlayedWorm
 from flyrl.resources import assets_folder
-from tests.play.noted import Noted
+from tests.play.noted import drawn
 
 POOL = MotorPool.from_image(assets_folder() / "muscles" / "human.png")
 
 
 @pytest.fixture
 def worm():
-    return PlayedWorm(dataclasses.replace(DEMONSTRATION, segments=4))
+    return PlayedWorm()
 
 
 def test_tension_is_that_of_the_pool(worm):
+    # ten segments, one muscle
+    assert (worm.model.njnt, worm.model.nu) == (9, 1)
     for key, n in (("n", 0), ("h", 20), ("h", 40), ("n", 20)):
-        worm.press(key)
-        assert worm.figures() == {
-            "n": n,
-            "tension": pytest.approx(POOL.recruitment[n], abs=5e-5),
-            "bend_deg": 0.0,
-        }
+        worm.change(key, True)
+        tension = pytest.approx(POOL.recruitment[n], abs=5e-5)
+        assert worm.figures() == {"n": n, "tension": tension, "bend_deg": 0.0}
         assert worm.data.ctrl == pytest.approx(DEMONSTRATION.strength * POOL.recruitment[n])
 
 
 def test_the_last_neuron_is_the_last(worm):
     for _ in range(20):
-        worm.press("h")
+        worm.change("h", True)
     assert worm.n == len(POOL) - 1
     worm.relax()
     assert worm.n == worm.figures()["tension"] == 0
@@ -40,32 +37,24 @@ def test_the_last_neuron_is_the_last(worm):
 
 def test_the_panel_says_neurons_tension_and_bend(worm):
     for _ in range(10):
-        worm.press("h")
-    worm.data.qpos[:] = np.radians([10, 20, 5])
-    panel = Noted(worm)
+        worm.change("h", True)
+    worm.data.qpos[:3] = np.radians([10, 20, 5])
     tension = pytest.approx(POOL.recruitment[200])
-    (values,), (bar,) = panel.drawn("values"), panel.drawn("bars")
-    assert values == [{"neurons up to": 200, "tension": tension, "bend (°)": pytest.approx(35)}]
-    assert bar == [{"": tension}]
+    shown = {"neurons up to": 200, "tension": tension, "bend (°)": pytest.approx(35)}
+    assert drawn(worm, "values") == [[shown]]
+    assert drawn(worm, "bars") == [[{"": tension}]]
     assert worm.figures()["bend_deg"] == 35.0
-    worm.data.qpos[:] = np.radians([0, 0, -0.04])
+    worm.data.qpos[:3] = np.radians([0, 0, -0.04])
     assert str(worm.figures()["bend_deg"]) == "0.0"
 
 
-def test_a_reset_hangs_the_worm_down(worm):
+def test_it_bends_and_a_reset_hangs_it_down(worm):
     for _ in range(15):
-        worm.press("h")
-    worm.step(50)
+        worm.change("h", True)
+    for _ in range(50):
+        worm.step()
     assert worm.time_s == pytest.approx(50 * worm.interval_s)
     assert worm.figures()["bend_deg"] > 1
     worm.reset(3)
     assert (worm.n, worm.time_s, worm.seed) == (0, 0.0, 3)
     assert worm.figures() == {"n": 0, "tension": 0.0, "bend_deg": 0.0}
-
-
-def test_the_literatures_worm_can_be_played():
-    worm = PlayedWorm()
-    assert worm.title == "worm"
-    assert set(worm.keys) == {"h", "n"}
-    # ten segments, one muscle
-    assert (worm.model.njnt, worm.model.nu) == (9, 1)

@@ -1,4 +1,4 @@
-"""A small thing to play: a cart on the ground that a slider drives, with every widget there is.
+"""A small thing to play: a cart on the ground that a slider drives.
 
 Run as a program, it is served like what `flyrl play` knows, with the same options.
 """
@@ -6,9 +6,9 @@ Run as a program, it is served like what `flyrl play` knows, with the same optio
 import argparse
 import sys
 import time
+from typing import ClassVar
 
 import mujoco
-import numpy as np
 
 from flyrl.cli.play import add_to, serve
 from flyrl.cli.terminal import reported
@@ -42,14 +42,12 @@ class Toy(Playable):
     """A cart; as a ball it can spin, too, so that its state is of another shape."""
 
     title = "toy"
-    interval_s = 0.002
     hint = "arrow keys: drive"
-    time_s = 0.0
+    keys: ClassVar = {"up": "faster", "down": "slower", "h": "hop", "click": "move the target"}
 
-    def __init__(self):
-        self.keys = {"up": "faster", "down": "slower", "h": "hop", "click": "move the target"}
-        self.hops, self.is_bright = 0, False
-        self.target = (3.0, 2.0)
+    def __init__(self, interval_s=0.002):
+        self.interval_s = interval_s
+        self.hops = 0
         self.camera = mujoco.MjvCamera()
         self.camera.azimuth, self.camera.elevation, self.camera.distance = 90.0, -35.0, 18.0
         self._build("box")
@@ -60,67 +58,46 @@ class Toy(Playable):
         self.model = mujoco.MjModel.from_xml_string(_XML.format(shape=_SHAPES[shape], spin=spin))
         self.reset(self.seed)
 
-    def step(self, number):
-        self.time_s += number * self.interval_s
-        self.data.qpos[0] += number * self.interval_s * self.speed
+    def step(self):
+        self.data.time += self.interval_s
+        self.data.qpos[0] += self.interval_s * self.speed
 
     def reset(self, seed):
-        self.seed, self.time_s, self.speed = seed, 0.0, 0.0
+        self.seed, self.speed = seed, 0.0
         self.data = mujoco.MjData(self.model)
-        self._place()
-
-    def press(self, key):
-        if key == "h":
-            self.hops += 1
-        else:
-            self.speed += 0.5 if key == "up" else -0.5
 
     def change(self, name, value):
-        if name == "speed":
+        if name == "h":
+            self.hops += 1
+        elif name in ("up", "down"):
+            self.speed += 0.5 if name == "up" else -0.5
+        elif name == "speed":
             self.speed = value
-        elif name == "shape":
-            if value == "cube":
-                raise ValueError("shape must be one of 'box', 'ball', got 'cube'")
+        elif name == "click":
+            self.data.mocap_pos[0, :2] = value
+        elif value == "cube":
+            raise ValueError("shape must be one of 'box', 'ball', got 'cube'")
+        else:
             self._build(value)
-        elif name == "bright":
-            self.is_bright = value
-
-    def point(self, x_w, y_w):
-        self.target = (x_w, y_w)
-        self._place()
 
     def relax(self):
         self.speed = 0.0
 
-    def _place(self):
-        self.data.mocap_pos[0] = (*self.target, 0.2)
-
     def draw(self, panel):
-        turns = np.linspace(0, 2 * np.pi, 6, endpoint=False)
-        legs = ("LF", "LM", "LH", "RF", "RM", "RH")
         if panel.section("Drive"):
             panel.slider("speed", "speed", -2.0, 2.0, self.speed)
             panel.choice("shape", "shape", ("box", "ball", "cube"), self.shape)
-            panel.switch("bright", "bright lights", self.is_bright)
-            panel.integer("number", "number", 7)
-            panel.text("A line of text that is so long that it does not fit into the panel.")
             panel.bars({"one": 0.3, "the other": 1.0})
-        if panel.section("What it does"):
-            panel.values({"place (mm)": float(self.data.qpos[0]), "hops": self.hops})
-            panel.dials(legs, turns, np.linspace(0.3, 1, 6))
-            panel.raster(legs, np.eye(6, 12, dtype=bool), 16, 1.0)
-            panel.bars({f"muscle {number}": number / 13 for number in range(14)})
 
     def figures(self):
-        x, y = self.target
+        place = dict(zip(("target_x", "target_y"), self.data.mocap_pos[0].tolist(), strict=False))
+        x = round(float(self.data.qpos[0]), 4)
         return {
-            "x": round(float(self.data.qpos[0]), 4),
+            "x": x,
             "speed_x": round(self.speed, 2),
             "shape": self.shape,
-            "is_bright": self.is_bright,
             "hops": self.hops,
-            "target_x": round(x, 2),
-            "target_y": round(y, 2),
+            **place,
         }
 
 

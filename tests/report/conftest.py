@@ -1,16 +1,16 @@
 """A report with all that one can have, made once, and what it is looked at with."""
 
 import functools
-import io
 from html.parser import HTMLParser
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.report import Video, write_report
+from flyrl.report.captions import jpeg
+from flyrl.report.style import svg_text
 from flyrl.report.video import HOLD_FRAMES, encode
 from flyrl.rollouts import Gait
 from tests.report.hostile import hostile_results
@@ -63,8 +63,9 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.texts).split())
 
 
-def texts(svg):
-    """Texts of an SVG, which is well-formed."""
+def texts(drawn):
+    """Texts of an SVG, or of a figure as one, which is well-formed."""
+    svg = drawn if isinstance(drawn, str) else svg_text(drawn)
     return [
         "".join(node.itertext()).strip()
         for node in ET.fromstring(svg).iter()
@@ -85,22 +86,15 @@ def gaited(controller, way=10):
 
 
 @functools.cache
+def brightening():
+    """A video whose pictures get brighter one by one, until its end, and its poster."""
+    levels = DARKEST + BRIGHTER * np.minimum(np.arange(FILMED + HOLD_FRAMES), FILMED - 1)
+    pictures = [np.full((48, 64, 3), level, np.uint8) for level in levels]
+    return encode(pictures), jpeg(pictures[-1])
+
+
 def film(name, terrain="flat"):
-    """A video whose pictures get brighter one by one, until its end."""
-    number = FILMED + HOLD_FRAMES
-    return Video(name, terrain, 0, "left_arena", number, 0.01, *_brightening(number))
-
-
-@functools.cache
-def _brightening(number):
-    """The files of such a video and of its poster."""
-    pictures = [
-        np.full((48, 64, 3), DARKEST + BRIGHTER * min(shown, FILMED - 1), np.uint8)
-        for shown in range(number)
-    ]
-    poster = io.BytesIO()
-    Image.fromarray(pictures[-1]).save(poster, "JPEG")
-    return encode(pictures), poster.getvalue()
+    return Video(name, terrain, 0, "left_arena", FILMED + HOLD_FRAMES, 0.01, *brightening())
 
 
 def drive_map():

@@ -12,15 +12,14 @@ from flyrl.report.figures import (
     success_figure,
     swarm,
 )
-from flyrl.report.style import THEME, colours, stylesheet, themed
+from flyrl.report.style import THEME, colours, inline, stylesheet, svg_text, themed
 from tests.report.conftest import NAMES, texts
 from tests.synthetic import HORIZON_S, make_results
 
 
 @pytest.fixture(scope="module")
-def figures(report):
+def figures(text):
     """The figures of the page, by name: each has ids of its own."""
-    text = report.read_text(encoding="utf-8")
     svgs = re.findall(r'<svg viewBox="[^"]*" xmlns.*?</svg>', text, re.DOTALL)
     return {re.search(r'id="(.*?)-figure_1"', svg)[1]: svg for svg in svgs}
 
@@ -47,6 +46,9 @@ def test_controllers_and_counts_are_named(results, figures):
     assert set(NAMES) - {"hybrid"} <= set(texts(figures["differences-flat"]))
     row = results.summaries[0]
     assert f"{row['successes']}/{row['episodes']}" in texts(figures["success"])
+    # the same results make the same figure
+    again = inline(svg_text(success_figure(results.summaries)), "success")
+    assert again.strip() == figures["success"]
 
 
 def test_a_dot_leads_to_its_episode(figures):
@@ -62,7 +64,8 @@ def test_a_dot_leads_to_its_episode(figures):
 
 def test_many_episodes_are_outlined_in_colours_of_the_page(results):
     many = pd.concat([results.episodes] * 70)
-    svg = distributions_figure(many, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s"])
+    figure = distributions_figure(many, "flat", HORIZON_S, ["time_to_goal_s", "speed_mm_s"])
+    svg = inline(svg_text(figure), "many")
     assert "<image" not in svg  # pixels do not follow the theme
     assert "<a href" not in svg
     assert len(svg) < 200_000
@@ -78,21 +81,17 @@ def test_an_outline_is_as_high_as_the_root_of_its_episodes():
     np.testing.assert_allclose(successes, [0.08, 0.16, np.nan])
 
 
-@pytest.mark.parametrize(
-    ("vary", "labels"),
-    [({"push": (0, 8)}, ["push=0", "push=8"]), ({"legs": ("none", "LF")}, ["legs=none"])],
-)
-def test_doses_show_success_in_per_cent(vary, labels):
+@pytest.mark.parametrize(("quantity", "values"), [("push", ("0", "8")), ("legs", ("none", "LF"))])
+def test_doses_show_success_in_per_cent(quantity, values):
     varied = make_results(("target-ppo", "hybrid"), episodes=3, vary={"push": (0, 8)})
-    if "legs" in vary:  # what cannot be ordered stands side by side
-        for row in varied.summaries:
-            row["condition"] = "legs=none"
-    shown = texts(doses_figure(varied.summaries, "flat", "push", labels, ["success"]))
-    assert {"success (%)", "100", *(label.split("=")[1] for label in labels)} <= set(shown)
-
-
-def test_same_results_same_figure(results, figures):
-    assert success_figure(results.summaries).strip() == figures["success"]
+    labels = [f"{quantity}={value}" for value in values]
+    for row in varied.summaries:
+        row["condition"] = labels[row["condition"] == "push=8"]
+    figure = doses_figure(varied.summaries, "flat", quantity, labels, ["success"])
+    assert {"success (%)", "100", *values} <= set(texts(figure))
+    rates = [row["success_rate"]["value"] for row in varied.summaries]
+    lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    np.testing.assert_allclose(lines["target-ppo"], 100 * np.array(rates[::2]))
 
 
 def test_names_are_text_not_markup_nor_mathematics():
@@ -104,7 +103,7 @@ def test_names_are_text_not_markup_nor_mathematics():
 
 def test_no_comparison_no_paired_figure():
     results = make_results(("hybrid",), episodes=2)
-    assert paired_figure(results.episodes, results.summaries, "flat", HORIZON_S) == ""
+    assert paired_figure(results.episodes, results.summaries, "flat", HORIZON_S) is None
 
 
 def test_swarm_spreads_equal_values_evenly_and_leaves_lonely_ones():

@@ -8,7 +8,6 @@ import pytest
 
 from flyrl.evaluation.summary import summarise
 from flyrl.report import write_report
-from flyrl.report.exports import standalone
 from flyrl.report.html import format_report
 from tests.report.conftest import NAMES, Page, film, gaited, texts
 from tests.synthetic import make_results
@@ -71,11 +70,6 @@ def test_each_figure_is_a_file_that_is_whole_and_knows_no_page(report, page):
         assert used or name in ("gait-flat", "time-flat-0")  # bars and lines alone
         assert {link[1:] for link in used} <= ids, name
         assert not root.findall(".//{*}a")
-
-
-def test_what_has_no_size_is_no_figure():
-    with pytest.raises(ValueError, match="view box"):
-        standalone("<svg></svg>")
 
 
 def test_tables_lie_beside_the_report(alone, tmp_path):

@@ -1,7 +1,6 @@
 import dataclasses
 import re
 from dataclasses import asdict
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -11,15 +10,16 @@ from flyrl.report.paths import (
     LEVELS,
     Thing,
     Walk,
+    aligned,
     aligned_figure,
-    finite,
     ground_figure,
     ground_picture,
     paths_figure,
-    start_frame,
     things_of,
     view_of,
+    walk_of,
 )
+from flyrl.report.style import svg_text
 from flyrl.tasks import Episode
 from flyrl.terrains import NOWHERE, Blocks, Bounds, Flat, Gapped, Hills
 from tests.report.conftest import texts
@@ -29,44 +29,62 @@ RANDOM = Gapped(gap_range=(0.1, 0.5), random=True)
 HILLS = Hills()
 VIEW = Bounds(-11, 3, -20, 2)
 EPISODES = [Episode(seed, (0.0, 0.0, 1.5), 0.0, (), (0.0,) * 6, (0.0,) * 6) for seed in (7, 8)]
+PROTOCOL = {
+    "table": {
+        "props": [
+            {"name": "post", "shape": "cylinder", "size": [0.5, 4.0], "rgba": [0.2, 0.4, 0.6, 1.0]},
+            {"name": "wall", "shape": "box", "size": [1.0, 6.0, 2.0], "rgba": [0.0, 0.0, 0.0, 1.0]},
+        ]
+    }
+}
 
 
-def path(points, yaw=0.0):
-    points = np.array(points, dtype=np.float32)
-    return Trajectory(
-        time_s=np.arange(len(points), dtype=np.float32),
-        position_w=np.column_stack([points, np.ones(len(points), np.float32)]),
-        yaw=np.full(len(points), yaw, np.float32),
-        drive=np.zeros((len(points), 2), np.float32),
+def walk(*points, yaw=0.0, goal=(), **other):
+    goals = np.reshape(np.array(goal, float), (-1, 2))
+    return Walk(
+        **{"episode": 0, "outcome": "fall", **other},
+        path=np.array(points, float),
+        yaw=yaw,
+        goals=goals,
     )
 
 
 @pytest.mark.parametrize(
-    ("walked", "yaw", "goal", "end"),
+    ("walked", "end"),
     [
         # the goal lies ahead
-        ([(1, 1), (1, 3)], 0.0, (1, 5), (2, 0)),
+        (walk((1, 1), (1, 3), goal=(1, 5)), (2, 0)),
         # the goal is north; west of the way there is to the left, so y is positive
-        ([(0, 0), (-1, 2)], 0.0, (0, 4), (2, 1)),
+        (walk((0, 0), (-1, 2), goal=(0, 4)), (2, 1)),
         # without a goal the heading lies ahead
-        ([(2, 2), (2, 5)], np.pi / 2, (), (3, 0)),
+        (walk((2, 2), (2, 5), yaw=np.pi / 2), (3, 0)),
     ],
 )
-def test_a_path_is_turned_until_its_goal_or_heading_lies_ahead(walked, yaw, goal, end):
-    walked = path(walked, yaw)
-    origin, rotation = start_frame(walked, goal)
-    np.testing.assert_allclose((finite(walked) - origin) @ rotation, [(0, 0), end], atol=1e-6)
+def test_a_path_is_turned_until_its_goal_or_heading_lies_ahead(walked, end):
+    turned = aligned(walked)
+    np.testing.assert_allclose(turned.path, [(0, 0), end], atol=1e-9)
+    assert all(y == pytest.approx(0) and x > 0 for x, y in turned.goals)
+
+
+def test_a_walk_is_drawn_as_far_as_it_is_finite():
+    path = np.array([(0, 0, 1), (1, 2, 1), (np.nan, 0, 1)], np.float32)
+    recorded = Trajectory(np.arange(3.0), path, np.full(3, 0.5), np.zeros((3, 2)))
+    drawn = walk_of(4, recorded, {"goal": [3.0, 4.0]}, "unstable", {})
+    assert (drawn.path.tolist(), drawn.goals.tolist()) == ([[0, 0], [1, 2]], [[3, 4]])
+    assert (drawn.episode, drawn.yaw, drawn.outcome) == (4, 0.5, "unstable")
 
 
 def walks(*points, goal=()):
     """Two controllers on the same two paths."""
-    own = [Walk(i, path(points), goal, outcome) for i, outcome in enumerate(("fall", "success"))]
+    outcomes = enumerate(("fall", "success"))
+    own = [walk(*points, goal=goal, episode=i, outcome=outcome) for i, outcome in outcomes]
     return {"cpg": own, "hybrid": own}
 
 
 def section(config, given, episodes=EPISODES):
     terrain = {"name": config.label, "config": asdict(config)}
-    return paths_figure(given, terrain, [asdict(episode) for episode in episodes])
+    figure, ground = paths_figure(given, terrain, [asdict(episode) for episode in episodes])
+    return figure and svg_text(figure), ground
 
 
 @pytest.mark.parametrize(
@@ -84,43 +102,26 @@ def test_the_view_holds_paths_and_goals(given, view):
 
 
 def test_ground_and_paths_lie_on_one_another():
-    svg = ground_figure(walks((0, 0), (10, 4)), GAPPED, GAPPED.compiled())
-    panels = re.findall(r"<image .*?(?=<image |$)", svg, re.DOTALL)
-    assert len(panels) == 2
-    view = view_of(walks((0, 0), (10, 4)), GAPPED.bounds)
-    for panel in panels:
-        width, height = (
-            float(re.search(rf'{key}="(\d+)"', panel)[1]) for key in ("width", "height")
-        )
-        across, up, left, bottom = map(
-            float, re.search(r"matrix\((\S+) 0 0 -(\S+) (\S+) (\S+)\)", panel).groups()
-        )
-        assert across == pytest.approx(up, rel=5e-3)  # equal axes
-        ends = re.search(r'd="M ([\d.]+ [\d.]+) \nL ([\d.]+ [\d.]+) \n" clip', panel).groups()
-        for text, (x, y) in zip(ends, ((0, 0), (10, 4)), strict=True):
-            column = width * (x - view.x_min) / (view.x_max - view.x_min)
-            row = height * (y - view.y_min) / (view.y_max - view.y_min)
-            expected = (left + across * column, bottom - up * row)
-            np.testing.assert_allclose([float(n) for n in text.split()], expected, atol=0.1)
+    given = walks((0, 0), (10, 4))
+    view = view_of(given, GAPPED.bounds)
+    for axes in ground_figure(given, GAPPED, GAPPED.compiled()).axes[:2]:
+        (picture,) = axes.images
+        assert picture.get_extent() == [view.x_min, view.x_max, view.y_min, view.y_max]
+        assert (axes.get_aspect(), picture.origin) == (1.0, "lower")
+        np.testing.assert_array_equal(axes.lines[0].get_xydata(), [(0, 0), (10, 4)])
 
 
-def test_random_ground_is_that_of_the_first_episode():
-    svg, ground = section(RANDOM, walks((-9.5, 0), (-6, 0)))
-    assert ground == "random"
-    other, _ = section(RANDOM, walks((-9.5, 0), (-6, 0)), EPISODES[::-1])
-    assert picture_of(svg) != picture_of(other)
-
-
-def picture_of(svg):
-    return re.search(r'href="(data:image/png[^"]*)"', svg)[1]
-
-
-def test_on_random_ground_only_the_first_path_is_drawn():
-    lines = [
-        section(config, walks((0, 0), (10, 4)))[0].count("stroke-width: 0.9")
-        for config in (GAPPED, RANDOM)
-    ]
-    assert lines[0] == lines[1] + 2  # one path less of each of two controllers
+def test_on_random_ground_the_first_episode_alone_is_drawn():
+    (svg, ground), (other, _) = (
+        section(RANDOM, walks((-9.5, 0), (-6, 0)), episodes)
+        for episodes in (EPISODES, EPISODES[::-1])
+    )
+    pictures = [re.search(r'href="(data:image/png[^"]*)"', each)[1] for each in (svg, other)]
+    assert ground == "random" and pictures[0] != pictures[1]
+    same, ground = section(GAPPED, walks((-9.5, 0), (-6, 0)))
+    assert ground == "same"
+    # one path less of each of two controllers
+    assert same.count("stroke-width: 0.9") == svg.count("stroke-width: 0.9") + 2
 
 
 @pytest.mark.parametrize(("config", "episodes"), [(RANDOM, ()), (Flat(), EPISODES)])
@@ -134,52 +135,33 @@ def test_who_did_not_walk_has_no_panel():
     svg, _ = section(GAPPED, {"zero": [], **walks((0, 0), (10, 4))})
     assert {"cpg", "hybrid"} <= set(texts(svg))
     assert "zero" not in texts(svg)
-    assert section(GAPPED, {"zero": []}) == ("", "none")
+    assert section(GAPPED, {"zero": []}) == (None, "none")
 
 
 def test_titles_of_paths_are_not_cut_off():
-    svg = ET.fromstring(aligned_figure(walks((0, 0), (10, 4)), "flat"))
-    (title,) = (node for node in svg.findall(".//{*}text") if node.text.strip() == "cpg")
-    assert float(title.get("y")) > 9  # its baseline; a line has 10 points
+    svg = svg_text(aligned_figure(walks((0, 0), (10, 4)), "flat"))
+    (y,) = re.findall(r'y="([\d.]+)"[^>]*>cpg', svg)
+    assert float(y) > 9  # its baseline; a line has 10 points
 
 
-PROTOCOL = {
-    "table": {
-        "props": [
-            {"name": "post", "shape": "cylinder", "size": [0.5, 4.0], "rgba": [0.2, 0.4, 0.6, 1.0]},
-            {"name": "wall", "shape": "box", "size": [1.0, 6.0, 2.0], "rgba": [0.0, 0.0, 0.0, 1.0]},
-        ]
-    }
-}
-
-
-def test_things_are_where_props_start_and_as_wide():
-    episode = {"props": [5.0, 1.0, 2.0, *NOWHERE]}
-    assert things_of(episode, PROTOCOL) == (Thing(5.0, 1.0, 0.5, (0.2, 0.4, 0.6)),)
-    both = things_of({"props": [5.0, 1.0, 2.0, 0.0, 9.0, 1.0]}, PROTOCOL)
-    assert both[1] == Thing(0.0, 9.0, 3.0, (0.0, 0.0, 0.0))
-
-
-def test_results_of_old_have_no_things():
-    assert things_of({"goal": [1.0, 2.0]}, {}) == ()
+def test_things_are_where_props_start_and_as_wide_and_results_of_old_have_none():
+    (thing,) = things_of({"props": [5.0, 1.0, 2.0, *NOWHERE]}, PROTOCOL)
+    assert (thing.place.tolist(), *thing[1:]) == ([5.0, 1.0], 0.5, (0.2, 0.4, 0.6))
+    _, box = things_of({"props": [5.0, 1.0, 2.0, 0.0, 9.0, 1.0]}, PROTOCOL)
+    assert (box.place.tolist(), *box[1:]) == ([0.0, 9.0], 3.0, (0.0, 0.0, 0.0))
+    assert things_of({"goal": [1.0, 2.0]}, {}) == []
 
 
 def test_things_are_drawn_on_the_map():
-    thing = Thing(3.0, 1.0, 0.5, (0.2, 0.4, 0.6))
-
-    def with_things(*things):
-        return {
-            name: [dataclasses.replace(each, things=things) for each in own]
-            for name, own in walks((0, 0), (10, 4)).items()
-        }
-
-    for draw in (
-        lambda given: aligned_figure(given, "flat"),
-        lambda given: ground_figure(given, GAPPED, GAPPED.compiled()),
-    ):
-        # 0.2, 0.4, 0.6 as hexadecimal
-        assert "#336699" in draw(with_things(thing))
-        assert "#336699" not in draw(with_things())
+    things = [Thing(np.array([3.0, 1.0]), 0.5, (0.2, 0.4, 0.6))]
+    bare = walks((0, 0), (10, 4))
+    given = {
+        name: [dataclasses.replace(each, things=things) for each in own]
+        for name, own in bare.items()
+    }
+    flat, ground = aligned_figure(given, "flat"), ground_figure(given, GAPPED, GAPPED.compiled())
+    for figure in (flat, ground):
+        assert "#336699" in svg_text(figure)  # 0.2, 0.4, 0.6 as hexadecimal
 
 
 def opacity(config, *places, view=VIEW):

@@ -19,18 +19,19 @@ def video(frames, controller="cpg", frame_s=0.01):
 
 
 def test_the_clock_and_the_curves_run_as_long_as_the_longest_video():
-    section = player("flat", 0, [video(31), video(61, "hybrid")], [straight()])
-    assert section["frames"] == 61
+    films = [video(31), video(61, "hybrid")]
+    section = player("flat", films, [straight()])
+    assert (section["videos"], section["frames"]) == (films, 61)
     # without the frames that stand still, 10 ms each
     assert section["end_s"] == section["until_s"] == pytest.approx((60 - HOLD_FRAMES) * 0.01)
-    assert [each["frames"] for each in section["videos"]] == [31, 61]
-    assert section["videos"][0]["source"] == "data:video/mp4;base64,ZmlsbQ=="
-    assert section["videos"][0]["poster"] == "data:image/jpeg;base64,c3RpbGw="
+    led = player("flat", films, [straight()], leading=films[1:])
+    assert (led["videos"], led["has_lead"], led["frames"]) == (films[:1], True, 31)
+    assert led["until_s"] == section["until_s"]  # of the curves, which are of all
 
 
 def test_without_videos_curves_show_the_whole_episode():
-    section = player("flat", 0, [], [straight()])
-    assert section["videos"] == []
+    section = player("flat", [], [straight(index=1)])
+    assert (section["videos"], section["episode"]) == ([], 1)
     assert section["until_s"] == pytest.approx(1.0)
 
 
@@ -45,7 +46,7 @@ def test_curves_stand_with_the_video_of_their_episode():
 
 def test_a_worm_has_no_legs_whose_colours_mean_something_and_films_in_real_time():
     worm = dataclasses.replace(straight(), creature="worm", drive=np.zeros((51, 8)))
-    section = player("flat", 0, [video(31, frame_s=0.04)], [worm])
+    section = player("flat", [video(31, frame_s=0.04)], [worm])
     assert section["legend"] == []
     assert section["slowdown"] == pytest.approx(1.0)
     assert section["end_s"] == pytest.approx((30 - HOLD_FRAMES) * 0.04)

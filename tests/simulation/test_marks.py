@@ -9,7 +9,6 @@ from flyrl.bodies.fly import FlyConfig
 from flyrl.simulation.marks import (
     LEG_COLOURS,
     LegColours,
-    LegStates,
     Trace,
     add_marks,
     force_arrows,
@@ -78,10 +77,9 @@ def test_marks_are_drawn_where_they_are_to_be_as_many_as_there_is_room_for():
 TARSI = LEG_SEGMENTS[3:]
 
 
-def states(**legs: str) -> LegStates:
+def states(**legs: str) -> dict[str, np.ndarray]:
     """What the named legs do; the others do nothing."""
-    fields = ("grips", "retracts", "stumbles")
-    return LegStates(*(np.array([leg == legs.get(field) for leg in LEGS]) for field in fields))
+    return {state: np.array([leg == legs.get(state) for leg in LEGS]) for state in LEG_COLOURS}
 
 
 def coloured(model: mujoco.MjModel, usual: np.ndarray) -> dict[str, tuple[float, ...]]:

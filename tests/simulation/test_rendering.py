@@ -14,27 +14,10 @@ from flyrl.simulation.rendering import (
     FlyRenderer,
     WormRenderer,
     can_draw_in_threads,
-    line_of_sight,
-    pixels_per_mm,
 )
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.terrains import TARGET_MARKER
 from tests.pictures import drawing
-
-
-def test_a_millimetre_in_pixels():
-    """An angle of 90 degrees shows 2 mm at a depth of 1 mm, and 20 mm at 10 mm."""
-    assert pixels_per_mm(480, 90.0, 1.0) == pytest.approx(240)
-    assert pixels_per_mm(480, 90.0, 10.0) == pytest.approx(24)
-    # tan(22.5 degrees) = 0.414214
-    assert pixels_per_mm(480, 45.0, 9.0) == pytest.approx(64.379, abs=1e-3)
-
-
-def test_a_camera_looks_along_its_angles():
-    np.testing.assert_allclose(line_of_sight(0, 0), (1, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(line_of_sight(90, 0), (0, 1, 0), atol=1e-12)
-    np.testing.assert_allclose(line_of_sight(0, -90), (0, 0, -1), atol=1e-12)
-    np.testing.assert_allclose(line_of_sight(180, -60), (-0.5, 0, -np.sqrt(0.75)), atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.tasks import TASKS
-from flyrl.terrains import LITERATURE, TERRAINS, Flat
+from flyrl.terrains import Flat
 from tests.tasks.test_terms import fly_state, task_state
 
 SLALOM = TASKS["slalom"](gates=3)
@@ -36,22 +36,15 @@ def test_the_gate_that_is_due_follows_from_those_passed(passed, direction, dista
     np.testing.assert_allclose(OBSERVED["next_direction"].compute(state), [after], atol=1e-12)
 
 
-def test_progress_is_towards_the_gate_that_is_due():
+def test_progress_gates_and_success_are_those_of_the_gates_that_are_due():
     state = _state(2, fly_state(position_w=[[0, 2, 1]]), fly_state())
     np.testing.assert_allclose(REWARDS["progress"].compute(state), [2.0])
-
-
-def test_a_gate_that_is_not_due_does_not_count():
     at_second = fly_state(position_w=[[5, 5, 1]])
-    assert REWARDS["gates"].compute(_state(0, at_second)).tolist() == [False]
-    assert REWARDS["gates"].compute(_state(1, at_second)).tolist() == [True]
-
-
-def test_all_gates_are_a_success():
-    assert SLALOM.terminations[0].is_success
-    assert [bool(SLALOM.terminations[0].holds(_state(n))[0]) for n in range(4)] == [False] * 3 + [
-        True
-    ]
+    passed = [bool(REWARDS["gates"].compute(_state(n, at_second))[0]) for n in range(3)]
+    assert passed == [False, True, False]
+    success = SLALOM.terminations[0]
+    assert success.is_success
+    assert [success.holds(_state(n)).tolist() for n in range(4)] == [[False]] * 3 + [[True]]
 
 
 def test_an_episode_counts_gates_and_ends_with_the_last():
@@ -61,25 +54,19 @@ def test_an_episode_counts_gates_and_ends_with_the_last():
     # the fly starts at the first gate and walks on through the second
     episode = dataclasses.replace(episode, props=(x, y, 0.0, x + 4.0, y, 0.0))
     env.reset(episodes=[episode])
-    passed, outcome = [], ""
-    for _ in range(50):
-        transition = env.step(np.full((1, 2), 0.5))
+    passed, outcome = [], "running"
+    while outcome == "running":
+        outcome = str(env.step(np.full((1, 2), 0.5)).outcome[0])
         passed.append(float(env.task_state().totals["gates"][0]))
-        outcome = str(transition.outcome[0])
-        if transition.done[0]:
-            break
     assert outcome == "success"
     assert passed == [1.0] * (len(passed) - 1) + [2.0]
     assert len(passed) > 1
 
 
-@pytest.mark.parametrize("terrain", LITERATURE)
 @pytest.mark.parametrize("difficulty", [0.0, 0.5, 1.0])
-def test_gates_lie_on_the_terrain_as_far_and_as_aside_as_asked(terrain, difficulty):
-    config = TERRAINS[terrain]
-    bounds = config.bounds
+def test_gates_lie_as_far_and_as_aside_as_asked(difficulty):
     for seed in range(50):
-        episode = TASKS["slalom"]().sample_episode(config, seed, difficulty)
+        episode = TASKS["slalom"]().sample_episode(Flat(), seed, difficulty)
         gates = np.reshape(episode.props, (5, 3))[:, :2]
         steps = np.diff([episode.spawn_position_w[:2], *gates], axis=0)
         lengths = np.linalg.norm(steps, axis=1)
@@ -87,8 +74,6 @@ def test_gates_lie_on_the_terrain_as_far_and_as_aside_as_asked(terrain, difficul
         directions = np.arctan2(steps[:, 1], steps[:, 0])
         turns = (np.diff([0.0, *directions]) + np.pi) % (2 * np.pi) - np.pi
         assert np.abs(turns).max() <= difficulty * np.pi / 2 + 1e-9
-        assert bounds.x_min < gates[:, 0].min() <= gates[:, 0].max() < bounds.x_max
-        assert bounds.y_min < gates[:, 1].min() <= gates[:, 1].max() < bounds.y_max
 
 
 def test_gates_lie_on_the_ground():
@@ -98,23 +83,6 @@ def test_gates_lie_on_the_ground():
     for x, y, z in env.task_state().props[0]:
         top = terrain.top_at(ground, x, y)
         assert z == pytest.approx((terrain.base_height if top is None else top) + 0.02)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"spacing": (2, 3), "reach": 2}, r"task\.reach must be below the least task\.spacing, 2"),
-        ({"gates": 0}, r"task\.gates must be .* from 1 to 100, got 0"),
-    ],
-)
-def test_gates_that_cannot_be_are_refused(parameters, message):
-    with pytest.raises(ValueError, match=message):
-        TASKS["slalom"](**parameters)
-
-
-def test_a_terrain_without_room_is_refused():
-    with pytest.raises(ValueError, match=r"task\.spacing must leave 5 gates room on .*'blocks'"):
-        TASKS["slalom"](spacing=(60, 80)).sample_episode(TERRAINS["blocks"], 0)
 
 
 def test_a_single_gate_has_a_marker():

@@ -1,46 +1,27 @@
 """Terms against numbers worked out by hand, on a state made by hand."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
 from flyrl.simulation.flies import FlyState
 from flyrl.tasks import TASKS, TaskState, terms
 from flyrl.tasks.hybrid_turning import thorax
-from flyrl.tasks.terms import time_lost
+from flyrl.tasks.path import path_deviation, path_direction_b, path_progress
 from flyrl.terrains import Bounds
 
 
 def fly_state(n: int = 1, **changes: object) -> FlyState:
-    zeros = {
-        "time": (n,),
-        "position_w": (n, 3),
-        "velocity_w": (n, 3),
-        "angular_velocity_w": (n, 3),
-        "joint_angles": (n, 42),
-        "joint_velocities": (n, 42),
-        "actuator_torques": (n, 42),
-        "contact_forces_w": (n, 36, 3),
-        "is_grounded": (n, 6),
-        "end_effectors_w": (n, 6, 3),
-        "command": (n, 2),
-        "phases": (n, 6),
-        "magnitudes": (n, 6),
-        "retraction": (n, 6),
-        "stumbling": (n, 6),
-        "adhesion": (n, 6),
-        "muscle_tensions": (n, 84),
-        "fictive_velocity_b": (n, 3),
-    }
-    state = FlyState(
-        **{name: np.zeros(shape) for name, shape in zeros.items()},
-        rotation_w=np.tile(np.eye(3), (n, 1, 1)),
-        is_unstable=np.zeros(n, dtype=bool),
-    )
-    return dataclasses.replace(
-        state, **{name: np.asarray(value, dtype=float) for name, value in changes.items()}
-    )
+    names = ("phases", "magnitudes", "retraction", "stumbling", "adhesion", "is_grounded")
+    shapes = dict.fromkeys(names, (6,))
+    names = ("position_w", "velocity_w", "angular_velocity_w", "fictive_velocity_b")
+    shapes |= dict.fromkeys(names, (3,))
+    shapes |= dict.fromkeys(("joint_angles", "joint_velocities", "actuator_torques"), (42,))
+    shapes |= {"time": (), "command": (2,), "muscle_tensions": (84,)}
+    shapes |= {"contact_forces_w": (36, 3), "end_effectors_w": (6, 3)}
+    state = {name: np.zeros((n, *shape)) for name, shape in shapes.items()}
+    state["rotation_w"] = np.tile(np.eye(3), (n, 1, 1))
+    state |= {name: np.asarray(value, dtype=float) for name, value in changes.items()}
+    return FlyState(**state, is_unstable=np.zeros(n, dtype=bool))
 
 
 def task_state(
@@ -84,11 +65,10 @@ def test_velocity_is_in_the_yaw_frame() -> None:
     np.testing.assert_allclose(terms.velocity_b(state), [[1, -0.5]], atol=1e-12)
 
 
-def test_tilt_of_a_fly_pitched_up_and_rolled() -> None:
-    state = task_state(fly_state(rotation_w=turned(pitch=-0.3)))
-    np.testing.assert_allclose(terms.tilt_b(state), [[np.sin(0.3), 0]], atol=1e-12)
-    state = task_state(fly_state(rotation_w=turned(roll=0.2)))
-    np.testing.assert_allclose(terms.tilt_b(state), [[0, np.sin(0.2)]], atol=1e-12)
+def test_tilt_of_a_fly_pitched_up_and_of_one_rolled() -> None:
+    rotations = np.concatenate([turned(pitch=-0.3), turned(roll=0.2)])
+    tilt = terms.tilt_b(task_state(fly_state(2, rotation_w=rotations)))
+    np.testing.assert_allclose(tilt, [[np.sin(0.3), 0], [0, np.sin(0.2)]], atol=1e-12)
 
 
 def test_contacts_are_the_legs_on_the_ground() -> None:
@@ -115,17 +95,14 @@ def test_a_fall_costs_as_much_as_waiting_for_the_time_limit() -> None:
     task = TASKS["target"]()
     weights = {term.name: term.weight for term in task.reward}
     fallen = task_state(fly_state(rotation_w=turned(roll=np.pi)), goal=[[5, 5]])
-    assert time_lost(fallen) == pytest.approx(2.0)
+    assert terms.time_lost(fallen) == pytest.approx(2.0)
     assert weights["lost_time"] == weights["time"] < 0
 
 
 def test_a_fall_is_a_tilt_beyond_75_degrees() -> None:
     rotations = np.concatenate([turned(roll=np.deg2rad(a)) for a in (74, 76, 180)])
-    assert terms.has_fallen(task_state(fly_state(3, rotation_w=rotations))).tolist() == [
-        False,
-        True,
-        True,
-    ]
+    state = task_state(fly_state(3, rotation_w=rotations))
+    assert terms.has_fallen(state).tolist() == [False, True, True]
 
 
 def test_the_arena_ends_at_its_bounds_and_below() -> None:
@@ -153,14 +130,10 @@ def test_time_counts_as_on_heading_within_15_degrees() -> None:
 def test_commands_change_every_second() -> None:
     command = [[1, 10, 2, 20, 3, 30]] * 4
     state = task_state(fly_state(4, time=[0, 0.98, 1 - 1e-9, 7]), command=command)
-    np.testing.assert_array_equal(
-        terms.command_at(state, state.fly.time, 1.0), [[1, 10], [1, 10], [2, 20], [3, 30]]
-    )
-
-
-def test_the_time_to_the_next_command() -> None:
-    state = task_state(fly_state(3, time=[0, 0.98, 1 - 1e-9]))
-    np.testing.assert_allclose(terms.command_time_left(state, 1.0), [[1], [0.02], [1]], atol=1e-6)
+    commands = terms.command_at(state, state.fly.time, 1.0)
+    np.testing.assert_array_equal(commands, [[1, 10], [1, 10], [2, 20], [3, 30]])
+    left = terms.command_time_left(state, 1.0)
+    np.testing.assert_allclose(left, [[1], [0.02], [1], [1]], atol=1e-6)
 
 
 def test_perfect_tracking_counts_whole_and_a_deviation_less() -> None:
@@ -184,6 +157,18 @@ def test_the_way_forward_is_along_the_heading_before() -> None:
     before = fly_state(rotation_w=turned(yaw=np.pi / 2))
     after = fly_state(position_w=[[1, 2, 0]], rotation_w=turned(yaw=0.0))
     assert terms.forward_way(task_state(after, before)) == pytest.approx(2)
+
+
+def test_progress_along_a_path_counts_its_points() -> None:
+    path = np.stack([np.arange(20) * 0.5, np.zeros(20)], axis=1).ravel()
+    before = fly_state(position_w=[[1.1, 1, 0]], time=[1.0])
+    after = fly_state(position_w=[[2.6, -0.5, 0]], time=[1.1])
+    state = task_state(after, before, command=[path])
+    assert path_progress(state) == pytest.approx(1.5)
+    assert path_deviation(state) == pytest.approx(0.1 * np.hypot(0.1, 0.5))
+    # 4 mm beyond the nearest point, (2.5, 0)
+    expected = np.array([6.5 - 2.6, 0.5])
+    np.testing.assert_allclose(path_direction_b(state, 4.0)[0], expected / np.hypot(*expected))
 
 
 def test_a_state_asks_a_term_once() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.terrains import Flat, Slope, add_terrain
+from flyrl.terrains import Air, Flat, Gapped, Mixed, Slope, add_terrain
 
 
 def compiled(config):
@@ -25,9 +25,19 @@ def test_flat_is_one_plane_at_zero_chequered_in_squares_of_a_millimetre():
     np.testing.assert_array_equal(model.mat_texrepeat[material], [1.0, 1.0])
 
 
-def test_flat_ground_has_nothing_to_draw():
-    with pytest.raises(ValueError, match=r"terrain\.random: got True, but flat ground"):
-        Flat(random=True)
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (Flat, r"terrain\.random: got True, but flat has nothing to draw"),
+        (Air, "but air has nothing to draw"),
+        (Slope, "angle_range_deg or uphill_range_deg is a single value"),
+        (Gapped, "as long as gap_range is a single value"),
+        (Mixed, "height_range or gap_range is a single value"),
+    ],
+)
+def test_ground_of_which_nothing_is_drawn_is_not_random(kind, message):
+    with pytest.raises(ValueError, match=message):
+        kind(random=True)
 
 
 @pytest.mark.parametrize(
@@ -48,11 +58,6 @@ def test_random_slopes_are_drawn_from_their_range():
     angles = [math.degrees(math.acos(-slope.draw(seed).down[2])) for seed in range(50)]
     assert 10 <= min(angles) < 15
     assert 45 < max(angles) <= 50
-
-
-def test_a_slope_that_does_not_differ_is_not_random():
-    with pytest.raises(ValueError, match="angle_range_deg or uphill_range_deg is a single value"):
-        Slope(random=True)
 
 
 def test_gravity_pulls_down_the_slope():

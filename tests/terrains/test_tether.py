@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.terrains import Air, Ball
+from flyrl.terrains import Ball
 
 
 @functools.cache
@@ -65,8 +65,3 @@ def test_a_fly_that_is_not_held_drops_through_the_air():
     env.reset(seeds=[0])
     outcomes = [env.step(np.ones((1, 2))).outcome[0] for _ in range(5)]
     assert "left_arena" in outcomes
-
-
-def test_there_is_nothing_to_draw():
-    with pytest.raises(ValueError, match=r"terrain\.random: got True, but air has nothing to draw"):
-        Air(random=True)

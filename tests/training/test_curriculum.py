@@ -4,65 +4,43 @@ from flyrl.training.callback import Curriculum
 from flyrl.training.config import CurriculumConfig
 
 CONFIG = CurriculumConfig(enabled=True, start=0.2, step=0.3, window=4, raise_at=0.75, lower_at=0.25)
+NEVER_LOWER = CurriculumConfig(enabled=True, start=0.2, step=0.3, window=4, raise_at=0.75)
+TENTHS = CurriculumConfig(enabled=True, step=0.1, window=1)
 
 
-def _after(*successes, curriculum=None):
-    curriculum = curriculum or Curriculum(CONFIG)
+def after(successes, config):
+    curriculum = Curriculum()
     for is_success in successes:
-        curriculum.count(bool(is_success), curriculum.difficulty)
+        difficulty = curriculum.difficulty(config)
+        curriculum = curriculum.after(config, bool(is_success), difficulty)
     return curriculum
 
 
-def test_it_starts_low_and_waits_for_a_full_window():
-    assert _after().difficulty == 0.2
-    assert _after(1, 1, 1).difficulty == 0.2
-    assert _after(1, 1, 0, 1).difficulty == 0.5
-
-
-def test_the_latest_episodes_count():
-    assert _after(0, 0, 1, 1, 0).difficulty == 0.2
-    assert _after(0, 0, 1, 1, 0, 1).difficulty == 0.5
-
-
-def test_a_change_begins_a_new_window():
-    curriculum = _after(1, 1, 1, 1, 1, 1, 1)
-    assert curriculum.difficulty == 0.5
-    assert curriculum.success_rate == 1.0
-    assert _after(1, curriculum=curriculum).success_rate is None
-
-
-def test_it_ends_at_1():
-    assert _after(*[1] * 12).difficulty == 1.0
-    assert _after(*[1] * 40).difficulty == 1.0
-
-
-def test_it_falls_back_but_not_below_the_start():
-    curriculum = _after(1, 1, 1, 1)
-    assert _after(0, 1, 0, 0, curriculum=curriculum).difficulty == 0.2
-    assert _after(0, 0, 0, 0, curriculum=curriculum).difficulty == 0.2
-
-
-def test_without_a_lower_threshold_it_never_falls():
-    curriculum = Curriculum(CurriculumConfig(start=0.2, step=0.3, window=4, raise_at=0.75))
-    _after(1, 1, 1, 1, *[0] * 20, curriculum=curriculum)
-    assert curriculum.difficulty == 0.5
-
-
-def test_ten_steps_of_a_tenth_reach_1():
-    curriculum = Curriculum(CurriculumConfig(step=0.1, window=1))
-    assert _after(*[1] * 10, curriculum=curriculum).difficulty == 1.0
+@pytest.mark.parametrize(
+    ("config", "successes", "difficulty"),
+    [
+        (CONFIG, [], 0.2),
+        # it waits for a full window, in which the latest episodes count
+        (CONFIG, [1, 1, 1], 0.2),
+        (CONFIG, [1, 1, 0, 1], 0.5),
+        (CONFIG, [0, 0, 1, 1, 0], 0.2),
+        (CONFIG, [0, 0, 1, 1, 0, 1], 0.5),
+        # a change begins a new window
+        (CONFIG, [1] * 7, 0.5),
+        # it ends at 1, and does not fall below the start
+        (CONFIG, [1] * 12, 1.0),
+        (CONFIG, [1] * 40, 1.0),
+        (CONFIG, [1] * 4 + [0, 1, 0, 0], 0.2),
+        (CONFIG, [1] * 4 + [0] * 20, 0.2),
+        (NEVER_LOWER, [1] * 4 + [0] * 20, 0.5),
+        (TENTHS, [1] * 10, 1.0),
+        (CurriculumConfig(), [0], 1.0),
+    ],
+)
+def test_difficulty_by_hand(config, successes, difficulty):
+    assert after(successes, config).difficulty(config) == difficulty
 
 
 def test_episodes_of_another_difficulty_do_not_count():
-    curriculum = _after(1, 1, 1)
-    curriculum.count(True, 0.5)
-    assert curriculum.difficulty == 0.2
-    assert _after(curriculum=curriculum).success_rate == 1.0
-
-
-def test_it_goes_on_from_its_state():
-    curriculum = _after(1, 1, 1, 1, 0, 1)
-    other = Curriculum(CONFIG)
-    other.restore(curriculum.state())
-    assert (other.difficulty, other.success_rate) == (0.5, 0.5)
-    assert _after(1, 1, curriculum=other).difficulty == pytest.approx(0.8)
+    before = after([1, 1, 1], CONFIG)
+    assert before.after(CONFIG, is_success=True, difficulty=0.5) == before

@@ -17,12 +17,12 @@ async function makeTable() {
   sheet.textContent = style;
   document.head.prepend(sheet); // the report's own style has the last word
   const { jQuery } = await import(URL.createObjectURL(new Blob([script], { type: "text/javascript" })));
-  const columns = JSON.parse(data);
+  const { keys, labels, rows } = JSON.parse(data);
   const isMissing = (value) => typeof value !== "number"; // then it is what is shown instead
   const missingLast = (way) => (a, b) => (isMissing(a) || isMissing(b) ? isMissing(a) - isMissing(b) : way * (a - b));
   jQuery.fn.dataTable.type("number", { order: { asc: missingLast(1), desc: missingLast(-1) } });
   const headings = document.getElementById("rows").createTHead().insertRow();
-  for (const { label } of columns) {
+  for (const label of labels) {
     const heading = document.createElement("th");
     heading.scope = "col";
     heading.textContent = label;
@@ -30,24 +30,26 @@ async function makeTable() {
   }
   const table = jQuery("#rows").DataTable({
     autoWidth: false, // it would measure every cell
-    columns: columns.map(({ key, names }) => ({
-      name: key,
-      type: names ? "string" : "number",
-      className: names ? "text" : "number",
-      render: (value, kind) => (kind === "display" ? escaped(value) : value),
-      defaultContent: "–",
-      columnControl: ["order", names ? { extend: "dropdown", icon: "search", content: [{ extend: "searchList", options: names.map((name) => ({ label: escaped(name), value: name })) }] } : "searchDropdown"],
-    })),
+    columns: keys.map((key, column) => {
+      const isText = typeof rows[0][column] === "string";
+      const names = isText ? [...new Set(rows.map((row) => row[column]))] : [];
+      const list = { extend: "searchList", options: names.map((name) => ({ label: escaped(name), value: name })) };
+      return {
+        name: key,
+        type: isText ? "string" : "number",
+        className: isText ? "text" : "number",
+        render: (value, kind) => (kind === "display" ? escaped(value) : value),
+        defaultContent: "–",
+        columnControl: ["order", isText ? { extend: "dropdown", icon: "search", content: [list] } : "searchDropdown"],
+      };
+    }),
     order: [],
     ordering: { indicators: false, handler: true },
     pageLength: 25,
     layout: { topStart: "info", topEnd: null, bottomStart: "pageLength", bottomEnd: "paging" },
   });
-  const count = columns[0].values.length;
-  const rowAt = (row) => columns.map(({ names, values }) => (names ? names[values[row]] : values[row]));
-  for (let from = 0; from < count; from += rowsAtOnce) {
-    const size = Math.min(rowsAtOnce, count - from);
-    table.rows.add(Array.from({ length: size }, (_, row) => rowAt(from + row))).draw(false);
+  for (let from = 0; from < rows.length; from += rowsAtOnce) {
+    table.rows.add(rows.slice(from, from + rowsAtOnce)).draw(false);
     await new Promise((done) => setTimeout(done));
   }
   return table;
