@@ -320,8 +320,8 @@ def _episodes_differ(folder: Path, results: Results) -> list[str]:
     before, now = before.align(results.episodes, join="outer", axis=1)
     changed = before.compare(now)
     lines = [f"{len(changed)} of {len(now)} episodes differ"]
-    for row, cells in changed.head(_MAX_LISTED).iterrows():
-        key = cells.dropna().index[0][0]
+    for row in changed.head(_MAX_LISTED).index:
+        key = changed.loc[row].dropna().index[0][0]
         one, other = before.loc[row], now.loc[row]
         lines.append(
             f"{one['controller']} on {one['terrain']}, episode {one['episode']}: "

@@ -20,11 +20,10 @@ from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.bodies.table import BodyName, body_table, leg_collision
 from flyrl.controllers import Joints
 from flyrl.resources import assets_folder
-from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.fly_scene import STEPS_OF_BODY
 from flyrl.simulation.physics import PHYSICS_PRESETS
-from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Mixed, add_terrain
+from flyrl.terrains import TERRAINS, Mixed, add_terrain
+from tests.simulation.test_callback import make_batch
 
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
 
@@ -300,16 +299,9 @@ def test_only_the_named_segments_have_a_shape_for_planes():
 # ------------------------------------------------------------------ standing
 
 
-LOPSIDED = FlyConfig(symmetric=False)
-
-
-def standing_on(terrain, body=LOPSIDED):
+def standing_on(terrain, **body):
     """A fly that was put down in the stretch pose and has held the neutral pose for 0.1 s."""
-    config = SceneConfig(body, TERRAINS[terrain], Joints(), PHYSICS_PRESETS["reference"])
-    flies = FlyBatch(build_scene(config), num_threads=1)
-    place = (0.0, 0.0, config.terrain.base_height + SPAWN_CLEARANCE)
-    start = config.controller.initial_state()
-    flies.reset(np.array([0]), np.array([place]), np.zeros(1), [start])
+    flies = make_batch(Joints(), terrain, physics=PHYSICS_PRESETS["reference"], **body)
     flies.set_command([[*flies.neutral_angles, *np.zeros(6)]])
     flies.step(1000)
     state = flies.state()
@@ -321,8 +313,7 @@ def standing_on(terrain, body=LOPSIDED):
 @pytest.mark.parametrize("terrain", ["flat", "blocks"])
 def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sinks(terrain):
     classic, current = (
-        standing_on(terrain, FlyConfig(name, missing_legs=LEGS))[0]
-        for name in ("classic", "current")
+        standing_on(terrain, name=name, missing_legs=LEGS)[0] for name in ("classic", "current")
     )
     ground = TERRAINS[terrain].base_height
     assert 0.4 < classic.position_w[0, 2] - ground < 1.0
@@ -332,7 +323,7 @@ def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sink
 
 
 def test_the_fly_stands_on_its_six_leg_tips():
-    state, touching = standing_on("flat")
+    state, touching = standing_on("flat", symmetric=False)
     assert touching == {f"{leg}Tarsus5" for leg in LEGS}
     assert state.up_b[0, 2] > 0.99
     assert state.position_w[0, 2] == pytest.approx(1.05, abs=0.03)

@@ -185,14 +185,16 @@ def test_a_relaxed_worm_recruits_no_neuron_but_the_first():
 # ------------------------------------------------------------------ CPG
 
 
-def test_the_settled_cpg_by_hand():
+@pytest.mark.parametrize("is_integer", [True, False])
+def test_the_settled_cpg_by_hand(is_integer):
     """After 2.05 s at 2 Hz the first phase is at 36 deg, and each one is 0.4 / 5 turns behind.
 
     A half of 1 + sin 36 deg = 1.588 is 11.9 of the 15 neurons beyond the first, and so on.
     """
-    actions, (_, magnitudes) = acted(WormCPG(worm(), **HALF), [BLIND] * 41)
+    task = worm(is_integer=is_integer)
+    actions, (_, magnitudes) = acted(WormCPG(task, **HALF), [BLIND] * 41)
     np.testing.assert_allclose(magnitudes, 0.5)
-    first, second = actions[-1, 0].reshape(5, 2).T
+    first, second = task.actions.commands(actions)[-1, 0].reshape(5, 2).T
     assert first.tolist() == [12, 8, 5, 2, 0]
     assert second.tolist() == [3, 7, 10, 13, 15]
 
@@ -204,53 +206,24 @@ def test_a_cpg_starts_softly():
     assert action[0, :2].tolist() == [8, 2]
 
 
-@pytest.mark.parametrize("is_integer", [True, False])
-def test_antagonists_are_recruited_in_antiphase(is_integer):
-    """What one has more than a half of the pool, the other has less."""
-    task = worm(*(1001,) * 10, is_integer=is_integer)
-    actions, _ = acted(WormCPG(task, **HALF), [BLIND] * 60)
-    first, second = np.moveaxis(task.actions.commands(actions)[40:].reshape(20, 5, 2), -1, 0)
-    assert np.abs(first + second - 1000).max() <= 1
-    assert first.min() < 20
-    assert first.max() > 980
-
-
-def test_the_wave_runs_from_head_to_tail():
-    """Each of the joints comes 0.4 / 5 of 0.5 s after the one before it, 8 of these decisions."""
-    policy = WormCPG(worm(*(100_001,) * 10, interval_s=0.005), **HALF)
-    actions, _ = acted(policy, [BLIND] * 500)
-    # a quarter of 0.5 s after its start the first muscle is recruited most
-    peaks = 1 + actions[400:, 0, ::2].argmax(axis=0)
-    assert peaks.tolist() == [25, 33, 41, 49, 57]
-
-
 def test_a_larger_amplitude_recruits_no_more_than_the_pool():
     actions, _ = acted(WormCPG(worm(), amplitude=2.0), [BLIND] * 30)
     assert actions.min() == 0
     assert actions.max() == 15
 
 
-def test_an_episode_starts_the_oscillators_of_its_own_row_alone():
-    policy = WormCPG(worm())
-    three = np.zeros((3, 4))
-    _, state = acted(policy, [three] * 7)
-    before = [part.copy() for part in state]
-    fresh, _ = policy.predict(three)
-    kept, _ = policy.predict(three, state)
-    mixed, _ = policy.predict(three, state, np.array([False, True, False]))
-    np.testing.assert_array_equal(mixed, [kept[0], fresh[1], kept[2]])
-    assert (kept[1] != fresh[1]).any()
-    np.testing.assert_array_equal(state, before)  # nor is it changed in place
-
-
-def test_rows_of_a_cpg_are_those_of_single_worms():
+def test_rows_of_a_cpg_are_those_of_single_worms_and_their_episodes():
     policy = WormCPG(worm())
     starts = np.zeros((12, 3), dtype=bool)
     starts[[4, 9], [0, 2]] = True
-    together, _ = acted(policy, [np.zeros((3, 4))] * 12, starts)
+    together, state = acted(policy, [np.zeros((3, 4))] * 12, starts)
     for row in range(3):
         alone, _ = acted(policy, [np.zeros(4)] * 12, starts[:, row])
         np.testing.assert_array_equal(together[:, row], alone)
+    assert (together[4, 0] != together[4, 1]).any()
+    before = [part.copy() for part in state]
+    policy.predict(np.zeros((3, 4)), state)
+    np.testing.assert_array_equal(state, before)
 
 
 # ------------------------------------------------------------------ reflex
@@ -266,20 +239,16 @@ def _bent(task, errors):
 def test_the_reflex_by_hand():
     """With 0.05 s and 4 per rad and s, 1 rad too little adds a fifth of the pool of 15."""
     task = worm(*(16,) * 4)
-    errors = _bent(task, [-1.0, -1.0, 0.0, 1.0, 3.0, -50.0])
-    actions, share = acted(WormReflex(task, gain=4.0), errors)
+    errors = [_bent(task, [error] * 2) for error in (-1.0, -1.0, 0.0, 1.0, 3.0, -50.0)]
+    starts = [[False, step == 1] for step in range(6)]
+    actions, share = acted(WormReflex(task, gain=4.0), errors, starts)
     # shares 0.2, 0.4, 0.4, 0.2, -0.4 and at most 1, of both joints alike
     first, second = [3, 6, 6, 3, 0, 15], [0, 0, 0, 0, 6, 0]
-    np.testing.assert_array_equal(actions, np.stack([first, second, first, second], axis=1))
-    assert share.tolist() == [1.0]
-
-
-def test_the_reflex_of_a_row_starts_with_its_own_episode():
-    task = worm(16, 16)
-    errors, policy = _bent(task, [-1.0] * 3), WormReflex(task, gain=4.0)
-    actions, _ = acted(policy, [errors] * 3, [[True] * 3, [False] * 3, [False, True, False]])
-    # 0.6 of 15 neurons, where it went on all the time
-    assert actions[-1, :, 0].tolist() == [9, 3, 9]
+    np.testing.assert_array_equal(actions[:, 0], np.stack([first, second] * 2, axis=1))
+    # an episode that starts with the second
+    first, second = [3, 3, 3, 0, 0, 15], [0, 0, 0, 0, 9, 0]
+    np.testing.assert_array_equal(actions[:, 1], np.stack([first, second] * 2, axis=1))
+    assert share.tolist() == [1.0, 1.0]
 
 
 def test_the_reflex_bends_a_worm_to_either_side_as_told():

@@ -50,22 +50,18 @@ def test_pursuit_brakes_where_the_fly_is_to_stop(name, distance, share):
     np.testing.assert_allclose(drive, [[1.5 * share] * 2], atol=1e-6)
 
 
-@pytest.mark.parametrize("path", ["", 5, None])
-def test_what_is_no_path_is_refused(path):
-    with pytest.raises(ValueError, match="path of a policy must be the path of a folder or file"):
-        load_policy(path)
-
-
-def test_a_law_is_the_closest_match_of_what_does_not_exist():
-    with pytest.raises(PolicyFileError, match="did you mean 'pursuit'"):
-        load_policy("pursiut")
-
-
-def test_a_policy_that_does_not_go_with_the_task_is_refused():
-    with pytest.raises(ValueError, match="'open_loop' needs a task for flies that shows command"):
-        load_policy("open_loop", "target")
-    with pytest.raises(PolicyFileError, match="trained on other observations"):
-        load_policy("target-flat", "velocity")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        *[((path,), "path of a policy must be the path of a folder") for path in ("", 5, None)],
+        (("pursiut",), "did you mean 'pursuit'"),
+        (("open_loop", "target"), "'open_loop' needs a task for flies that shows command"),
+        (("target-flat", "velocity"), "trained on other observations"),
+    ],
+)
+def test_what_cannot_be_loaded_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        load_policy(*arguments)
 
 
 def test_a_file_of_one_s_own_has_no_name(bundle, tmp_path):

@@ -7,39 +7,32 @@ from flyrl.policies import LearnedPolicy, PolicyFileError
 from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Drives, Neurons, ObservationTerm, Task
 
+STRETCHED = {"squashing": "tanh", "action_low": (-0.5, -0.5), "action_high": (1.5, 1.5)}
+NORMALISER = Normaliser(np.array([1, 0, 0]), np.array([16.0, 4, 1]), 1e-12, 10.0)
 
-def test_action_by_hand(bundle):
-    # hidden = relu([0.25, 2*0.1 + 1]) = [0.25, 1.2]; output = [0.25 + 0.5, 0.25 - 1.2]
-    action, state = LearnedPolicy(bundle).predict([0.25, 0.1, 9.0], state="kept")
-    np.testing.assert_allclose(action, [0.75, -0.95], rtol=1e-6)
-    assert action.dtype == np.float32
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "observation", "expected"),
+    [
+        # hidden = relu([0.25, 2*0.1 + 1]) = [0.25, 1.2]; output = [0.25 + 0.5, 0.25 - 1.2]
+        ("bundle", {}, [0.25, 0.1, 9.0], [0.75, -0.95]),
+        ("bundle", {}, [5.0, 50.0, 0.0], [1, -1]),
+        ("bundle", STRETCHED, [0.25, 0.1, 9.0], 0.5 + np.tanh([0.75, -0.95])),
+        # the network sees [0.25, 0.1, 9]
+        ("bundle", {"normaliser": NORMALISER}, [2.0, 0.2, 9.0], [0.75, -0.95]),
+        # outputs = [0.5, 0.25, 1.2] for 0, 1, 2 and [0.5, 1.2] for -1, 0
+        ("choosing", {}, [0.25, 0.1, 9.0], [2, 0]),
+        # of equal outputs, the first: [0.5, 0.5, 0] and [1, 0]; [0.5, 0.5, 1] and [1, 1]
+        ("choosing", {}, [0.5, -0.5, 0.0], [0, -1]),
+        ("choosing", {}, [0.5, 0.0, 0.0], [2, -1]),
+    ],
+)
+def test_action_by_hand(kind, changes, observation, expected, request):
+    policy = LearnedPolicy(replace(request.getfixturevalue(kind), **changes))
+    action, state = policy.predict(observation, state="kept")
+    np.testing.assert_allclose(action, expected, rtol=1e-6)
+    assert action.dtype == (np.int64 if kind == "choosing" else np.float32)
     assert state == "kept"
-
-
-def test_action_is_clipped(bundle):
-    action, _ = LearnedPolicy(bundle).predict([5.0, 50.0, 0.0])
-    np.testing.assert_array_equal(action, [1, -1])
-
-
-def test_squashed_action_by_hand(bundle):
-    policy = LearnedPolicy(
-        replace(bundle, squashing="tanh", action_low=(-0.5, -0.5), action_high=(1.5, 1.5))
-    )
-    action, _ = policy.predict([0.25, 0.1, 9.0])
-    np.testing.assert_allclose(action, 0.5 + np.tanh([0.75, -0.95]), rtol=1e-6)
-
-
-def test_whole_numbers_by_hand(choosing):
-    # hidden = [0.25, 1.2]; outputs = [0.5, 0.25, 1.2] for 0, 1, 2 and [0.5, 1.2] for -1, 0
-    action, _ = LearnedPolicy(choosing).predict([0.25, 0.1, 9.0])
-    np.testing.assert_array_equal(action, [2, 0])
-    assert action.dtype == np.int64
-
-
-def test_of_equal_outputs_the_first_number_is_taken(choosing):
-    # hidden = [0.5, 0]; outputs = [0.5, 0.5, 0] and [1, 0]; then [0.5, 1], [0.5, 0.5, 1], [1, 1]
-    actions, _ = LearnedPolicy(choosing).predict([[0.5, -0.5, 0.0], [0.5, 0.0, 0.0]])
-    np.testing.assert_array_equal(actions, [[0, -1], [2, -1]])
 
 
 @pytest.mark.parametrize("kind", ["bundle", "choosing"])
@@ -53,26 +46,12 @@ def test_single_and_batch_give_the_same_bits(kind, request):
     np.testing.assert_array_equal(batch, singles)
 
 
-def test_observations_are_normalised_first(bundle):
-    normaliser = Normaliser(np.array([1, 0, 0]), np.array([16.0, 4, 1]), 1e-12, 10.0)
-    action, _ = LearnedPolicy(replace(bundle, normaliser=normaliser)).predict([2.0, 0.2, 9.0])
-    # the network sees [0.25, 0.1, 9], as in the test by hand
-    np.testing.assert_allclose(action, [0.75, -0.95], rtol=1e-6)
-
-
 def _walk(policy, observations):
     state, actions = None, []
     for rows in observations:
         action, state = policy.predict(rows, state)
         actions.append(action)
     return np.array(actions), state
-
-
-def test_a_recurrent_policy_remembers(recurrent):
-    policy = LearnedPolicy(recurrent)
-    observation = np.array([0.3, -0.2, 0.5])
-    (first, second), _ = _walk(policy, [observation] * 2)
-    assert np.abs(second - first).max() > 1e-3
 
 
 def test_memory_in_a_batch_is_that_of_each_alone(recurrent):
@@ -88,19 +67,13 @@ def test_an_episode_starts_without_memory(recurrent):
     policy = LearnedPolicy(recurrent)
     observations = np.random.default_rng(0).normal(size=(3, 2, 3))
     _, state = _walk(policy, observations)
+    before = [part.copy() for part in state]
     fresh, _ = policy.predict(observations[0])
     kept, _ = policy.predict(observations[0], state)
     mixed, _ = policy.predict(observations[0], state, np.array([True, False]))
     np.testing.assert_array_equal(mixed, [fresh[0], kept[1]])
     assert np.abs(kept[0] - fresh[0]).max() > 1e-3
-
-
-def test_a_state_is_not_changed_in_place(recurrent):
-    policy = LearnedPolicy(recurrent)
-    _, state = policy.predict(np.ones((2, 3)))
-    before = [part.copy() for part in state]
-    policy.predict(np.ones((2, 3)), state, np.array([True, True]))
-    np.testing.assert_array_equal(state, before)
+    np.testing.assert_array_equal(state, before)  # nor is it changed in place
 
 
 def test_states_and_starts_of_other_shapes_are_refused(recurrent):

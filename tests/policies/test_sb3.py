@@ -4,7 +4,7 @@ import base64
 import json
 import re
 import zipfile
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cloudpickle
 import numpy as np
@@ -93,11 +93,6 @@ def test_same_actions_as_sb3(algorithm, env, activation):
     np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
 
 
-def test_rewards_alone_need_no_normaliser():
-    env = VecNormalize(DummyVecEnv([Bandit]), norm_obs=False)
-    assert bundle_from_sb3(_model(PPO, env), LAYOUT, {}, {}).normaliser is None
-
-
 def test_later_training_does_not_change_the_bundle():
     env = VecNormalize(DummyVecEnv([Bandit]))
     model = PPO("MlpPolicy", env, device="cpu")
@@ -107,29 +102,26 @@ def test_later_training_does_not_change_the_bundle():
     env.obs_rms.mean += 1
     after, _ = LearnedPolicy(policy.bundle).predict(np.ones(40))
     np.testing.assert_array_equal(before, after)
+    env.norm_obs = False  # of rewards alone, there is no normaliser
+    assert bundle_from_sb3(model, LAYOUT, {}, {}).normaliser is None
+
+
+OTHER_SPACES = (Discrete(4), MultiBinary(4), MultiDiscrete([4, 2], start=np.array([0, 1])))
 
 
 @pytest.mark.parametrize(
-    "space", [Discrete(4), MultiBinary(4), MultiDiscrete([4, 2], start=np.array([0, 1]))]
-)
-def test_other_spaces_of_actions_are_refused(space):
-    env = Bandit()
-    env.action_space = space
-    message = f"of a Box or a MultiDiscrete from 0; got {re.escape(str(space))}"
-    with pytest.raises(ValueError, match=message):
-        bundle_from_sb3(PPO("MlpPolicy", env, device="cpu"), LAYOUT, {}, {})
-
-
-@pytest.mark.parametrize(
-    ("algorithm", "policy", "kwargs", "message"),
+    ("algorithm", "space", "kwargs", "message"),
     [
-        (ARS, "MlpPolicy", {}, "policy: ARSPolicy"),
-        (PPO, "MlpPolicy", {"activation_fn": nn.ELU}, "ELU; allowed: Linear, Tanh, ReLU"),
-        (RecurrentPPO, "MlpLstmPolicy", {"lstm_kwargs": {"bias": False}}, "LSTMs with biases"),
+        (ARS, None, {}, "policy: ARSPolicy"),
+        (PPO, None, {"activation_fn": nn.ELU}, "ELU; allowed: Linear, Tanh, ReLU"),
+        (RecurrentPPO, None, {"lstm_kwargs": {"bias": False}}, "LSTMs with biases"),
+        *[(PPO, space, {}, f"got {re.escape(str(space))}") for space in OTHER_SPACES],
     ],
 )
-def test_unknown_networks_are_refused(algorithm, policy, kwargs, message):
-    model = algorithm(policy, Bandit(), policy_kwargs=kwargs, device="cpu")
+def test_what_a_bundle_cannot_hold_is_refused(algorithm, space, kwargs, message):
+    env, policy = Bandit(), "MlpLstmPolicy" if algorithm is RecurrentPPO else "MlpPolicy"
+    env.action_space = space or env.action_space
+    model = algorithm(policy, env, policy_kwargs=kwargs, device="cpu")
     with pytest.raises(ValueError, match=message):
         bundle_from_sb3(model, LAYOUT, {}, {})
 
@@ -169,28 +161,19 @@ class _Trap:
         return (self.path.touch, ())
 
 
-@pytest.fixture
-def trap(tmp_path):
-    """A zip of SB3's make whose pickle does something."""
+def test_nothing_is_opened_without_trust(tmp_path):
     pickled = base64.b64encode(cloudpickle.dumps(_Trap(tmp_path / "sprung"))).decode()
     path = tmp_path / "model.zip"
-    with zipfile.ZipFile(path, "w") as archive:
+    with zipfile.ZipFile(path, "w") as archive:  # as SB3 makes one
         data = {"policy_class": {":type:": "x", ":serialized:": pickled}}
         archive.writestr("data", json.dumps(data))
-    return path
-
-
-@pytest.mark.parametrize("trust", [{}, {"trust": "no"}])
-def test_nothing_is_opened_without_trust(trap, trust):
-    with pytest.raises(PolicyFileError, match=r"not opened.*pickles.*trust=True"):
-        import_sb3(trap, PPO, ENV, **trust)
-    assert not trap.with_name("sprung").exists()
-
-
-def test_the_trap_would_have_sprung(trap):
+    for trust in ({}, {"trust": "no"}):
+        with pytest.raises(PolicyFileError, match=r"not opened.*pickles.*trust=True"):
+            import_sb3(path, PPO, ENV, **trust)
+    assert not (tmp_path / "sprung").exists()
     with pytest.raises(PolicyFileError, match="cannot be read as a model of PPO"):
-        import_sb3(trap, PPO, ENV, trust=True)
-    assert trap.with_name("sprung").exists()
+        import_sb3(path, PPO, ENV, trust=True)
+    assert (tmp_path / "sprung").exists()  # it would have
 
 
 def test_files_of_other_things_are_refused(fly_env, tmp_path):
@@ -215,27 +198,16 @@ CHOICES = EnvConfig(
 )
 
 
-@dataclass
-class _Case:
-    """A bundle, and the algorithm and the environment of a model that acts as it."""
-
-    algorithm: type
-    env: EnvConfig
-    bundle: PolicyBundle
-
-    def export(self):
-        return export_sb3(self.bundle, self.env.resolved_task)
-
-
-def _case(algorithm, env=ENV, hidden=(16, 8), activation="tanh", is_normalised=False):
-    """A bundle with random weights for a task."""
+def _bundle(algorithm, env=ENV, hidden=(16, 8), activation="tanh", is_normalised=False):
+    """A bundle with random weights for a task, as of an algorithm."""
     task, rng = env.resolved_task, np.random.default_rng(3)
     layout, (low, high) = observation_layout(task), action_bounds(task.actions.space)
     size = sum(term.size for term in layout)
     is_recurrent = algorithm is RecurrentPPO
     outputs = sum(task.actions.pools) if env is CHOICES else 2
-    squashing = {PPO: "clip", RecurrentPPO: "clip", SAC: "tanh"}[algorithm]
-    bundle = PolicyBundle(
+    squashing = "tanh" if algorithm is SAC else "clip"
+    statistics = Normaliser(rng.normal(size=size), rng.uniform(0.1, 4, size), 1e-6, 1.5)
+    return PolicyBundle(
         **random_network(
             (6 if is_recurrent else size, *hidden, outputs),
             activation,
@@ -247,11 +219,8 @@ def _case(algorithm, env=ENV, hidden=(16, 8), activation="tanh", is_normalised=F
         action_high=high,
         env=env_record(env),
         training={"decisions": 900},
-        normaliser=Normaliser(rng.normal(size=size), rng.uniform(0.1, 4, size), 1e-6, 1.5)
-        if is_normalised
-        else None,
+        normaliser=statistics if is_normalised else None,
     )
-    return _Case(algorithm, env, bundle)
 
 
 GOAL = EnvConfig("target_goal")
@@ -259,7 +228,7 @@ GOAL = EnvConfig("target_goal")
 
 @pytest.fixture(
     params=[
-        (PPO,),
+        (PPO, ENV),
         (PPO, ENV, (16, 8), "relu"),
         (SAC, ENV, ()),
         (PPO, GOAL, (16,), "tanh", True),
@@ -271,20 +240,23 @@ GOAL = EnvConfig("target_goal")
     ids=lambda given: given[0].__name__,
 )
 def case(request):
-    return _case(*request.param)
+    """An algorithm, what was trained in, a bundle, and the model that acts as it."""
+    algorithm, env, *others = request.param
+    bundle = _bundle(algorithm, env, *others)
+    return algorithm, env, bundle, export_sb3(bundle, env.resolved_task)
 
 
 def test_exported_model_acts_as_the_bundle(case):
-    policy, model = LearnedPolicy(case.bundle), case.export()
-    assert type(model) is case.algorithm
-    statistics = model.get_vec_normalize_env()
+    algorithm, env, bundle, model = case
+    policy, statistics = LearnedPolicy(bundle), model.get_vec_normalize_env()
+    assert type(model) is algorithm
     rng, given = np.random.default_rng(4), []
     state = own_state = None
-    for observations in _random(40, 5, sum(term.size for term in case.bundle.observation)):
+    for observations in _random(40, 5, bundle.num_inputs):
         starts = rng.random(5) < 0.2
         expected, state = policy.predict(observations, state, starts)
         seen = observations
-        if case.env is GOAL:
+        if env is GOAL:
             parts = np.split(observations, [2, 4], axis=1)
             seen = dict(zip(("achieved_goal", "desired_goal", "observation"), parts, strict=True))
         seen = statistics.normalize_obs(seen) if statistics else seen
@@ -292,24 +264,25 @@ def test_exported_model_acts_as_the_bundle(case):
         np.testing.assert_allclose(actions, expected, rtol=0, atol=5e-6)
         given.append(expected)
     assert np.ptp(given) > 0.5
-    if case.bundle.lstm_sizes:
+    if bundle.lstm_sizes:
         np.testing.assert_allclose(own_state, state, rtol=0, atol=5e-6)
         assert np.abs(state).max() > 0.5
 
 
 def test_out_and_in_again_is_the_same_policy(case, tmp_path):
-    model, files = case.export(), {}
+    algorithm, env, bundle, model = case
+    files = {}
     model.save(tmp_path / "model.zip")
-    if case.bundle.normaliser:
+    if bundle.normaliser:
         files["vec_normalize"] = tmp_path / "statistics.pkl"
         model.get_vec_normalize_env().save(files["vec_normalize"])
-    again = import_sb3(tmp_path / "model.zip", case.algorithm, case.env, **files, trust=True)
-    assert same_weights(again, case.bundle)
+    again = import_sb3(tmp_path / "model.zip", algorithm, env, **files, trust=True)
+    assert same_weights(again, bundle)
     for name in ("sizes", "activation", "squashing", "observation", "action_low", "env"):
-        assert getattr(again, name) == getattr(case.bundle, name)
-    for name, value in vars(case.bundle.normaliser).items() if files else ():
+        assert getattr(again, name) == getattr(bundle, name)
+    for name, value in vars(bundle.normaliser).items() if files else ():
         np.testing.assert_array_equal(getattr(again.normaliser, name), value)
-    assert ALGORITHMS[again.training["algo"]] is case.algorithm
+    assert ALGORITHMS[again.training["algo"]] is algorithm
 
 
 @pytest.mark.parametrize(
@@ -321,7 +294,7 @@ def test_out_and_in_again_is_the_same_policy(case, tmp_path):
     ],
 )
 def test_exported_model_and_its_statistics_learn_on(algorithm, settings, fly_env, tmp_path):
-    model = _case(algorithm, is_normalised=True).export()
+    model = export_sb3(_bundle(algorithm, is_normalised=True))
     model.save(tmp_path / "model.zip")
     model.get_vec_normalize_env().save(tmp_path / "statistics.pkl")
     env = VecNormalize.load(tmp_path / "statistics.pkl", fly_env)
@@ -335,7 +308,7 @@ def test_exported_model_and_its_statistics_learn_on(algorithm, settings, fly_env
 
 def test_same_seed_same_model():
     def parameters(seed):
-        policy = export_sb3(_case(PPO).bundle, seed=seed).policy
+        policy = export_sb3(_bundle(PPO), seed=seed).policy
         return np.concatenate([p.detach().numpy().ravel() for p in policy.parameters()])
 
     torch.manual_seed(5)
@@ -346,8 +319,8 @@ def test_same_seed_same_model():
 
 
 def test_exports_that_do_not_fit_are_refused():
-    fitting = _case(PPO).bundle
-    squashed_memory = replace(_case(RecurrentPPO).bundle, squashing="tanh")
+    fitting = _bundle(PPO)
+    squashed_memory = replace(_bundle(RecurrentPPO), squashing="tanh")
     for bundle, task, message in (
         (fitting, "velocity", "other observations than those of velocity"),
         (
@@ -358,14 +331,14 @@ def test_exports_that_do_not_fit_are_refused():
         (squashed_memory, None, "squashing: 'tanh'; allowed with a memory: 'clip', 'argmax'"),
         (replace(fitting, env={"task": {"name": "fly"}}), None, "task must be one of .*'fly'"),
         (replace(fitting, env={"task": {"name": "a:b"}}), None, "code that would be run"),
-        (_case(PPO, CHOICES).bundle, "target", "are whole numbers within .* of target numbers"),
+        (_bundle(PPO, CHOICES), "target", "are whole numbers within .* of target numbers"),
     ):
         with pytest.raises(ValueError, match=message):
             export_sb3(bundle, task)
 
 
 def test_import_of_other_numbers_is_refused(tmp_path):
-    _case(PPO, CHOICES).export().save(tmp_path / "model.zip")
+    export_sb3(_bundle(PPO, CHOICES), CHOICES.resolved_task).save(tmp_path / "model.zip")
     task = replace(CHOICES.task, actions=Neurons((16, 9)))
     other = EnvConfig(task, CHOICES.scene.body)
     with pytest.raises(PolicyFileError, match=r"on other actions .*\[16 +8\].* has .*\[16 +9\]"):

@@ -1,4 +1,3 @@
-import dataclasses
 import os
 import select
 import signal
@@ -12,7 +11,6 @@ from test_callback import make_batch, reset
 
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import Randomisation
-from flyrl.simulation.scene import build_scene
 
 
 def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
@@ -23,11 +21,8 @@ def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
 
 def test_restoring_a_state_replays_its_future() -> None:
     """With a random stream, commands on their way and a log of the gait."""
-    config = make_batch("rule_based").scene.config
-    scene = build_scene(dataclasses.replace(config, queue_places=2, gait_places=100))
-    batch = FlyBatch(scene, num_threads=1)
-    state = config.controller.initial_state(3)
-    batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [state], [100])
+    batch = make_batch("rule_based", queue_places=2, gait_places=100)
+    reset(batch, latencies=[100])
     advance(batch, 50)
     start = batch.integration_state()
 

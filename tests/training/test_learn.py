@@ -1,10 +1,8 @@
-import csv
 import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from pandas.testing import assert_frame_equal
 from stable_baselines3 import PPO
 
 from flyrl.envs.config import env_record
@@ -16,7 +14,7 @@ from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import held_out_episodes
 from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig
 from flyrl.training.learn import resume, train
-from flyrl.training.runs import read_run
+from flyrl.training.runs import read_rows, read_run
 from flyrl.validation import plain
 from tests.tiny import TINY_ENV
 
@@ -106,8 +104,7 @@ def test_last_policy_acts_as_the_sb3_model_on_its_statistics(run):
 
 
 def test_evaluations_and_best_policy(run):
-    with (run.folder / "evaluations.csv").open(newline="") as file:
-        rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    rows = read_run(run.folder).evaluations
     # after the updates at 32 and 64 decisions, and at the end
     assert [row["decisions"] for row in rows] == [32, 64, 96]
     best = max(rows, key=lambda row: (row["success_rate"], row["mean_return"]))
@@ -118,13 +115,10 @@ def test_evaluations_and_best_policy(run):
     assert weighted == pytest.approx(best["mean_return"])
 
 
-def test_same_seed_same_policy_for_any_number_of_threads(run, tmp_path):
+def test_the_policy_depends_on_the_seed_and_not_on_threads(run, tmp_path):
     again = train(replace(PPO_CONFIG, training=replace(SCHEDULE, num_threads=2)), tmp_path)
     policies = [(each.folder / "last.safetensors").read_bytes() for each in (run, again)]
     assert policies[0] == policies[1]
-
-
-def test_other_seed_other_policy(run, tmp_path):
     other = train(replace(PPO_CONFIG, seed=1), tmp_path)
     assert np.abs(_actions(other.folder) - _actions(run.folder)).max() > 1e-3
 
@@ -165,20 +159,17 @@ def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):
     task = replace(TASKS["target_goal"](), time_limit_s=0.2)
     algo = SAC_CONFIG.algo.with_settings(her=True, learning_starts=40)
     run = train(TrainingConfig(env=EnvConfig(task), algo=algo, training=SCHEDULE), tmp_path)
-    config = EvaluationConfig(
-        policies=(str(run.folder / "last.safetensors"),),
-        controllers=("zero",),
-        task=task,
-        episodes=3,
-        num_threads=1,
-        reference="zero",
+    results = evaluate(
+        EvaluationConfig(
+            policies=(str(run.folder / "last.safetensors"),),
+            controllers=("zero",),
+            task=task,
+            episodes=1,
+            num_threads=1,
+            reference="zero",
+        )
     )
-    together, alone = (evaluate(replace(config, num_envs=n)) for n in (3, 1))
-    assert_frame_equal(together.episodes, alone.episodes)
-    paths = zip(together.trajectories.values(), alone.trajectories.values(), strict=True)
-    for one, other in paths:
-        assert one.drive.tobytes() == other.drive.tobytes()
-    assert np.abs(together.trajectories[0].drive[1:]).max() > 0.01
+    assert np.abs(results.trajectories[0].drive[1:]).max() > 0.01
 
 
 def test_a_curriculum_makes_the_training_harder_but_not_the_evaluation(tmp_path):
@@ -189,11 +180,9 @@ def test_a_curriculum_makes_the_training_harder_but_not_the_evaluation(tmp_path)
         training=replace(SCHEDULE, curriculum=curriculum),
     )
     run = train(config, tmp_path)
-    with (run.folder / "progress.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
     # four episodes end at a time, after 5, 10, 15, 20 decisions; those that began as the difficulty
     # rose were drawn before, and do not count
-    logged = (row["curriculum/difficulty"] for row in rows)
+    logged = (row["curriculum/difficulty"] for row in read_rows(run.folder / "progress.csv"))
     difficulties = [float(text) for text in logged if text]
     assert difficulties == sorted(difficulties)
     assert (difficulties[0], difficulties[-1]) == (0.25, 0.5)

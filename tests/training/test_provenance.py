@@ -9,16 +9,6 @@ from flyrl.training.provenance import code_changes, cpu, differences, provenance
 from tests.training.folders import checkout, git
 
 
-def test_a_clean_checkout_has_a_commit_and_no_changes(tmp_path, monkeypatch):
-    monkeypatch.setattr("flyrl.training.provenance._PACKAGE", checkout(tmp_path).parent)
-    record = provenance()["git"]
-    assert len(record["commit"]) == 40
-    assert record["is_dirty"] is False
-    assert record["diff"] is None
-    assert record["untracked"] == {}
-    assert code_changes() == b""
-
-
 @pytest.mark.parametrize(
     "contents",
     [b"a = 2\n\n", b"a = '\xe9'\n\n", b"\0\xff\n\n"],
@@ -27,6 +17,10 @@ def test_a_clean_checkout_has_a_commit_and_no_changes(tmp_path, monkeypatch):
 def test_changes_can_be_applied(tmp_path, monkeypatch, contents):
     package = checkout(tmp_path, b"a = 1\n\n")
     monkeypatch.setattr("flyrl.training.provenance._PACKAGE", package.parent)
+    record = provenance()["git"]
+    assert len(record.pop("commit")) == 40
+    assert record == {"is_dirty": False, "diff": None, "untracked": {}}
+    assert code_changes() == b""
     git(tmp_path, "config", "diff.external", "true")
     git(tmp_path, "config", "color.diff", "always")
     package.write_bytes(contents)

@@ -107,21 +107,13 @@ def runs(request, tmp_path_factory):
     return whole, resumed, (part, state, policy)
 
 
-def test_an_interrupted_run_keeps_its_policy(runs):
-    part, state, policy = runs[2]
+def test_a_resumed_run_ends_with_the_same_bits_and_logs_every_update_once(runs):
+    whole, resumed, (part, state, policy) = runs
     assert part.interrupted_by == signal.SIGTERM
     assert state == "interrupted"
     assert 27 * 4 <= policy.bundle.training["decisions"] <= 36 * 4
-
-
-def test_a_resumed_run_ends_with_the_same_bits(runs):
-    whole, resumed, (part, _, _) = runs
     assert resumed.folder == part.folder
     assert _results(resumed) == _results(whole)
-
-
-def test_a_resumed_run_logs_every_update_once(runs):
-    whole, resumed, _ = runs
     assert _without_times(resumed.folder) == _without_times(whole.folder)
 
 
@@ -228,34 +220,33 @@ def test_a_setting_without_effect_may_be_edited(folder):
     assert resume(config, folder).interrupted_by is None
 
 
-def test_other_settings_are_not_resumed(interrupted):
-    with pytest.raises(ResumeError, match=r"seed is 0 in its config\.yaml, not 1"):
-        resume(replace(PPO_CONFIG, seed=1), interrupted)
+def test_what_is_no_interrupted_run_of_these_settings_is_not_resumed(interrupted, tmp_path):
+    for config, folder, message in (
+        (replace(PPO_CONFIG, seed=1), interrupted, r"seed is 0 in its config\.yaml, not 1"),
+        (TrainingConfig(), make_run(tmp_path / "run"), "finished"),
+        (PPO_CONFIG, tmp_path, "not the folder of a run"),
+    ):
+        with pytest.raises(ResumeError, match=message):
+            resume(config, folder)
 
 
-def test_a_finished_run_is_not_resumed(tmp_path):
-    folder = make_run(tmp_path / "run")
-    with pytest.raises(ResumeError, match="finished"):
-        resume(TrainingConfig(), folder)
-
-
-@pytest.mark.parametrize("text", ["", "a word", "- a", "task: 1", "a: &a [1]\nb: [*a]", "\x00"])
-def test_damaged_settings_are_not_resumed(folder, text):
-    (folder / "config.yaml").write_text(text)
-    with pytest.raises(ResumeError, match=r"config\.yaml"):
-        resume(PPO_CONFIG, folder)
-
-
-@pytest.mark.parametrize("text", ["{", "[]", "{}", "[" * 10**5])
-def test_a_damaged_status_is_not_resumed(folder, text):
-    (folder / "status.json").write_text(text)
-    with pytest.raises(ResumeError, match=r"status\.json cannot be read"):
-        resume(PPO_CONFIG, folder)
-
-
-def test_a_damaged_table_of_progress_is_not_resumed(folder):
-    (folder / "progress.csv").write_bytes(bytes(range(256)))
-    with pytest.raises(ResumeError, match=r"progress\.csv is no table"):
+@pytest.mark.parametrize(
+    ("name", "contents", "message"),
+    [
+        *[
+            ("config.yaml", text, r"config\.yaml")
+            for text in ("", "a word", "- a", "task: 1", "a: &a [1]\nb: [*a]", "\x00")
+        ],
+        *[
+            ("status.json", text, r"status\.json cannot be read")
+            for text in ("{", "[]", "{}", "[" * 10**5)
+        ],
+        ("progress.csv", "".join(map(chr, range(256))), r"progress\.csv is no table"),
+    ],
+)
+def test_damaged_files_are_not_resumed(folder, name, contents, message):
+    (folder / name).write_bytes(contents.encode("latin-1"))
+    with pytest.raises(ResumeError, match=message):
         resume(PPO_CONFIG, folder)
 
 
@@ -276,8 +267,3 @@ def test_a_run_that_another_process_trains_is_left_as_it_is(tmp_path):
         with pytest.raises(RunIsHeldError):
             resume(TrainingConfig(), folder, ["train.py"])
         assert {path: path.read_bytes() for path in folder.iterdir()} == before
-
-
-def test_a_folder_without_a_run_is_an_error(tmp_path):
-    with pytest.raises(ResumeError, match="not the folder of a run"):
-        resume(PPO_CONFIG, tmp_path)
