@@ -30,6 +30,7 @@ SHORTER = {
     r"model\.learn\(384\)": "model.learn(32)",
     r"n_steps=128, batch_size=64, n_epochs=4": "n_steps=32, batch_size=16, n_epochs=1",
     r"for seed in range\(4\)": "for seed in range(2)",
+    r"for height in \(0\.1, 0\.3, 0\.5\)": "for height in (0.1, 0.5)",
     r"TERRAINS\[\"flat\"\], size=5": 'TERRAINS["flat"], size=2, starts=2',
     r"every=0\.02": "every=0.02, seconds=0.2",
     r"seconds=1(\.\d)?\b": "seconds=0.3",

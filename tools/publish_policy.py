@@ -38,8 +38,6 @@ from flyrl.training.runs import read_record  # noqa: E402
 
 LARGEST_BYTES: Final = 200_000
 
-_UNKNOWN: Final = "not recorded"
-
 _LIMITS: Final = """\
 - It was trained and judged in the setting above and in no other. On other terrain, with another
   body, leg controller or physics, it may fail.
@@ -161,23 +159,22 @@ def model_card(name: str, bundle: PolicyBundle) -> str:
     name
         Of the policy.
     bundle
-        The policy. Of `bundle.training`, the card shows "algo", "seed", "decisions", "command",
-        "provenance" (as in a run folder) and "held_out": "episodes", "seed", "compared" (the
-        metrics that the task is compared by, success first), and "results", one row per entrant
-        with "controller", "success_rate" and "metrics" as in an evaluation's summary. What is
-        missing is said to be.
+        The policy, whose `training` has "algo", "seed", "decisions", "command", "provenance" (as in
+        a run folder) and "held_out": "episodes", "seed", "compared" (the metrics that the task is
+        compared by, success first), and "results", one row per entrant with "controller",
+        "success_rate" and "metrics" as in an evaluation's summary.
     """
     env, training = bundle.env, bundle.training
-    held_out = _mapping(training.get("held_out"))
+    terrain = terrain_label(env["terrain"]["name"], env["terrain"].get("random"))
     return f"""\
 # {name}
 
-Moves the body in the task {_cell(_name(env, "task"))} on {_cell(_terrain(env))} terrain. Loads with
+Moves the body in the task {_cell(env["task"]["name"])} on {_cell(terrain)} terrain. Loads with
 `flyrl.load_policy("{name}")` and enters an evaluation as `policies=[{name}]`.
 
 ## Trained in
 
-{_table(("what", "which"), _setting(bundle))}
+{_table(("what", "which"), _setting(env, terrain))}
 
 ## Trained with
 
@@ -185,7 +182,7 @@ Moves the body in the task {_cell(_name(env, "task"))} on {_cell(_terrain(env))}
 
 ## Held-out episodes
 
-{_figures(held_out)}
+{_figures(training["held_out"])}
 
 ## Observation and action
 
@@ -212,42 +209,42 @@ def _action(bundle: PolicyBundle) -> str:
     return f"The action is {len(low)} {kind}, from {low} to\n{high}."
 
 
-def _setting(bundle: PolicyBundle) -> list[tuple[str, Any]]:
-    env = bundle.env
-    interval = _mapping(env.get("task")).get("decision_interval", _UNKNOWN)
-    preset = preset_version(env.get("physics", {}))
-    drawn = randomisation_text(env["randomisation"]) if "randomisation" in env else _UNKNOWN
+def _setting(env: Mapping[str, Any], terrain: str) -> list[tuple[str, Any]]:
+    preset = preset_version(env["physics"])
+    if "segments" in env["body"]:
+        body = [("body", f"worm of {env['body']['segments']} segments")]
+    else:
+        body = [("body", env["body"]["name"]), ("leg controller", env["controller"]["name"])]
+    own = f"of its own: {env['physics']}"
     return [
-        ("task", _name(env, "task")),
-        ("decision interval, s", interval),
-        ("terrain", _terrain(env)),
-        *_body(env),
-        ("physics", f"{preset.name}, version {preset.version}" if preset else _own_physics(env)),
-        ("randomisation", drawn),
+        ("task", env["task"]["name"]),
+        ("decision interval, s", env["task"]["decision_interval"]),
+        ("terrain", terrain),
+        *body,
+        ("physics", f"{preset.name}, version {preset.version}" if preset else own),
+        ("randomisation", randomisation_text(env["randomisation"])),
     ]
 
 
 def _making(bundle: PolicyBundle) -> list[tuple[str, Any]]:
-    training = bundle.training
-    provenance = _mapping(training.get("provenance"))
-    packages = {"python": provenance.get("python"), **_mapping(provenance.get("packages"))}
-    versions = ", ".join(f"{name} {version}" for name, version in packages.items() if version)
-    command = training.get("command")
+    training, provenance = bundle.training, bundle.training["provenance"]
+    packages = {"python": provenance["python"], **provenance["packages"]}
     return [
-        ("algorithm", training.get("algo", _UNKNOWN)),
-        ("decisions", training.get("decisions", _UNKNOWN)),
-        ("seed", training.get("seed", _UNKNOWN)),
+        ("algorithm", training["algo"]),
+        ("decisions", training["decisions"]),
+        ("seed", training["seed"]),
         ("network", " → ".join(map(str, bundle.sizes)) + f", {bundle.activation}"),
-        ("command", f"`{command}`" if command else _UNKNOWN),
-        ("commit", _mapping(provenance.get("git")).get("commit", _UNKNOWN)),
-        ("versions", versions or _UNKNOWN),
-        ("CPU", _mapping(provenance.get("cpu")).get("model") or _UNKNOWN),
+        ("command", f"`{training['command']}`"),
+        ("commit", provenance["git"]["commit"]),
+        (
+            "versions",
+            ", ".join(f"{name} {version}" for name, version in packages.items() if version),
+        ),
+        ("CPU", provenance["cpu"]["model"]),
     ]
 
 
 def _figures(held_out: Mapping[str, Any]) -> str:
-    if not held_out:
-        return f"Figures are {_UNKNOWN}."
     metrics = held_out["compared"][1:]
     rows = []
     for result in held_out["results"]:
@@ -283,30 +280,6 @@ def _cell(value: Any) -> str:
     if re.fullmatch("`[^`]+`", text):
         return text.replace("|", r"\|")
     return re.sub(r"([\\`*|]|(?<=\])\()", r"\\\1", text).replace("<", "&lt;")
-
-
-def _body(env: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """The body, and what controls a fly's legs."""
-    segments = _mapping(env.get("body")).get("segments")
-    if segments is not None:
-        return [("body", f"worm of {segments} segments")]
-    return [("body", _name(env, "body")), ("leg controller", _name(env, "controller"))]
-
-
-def _name(env: Mapping[str, Any], part: str) -> str:
-    return str(_mapping(env.get(part)).get("name", _UNKNOWN))
-
-
-def _terrain(env: Mapping[str, Any]) -> str:
-    return terrain_label(_name(env, "terrain"), _mapping(env.get("terrain")).get("random"))
-
-
-def _own_physics(env: Mapping[str, Any]) -> str:
-    return f"of its own: {env.get('physics', _UNKNOWN)}"
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
 
 
 if __name__ == "__main__":

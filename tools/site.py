@@ -67,15 +67,11 @@ _NOTEBOOK_SCRIPTS: Final = re.compile(
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the notebooks into the navigation."""
-    tutorials = Path(config.docs_dir) / "tutorials"
-    found = [f"tutorials/{path.name}" for path in sorted(tutorials.glob("*.ipynb"))]
-    if (tutorials / "README.md").exists():
-        found.insert(0, "tutorials/README.md")
+    notebooks = sorted((ROOT / "docs" / "tutorials").glob("*.ipynb"))
+    found = ["tutorials/README.md", *(f"tutorials/{path.name}" for path in notebooks)]
     for item in config.nav or []:
         if "Tutorials" in item:
             item["Tutorials"] = found
-    if not found and config.nav:
-        config.nav = [item for item in config.nav if "Tutorials" not in item]
     return config
 
 

@@ -1,6 +1,6 @@
 """Surfaces of bodies: their contact with planes and boxes, under gravity, and how they look."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, Final, Literal
 
 import mujoco
@@ -100,12 +100,8 @@ def touching(ground: int, contact: SurfaceContact) -> dict[str, Any]:
         "conaffinity": ground,
         # A higher priority than the ground's makes these figures those of the contact.
         "priority": 1,
-        "condim": contact.condim,
-        "friction": contact.friction,
-        "solref": contact.solref,
-        "solimp": contact.solimp,
-        "margin": contact.margin,
         "rgba": (0.2, 0.5, 0.9, 0.5),
+        **asdict(contact),
     }
 
 

@@ -7,7 +7,7 @@ to +z, like the fly. Units mm, g, s, rad; forces in µN, torques in µN mm.
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Final, Literal, NamedTuple
+from typing import Annotated, ClassVar, Final, Literal
 
 import mujoco
 import numpy as np
@@ -48,31 +48,25 @@ _SKINS: Final = ((0.86, 0.55, 0.48, 1.0), (0.78, 0.47, 0.41, 1.0))
 _MUSCLE_COLOUR: Final = (0.65, 0.05, 0.05, 1.0)
 
 
-class _Side(NamedTuple):
-    """A side on which a muscle sits: where in the segment's frame, and how it is turned.
-
-    The tail lies behind the joint, along -x. So a right-handed turn about +y lifts it to the back,
-    +z, and one about +z takes it to the right, -y. The quaternions turn the muscle's y axis to the
-    axis about which the tail moves towards the muscle.
-    """
-
-    name: str
-    direction: tuple[float, float, float]
-    quat: tuple[float, float, float, float]
-
-
 _HALF: Final = math.sqrt(0.5)
-_SIDES: Final[dict[Axis, tuple[_Side, _Side]]] = {
+_Side = tuple[str, tuple[float, float, float], tuple[float, float, float, float]]
+_SIDES: Final[dict[Axis, tuple[_Side, ...]]] = {
     "y": (
-        _Side("dorsal", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)),
-        _Side("ventral", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0, 0.0)),
+        ("dorsal", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)),
+        ("ventral", (0.0, 0.0, -1.0), (0.0, 1.0, 0.0, 0.0)),
     ),
     "z": (
-        _Side("left", (0.0, 1.0, 0.0), (_HALF, -_HALF, 0.0, 0.0)),
-        _Side("right", (0.0, -1.0, 0.0), (_HALF, _HALF, 0.0, 0.0)),
+        ("left", (0.0, 1.0, 0.0), (_HALF, -_HALF, 0.0, 0.0)),
+        ("right", (0.0, -1.0, 0.0), (_HALF, _HALF, 0.0, 0.0)),
     ),
 }
-"""Sides of a joint's two muscles, by the joint's axis."""
+"""Sides of a joint's two muscles, by the joint's axis: name, direction in the segment's frame, and
+how the muscle is turned.
+
+The tail lies behind the joint, along -x. So a right-handed turn about +y lifts it to the back,
++z, and one about +z takes it to the right, -y. The quaternions turn the muscle's y axis to the
+axis about which the tail moves towards the muscle.
+"""
 
 _AXES: Final[dict[Axis, tuple[float, float, float]]] = {"y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -281,16 +275,16 @@ def _add_muscles(
     spec: mujoco.MjSpec, muscles: mujoco.MjsBody, config: WormConfig, joint: int
 ) -> None:
     """Add the muscles of a joint over the middle of the segment behind it."""
-    sides: tuple[_Side, ...] = _SIDES[config.axis(joint)]
+    sides = _SIDES[config.axis(joint)]
     if config.muscles == "one":
         sides = sides[:1] if joint == config.joints else ()
     middle = np.array((-(joint + 0.5) * config.segment_length, 0.0, 0.0))
-    for side in sides:
-        name = f"Muscle{joint}_{side.name}"
+    for side, direction, quat in sides:
+        name = f"Muscle{joint}_{side}"
         muscles.add_site(
             name=name,
-            pos=middle + MUSCLE_HEIGHT * config.radius * np.array(side.direction),
-            quat=side.quat,
+            pos=middle + MUSCLE_HEIGHT * config.radius * np.array(direction),
+            quat=quat,
             size=(0.4 * config.radius, 0.0, 0.0),
             rgba=_MUSCLE_COLOUR,
         )

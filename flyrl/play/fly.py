@@ -32,7 +32,8 @@ from flyrl.tasks import DRIVE_HIGH, DRIVE_LOW, RUNNING, UNSTABLE
 from flyrl.tasks.episode import EDGE_MARGIN, is_inside
 from flyrl.tasks.target import draw_target
 from flyrl.tasks.terms import CORRECTION_CAP, goal_distance
-from flyrl.terrains import FLAT_GROUND, Bounds, Flat
+from flyrl.terrains import Bounds, Flat
+from flyrl.terrains.geoms import FLAT_GROUND
 from flyrl.validation import FloatArray, one_of, random_seed, within
 
 if TYPE_CHECKING:

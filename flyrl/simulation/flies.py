@@ -16,7 +16,7 @@ from flyrl.simulation.fly_scene import STEPS_OF_BODY, build_fly_scene, leg_contr
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.simulation.rendering import FlyRenderer
 from flyrl.simulation.scene import Scene
-from flyrl.terrains import BALL, Ball
+from flyrl.terrains.smooth import BALL, Ball
 from flyrl.validation import FloatArray
 
 

@@ -303,9 +303,9 @@ _HANGING: Final[dict[Camera, tuple[float, float, float]]] = {
     "top": (90.0, -89.0, 2.6),
 }
 
-_ASIDE: Final = 0.14
-"""Lengths of the worm by which the follow camera aims past a crawling worm, to the right and below
-it, where the tensions are drawn."""
+_ASIDE: Final = (0.191, -0.051, 0.0)
+"""Lengths of the worm, world frame, by which the follow camera aims past a crawling worm: to the
+right of it and below it in the picture, where the tensions are drawn."""
 
 _SQUARE: Final = 5.0
 """Side of the ground's squares, mm: those of a fly's ground would shimmer at this distance."""
@@ -328,15 +328,12 @@ class WormRenderer(BodyRenderer):
         self._crawls = body.mount == "crawling"
         azimuth, elevation, lengths = (_CRAWLING if self._crawls else _HANGING)[self._view]
         self._point((azimuth, elevation, lengths * length))
-        angle = np.radians(azimuth)
-        right, near = (np.sin(angle), -np.cos(angle)), (-np.cos(angle), -np.sin(angle))
-        aside = _ASIDE * length if self._view == "follow" and self._crawls else 0.0
-        self._aim = aside * np.array([right[0] + near[0], right[1] + near[1], 0.0])
+        self._aside = length * np.array(_ASIDE) if self._view == "follow" else np.zeros(3)
 
     def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
         middle: NDArray[np.float64] = self._data.geom_xpos[self._segments].mean(axis=0)
         if self._crawls:
-            self._camera.lookat[:] = middle + self._aim
+            self._camera.lookat[:] = middle + self._aside
         else:
             # it stays where the worm hangs
             self._camera.lookat[:] = (0.0, 0.0, self._model.body("Segment1").pos[2] / 2)

@@ -20,18 +20,8 @@ from flyrl.files import file_digest
 from flyrl.muscles import AttachedMuscle
 from flyrl.simulation.callback import install
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
-from flyrl.terrains import (
-    FLAT_GROUND,
-    FLOOR,
-    GROUP,
-    HEIGHT_FIELD,
-    NOWHERE,
-    Flat,
-    Ground,
-    Prop,
-    Terrain,
-    box_colours,
-)
+from flyrl.terrains import NOWHERE, Flat, Ground, Prop, Terrain, box_colours
+from flyrl.terrains.geoms import FLAT_GROUND, FLOOR, GROUP, HEIGHT_FIELD
 from flyrl.validation import FloatArray, Within, check_fields
 
 

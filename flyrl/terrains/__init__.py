@@ -4,10 +4,6 @@ from typing import Final
 
 from flyrl.terrains.any import AnyGround
 from flyrl.terrains.geoms import (
-    FLAT_GROUND,
-    FLOOR,
-    GROUP,
-    HEIGHT_FIELD,
     NOWHERE,
     TARGET_MARKER,
     Prop,
@@ -16,9 +12,8 @@ from flyrl.terrains.geoms import (
     box_colours,
 )
 from flyrl.terrains.rough import RANDOM_GAPS, RANDOM_HEIGHTS, Blocks, Gapped, Mixed
-from flyrl.terrains.smooth import BALL, Air, Ball, Flat, Hills, Slope
+from flyrl.terrains.smooth import Air, Ball, Flat, Hills, Slope
 from flyrl.terrains.terrain import (
-    DOWN,
     KINDS,
     SPAWN_CLEARANCE,
     TERRAINS,
@@ -57,12 +52,6 @@ TERRAINS.update(
 )
 
 __all__ = [
-    "BALL",
-    "DOWN",
-    "FLAT_GROUND",
-    "FLOOR",
-    "GROUP",
-    "HEIGHT_FIELD",
     "KINDS",
     "LITERATURE",
     "NOWHERE",

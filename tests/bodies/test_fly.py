@@ -1,8 +1,8 @@
-import csv
 from typing import NamedTuple, get_args
 
 import mujoco
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -20,11 +20,10 @@ from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.bodies.table import BodyName, body_table, leg_collision
 from flyrl.controllers import Joints
 from flyrl.resources import assets_folder
-from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.fly_scene import STEPS_OF_BODY
 from flyrl.simulation.physics import PHYSICS_PRESETS
-from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import SPAWN_CLEARANCE, TERRAINS, Mixed, add_terrain
+from flyrl.terrains import TERRAINS, Mixed, add_terrain
+from tests.simulation.test_callback import make_batch
 
 LEG_BODIES = [f"{leg}{segment}" for leg in LEGS for segment in LEG_SEGMENTS]
 
@@ -54,16 +53,11 @@ PUBLISHED = {
 }
 
 
-def recorded_step(name):
-    path = assets_folder() / "steps" / f"{STEPS_OF_BODY[name]}.npz"
-    return np.load(path, allow_pickle=False)
-
-
 # ------------------------------------------------------------------ kinematics
 
 
 def test_forward_kinematics_equals_the_published_model(name, model):
-    angles = recorded_step(name)["angles"]
+    angles = np.load(assets_folder() / "steps" / f"{STEPS_OF_BODY[name]}.npz")["angles"]
     grid = np.linspace(0, 2 * np.pi, angles.shape[2])
     splines = {
         leg: CubicSpline(grid, recorded, axis=1, bc_type="periodic")
@@ -73,22 +67,15 @@ def test_forward_kinematics_equals_the_published_model(name, model):
     # Somewhere else and turned, so that the thorax frame is not the world frame.
     data.joint("root").qpos = (3.0, -2.0, 1.5, *np.array((0.8, 0.1, -0.2, 0.55)))
     thorax = data.body("Thorax")
-    worst, seen = 0.0, set()
-    path = assets_folder() / "reference" / f"forward_kinematics_{name}.csv"
-    with path.open(encoding="utf-8") as table:
-        for row in csv.DictReader(table):
-            leg = row["leg"]
-            wanted = splines[leg](float(row["phase_rad"]))
-            for dof, angle in zip(LEG_DOFS, wanted, strict=True):
-                data.joint(f"joint_{leg}{dof}").qpos = angle
-            mujoco.mj_kinematics(model, data)
-            offset_w = data.body(f"{leg}Tarsus5").xpos - thorax.xpos
-            position = offset_w @ thorax.xmat.reshape(3, 3)
-            expected = [float(row[axis]) for axis in "xyz"]
-            worst = max(worst, float(np.abs(position - expected).max()))
-            seen.add((leg, row["phase_rad"]))
-    assert len(seen) == 6 * 20
-    assert worst < 0.005
+    table = pd.read_csv(assets_folder() / "reference" / f"forward_kinematics_{name}.csv")
+    assert len(table.groupby(["leg", "phase_rad"])) == 6 * 20
+    for row in table.itertuples():
+        for dof, angle in zip(LEG_DOFS, splines[row.leg](row.phase_rad), strict=True):
+            data.joint(f"joint_{row.leg}{dof}").qpos = angle
+        mujoco.mj_kinematics(model, data)
+        offset_w = data.body(f"{row.leg}Tarsus5").xpos - thorax.xpos
+        position = offset_w @ thorax.xmat.reshape(3, 3)
+        np.testing.assert_allclose(position, (row.x, row.y, row.z), rtol=0, atol=0.005)
 
 
 def test_coxa_joints_follow_from_thorax_to_femur(name, model):
@@ -300,16 +287,9 @@ def test_only_the_named_segments_have_a_shape_for_planes():
 # ------------------------------------------------------------------ standing
 
 
-LOPSIDED = FlyConfig(symmetric=False)
-
-
-def standing_on(terrain, body=LOPSIDED):
+def standing_on(terrain, **body):
     """A fly that was put down in the stretch pose and has held the neutral pose for 0.1 s."""
-    config = SceneConfig(body, TERRAINS[terrain], Joints(), PHYSICS_PRESETS["reference"])
-    flies = FlyBatch(build_scene(config), num_threads=1)
-    place = (0.0, 0.0, config.terrain.base_height + SPAWN_CLEARANCE)
-    start = config.controller.initial_state()
-    flies.reset(np.array([0]), np.array([place]), np.zeros(1), [start])
+    flies = make_batch(Joints(), terrain, physics=PHYSICS_PRESETS["reference"], **body)
     flies.set_command([[*flies.neutral_angles, *np.zeros(6)]])
     flies.step(1000)
     state = flies.state()
@@ -321,8 +301,7 @@ def standing_on(terrain, body=LOPSIDED):
 @pytest.mark.parametrize("terrain", ["flat", "blocks"])
 def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sinks(terrain):
     classic, current = (
-        standing_on(terrain, FlyConfig(name, missing_legs=LEGS))[0]
-        for name in ("classic", "current")
+        standing_on(terrain, name=name, missing_legs=LEGS)[0] for name in ("classic", "current")
     )
     ground = TERRAINS[terrain].base_height
     assert 0.4 < classic.position_w[0, 2] - ground < 1.0
@@ -332,7 +311,7 @@ def test_without_legs_the_classic_fly_lies_on_its_trunk_and_the_current_one_sink
 
 
 def test_the_fly_stands_on_its_six_leg_tips():
-    state, touching = standing_on("flat")
+    state, touching = standing_on("flat", symmetric=False)
     assert touching == {f"{leg}Tarsus5" for leg in LEGS}
     assert state.up_b[0, 2] > 0.99
     assert state.position_w[0, 2] == pytest.approx(1.05, abs=0.03)
@@ -360,10 +339,8 @@ def test_visual_meshes_touch_nothing_and_change_no_joint():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "modern"}, "body.name must be one of 'current', 'classic', got 'modern'"),
         ({"adhesion_gain": -1.0}, "body.adhesion_gain must be .* from 0 to 10000, got -1.0"),
         ({"missing_legs": ("LF", "LF")}, "body.missing_legs must not hold 'LF' twice"),
-        ({"missing_legs": ("LQ",)}, r"missing_legs\[0\] must be one of"),
         ({"fixed_joints": (("joint_LQTibia", 0.0),)}, "fixed_joints must be one of"),
         ({"fixed_joints": (("joint_RMTibia", 9.0),)}, "angle of joint_RMTibia"),
     ],

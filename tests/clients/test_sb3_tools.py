@@ -1,10 +1,6 @@
 """Stable-Baselines3's own tools on the environments."""
 
-import functools
-
-import gymnasium
 import numpy as np
-import pytest
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.evaluation import evaluate_policy
@@ -14,48 +10,24 @@ from flyrl.envs.sb3 import FlyrlVecEnv
 from flyrl.policies import LearnedPolicy, observation_layout
 from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS
-
-SETTINGS = {"decision_interval": 0.1, "physics": "fast"}
-
-
-@pytest.fixture(scope="module")
-def single():
-    """Monitored single environments, as SB3 makes them from an id."""
-    make = functools.partial(gymnasium.make, "flyrl/Target-v0", **SETTINGS)
-    env = make_vec_env(make, n_envs=2)
-    yield env
-    env.close()
+from tests.clients.usual import LIMIT, SETTINGS, make
 
 
-@pytest.fixture(scope="module")
-def batch():
-    env = FlyrlVecEnv(EnvConfig(**SETTINGS), 2, num_threads=1)
-    yield env
-    env.close()
+def test_evaluate_policy_finds_the_same_in_single_and_batched_environments():
+    """The single ones are monitored, as SB3 makes them from an id."""
+    single, batch = make_vec_env(make, n_envs=2), FlyrlVecEnv(EnvConfig(**SETTINGS), 2, 1)
+    model = PPO("MlpPolicy", single, device="cpu", seed=0)
+    bundle = bundle_from_sb3(model, observation_layout(TASKS["target"]()), {}, {})
 
+    def returns(actor, env):
+        env.seed(5)
+        found, lengths = evaluate_policy(actor, env, n_eval_episodes=2, return_episode_rewards=True)
+        assert max(lengths) <= LIMIT
+        return found
 
-@pytest.fixture(scope="module")
-def model(single):
-    return PPO("MlpPolicy", single, device="cpu", seed=0)
-
-
-@pytest.fixture(scope="module")
-def policy(model):
-    return LearnedPolicy(bundle_from_sb3(model, observation_layout(TASKS["target"]()), {}, {}))
-
-
-def _evaluate(actor, env):
-    env.seed(5)
-    rewards, lengths = evaluate_policy(actor, env, n_eval_episodes=2, return_episode_rewards=True)
-    assert max(lengths) <= 30
-    return rewards
-
-
-@pytest.mark.parametrize("actor", ["model", "policy"])
-def test_evaluate_policy_finds_the_same_in_single_and_batched_environments(
-    actor, single, batch, request
-):
-    actor = request.getfixturevalue(actor)
-    returns = _evaluate(actor, single)
-    assert np.ptp(returns) > 0.01
-    np.testing.assert_allclose(_evaluate(actor, batch), returns, rtol=0, atol=1e-4)
+    for actor in (model, LearnedPolicy(bundle)):
+        expected = returns(actor, single)
+        assert np.ptp(expected) > 0.01
+        np.testing.assert_allclose(returns(actor, batch), expected, rtol=0, atol=1e-4)
+    single.close()
+    batch.close()

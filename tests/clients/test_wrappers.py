@@ -1,6 +1,5 @@
 """Gymnasium's own wrappers around the environments, single and vectorised."""
 
-import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -14,19 +13,8 @@ from stable_baselines3.common.vec_env import VecVideoRecorder
 
 from flyrl import OUTCOMES
 from flyrl.envs.sb3 import FlyrlVecEnv
+from tests.clients.usual import LIMIT, SETTINGS, make, make_vec
 from tests.pictures import decoded, drawing
-
-ID = "flyrl:flyrl/Target-v0"
-# an episode is 30 decisions long at most
-SETTINGS = {"decision_interval": 0.1, "physics": "fast"}
-
-
-def make():
-    return gymnasium.make(ID, **SETTINGS)
-
-
-def make_vec(mode=None, **settings):
-    return gymnasium.make_vec(ID, num_envs=3, vectorization_mode=mode, **SETTINGS, **settings)
 
 
 def walk(env, steps, seed=3):
@@ -40,19 +28,18 @@ def walk(env, steps, seed=3):
 
 
 def test_episode_statistics_of_one_fly():
-    observations, results = walk(RecordEpisodeStatistics(make()), 30)
+    observations, results = walk(RecordEpisodeStatistics(make()), LIMIT)
     episode = results[-1][4]["episode"]
     assert results[-1][2] or results[-1][3]
-    assert episode["l"] == 30 == len(observations) - 1
+    assert episode["l"] == LIMIT == len(observations) - 1
     assert episode["r"] == pytest.approx(sum(result[1] for result in results), abs=1e-5)
 
 
-@pytest.mark.parametrize("by_make", [True, False])
-def test_time_limit_of_one_fly(by_make):
-    limited = gymnasium.make(ID, max_episode_steps=5, **SETTINGS) if by_make else None
-    _, results = walk(limited or TimeLimit(make(), max_episode_steps=5), 5)
-    assert [result[3] for result in results] == [False] * 4 + [True]
-    assert results[-1][4]["outcome"] == OUTCOMES.index("running")
+def test_time_limit_of_one_fly():
+    for limited in (make(max_episode_steps=5), TimeLimit(make(), max_episode_steps=5)):
+        _, results = walk(limited, 5)
+        assert [result[3] for result in results] == [False] * 4 + [True]
+        assert results[-1][4]["outcome"] == OUTCOMES.index("running")
 
 
 def test_time_limit_of_many_flies_is_that_of_single_ones():
@@ -99,36 +86,40 @@ def film(env):
         walk(env, 4)
 
 
-def frames(path):
-    """Number, height and width of the pictures of a video."""
-    _, pictures = decoded(path)
-    assert pictures.std() > 10
-    return pictures.shape[:3]
+def film_one(folder):
+    film(RecordVideo(make(render_mode="rgb_array"), str(folder)))
 
 
-# moviepy, with which Gymnasium writes videos, is not written with care about warnings
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
-def test_video_of_one_fly(tmp_path):
-    env = gymnasium.make(ID, render_mode="rgb_array", **SETTINGS)
-    film(RecordVideo(env, str(tmp_path / "videos")))
-    assert frames(tmp_path / "videos" / "rl-video-episode-0.mp4") == (5, 480, 640)
-
-
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
-def test_video_of_many_flies(tmp_path):
+def film_many(folder):
     env = make_vec(render_mode="rgb_array")
-    film(vector.RecordVideo(env, str(tmp_path / "videos"), video_aspect_ratio=(4, 1)))
-    assert frames(tmp_path / "videos" / "rl-video-episode-0.mp4") == (5, 480, 1920)
+    film(vector.RecordVideo(env, str(folder), video_aspect_ratio=(4, 1)))
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
-def test_sb3s_video_of_many_flies(tmp_path):
+def film_for_sb3(folder):
     view = {"render_mode": "rgb_array", "camera": "top", "width": 160, "height": 120}
     env = FlyrlVecEnv(num_envs=2, **view, **SETTINGS)
-    env = VecVideoRecorder(env, str(tmp_path), lambda step: step == 0, video_length=3)
+    env = VecVideoRecorder(env, str(folder), lambda step: step == 0, video_length=3)
     with drawing():
         env.reset()
     for _ in range(3):
         env.step(np.zeros((2, 2)))
     env.close()
-    assert frames(tmp_path / "rl-video-step-0-to-step-3.mp4") == (4, 240, 160)
+
+
+# moviepy, with which Gymnasium writes videos, is not written with care about warnings
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::SyntaxWarning")
+@pytest.mark.parametrize(
+    ("record", "expected"),
+    [
+        (film_one, (5, 480, 640)),
+        (film_many, (5, 480, 1920)),
+        (film_for_sb3, (4, 240, 160)),
+    ],
+)
+def test_videos(record, expected, tmp_path):
+    """Number, height and width of pictures."""
+    record(tmp_path / "videos")
+    (path,) = (tmp_path / "videos").glob("*.mp4")
+    _, pictures = decoded(path)
+    assert pictures.std() > 10
+    assert pictures.shape[:3] == expected

@@ -1,25 +1,21 @@
 """A folder for a page, with the modules in it that the page shows."""
 
-import sys
+import re
 
 import pytest
 
-from tests.docs.pages import write_modules
+from tests.docs.pages import blocks
 
 
 @pytest.fixture
-def folder_of(tmp_path, monkeypatch):
-    """Make the folder of a page the current one, in which its modules can be imported."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
-    written = []
+def folder_of(tmp_path, own_module, monkeypatch):
+    """Write the modules of a page, which begin as `# my_terms.py` does, to the current folder."""
+    monkeypatch.syspath_prepend(tmp_path)
 
     def folder_of(page):
-        written.extend(write_modules(page, tmp_path))
-        for name in written:
-            sys.modules.pop(name, None)
+        for block in blocks(page, "python"):
+            if module := re.match(r"# (\w+)\.py\n", block.parsed):
+                own_module(module[1], block.parsed)
         return tmp_path
 
-    yield folder_of
-    for name in written:
-        sys.modules.pop(name, None)
+    return folder_of

@@ -16,18 +16,8 @@ FILES = (
 PAGES = {str(path.relative_to(ROOT)): path for path in FILES}
 
 SHELLS = ("bash", "zsh", "fish")
-LANGUAGES = {
-    "python": "runs, all of a page in one namespace, in a folder of its own (test_python)",
-    **dict.fromkeys(
-        SHELLS,
-        "trainings and evaluations run, shortened; other commands are taken by the program's own "
-        "checks (test_commands)",
-    ),
-    "yaml": "is read; a search space is taken by flyrl tune's own checks (test_shown)",
-    "xml": "is read (test_shown)",
-    "text": "is what a program prints, or a folder; messages are those of the sources (test_shown)",
-}
-"""What becomes of a block, by its language. No block has another."""
+LANGUAGES = ("python", *SHELLS, "yaml", "xml", "text")
+"""Of blocks: Python runs, trainings and evaluations too, shortened; all others are checked."""
 
 _FENCE = re.compile(r"^[ \t]*```(\w*)", re.MULTILINE)
 
@@ -55,13 +45,3 @@ def pages_with(*languages: str) -> list[str]:
 def openings(page: str) -> list[str]:
     """Languages of all fences of a page, found without Sybil; "" where none is named."""
     return _FENCE.findall(PAGES[page].read_text())[::2]
-
-
-def write_modules(page: str, folder: Path) -> list[str]:
-    """Write the blocks whose first line names a file, as `# my_terms.py` does; return the names."""
-    names = []
-    for block in blocks(page, "python"):
-        if module := re.match(r"# (\w+)\.py\n", block.parsed):
-            (folder / f"{module[1]}.py").write_text(block.parsed)
-            names.append(module[1])
-    return names

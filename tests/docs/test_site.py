@@ -10,6 +10,8 @@ from mkdocs.structure.files import File, Files
 from tests.docs.pages import PAGES
 from tools import site
 
+PAGE = SimpleNamespace(file=SimpleNamespace(src_uri="a.md"))
+
 
 def led(uri, markdown):
     page = SimpleNamespace(file=SimpleNamespace(src_uri=uri))
@@ -19,13 +21,11 @@ def led(uri, markdown):
 @pytest.mark.parametrize(
     ("uri", "link", "target"),
     [
-        ("tasks.md", "../configs", "settings.md"),
         ("policies.md", "../assets/policies/target-flat.md", "policies/target-flat.md"),
         ("physics/balanced.md", "../../CONTRIBUTING.md", "../contributing.md"),
         ("contributing.md", "docs/tasks.md", "tasks.md"),
         ("benchmarks.md", "../docs/speed.md", "speed.md"),
         ("policies/target-flat.md", "../../docs/tasks.md", "../tasks.md"),
-        ("tasks.md", "muscles.md", "muscles.md"),
         ("tasks.md", "https://arxiv.org/abs/1710.06537", "https://arxiv.org/abs/1710.06537"),
     ],
 )
@@ -72,16 +72,13 @@ def test_a_drawing_in_the_page_s_colours_is_put_into_the_page():
     ],
 )
 def test_a_page_that_fetches_from_elsewhere_is_refused(html):
-    page = SimpleNamespace(file=SimpleNamespace(src_uri="a.md"))
     with pytest.raises(PluginError, match=r"a\.md fetches from elsewhere: .*example\.org"):
-        site.on_post_page(html, page, None)
+        site.on_post_page(html, PAGE, None)
 
 
 def test_links_to_elsewhere_are_no_fetching_and_notebooks_fetch_nothing():
-    page = SimpleNamespace(file=SimpleNamespace(src_uri="a.md"))
     link = '<a href="https://example.org">a</a><link rel="canonical" href="https://example.org">'
     script = "<script>here()</script>"
     mathjax = '<script src="https://example.org/mathjax.js"></script>'
     mermaid = "<script type='module'>import('https://example.org/mermaid.mjs')</script>"
-    given = link + mathjax + script + mermaid
-    assert site.on_post_page(given, page, None) == link + script
+    assert site.on_post_page(link + mathjax + script + mermaid, PAGE, None) == link + script

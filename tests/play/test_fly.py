@@ -11,7 +11,8 @@ from flyrl.play.fly import PlayedFly
 from flyrl.play.fly_setting import DISTANCE, PlayedFlyConfig
 from flyrl.policies import load_bundle, save_bundle
 from flyrl.tasks import Drives
-from flyrl.terrains import FLAT_GROUND, KINDS, TERRAINS, Boxes, Terrain
+from flyrl.terrains import KINDS, TERRAINS, Boxes, Terrain
+from flyrl.terrains.geoms import FLAT_GROUND
 from tests.controllers.own import Wave
 from tests.play.noted import Noted, drawn
 

@@ -1,7 +1,4 @@
-import dataclasses
-import os
-import select
-import signal
+import multiprocessing
 import warnings
 from collections.abc import Callable
 
@@ -12,7 +9,6 @@ from test_callback import make_batch, reset
 
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.randomisation import Randomisation
-from flyrl.simulation.scene import build_scene
 
 
 def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
@@ -23,11 +19,8 @@ def advance(batch: FlyBatch, steps: int = 300) -> np.ndarray:
 
 def test_restoring_a_state_replays_its_future() -> None:
     """With a random stream, commands on their way and a log of the gait."""
-    config = make_batch("rule_based").scene.config
-    scene = build_scene(dataclasses.replace(config, queue_places=2, gait_places=100))
-    batch = FlyBatch(scene, num_threads=1)
-    state = config.controller.initial_state(3)
-    batch.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [state], [100])
+    batch = make_batch("rule_based", queue_places=2, gait_places=100)
+    reset(batch, latencies=[100])
     advance(batch, 50)
     start = batch.integration_state()
 
@@ -107,26 +100,22 @@ def test_without_threads_a_batch_runs_in_a_fork() -> None:
 
 def _in_a_fork(call: Callable[[], object]) -> str:
     """Call in a child process; end it if it hangs."""
-    reader, writer = os.pipe()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that forking with threads may hang
-        child = os.fork()
-    if child == 0:
-        said = b"no error"
+    reader, writer = multiprocessing.Pipe(duplex=False)
+
+    def run() -> None:
         try:
             call()
+            writer.send("no error")
         except RuntimeError as error:
-            said = str(error).encode()
-        finally:
-            os.write(writer, said)
-            os._exit(0)
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        ready, _, _ = select.select([pipe], [], [], 20)
-        said = pipe.read() if ready else "hang"
-    if not ready:
-        os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
+            writer.send(str(error))
+
+    child = multiprocessing.get_context("fork").Process(target=run)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that forking with threads may hang
+        child.start()
+    said = reader.recv() if reader.poll(20) else "hang"
+    child.kill()
+    child.join()
     return said
 
 

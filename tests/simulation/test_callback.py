@@ -1,6 +1,5 @@
 """The controller inside the engine: the same maths as the classes, and exact bookkeeping."""
 
-import dataclasses
 import subprocess
 import sys
 import threading
@@ -13,60 +12,55 @@ import pytest
 from flyrl.anatomy import CONTACT_SEGMENTS
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.surface import ContactConfig
-from flyrl.controllers import CONTROLLERS
+from flyrl.controllers import CONTROLLERS, Controller
 from flyrl.simulation import callback, engine, native
 from flyrl.simulation.engine import layout
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import TERRAINS
+from flyrl.terrains import TERRAINS, Prop
+
+FINE = PhysicsConfig(timestep=2e-4, contact=ContactConfig())
+"""Small steps, and the literature's contact."""
 
 
 def make_batch(
-    controller: str = "hybrid", terrain: str = "flat", num_sims: int = 1, **body: Any
+    controller: Controller | str = "hybrid",
+    terrain: str = "flat",
+    num_sims: int = 1,
+    physics: PhysicsConfig = FINE,
+    queue_places: int = 0,
+    gait_places: int = 0,
+    props: tuple[Prop, ...] = (),
+    **body: Any,
 ) -> FlyBatch:
+    """Flies at rest, of the oscillators of the seeds 3, 4, …; `body` are settings of FlyConfig."""
     config = SceneConfig(
         body=FlyConfig(**body),
         terrain=TERRAINS[terrain],
-        controller=CONTROLLERS[controller](),
-        physics=PhysicsConfig(timestep=2e-4, contact=ContactConfig()),
+        controller=CONTROLLERS[controller]() if isinstance(controller, str) else controller,
+        physics=physics,
+        queue_places=queue_places,
+        gait_places=gait_places,
+        props=props,
     )
     batch = FlyBatch(build_scene(config), num_sims, num_threads=1)
     reset(batch)
     return batch
 
 
-def reset(batch: FlyBatch, seed: int = 3) -> None:
+def reset(batch: FlyBatch, states: list[np.void] | None = None, latencies: Any = None) -> None:
     n = batch.num_sims
-    height = 1.5 if batch.scene.config.terrain.name == "gapped" else 0.5
-    states = [batch.scene.config.controller.initial_state(seed + i) for i in range(n)]
-    batch.reset(np.arange(n), np.tile([0.0, 0.0, height], (n, 1)), np.zeros(n), states)
-
-
-def test_commands_reach_the_actuators() -> None:
-    batch = make_batch()
-    batch.set_command(np.array([[1.0, 1.0]]))
-    batch.step(50)
-    ctrl = batch._batch.bind("ctrl")[0]
-    np.testing.assert_array_equal(ctrl[:42], batch.output["angles"][0])
-    np.testing.assert_array_equal(ctrl[42:], batch.output["adhesion"][0])
-    assert 0 < ctrl[42:].sum() <= 6
-
-
-def with_queue(batch: FlyBatch, latencies: list[int], places: int) -> FlyBatch:
-    """A batch of the same scene with room for drives on their way."""
-    config = dataclasses.replace(batch.scene.config, queue_places=places)
-    late = FlyBatch(build_scene(config), len(latencies), num_threads=1)
-    n = len(latencies)
-    states = [config.controller.initial_state(3)] * n
-    late.reset(np.arange(n), np.tile([0.0, 0.0, 0.5], (n, 1)), np.zeros(n), states, latencies)
-    return late
+    config = batch.scene.config
+    places = np.tile([0.0, 0.0, config.terrain.base_height + 0.5], (n, 1))
+    states = states or [config.controller.initial_state(3 + i) for i in range(n)]
+    batch.reset(np.arange(n), places, np.zeros(n), states, latencies)
 
 
 def test_with_latency_a_fly_moves_as_one_that_is_told_so_much_later() -> None:
     """To the bit, with several drives on their way, and with none in a fly without latency."""
-    late = with_queue(make_batch(), [137, 0], places=3)
-    timely = make_batch()
+    late, timely = make_batch(num_sims=2, queue_places=3), make_batch()
+    reset(late, [timely.scene.config.controller.initial_state(3)] * 2, [137, 0])
     for drive in ([1.0, 0.4], [0.3, 1.2], [1.5, 1.5]):
         late.set_command(np.array([drive, drive]))
         late.step(60)
@@ -82,7 +76,7 @@ def test_with_latency_a_fly_moves_as_one_that_is_told_so_much_later() -> None:
 
 def test_latency_without_a_queue_is_refused() -> None:
     with pytest.raises(ValueError, match="queue_places is 0"):
-        with_queue(make_batch(), [1], places=0)
+        reset(make_batch(), latencies=[1])
 
 
 @pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
@@ -109,20 +103,6 @@ def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
     summed = data.userdata.view(batch.scene.userdata)[0]["head"]["senses"]["contact_forces_w"]
     assert np.abs(expected).max() > 1.0
     np.testing.assert_allclose(summed, expected, rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("adhesion_gain", [0.0, 40.0])
-def test_contact_forces_carry_the_weight(adhesion_gain: float) -> None:
-    """At rest the ground pushes up with the weight plus what the gripping legs pull."""
-    batch = make_batch(adhesion_gain=adhesion_gain)
-    batch.step(2000)
-    upward, pulled = [], []
-    for _ in range(500):
-        batch.step()
-        upward.append(batch.senses["contact_forces_w"][0, :, 2].sum())
-        pulled.append(adhesion_gain * batch.output["adhesion"].sum())
-    weight = batch.scene.model.body_mass.sum() * 9810
-    assert np.mean(upward) == pytest.approx(weight + np.mean(pulled), rel=0.01)
 
 
 def test_models_of_others_are_left_alone() -> None:
@@ -153,14 +133,11 @@ def test_a_model_of_another_process_is_left_alone() -> None:
     np.testing.assert_array_equal(data.userdata, before)
 
 
-PLACES = ("control", "sensor", "passive", "contactfilter")
-
-
 def set_callback(place: str, function: object) -> None:
     getattr(mujoco, f"set_mjcb_{place}")(function)
 
 
-@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("place", ["control", "sensor", "passive", "contactfilter"])
 @pytest.mark.parametrize("moment", ["before", "during"])
 def test_somebody_elses_callback_is_an_error_and_is_not_overwritten(place, moment) -> None:
     batch = make_batch()

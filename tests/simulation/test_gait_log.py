@@ -1,26 +1,20 @@
 """The gait as the engine logs it, beside what can be read off the flies after every step."""
 
-import dataclasses
-
 import mujoco
 import numpy as np
 import pytest
 
 from flyrl.controllers.gait_log import CONTACT_THRESHOLD, STANCE_SPEED, unpack
 from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.scene import build_scene
-from tests.simulation.test_callback import make_batch, reset
+from tests.simulation.test_callback import make_batch
 
 STEPS_PER_SAMPLE = 5  # 1 ms at 2e-4 s
 
 
-def with_log(places: int, terrain: str = "flat", num_sims: int = 1) -> FlyBatch:
-    """Flies that log their gait, walking ahead."""
-    config = make_batch(terrain=terrain).scene.config
-    scene = build_scene(dataclasses.replace(config, gait_places=places))
-    batch = FlyBatch(scene, num_sims, num_threads=1)
-    reset(batch)
-    batch.set_command(np.ones((num_sims, 2)))
+def with_log(places: int, terrain: str = "flat") -> FlyBatch:
+    """A fly that logs its gait, walking ahead."""
+    batch = make_batch(terrain=terrain, gait_places=places)
+    batch.set_command(np.ones((1, 2)))
     return batch
 
 
@@ -80,17 +74,13 @@ def test_samples_come_out_in_parts() -> None:
     np.testing.assert_array_equal(np.concatenate(taken), whole.gait_samples(0, 0))
 
 
-def test_samples_that_are_gone_are_an_error() -> None:
-    batch = with_log(7)
+@pytest.mark.parametrize(
+    ("places", "message"), [(7, "of 8 samples, the last 7 are kept"), (0, "gait_places is 0")]
+)
+def test_samples_that_are_not_kept_are_an_error(places, message) -> None:
+    batch = with_log(places)
     batch.step(STEPS_PER_SAMPLE * 8)
-    with pytest.raises(ValueError, match="of 8 samples, the last 7 are kept"):
-        batch.gait_samples(0, 0)
-
-
-def test_without_room_there_are_no_samples() -> None:
-    batch = make_batch()
-    assert batch.gait_logs is None
-    with pytest.raises(ValueError, match="gait_places is 0"):
+    with pytest.raises(ValueError, match=message):
         batch.gait_samples(0, 0)
 
 

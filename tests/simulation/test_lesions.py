@@ -8,29 +8,19 @@ import pytest
 from flyrl.anatomy import JOINTS, LEGS
 from flyrl.bodies.fly import FlyConfig, build_fly, is_of_legs
 from flyrl.controllers import Hybrid
-from flyrl.simulation.flies import FlyBatch
-from flyrl.simulation.scene import SceneConfig, build_scene
-from flyrl.terrains import TERRAINS
+from flyrl.simulation.physics import PHYSICS_PRESETS
+from tests.simulation.test_callback import make_batch
 
 TIBIA = "joint_RMTibia"
 
 
-def walked(terrain="flat", seconds=0.6, controller=None, **body):
+def walked(terrain="flat", seconds=0.6, controller="hybrid", **body):
     """A fly that was told to walk ahead; and its states every 10 ms."""
-    config = SceneConfig(
-        body=FlyConfig(**body),
-        terrain=TERRAINS[terrain],
-        controller=controller or Hybrid(),
-    )
-    batch = FlyBatch(build_scene(config), 1, num_threads=1)
-    height = 1.5 if terrain == "gapped" else 0.5
-    state = config.controller.initial_state(0)
-    batch.reset(np.array([0]), np.array([[0.0, 0.0, height]]), np.zeros(1), [state])
+    batch = make_batch(controller, terrain, physics=PHYSICS_PRESETS["balanced"], **body)
     batch.set_command(np.ones((1, 2)))
-    steps = round(0.01 / config.physics.timestep)
     states = []
     for _ in range(round(seconds / 0.01)):
-        batch.step(steps)
+        batch.step(25)
         states.append(batch.state())
     return batch, states
 

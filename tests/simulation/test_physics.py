@@ -3,6 +3,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
+from flyrl.bodies.surface import ContactConfig, SurfaceContact
 from flyrl.simulation.physics import (
     PHYSICS_PRESETS,
     PRESET_VERSIONS,
@@ -11,49 +12,25 @@ from flyrl.simulation.physics import (
     preset_version,
 )
 
-BALANCED_1 = {
-    "timestep": 0.0005,
-    "integrator": "discrete",
-    "solver_iterations": 100,
-    "solver_tolerance": 1e-8,
-    "noslip_iterations": 0,
-    "cone": "pyramidal",
-    "collision_detection": "native",
-    "multiccd": False,
-    "contact": {
-        "plane": {
-            "friction": [0.8, 0.005, 0.0001],
-            "solref": [-20000.0, -4000.0],
-            "solimp": [0.5, 0.99, 0.08, 0.5, 2.0],
-            "condim": 3,
-            "margin": 0.0,
-        },
-        "box": {
-            "friction": [1.0, 0.005, 0.0001],
-            "solref": [-90000.0, -2000.0],
-            "solimp": [0.999, 0.9999, 0.001, 0.5, 2.0],
-            "condim": 3,
-            "margin": 0.0,
-        },
-        "plane_shape": "capsule",
-        "plane_segments": ["Coxa", "Femur", "Tibia", "Tarsus5"],
-        "plane_friction_across": 1.2,
-    },
-}
-BALANCED_2 = {
-    **BALANCED_1,
-    "timestep": 0.0004,
-    "contact": {
-        **BALANCED_1["contact"],
-        "plane": {**BALANCED_1["contact"]["plane"], "solref": [-25000.0, -5000.0]},
-        "box": {
-            **BALANCED_1["contact"]["box"],
-            "friction": [0.7, 0.005, 0.0001],
-            "solref": [-70000.0, -2500.0],
-            "margin": 0.01,
-        },
-    },
-}
+PLANE = SurfaceContact((0.8, 0.005, 0.0001), (-2.5e4, -5e3), (0.5, 0.99, 0.08, 0.5, 2.0))
+BALANCED_2 = PhysicsConfig(
+    timestep=4e-4,
+    contact=ContactConfig(
+        plane=PLANE,
+        box=SurfaceContact((0.7, 0.005, 0.0001), (-7e4, -2500.0), margin=0.01),
+        plane_segments=("Coxa", "Femur", "Tibia", "Tarsus5"),
+        plane_friction_across=1.2,
+    ),
+)
+BALANCED_1 = replace(
+    BALANCED_2,
+    timestep=5e-4,
+    contact=replace(
+        BALANCED_2.contact,
+        plane=replace(PLANE, solref=(-2e4, -4e3)),
+        box=SurfaceContact(solref=(-9e4, -2e3)),
+    ),
+)
 
 
 @pytest.mark.parametrize("name", PHYSICS_PRESETS)
@@ -66,7 +43,7 @@ def test_settings_tell_the_preset_and_its_version(name):
 
 @pytest.mark.parametrize(("settings", "version"), [(BALANCED_1, 1), (BALANCED_2, 2)])
 def test_an_earlier_version_is_known_by_its_settings(settings, version):
-    assert preset_version(settings) == PresetVersion("balanced", version)
+    assert preset_version(asdict(settings)) == PresetVersion("balanced", version)
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,15 @@ import pytest
 from test_worms import CRAWLING, HANGING, make_batch
 
 from flyrl.bodies.worm import CRAWLER
-from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.rendering import (
     FlyRenderer,
     WormRenderer,
     can_draw_in_threads,
 )
-from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.simulation.scene import SceneConfig
 from flyrl.terrains import TARGET_MARKER
 from tests.pictures import drawing
+from tests.simulation.test_callback import make_batch as make_flies
 
 
 @pytest.mark.parametrize(
@@ -40,13 +40,10 @@ def test_a_camera_that_does_not_exist_is_refused():
 
 def test_the_target_seen_from_above_is_as_wide_as_the_scale_says():
     """Its disc of 2 mm lies some 1.3 mm below the thorax, so that it is drawn a little smaller."""
-    config = SceneConfig(props=(TARGET_MARKER,))
-    flies = FlyBatch(build_scene(config), num_threads=1)
-    start = config.controller.initial_state()
-    flies.reset(np.array([0]), np.array([[0.0, 0.0, 0.5]]), np.zeros(1), [start])
+    flies = make_flies(props=(TARGET_MARKER,))
     flies.set_props(np.array([0]), np.array([[[2.5, 0.0, 0.02]]]))
     with drawing():
-        renderer = FlyRenderer(config, 320, 240, "top", distance=10.0)
+        renderer = FlyRenderer(flies.scene.config, 320, 240, "top", distance=10.0)
     picture = renderer.render(flies, 0, (2.5, 0.0)).astype(int)
     renderer.close()
     assert renderer.pixels_per_mm == pytest.approx(240 / (2 * 0.414214 * 10.0), rel=1e-4)

@@ -6,27 +6,15 @@ import numpy as np
 import pytest
 
 from flyrl.anatomy import RIGHT_LEG_MIRROR
-from flyrl.bodies.fly import FlyConfig
-from flyrl.controllers import CONTROLLERS
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.physics import PHYSICS_PRESETS
-from flyrl.simulation.scene import SceneConfig, build_scene
+from tests.simulation.test_callback import make_batch, reset
 
 TIMESTEP = PHYSICS_PRESETS["balanced"].timestep
 
 
-def flies(num_sims: int, symmetric: bool = True, body: str = "current", legs: str = "hybrid"):
-    config = SceneConfig(
-        body=FlyConfig(body, symmetric=symmetric),
-        controller=CONTROLLERS[legs](),
-        physics=PHYSICS_PRESETS["balanced"],
-    )
-    return FlyBatch(build_scene(config), num_sims, num_threads=1)
-
-
-def put_down(batch: FlyBatch, states) -> None:
-    n = batch.num_sims
-    batch.reset(np.arange(n), np.tile([0.0, 0.0, 0.5], (n, 1)), np.zeros(n), states)
+def flies(num_sims: int, **settings) -> FlyBatch:
+    return make_batch(num_sims=num_sims, physics=PHYSICS_PRESETS["balanced"], **settings)
 
 
 def other_side(values: np.ndarray) -> np.ndarray:
@@ -39,7 +27,7 @@ def mirror_error(batch: FlyBatch, drive: tuple[float, float], seed: int) -> tupl
     rng = np.random.default_rng(seed)
     phases, magnitudes = rng.uniform(0, 2 * np.pi, 6), rng.uniform(0, 1, 6)
     config = batch.scene.config.controller
-    put_down(
+    reset(
         batch,
         [
             config.initial_state(0, phases, magnitudes),
@@ -72,7 +60,7 @@ def mirror_error(batch: FlyBatch, drive: tuple[float, float], seed: int) -> tupl
 @pytest.mark.parametrize("legs", ["cpg", "hybrid"])
 @pytest.mark.parametrize("body", ["current", "classic"])
 def test_mirrored_drives_and_phases_give_mirrored_walks(body, legs) -> None:
-    batch = flies(2, body=body, legs=legs)
+    batch = flies(2, name=body, controller=legs)
     for seed, drive in itertools.product(range(2), [(1.0, 1.0), (1.2, 0.2), (-0.5, 0.8)]):
         millimetres, radians = mirror_error(batch, drive, seed)
         assert millimetres < 1e-6, drive
@@ -89,7 +77,6 @@ def test_equal_drives_turn_neither_way_on_average() -> None:
     """Over 25 initial conditions; the standard error of the mean is 1.3 degrees per second."""
     n = 25
     batch = flies(n)
-    put_down(batch, [batch.scene.config.controller.initial_state(seed) for seed in range(n)])
     batch.set_command(np.ones((n, 2)))
     yaws = [batch.state().yaw]
     for _ in range(20):

@@ -10,7 +10,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.report.paths import ground_picture
 from flyrl.simulation.rendering import FlyRenderer
 from flyrl.tasks import TASKS
-from flyrl.terrains import TERRAINS, AnyGround, Bounds, Gapped, Hills
+from flyrl.terrains import AnyGround, Bounds, Gapped
 from tests.pictures import drawing
 
 ANY = AnyGround()
@@ -83,25 +83,6 @@ def test_after_another_kind_a_ground_is_what_it_was(env):
     np.testing.assert_array_equal(walked(), first)
 
 
-def test_difficulty_scales_heights_and_slopes():
-    (blocks,), (slope,) = seeds_of("blocks", 1), seeds_of("slope", 1)
-    full, half = (ANY.draw(blocks + 2**32, each).boxes.tops for each in (1.0, 0.5))
-    np.testing.assert_allclose(half, full / 2, atol=1e-12)
-    angles = [np.arccos(-ANY.draw(slope + 2**32, each).down[2]) for each in (1.0, 0.5)]
-    assert angles[1] == pytest.approx(angles[0] / 2)
-    assert 0 < angles[0] < np.pi / 6
-
-
-@pytest.mark.parametrize(("kind", "top"), [("flat", 0.0), ("slope", 0.0), ("gapped", 0.0)])
-def test_what_is_walked_on_starts_at_the_base_height(kind, top):
-    (seed,) = seeds_of(kind, 1)
-    ground = ANY.draw(seed + 2**32)
-    tops = [ANY.top_at(ground, x, 0.0) for x in np.linspace(-2, 2, 9)]
-    # over a gap there is nothing to walk on
-    assert {round(each, 9) for each in tops if each is not None} == {top}
-    assert ANY.base_height == top
-
-
 def test_targets_lie_all_around_on_every_kind():
     bounds = ANY.bounds
     assert (bounds.x_min, bounds.x_max, bounds.y_min, bounds.y_max) == (-20, 23, -20, 20)
@@ -109,11 +90,11 @@ def test_targets_lie_all_around_on_every_kind():
     low, high = np.min(goals, axis=0), np.max(goals, axis=0)
     assert (low < -13).all()
     assert (high > 13).all()
-    for part, kind in ((ANY.parts[kind], kind) for kind in ("gapped", "blocks", "mixed")):
+    for kind in ("gapped", "blocks", "mixed"):
         boxes = dataclasses.replace(ANY, kinds=(kind,)).hull()
         assert (boxes.centres - boxes.half_sizes)[:, 0].min() <= -20
         # a gap may end it
-        assert (boxes.centres + boxes.half_sizes)[:, 0].max() >= 23 - 1.3, part
+        assert (boxes.centres + boxes.half_sizes)[:, 0].max() >= 23 - 1.3, kind
 
 
 @pytest.mark.parametrize(("kind", "bare"), [("flat", 0.0), ("gapped", 0.2), ("hills", 0.0)])
@@ -138,11 +119,6 @@ def test_a_picture_shows_the_drawn_ground(env):
         ground = env.flies.ground(sim)
         assert 50 - distance == pytest.approx(ANY.top_at(ground, 6.0, 6.0), abs=1e-6), kind
     renderer.close()
-
-
-def test_its_name_is_its_label():
-    assert TERRAINS["any"].label == "any"
-    assert Hills(random=True).label == "random_hills"
 
 
 def test_a_slab_that_is_compiled_by_a_rounding_error_beside_the_origin_is_moved():

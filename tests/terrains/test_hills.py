@@ -1,17 +1,8 @@
-import mujoco
 import numpy as np
 import pytest
 
-from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.terrains import Heights, Hills, add_terrain
-
-
-def surface(model, x, y):
-    """Height of the ground at (x, y), by a ray from above."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    start, down = np.array([x, y, 50.0]), np.array([0.0, 0, -1])
-    return 50.0 - mujoco.mj_ray(model, data, start, down, None, 1, -1, None)
+from flyrl.terrains import Heights, Hills
+from tests.terrains.test_rough import compiled, surface
 
 
 def test_heights_between_corners_are_those_of_a_bilinear_patch():
@@ -32,9 +23,8 @@ def test_hills_are_as_high_as_they_are_told(hills):
 
 
 def test_what_mujoco_has_is_the_field():
-    hills, spec = Hills(), mujoco.MjSpec()
-    add_terrain(spec, hills)
-    model, ground = spec.compile(), hills.draw(hills.seed)
+    hills = Hills()
+    model, ground = compiled(hills), hills.draw(hills.seed)
     for x, y in np.random.default_rng(0).uniform(-40, 40, size=(20, 2)):
         # MuJoCo's triangles differ from the bilinear patch by little
         assert surface(model, x, y) == pytest.approx(hills.top_at(ground, x, y), abs=0.05)
@@ -53,17 +43,3 @@ def test_random_hills_are_other_parts_of_the_same_field():
     hills = Hills(random=True)
     assert hills.draw(0).shift[:2] != hills.draw(1).shift[:2]
     assert Hills().draw(0).shift[:2] == (0.0, 0.0)
-
-
-def test_a_fly_walks_over_hills():
-    def way(drive):
-        config = EnvConfig("hybrid_turning", terrain="random_hills", decision_interval=0.02)
-        env = BatchedEnv(config, 4, 1)
-        env.reset(seeds=range(4))
-        start = env.state.position_w[:, :2].copy()
-        for _ in range(25):
-            assert (env.step(np.full((4, 2), drive)).outcome == "running").all()
-        return np.linalg.norm(env.state.position_w[:, :2] - start, axis=1)
-
-    assert np.median(way(1.0)) > 5.0
-    assert np.median(way(0.0)) < 1.0

@@ -73,7 +73,6 @@ def test_records_of_0_1_held_the_settings_of_all_terrains():
             {"name": "blocks", "heigth_range": [0, 1]},
             "no 'heigth_range'; did you mean 'height_range'",
         ),
-        ({"name": "flat", "seed": -1}, "terrain.seed must be a whole number .*, got -1"),
     ],
 )
 def test_a_bad_record_is_explained(record, message):
@@ -132,18 +131,6 @@ def test_a_box_beyond_its_hull_is_refused(my_ground):
     env = BatchedEnv(EnvConfig("hybrid_turning", terrain=terrain), 1, 1)
     with pytest.raises(ValueError, match=r"box 0 .* mm beyond that of the terrain's hull\(\)"):
         env.reset(seeds=[0])
-
-
-def test_a_hull_at_the_origin_is_compiled_beside_it():
-    @dataclasses.dataclass(frozen=True)
-    class Moving(Terrain):
-        def boxes(self, rng, difficulty):
-            return Boxes(np.array([[rng.uniform(-1, 1), 0.0, 0.0]]), np.array([[0.5, 1.0, 0.1]]))
-
-        def hull(self):
-            return Boxes(np.zeros((1, 3)), np.array([[1.5, 1.0, 0.1]]))
-
-    assert (Moving(random=True).compiled().boxes.centres != 0.0).all()
 
 
 def test_what_is_no_terrain_is_refused(my_ground):

@@ -69,7 +69,8 @@ def test_in_it_an_episode_ends_with_what_was_seen_at_its_end(buffer):
 
 
 @pytest.mark.parametrize("algo", ["ppo", "recurrent_ppo"])
-def test_what_has_no_replay_buffer_learns_to_act_as_the_teacher(algo):
+def test_what_has_no_replay_buffer_learns_to_act_as_the_teacher(algo, monkeypatch):
+    monkeypatch.setattr("flyrl.training.imitation._UPDATES", 300)  # half of them
     model, untaught = taught(algo, num_envs=64, demonstrations=640)
     env = FlyrlVecEnv(TINY_ENV, num_envs=8, num_threads=1, seed=1000)
     seen = env.reset()

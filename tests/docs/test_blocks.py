@@ -1,4 +1,7 @@
-"""Blocks of the documentation that are not run: settings, models, and what programs print."""
+"""Blocks of the documentation: Python runs, a page in one namespace, of episodes one.
+
+Settings, models and what programs print are read; for commands see test_commands.
+"""
 
 import functools
 import re
@@ -6,18 +9,38 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from sybil import Lexeme
+from sybil.evaluators.python import PythonEvaluator
 
 from flyrl.cli.tune import compose_training, read_space
 from flyrl.front.study import search_space
-from tests.docs.pages import ROOT, blocks, pages_with
+from tests.docs.pages import LANGUAGES, PAGES, ROOT, blocks, openings, pages_with
 
-_SNIPPET = "--8<--"
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_block_is_of_a_language_that_is_run_or_checked(page):
+    found = openings(page)
+    assert set(found) <= set(LANGUAGES)
+    assert len(blocks(page, *LANGUAGES)) == len(found)
+
+
+@pytest.mark.parametrize("page", pages_with("python"))
+def test_the_python_of_a_page_runs(page, folder_of):
+    folder_of(page)
+    evaluate = PythonEvaluator()
+    examples = blocks(page, "python")
+    examples[0].namespace.clear()
+    for example in examples:
+        given = example.parsed
+        shorter = re.sub(r"episodes=\d+", "episodes=1", given)
+        example.parsed = Lexeme(shorter, given.offset, given.line_offset)
+        evaluate(example)
 
 
 @pytest.mark.parametrize("page", pages_with("yaml", "xml"))
 def test_settings_and_models_can_be_read(page):
     for block in blocks(page, "yaml"):
-        if _SNIPPET not in block.parsed:  # a whole file, which mkdocs puts there
+        if "--8<--" not in block.parsed:  # a whole file, which mkdocs puts there
             assert yaml.safe_load(block.parsed)
     for block in blocks(page, "xml"):
         assert len(ElementTree.fromstring(f"<mujoco>{block.parsed}</mujoco>"))
