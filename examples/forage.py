@@ -69,21 +69,6 @@ def _next(state: TaskState) -> Array:
     return chosen
 
 
-def direction(state: TaskState) -> Array:
-    """Cosine and sine of the bearing of the source that is due, (n, 2)."""
-    return terms.target_direction_b(replace(state, goal=_next(state)))
-
-
-def progress(state: TaskState) -> Array:
-    """Way to the source that is due that was covered, mm, (n,)."""
-    return terms.progress(replace(state, goal=_next(state)))
-
-
-def found(state: TaskState, reach: float) -> NDArray[np.bool_]:
-    """Whether the source that is due is reached, (n,)."""
-    return terms.is_at_target(replace(state, goal=_next(state)), reach)
-
-
 def has_all(state: TaskState, sources: int) -> NDArray[np.bool_]:
     """Whether all sources are found, (n,)."""
     return np.asarray(_found(state) >= sources)
@@ -101,6 +86,10 @@ def forage(
     time_limit: Annotated[float, Within(0.1, 600)] = 5.0,
 ) -> Task:
     """Visit a number of sources, each `apart` mm from the one before, in turn."""
+    # terms of the target, which is the source that is due
+    direction = partial(terms.target_direction_b, place=_next)
+    progress = partial(terms.progress, place=_next)
+    found = partial(terms.is_at_target, reach=reach, place=_next)
     return Task(
         observation=(
             ObservationTerm(
@@ -112,7 +101,7 @@ def forage(
         ),
         reward=(
             RewardTerm("progress", 0.2, progress, "mm closer to the source that is due"),
-            RewardTerm("found", 1.0, partial(found, reach=reach), "a source is reached"),
+            RewardTerm("found", 1.0, found, "a source is reached"),
             lost_time(-0.5),
         ),
         terminations=(Termination(SUCCESS, partial(has_all, sources=sources)), *FAILURES),

@@ -2,6 +2,7 @@
 
 import errno
 import hashlib
+import itertools
 import json
 import os
 import tempfile
@@ -237,12 +238,9 @@ def new_folder(parent: Path, name: str) -> Path:
         Wanted name.
     """
     parent.mkdir(parents=True, exist_ok=True)
-    path, copies = parent / name, 1
-    while True:
-        try:
+    for copy in itertools.count(1):
+        path = parent / (name if copy == 1 else f"{name}_{copy}")
+        with suppress(FileExistsError):
             path.mkdir()
-        except FileExistsError:
-            copies += 1
-            path = parent / f"{name}_{copies}"
-        else:
-            return path
+            break
+    return path

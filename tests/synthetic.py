@@ -18,54 +18,39 @@ TASK = TASKS["target"]()
 
 
 def make_record(
-    position_w,
-    *,
-    controller="cpg",
-    terrain="flat",
-    index=0,
-    seed=None,
-    outcome="timeout",
-    goal=(),
-    yaw=None,
-    return_=0.0,
-    horizon_s=HORIZON_S,
-    duration_s=None,
-    interval_s=DECISION_S,
-    drive=None,
-    errors=None,
-    gait=None,
+    position_w, *, goal=(), yaw=None, seed=None, interval_s=DECISION_S, drive=None, **fields
 ):
     """A record of the path `position_w` (T, 2) or (T, 3), sampled every `interval_s`."""
     position_w = np.asarray(position_w, dtype=float)
-    if position_w.shape[1] == 2:
-        position_w = np.column_stack([position_w, np.full(len(position_w), 1.5)])
     samples = len(position_w)
+    if position_w.shape[1] == 2:
+        position_w = np.column_stack([position_w, np.full(samples, 1.5)])
     yaw = np.zeros(samples) if yaw is None else np.asarray(yaw, dtype=float)
-    episode = Episode(
-        seed=index if seed is None else seed,
-        spawn_position_w=tuple(map(float, position_w[0])),
-        spawn_yaw=float(yaw[0]),
-        goal=tuple(map(float, goal)),
-        init_phases=(0.0,) * 6,
-        init_magnitudes=(0.0,) * 6,
-    )
-    return EpisodeRecord(
-        controller=controller,
-        task="target",
-        terrain=terrain,
-        index=index,
-        episode=episode,
-        outcome=outcome,
-        return_=return_,
-        duration_s=(samples - 1) * interval_s if duration_s is None else duration_s,
-        horizon_s=horizon_s,
-        time_s=np.arange(samples) * interval_s,
-        position_w=position_w,
-        yaw=yaw,
-        drive=np.ones((samples, 2)) if drive is None else np.asarray(drive, dtype=float),
-        errors=errors or {},
-        gait=gait,
-    )
+    time_s = np.arange(samples) * interval_s
+    index = fields.get("index", 0)
+    usual = {
+        "controller": "cpg",
+        "task": "target",
+        "terrain": "flat",
+        "index": index,
+        "episode": Episode(
+            seed=index if seed is None else seed,
+            spawn_position_w=tuple(map(float, position_w[0])),
+            spawn_yaw=float(yaw[0]),
+            goal=tuple(map(float, goal)),
+            init_phases=(0.0,) * 6,
+            init_magnitudes=(0.0,) * 6,
+        ),
+        "outcome": "timeout",
+        "return_": 0.0,
+        "duration_s": float(time_s[-1]),
+        "horizon_s": HORIZON_S,
+        "time_s": time_s,
+        "position_w": position_w,
+        "yaw": yaw,
+        "drive": np.ones((samples, 2)) if drive is None else np.asarray(drive, dtype=float),
+    }
+    return EpisodeRecord(**{**usual, **fields})
 
 
 # Forward speed (mm/s), turning gain (1/s), chance of a fall (1/s).
@@ -178,13 +163,7 @@ def make_results(
             }
             for name in controllers
         ],
-        "terrains": [
-            {
-                "name": name,
-                "config": {"name": name, "seed": 0},
-            }
-            for name in terrains
-        ],
+        "terrains": [{"name": name, "config": {"name": name, "seed": 0}} for name in terrains],
         "study": study,
         "crashes": [],
         "physics": {"timestep": 1e-4, "integrator": "implicitfast"},

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flyrl.policies import LearnedPolicy, observation_layout, save_bundle
-from flyrl.tasks import TASKS
+from flyrl.policies import LearnedPolicy, load_bundle, save_bundle
 from tests.bundles import target_bundle
 from tests.tiny import TINY_ARGUMENTS
 
@@ -43,16 +42,10 @@ def python(site, tmp_path_factory):
     empty = tmp_path_factory.mktemp("empty")
     env = {"PYTHONPATH": str(site), "PATH": "/usr/bin:/bin", "HOME": str(empty)}
     env["NUMBA_OPT"] = "0"  # compiles faster
+    options = {"cwd": empty, "env": env, "capture_output": True, "text": True}
 
     def run(*arguments):
-        return subprocess.run(
-            [sys.executable, *arguments],
-            cwd=empty,
-            env=env,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
+        return subprocess.run([sys.executable, *arguments], check=True, **options).stdout
 
     return run
 
@@ -62,9 +55,14 @@ def _files(folder):
     return {str(path) for path in files if "__pycache__" not in path.parts}
 
 
-def test_wheel_holds_package_assets_and_configs(wheel):
+@pytest.fixture(scope="module")
+def archive(wheel):
     with zipfile.ZipFile(wheel) as archive:
-        names = set(archive.namelist())
+        yield archive
+
+
+def test_wheel_holds_package_assets_and_configs_and_is_small(wheel, archive):
+    names = set(archive.namelist())
     expected = (
         _files("flyrl")
         | _files("hydra_plugins")
@@ -72,27 +70,18 @@ def test_wheel_holds_package_assets_and_configs(wheel):
     )
     assert expected <= names
     assert not {name for name in names if name.startswith(("tests", "assets", "configs"))}
-
-
-def test_wheel_carries_licence_and_notice(wheel):
-    with zipfile.ZipFile(wheel) as archive:
-        (metadata,) = (Path(name) for name in archive.namelist() if name.endswith("/METADATA"))
-        for file in ("LICENSE", "assets/NOTICE"):
-            carried = archive.read(str(metadata.parent / "licenses" / file))
-            assert carried == (ROOT / file).read_bytes()
-
-
-def test_wheel_is_small(wheel):
     assert wheel.stat().st_size < 8 * 2**20
 
 
-def test_commands_are_installed_scripts(wheel):
-    with zipfile.ZipFile(wheel) as archive:
-        (name,) = [name for name in archive.namelist() if name.endswith("entry_points.txt")]
-        text = archive.read(name).decode()
-    assert "flyrl = flyrl.cli.main:main" in text
-    assert "flyrl-train = flyrl.cli.train:main" in text
-    assert "flyrl-evaluate = flyrl.cli.evaluate:main" in text
+def test_wheel_carries_licence_notice_and_commands(archive):
+    (metadata,) = (Path(name) for name in archive.namelist() if name.endswith("/METADATA"))
+    for file in ("LICENSE", "assets/NOTICE"):
+        carried = archive.read(str(metadata.parent / "licenses" / file))
+        assert carried == (ROOT / file).read_bytes()
+    commands = archive.read(str(metadata.parent / "entry_points.txt")).decode()
+    assert "flyrl = flyrl.cli.main:main" in commands
+    assert "flyrl-train = flyrl.cli.train:main" in commands
+    assert "flyrl-evaluate = flyrl.cli.evaluate:main" in commands
 
 
 ELSEWHERE = """
@@ -139,22 +128,6 @@ def test_every_module_can_be_imported_from_the_wheel_and_a_tiny_training_runs_el
     assert last.startswith("run: runs/")
 
 
-def _save_policy(path, seed):
-    """Save a policy for the task Target, and return it."""
-    rng = np.random.default_rng(seed)
-    size = sum(term.size for term in observation_layout(TASKS["target"]()))
-    weights = {
-        "0.weight": rng.normal(size=(64, size)).astype(np.float32),
-        "0.bias": np.zeros(64, np.float32),
-        "1.weight": rng.normal(size=(2, 64)).astype(np.float32) / 8,
-        "1.bias": np.zeros(2, np.float32),
-    }
-    bundle = target_bundle(weights=weights, sizes=(size, 64, 2), squashing="tanh")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    save_bundle(bundle, path)
-    return LearnedPolicy(bundle)
-
-
 def _actions(policy):
     observations = np.random.default_rng(0).normal(size=(50, policy.bundle.num_inputs))
     return policy.predict(observations)[0].tobytes().hex()
@@ -172,17 +145,12 @@ for name in sys.argv[1:]:
 """
 
 
-@pytest.fixture(scope="module")
-def named(site):
-    """A policy that comes with the installed package."""
-    return _save_policy(site / "flyrl" / "assets" / "policies" / "tiny.safetensors", seed=1)
-
-
-def test_policies_act_to_the_same_bits_by_path_and_by_name_and_a_path_comes_first(
-    python, named, tmp_path
-):
-    mine, other = (_save_policy(tmp_path / name, seed) for name, seed in (("mine", 2), ("tiny", 3)))
-    printed = python("-c", PRINT_ACTIONS, str(tmp_path / "mine"), "tiny", f"{tmp_path}/", "tiny")
-    expected = [_actions(policy) for policy in (mine, named, other)]
-    assert printed.split() == expected
+def test_policies_act_to_the_same_bits_by_path_and_by_name_and_a_path_comes_first(python, tmp_path):
+    mine, other = target_bundle((0.5, -0.5)), target_bundle((0.2, 0.1))
+    save_bundle(mine, tmp_path / "mine")
+    save_bundle(other, tmp_path / "target-flat")
+    names = (f"{tmp_path}/mine", "target-flat", f"{tmp_path}/", "target-flat")
+    bundles = (mine, load_bundle("target-flat"), other)
+    expected = [_actions(LearnedPolicy(bundle)) for bundle in bundles]
+    assert python("-c", PRINT_ACTIONS, *names).split() == expected
     assert len(set(expected)) == 3

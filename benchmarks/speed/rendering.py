@@ -13,7 +13,7 @@ from benchmarks.speed.results import Row, significant
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.report.captions import clock_text, titled
 from flyrl.report.video import measured
-from flyrl.simulation.marks import EVERYTHING
+from flyrl.simulation.marks import Overlay
 from flyrl.simulation.rendering import Camera, FlyRenderer, RenderingUnavailableError
 
 SIZE: Final = (640, 480)
@@ -53,12 +53,13 @@ def _measure(terrain: str, camera: Camera, pictures: int) -> Row:
     flies, scene = env.flies, env.config.fly_scene
     flies.set_command(np.ones((1, 2)))
     wall, processor = [], []
-    with closing(FlyRenderer(scene, *SIZE, camera, EVERYTHING)) as renderer:
+    overlay = Overlay(forces=True)
+    with closing(FlyRenderer(scene, *SIZE, camera, overlay)) as renderer:
         for picture in range(WARM_UP + pictures):
             flies.step(round(FRAME_S / scene.physics.timestep))
             began, spent = time.perf_counter(), time.process_time()
             drawn = renderer.render(flies, 0, (12.0, 0.0))
-            drawn = measured(drawn, renderer.pixels_per_mm, EVERYTHING)
+            drawn = measured(drawn, renderer.pixels_per_mm, overlay)
             titled(drawn, "hybrid", clock_text(picture * FRAME_S, 1.0))
             if picture >= WARM_UP:
                 wall.append(time.perf_counter() - began)

@@ -211,7 +211,7 @@ def build_fly(
         if (shape := leg_collision().get(f"R{row.name[1:]}")) is not None:
             _add_collision(spec, body, shape, contact)
         if visual and row.mesh is not None:
-            _add_mesh(spec, body, row)
+            _add_mesh(spec, body, **row.mesh)
     if config.name == "classic":
         _add_capsule(spec, "abdomen", ABDOMEN, PLANES | BOXES, contact)
         _add_capsule(spec, "head", HEAD, PLANES | BOXES, contact)
@@ -326,19 +326,19 @@ def _add_capsule(
     )
 
 
-def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, row: BodyRow) -> None:
+def _add_mesh(spec: mujoco.MjSpec, body: mujoco.MjsBody, file: str, mirrored: bool) -> None:
     spec.add_mesh(
-        name=row.name,
-        file=str(assets_folder() / "meshes" / f"{row.mesh}.stl"),
-        scale=(1, -1 if row.mesh_mirrored else 1, 1),
+        name=body.name,
+        file=str(assets_folder() / "meshes" / f"{file}.stl"),
+        scale=(1, -1 if mirrored else 1, 1),
         # Decimated surfaces are not watertight; their volume is never asked for.
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
     body.add_geom(
-        name=f"{row.name}_visual",
+        name=f"{body.name}_visual",
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=row.name,
-        material=add_material(spec, row.name),
+        meshname=body.name,
+        material=add_material(spec, body.name),
         mass=0,
         group=VISUAL_GROUP,
         contype=0,

@@ -34,8 +34,8 @@ class JointRow:
 class BodyRow:
     """A body: pose in its parent, inertia as compiled from the published model, joints in order.
 
-    `parent` is None for the thorax. `mesh` is the name of a file in assets/meshes, to be reflected
-    at the x-z plane if `mesh_mirrored`; None for a body that only carries a joint.
+    `parent` is None for the thorax. `mesh` has the name of a "file" in assets/meshes, which is
+    reflected at the x-z plane if "mirrored"; None for a body that only carries a joint.
     """
 
     name: str
@@ -47,8 +47,7 @@ class BodyRow:
     iquat: Vector
     inertia: Vector
     joints: tuple[JointRow, ...]
-    mesh: str | None
-    mesh_mirrored: bool
+    mesh: dict[str, Any] | None
 
 
 @dataclass(frozen=True)
@@ -70,12 +69,6 @@ def _read(path: str) -> dict[str, Any]:
     return content
 
 
-def _body_row(row: dict[str, Any]) -> BodyRow:
-    mesh = row.pop("mesh") or {"file": None, "mirrored": False}
-    joints = tuple(JointRow(**joint) for joint in row.pop("joints"))
-    return BodyRow(**row, joints=joints, mesh=mesh["file"], mesh_mirrored=mesh["mirrored"])
-
-
 @functools.cache
 def body_table(name: BodyName) -> BodyTable:
     """Figures of the body called `name`; parents come before their children."""
@@ -84,7 +77,10 @@ def body_table(name: BodyName) -> BodyTable:
         thorax_in_spawn_frame=content["thorax_in_spawn_frame"],
         kp=content["actuators"]["kp"],
         force_range=content["actuators"]["force_range"],
-        bodies=tuple(_body_row(row) for row in content["bodies"]),
+        bodies=tuple(
+            BodyRow(**{**row, "joints": tuple(JointRow(**joint) for joint in row["joints"])})
+            for row in content["bodies"]
+        ),
     )
 
 

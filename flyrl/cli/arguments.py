@@ -31,14 +31,11 @@ class Sweep:
     ----------
     folder
         Where they are to go.
-    is_named
-        Whether the command line named the folder, so that it may hold an earlier sweep.
     jobs
         The overrides of each, without those that say where it runs.
     """
 
     folder: Path
-    is_named: bool
     jobs: tuple[tuple[str, ...], ...]
 
 
@@ -101,7 +98,7 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
     own = list(filter(None, (options.config_dir, options.config_path)))
     for file in (file for folder in own for file in sorted(Path(folder).rglob("*.yaml"))):
         load_yaml(file)  # without aliases, which Hydra would multiply
-    if options.is_shown:
+    if options.config_name or options.shell_completion:
         return None
     more = options.config_dir
     search = [f"hydra.searchpath=['file://{Path(more).resolve()}']"] if more else []
@@ -126,9 +123,10 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
     for config in composed.values():
         _check_used(config, overrides, known)
     config = next(iter(composed.values()))
+    if options.is_shown:
+        return None
     if options.multirun or config.hydra.mode == RunMode.MULTIRUN:
-        is_named = any(each.key_or_group == "hydra.sweep.dir" for each in overrides)
-        return Sweep(Path(config.hydra.sweep.dir), is_named, tuple(map(own_overrides, jobs)))
+        return Sweep(Path(config.hydra.sweep.dir), tuple(map(own_overrides, jobs)))
     if len(jobs) > 1:
         several = next(each.input_line for each in overrides if each.is_sweep_override())
         raise ValueError(
@@ -142,11 +140,14 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
 def _parsed(arguments: Sequence[str]) -> tuple[argparse.Namespace, list[str]]:
     """Options of Hydra's on a command line, with `is_shown`; and the overrides beside them."""
     parser = argparse.ArgumentParser(add_help=False)
-    parser.add_argument("--multirun", "-m", action="store_true")
-    parser.add_argument("--config-dir", "-cd")
-    parser.add_argument("--config-path", "-cp")
+    for names in ("--multirun -m", "--shell-completion -sc"):
+        parser.add_argument(*names.split(), action="store_true")
+    for names in ("--config-dir -cd", "--config-path -cp", "--config-name -cn"):
+        parser.add_argument(*names.split())
     options, words = parser.parse_known_args(list(arguments))
     options.is_shown = any(word.startswith("-") for word in words)
+    if options.is_shown:  # beside options, some of which have a value
+        words = [word for word in words if "=" in word and not word.startswith("-")]
     return options, words
 
 

@@ -40,7 +40,7 @@ Job = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Start:
-    """How a job was started.
+    """Start of a job: command, overrides and sweep.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Start:
 
 def run_command(
     config_name: str,
-    run: Callable[[dict[str, Any], Start], Path],
+    run: Callable[[dict[str, Any], Start], None],
     end_of_sweep: Callable[[Path], None] = lambda folder: None,
     subcommand: Sequence[str] = (),
 ) -> None:
@@ -73,8 +73,7 @@ def run_command(
     config_name
         Name of the primary config.
     run
-        Takes plain values, resolved, and returns the folder that it made. Called once per job of a
-        sweep, possibly in another process.
+        Takes plain values, resolved. Called once per job of a sweep, possibly in another process.
     end_of_sweep
         Takes the sweep's folder, once its jobs have ended.
     subcommand
@@ -83,8 +82,8 @@ def run_command(
     Raises
     ------
     SystemExit
-        With status 1 after a sweep of which a job failed, 2 for a command line that cannot be
-        meant so, 128 + the signal's number after Ctrl-C or SIGTERM.
+        With status 1 after a sweep of which a job failed, 2 for an invalid command line, 128 + the
+        signal's number after Ctrl-C or SIGTERM.
     """
     with reported(), _sigterm_as_ctrl_c() as stopped_by:
         command, arguments = (*program(), *subcommand), tuple(sys.argv[1:])
@@ -92,7 +91,6 @@ def run_command(
         asked = check_arguments(config_name, sys.argv[1:])
         names = job_names(asked.jobs if isinstance(asked, Sweep) else ())
         here, process = Path.cwd(), os.getpid()
-        full_errors = os.environ.get(_FULL_ERRORS)
 
         def job(config: DictConfig) -> None:
             settings = HydraConfig.get()
@@ -106,11 +104,9 @@ def run_command(
                 values = OmegaConf.to_container(config, resolve=True, throw_on_missing=True)
                 run(cast(dict[str, Any], values), start)
 
-            # of a job in another process, its folder may be another
-            with contextlib.chdir(here), _variable(_FULL_ERRORS, full_errors):
+            with contextlib.chdir(here):  # of a job in another process, it may be another
                 if start.sweep is None:
-                    with reported():
-                        run_here()
+                    run_here()
                 else:
                     print(title, file=sys.stderr)
                     note = note_of(start.sweep, overrides)
@@ -121,15 +117,14 @@ def run_command(
             config_path=str(configs_folder().resolve()),
             config_name=config_name,
         )(job)
-        # Hydra raises its own errors then, instead of printing their tracebacks
-        with _variable(_FULL_ERRORS, "1"):
-            if isinstance(asked, Sweep):
-                _run_sweep(asked, start_hydra, end_of_sweep, stopped_by)
-            elif asked is None:
+        if isinstance(asked, Sweep):
+            _run_sweep(asked, start_hydra, end_of_sweep, stopped_by)
+        elif asked is None:
+            with _raised_errors():
                 start_hydra()
-            else:  # Hydra would compose it twice more
-                HydraConfig.instance().set_config(asked)
-                job(OmegaConf.masked_copy(asked, [str(key) for key in asked if key != "hydra"]))
+        else:  # Hydra would compose it twice more
+            HydraConfig.instance().set_config(asked)
+            job(OmegaConf.masked_copy(asked, [str(key) for key in asked if key != "hydra"]))
 
 
 @contextlib.contextmanager
@@ -152,17 +147,15 @@ def _sigterm_as_ctrl_c() -> Iterator[list[int]]:
 
 
 @contextlib.contextmanager
-def _variable(name: str, value: str | None) -> Iterator[None]:
-    """Set an environment variable for a while; None unsets it."""
-    before = os.environ.pop(name, None)
-    if value is not None:
-        os.environ[name] = value
+def _raised_errors() -> Iterator[None]:
+    """Let Hydra raise errors, for `reported`, instead of printing their tracebacks."""
+    is_set = _FULL_ERRORS in os.environ
+    os.environ.setdefault(_FULL_ERRORS, "1")
     try:
         yield
     finally:
-        os.environ.pop(name, None)
-        if before is not None:
-            os.environ[name] = before
+        if not is_set:
+            del os.environ[_FULL_ERRORS]
 
 
 def by_key(job: Job) -> dict[str, str]:
@@ -263,7 +256,7 @@ def _run_sweep(
         Its folder cannot be used.
     """
     folder = asked.folder
-    if asked.is_named:
+    if any(word.startswith("hydra.sweep.dir=") for word in sys.argv):
         usable_folder(folder)
     else:
         folder = new_folder(folder.parent, folder.name)

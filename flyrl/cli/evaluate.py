@@ -29,7 +29,7 @@ def main(subcommand: Sequence[str] = ()) -> None:
     run_command("evaluate", run, subcommand=subcommand)
 
 
-def run(record: dict[str, Any], start: Start) -> Path:
+def run(record: dict[str, Any], start: Start) -> None:
     """Evaluate as a composed `configs/evaluate.yaml` says.
 
     Parameters
@@ -39,14 +39,10 @@ def run(record: dict[str, Any], start: Start) -> Path:
     start
         How the command was started.
 
-    Returns
-    -------
-    The folder of the results.
-
     Raises
     ------
     SystemExit
-        With status 1 if someone is out, unless this is a job of a sweep: that goes on.
+        With status 1 if an entrant crashed, unless this is a job of a sweep.
     """
     from flyrl.cli.config import SHOWN, evaluation_settings  # noqa: PLC0415
 
@@ -70,7 +66,6 @@ def run(record: dict[str, Any], start: Start) -> Path:
         raise
     if not results.is_complete and start.sweep is None:
         raise SystemExit(LEFT_OUT)
-    return folder
 
 
 def comparison(

@@ -30,7 +30,7 @@ FIGURES: Final = {
     "turn_video": "a turn seen from above (video)",
     "worm": "a worm in mid air recruits its muscle (video)",
 }
-"""What can be drawn: name and what it shows."""
+"""Name of each figure and its description."""
 
 
 def add_to(subparsers: Subparsers) -> None:

@@ -14,7 +14,7 @@ from typing import Any, Final, cast
 
 from flyrl.cli import figures, play, reproduce, runs, tune, walk
 from flyrl.cli.terminal import UNUSABLE, Ended, reported
-from flyrl.resources import assets_folder, configs_folder, version
+from flyrl.resources import assets_folder, version
 
 _SUBCOMMANDS: Final = (play, walk, figures, runs, reproduce, tune)
 """Modules with `add_to(subparsers)`, which names the function that runs the subcommand. None loads
@@ -25,15 +25,6 @@ COMPOSED: Final = {
     "evaluate": "compare policies and controllers in a report",
 }
 """Subcommands whose arguments are Hydra's, and what each does."""
-
-_TABLES: Final = {
-    "body": "flyrl.envs.config:BODIES",
-    "controller": "flyrl.controllers:CONTROLLERS",
-    "physics": "flyrl.simulation.physics:PHYSICS_PRESETS",
-    "task": "flyrl.tasks:TASKS",
-    "terrain": "flyrl.terrains:TERRAINS",
-}
-"""Option -> the table of its values, imported when a shell asks for it."""
 
 _EXAMPLES: Final = """examples:
   flyrl train task=target terrain=flat algo=ppo seed=0
@@ -74,11 +65,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Raises
     ------
     SystemExit
-        With status 2, for a command line that cannot be meant so; or as `train` and `evaluate` end.
+        With status 2, for an invalid command line; or as `train` and `evaluate` end.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     if "_ARGCOMPLETE" in os.environ:
-        _answer(command_parsers()[0])
+        import argcomplete  # noqa: PLC0415
+
+        argcomplete.autocomplete(command_parsers()[0], default_completer=cast(Any, offered))
     try:
         with reported():
             if given and given[0] in COMPOSED:
@@ -153,34 +146,24 @@ def _parsed(given: Sequence[str]) -> argparse.Namespace:
     return options
 
 
-def _answer(parser: argparse.ArgumentParser) -> None:
-    """Tell the shell what can stand at its cursor, and end the process.
-
-    argcomplete's own command, `register-python-argcomplete flyrl`, makes the shell ask; Hydra
-    itself completes the settings of `train.py` and `evaluate.py`.
-    """
-    import argcomplete  # noqa: PLC0415
-
-    argcomplete.autocomplete(parser, default_completer=cast(Any, offered))
-
-
 def offered(
     prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, **_: Any
 ) -> Iterable[str]:
-    """Values of an argument without choices of its own, or else files, as argcomplete asks."""
+    """Values of an argument without choices of its own, or else files, as argcomplete asks.
+
+    Its command, `register-python-argcomplete flyrl`, makes the shell ask; Hydra itself completes
+    the settings of `train.py` and `evaluate.py`.
+    """
     from argcomplete.completers import FilesCompleter  # noqa: PLC0415
 
     command = parser.prog.rpartition(" ")[2]
-    if action.dest in _TABLES:
-        module, table = _TABLES[action.dest].split(":")
-        return [*map(str, getattr(importlib.import_module(module), table))]
-    if action.dest == "search":
-        return [file.stem for file in (configs_folder() / "search").glob("*.yaml")]
     if (command, action.dest) == ("figures", "names"):
         return figures.FIGURES
     if (command, action.dest) == ("play", "name"):
         return play.NAMES
-    files = [*FilesCompleter()(prefix)]
     if action.dest == "policy":
-        files += [file.stem for file in (assets_folder() / "policies").glob("*.safetensors")]
-    return files
+        names = [file.stem for file in (assets_folder() / "policies").glob("*.safetensors")]
+        return [*names, *FilesCompleter()(prefix)]
+    from flyrl.cli.groups import groups  # noqa: PLC0415
+
+    return groups().get(action.dest, ()) or FilesCompleter()(prefix)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _PORT: Final = 8080
 
 _PILOT: Final = "target-flat"
-"""Who steers the fly at first."""
+"""Default of --policy."""
 
 _NONE: Final = "none"
 """Value of --policy: a person."""

@@ -12,56 +12,6 @@ from flyrl.cli.terminal import Subparsers, path_argument, program
 from flyrl.entry_points import check_trust
 from flyrl.text import printable
 
-IDENTICAL, DIFFERENT = 0, 1
-
-
-def reproduce_report(path: Path, *, is_trusted: bool, output: Path | None) -> int:
-    """Walk the episodes of a report again; print what differs.
-
-    Parameters
-    ----------
-    path
-        The report.
-    is_trusted
-        Whether modules and pickles that its settings name may be loaded, which runs their code.
-    output
-        Where results and report of the repeat go; None keeps none.
-
-    Returns
-    -------
-    The exit status: 0 if every figure is the same to the bit, else 1.
-
-    Raises
-    ------
-    ValueError
-        The file is no report, its settings cannot be used here, or need trust.
-    OSError
-        A file cannot be read, or written.
-    """
-    from flyrl.cli.config import evaluation_config, evaluation_settings  # noqa: PLC0415
-    from flyrl.front.results import (  # noqa: PLC0415
-        compare,
-        differences_from_report,
-        results_folder,
-    )
-    from flyrl.report import read_origin  # noqa: PLC0415
-
-    record = read_origin(path)["settings"]
-    if not record:
-        raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
-    check_trust(path, record, is_trusted, "--trust")
-    settings = evaluation_settings({**record, "progress_bar": True})
-    config = evaluation_config(record, settings, " ".join(sys.argv))
-    if output is not None:
-        results_folder(output)
-    results = compare(config)
-    is_same, lines = differences_from_report(path, results)
-    if output is not None:
-        print(f"repeat: {results.write(output, videos=False, close_ups=False)}")
-    print(f"episodes: {'identical, bit for bit' if is_same else 'they differ'}")
-    print(*(lines or ["same policies and packages"]), sep="\n")
-    return IDENTICAL if is_same else DIFFERENT
-
 
 def add_to(subparsers: Subparsers) -> None:
     """Add the subcommand."""
@@ -94,9 +44,21 @@ def add_to(subparsers: Subparsers) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Repeat the run, or the evaluation, and compare."""
+    """Repeat the run, or the evaluation of a report, and compare.
+
+    Returns
+    -------
+    The exit status: 0 if every figure is the same to the bit, 1 if not, or that of an interruption.
+
+    Raises
+    ------
+    ValueError
+        It is no finished run or report, its settings cannot be used here, or need trust.
+    OSError
+        A file cannot be read, or written.
+    """
     if options.original.suffix in (".html", ".htm"):
-        return reproduce_report(options.original, is_trusted=options.trust, output=options.output)
+        return _reproduce_report(options)
     from flyrl.cli.config import training_config  # noqa: PLC0415
     from flyrl.training.learn import repeat_run  # noqa: PLC0415
     from flyrl.training.provenance import check_repeatable, compare  # noqa: PLC0415
@@ -120,4 +82,32 @@ def run(options: argparse.Namespace) -> int:
     for line in result.origins or ("same code, packages and CPU",):
         print(f"where from: {line}")
     print(f"repeat: {again.folder}")
-    return IDENTICAL if result.is_identical else DIFFERENT
+    return int(not result.is_identical)
+
+
+def _reproduce_report(options: argparse.Namespace) -> int:
+    """Walk the episodes of a report again; print what differs."""
+    from flyrl.cli.config import evaluation_config, evaluation_settings  # noqa: PLC0415
+    from flyrl.front.results import (  # noqa: PLC0415
+        compare,
+        differences_from_report,
+        results_folder,
+    )
+    from flyrl.report import read_origin  # noqa: PLC0415
+
+    path, output = options.original, options.output
+    record = read_origin(path)["settings"]
+    if not record:
+        raise ValueError(f"{path} was not made by evaluate.py or train.py: it holds no settings")
+    check_trust(path, record, options.trust, "--trust")
+    settings = evaluation_settings({**record, "progress_bar": True})
+    config = evaluation_config(record, settings, " ".join(sys.argv))
+    if output is not None:
+        results_folder(output)
+    results = compare(config)
+    is_same, lines = differences_from_report(path, results)
+    if output is not None:
+        print(f"repeat: {results.write(output, videos=False, close_ups=False)}")
+    print(f"episodes: {'identical, bit for bit' if is_same else 'they differ'}")
+    print(*(lines or ["same policies and packages"]), sep="\n")
+    return int(not is_same)

@@ -138,7 +138,7 @@ def _drop_output() -> None:
 
 
 class Subparsers(Protocol):
-    """What `ArgumentParser.add_subparsers` returns."""
+    """Result of `ArgumentParser.add_subparsers`."""
 
     def add_parser(self, name: str, **settings: Any) -> argparse.ArgumentParser:
         """Parser of a new subcommand."""

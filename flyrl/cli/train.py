@@ -25,7 +25,7 @@ def main(subcommand: Sequence[str] = ()) -> None:
     run_command("train", run, end_of_sweep, subcommand)
 
 
-def run(record: dict[str, Any], start: Start) -> Path:
+def run(record: dict[str, Any], start: Start) -> None:
     """Train as a composed `configs/train.yaml` says.
 
     Parameters
@@ -33,18 +33,14 @@ def run(record: dict[str, Any], start: Start) -> Path:
     record
         Plain values, resolved.
     start
-        How the command was started. In the folder of a sweep, a run that comes to the same is
-        resumed with its own settings, or left as it is if it is finished.
-
-    Returns
-    -------
-    The run folder.
+        How the command was started. In the folder of a sweep, an interrupted run of equal
+        settings is resumed with its own, and a finished one left as it is.
 
     Raises
     ------
     SystemExit
-        Interrupted (128 + the signal's number); or with status 1 if someone is out of the
-        comparison, unless this is a job of a sweep: that goes on.
+        Interrupted (128 + the signal's number); or with status 1 if an entrant
+        crashed in the comparison, unless this is a job of a sweep.
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import (  # noqa: PLC0415
@@ -83,7 +79,7 @@ def run(record: dict[str, Any], start: Start) -> Path:
     earlier = earlier_run(config, runs, [*by_key(start.overrides)]) if is_new else None
     if earlier and earlier.state == "finished":
         print(f"run: {earlier.path}", flush=True)
-        return earlier.path
+        return
     if earlier:
         resumed, config = earlier.path, training_config({**record, **earlier.settings})
     report, is_complete = None, True
@@ -114,7 +110,6 @@ def run(record: dict[str, Any], start: Start) -> Path:
         raise Ended(128 + finished.signal)
     if not is_complete and start.sweep is None:
         raise SystemExit(LEFT_OUT)
-    return run
 
 
 def end_of_sweep(folder: Path) -> None:

@@ -43,8 +43,8 @@ def add_to(subparsers: Subparsers) -> None:
     parser.add_argument("--trials", type=int, default=50, help="in all (default: 50)")
     parser.add_argument(
         "--search",
-        metavar="SPACE",
-        help="a file of configs/search, or a YAML file of your own (default: as the algorithm)",
+        metavar="FILE",
+        help="a YAML file with a search space (default: configs/search/<algorithm>.yaml)",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the search (default: 0)")
     parser.add_argument(
@@ -121,9 +121,15 @@ def _plan(options: argparse.Namespace, settings: Mapping[str, Any]) -> Plan:
         return ["flyrl-train", *given, *command_words(values)]
 
     record = training_record(configure({}))
-    path = find_space(options.search, record["algo"]["name"])
-    written = read_space(path)
-    space = search_space(written, {key: settings[key] for key in record}, str(path))
+    known = configs_folder() / "search"
+    path = Path(options.search or known / f"{record['algo']['name']}.yaml")
+    if not path.is_file():
+        names = ", ".join(sorted(each.name for each in known.glob("*.yaml")))
+        raise ValueError(
+            f"there is no search space {path} ({known} has {names}): write one, and name it with "
+            "--search FILE.yaml"
+        )
+    space = search_space(read_space(path), {key: settings[key] for key in record}, str(path))
     name = options.name or datetime.datetime.now().astimezone().strftime("%Y-%m-%d_%H%M%S")
     if name in {".", ".."} or Path(name).name != name:
         raise ValueError(f"--name must be the name of a folder, got {name!r}")
@@ -144,32 +150,7 @@ def read_space(path: Path) -> dict[str, Any]:
     if not isinstance(plain, dict) or not plain:
         raise ValueError(f"{path} must hold keys and what each may be, got {plain!r:.60}")
     # OmegaConf takes 1e-4 for a number, YAML 1.1 for text
-    loaded: Any = OmegaConf.to_container(OmegaConf.load(path), resolve=False)
-    return {str(key): value for key, value in loaded.items()}
-
-
-def find_space(name: str | None, algo: str) -> Path:
-    """File of a search space: a path, or a name in `configs/search`; None takes the algorithm's.
-
-    Raises
-    ------
-    ValueError
-        There is no such file.
-    """
-    from flyrl.validation import one_of  # noqa: PLC0415
-
-    folder = configs_folder() / "search"
-    known = sorted(path.stem for path in folder.glob("*.yaml"))
-    if name is None and algo not in known:
-        raise ValueError(
-            f"there is no search space for algo={algo} in {folder} (there is {known}): "
-            "write one, and name it with --search FILE.yaml"
-        )
-    if name is not None and name.endswith((".yaml", ".yml")):
-        if not Path(name).is_file():
-            raise ValueError(f"--search: there is no file {name}")
-        return Path(name)
-    return folder / f"{one_of('--search', name or algo, known)}.yaml"
+    return cast(dict[str, Any], OmegaConf.to_container(OmegaConf.load(path)))
 
 
 def compose_training(overrides: Sequence[str]) -> dict[str, Any]:

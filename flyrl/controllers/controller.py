@@ -63,6 +63,16 @@ DRIVE: Final = Command(("left", "right"), (DRIVE_LOW,) * 2, (DRIVE_HIGH,) * 2)
 """The descending drive to the left and to the right legs."""
 
 
+def record_of(values: Mapping[str, ArrayLike]) -> np.void:
+    """Record of float64 fields, each of the shape of its value."""
+    arrays = {name: np.asarray(value, dtype=np.float64) for name, value in values.items()}
+    dtype = [(name, "f8", array.shape) for name, array in arrays.items()]
+    record: np.void = np.zeros(1, dtype=dtype)[0]
+    for name, array in arrays.items():
+        record[name] = array
+    return record
+
+
 def _name(controller: Controller) -> str:
     return name_of(controller, CONTROLLERS)
 
@@ -98,9 +108,7 @@ class Controller:
 
     def parameters(self, timestep: float) -> np.void:
         """Record of float64 fields that `step` gets as `parameters`, at a physics step (s)."""
-        record: np.void = np.zeros(1, dtype=[("timestep", "f8")])[0]
-        record["timestep"] = timestep
-        return record
+        return record_of({"timestep": timestep})
 
     def initial_state(
         self,
@@ -117,8 +125,7 @@ class Controller:
         init_phases, init_magnitudes
             Of oscillators, rad and 1, (6,); a controller without oscillators ignores them.
         """
-        record: np.void = np.zeros(1, dtype=[("unused", "f8")])[0]
-        return record
+        return record_of({"unused": 0.0})
 
 
 CONTROLLERS: Final[dict[str, type[Controller]]] = {}

@@ -4,7 +4,8 @@ Sources: Ijspeert et al. 2007, doi 10.1126/science.1138353; for the drive the tu
 NeuroMechFly v2, Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y.
 """
 
-from typing import Final
+import math
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -138,8 +139,23 @@ def motor_neuron_activity(magnitudes: ArrayLike, phases: ArrayLike) -> FloatArra
     return np.asarray(magnitudes, dtype=np.float64) * (1.0 + np.sin(phases))
 
 
+_SHAPED: Final = {
+    **dict.fromkeys(("intrinsic_freqs", "curr_phases", "curr_magnitudes"), (1, -math.inf)),
+    **dict.fromkeys(("intrinsic_amps", "convergence_coefs"), (1, 0.0)),
+    **dict.fromkeys(("coupling_weights", "phase_biases"), (2, -math.inf)),
+}
+"""Arrays of a network: name -> number of dimensions, each of length N, and least value."""
+
+
 class CPGNetwork:
     """A network of N coupled oscillators, each with a phase and a magnitude.
+
+    Its arrays can be assigned at any time; they are checked, and copied.
+
+    Attributes
+    ----------
+    curr_phases, curr_magnitudes
+        State, rad (not wrapped) and 1, shape (N,).
 
     Parameters
     ----------
@@ -167,6 +183,9 @@ class CPGNetwork:
         If an argument has the wrong shape, is not finite, or is negative where it may not be.
     """
 
+    curr_phases: FloatArray
+    curr_magnitudes: FloatArray
+
     def __init__(
         self,
         timestep: float,
@@ -183,52 +202,19 @@ class CPGNetwork:
         if n == 0:
             raise ValueError("intrinsic_freqs must have shape (N,) with N of at least 1, got none")
         self.timestep = positive("timestep", timestep)
-        self.intrinsic_freqs = intrinsic_freqs
-        self.intrinsic_amps = intrinsic_amps
-        self.coupling_weights = float_array("coupling_weights", coupling_weights, (n, n))
-        self.phase_biases = float_array("phase_biases", phase_biases, (n, n))
-        self.convergence_coefs = float_array(
-            "convergence_coefs", convergence_coefs, (n,), minimum=0.0
-        )
+        self.intrinsic_freqs: Any = intrinsic_freqs
+        self.intrinsic_amps: Any = intrinsic_amps
+        self.coupling_weights: Any = coupling_weights
+        self.phase_biases: Any = phase_biases
+        self.convergence_coefs: Any = convergence_coefs
         self.random_state = np.random.RandomState(random_seed(seed))
-        self._scratch = np.empty(n)
         self.reset(init_phases, init_magnitudes)
 
-    @property
-    def intrinsic_freqs(self) -> FloatArray:
-        """Hz, shape (N,). Assigning checks and copies."""
-        return self._freqs
-
-    @intrinsic_freqs.setter
-    def intrinsic_freqs(self, value: ArrayLike) -> None:
-        self._freqs = float_array("intrinsic_freqs", value, (self.num_cpgs,))
-
-    @property
-    def intrinsic_amps(self) -> FloatArray:
-        """Amplitudes, shape (N,). Assigning checks and copies."""
-        return self._amps
-
-    @intrinsic_amps.setter
-    def intrinsic_amps(self, value: ArrayLike) -> None:
-        self._amps = float_array("intrinsic_amps", value, (self.num_cpgs,), minimum=0.0)
-
-    @property
-    def curr_phases(self) -> FloatArray:
-        """Phases now, rad (not wrapped), shape (N,). Assigning checks and copies."""
-        return self._phases
-
-    @curr_phases.setter
-    def curr_phases(self, value: ArrayLike) -> None:
-        self._phases = float_array("curr_phases", value, (self.num_cpgs,))
-
-    @property
-    def curr_magnitudes(self) -> FloatArray:
-        """Magnitudes now, shape (N,). Assigning checks and copies."""
-        return self._magnitudes
-
-    @curr_magnitudes.setter
-    def curr_magnitudes(self, value: ArrayLike) -> None:
-        self._magnitudes = float_array("curr_magnitudes", value, (self.num_cpgs,))
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _SHAPED:
+            dimensions, least = _SHAPED[name]
+            value = float_array(name, value, (self.num_cpgs,) * dimensions, minimum=least)
+        super().__setattr__(name, value)
 
     def reset(
         self, init_phases: ArrayLike | None = None, init_magnitudes: ArrayLike | None = None
@@ -247,25 +233,26 @@ class CPGNetwork:
         ValueError
             If a given array has the wrong shape, is not finite, or has a negative magnitude.
         """
-        self._phases, self._magnitudes = initial_oscillators(
+        self.curr_phases, self.curr_magnitudes = initial_oscillators(
             self.random_state, self.intrinsic_amps, init_phases, init_magnitudes
         )
 
     def step(self) -> None:
         """Advance by one time step (explicit Euler)."""
         # On fresh arrays, so that those handed out before keep the values of their time.
-        self._phases, self._magnitudes = self._phases.copy(), self._magnitudes.copy()
+        phases, magnitudes = self.curr_phases.copy(), self.curr_magnitudes.copy()
         cpg_step(
-            self._phases,
-            self._magnitudes,
-            self._freqs,
-            self._amps,
+            phases,
+            magnitudes,
+            self.intrinsic_freqs,
+            self.intrinsic_amps,
             self.coupling_weights,
             self.phase_biases,
             self.convergence_coefs,
             self.timestep,
-            self._scratch,
+            np.empty(self.num_cpgs),
         )
+        vars(self).update(curr_phases=phases, curr_magnitudes=magnitudes)
 
 
 def initial_oscillators(

@@ -19,6 +19,7 @@ from flyrl.controllers.controller import (
     Command,
     Controller,
     Step,
+    record_of,
 )
 from flyrl.controllers.cpg import (
     TRIPOD_AMPLITUDE,
@@ -35,8 +36,7 @@ from flyrl.controllers.cpg import (
 from flyrl.controllers.steps import (
     PreprogrammedSteps,
     StepsName,
-    pack_step,
-    step_fields,
+    step_values,
     take_steps,
 )
 from flyrl.validation import FloatArray, Within, check_fields, positive, random_seed
@@ -48,25 +48,6 @@ _BIAS_TOLERANCE: Final = 0.02
 
 Six = tuple[float, float, float, float, float, float]
 SixBySix = tuple[Six, Six, Six, Six, Six, Six]
-
-OSCILLATOR_PARAMETERS: Final = [
-    ("timestep", "f8"),  # s
-    ("frequency", "f8", (NUM_LEGS,)),  # Hz, before the drive's sign
-    ("amplitude", "f8", (NUM_LEGS,)),  # at a drive of 1
-    ("coupling_weights", "f8", (NUM_LEGS, NUM_LEGS)),
-    ("phase_biases", "f8", (NUM_LEGS, NUM_LEGS)),
-    ("convergence_coefs", "f8", (NUM_LEGS,)),
-]
-"""Fields of the parameters of a controller with oscillators."""
-
-OSCILLATOR_STATE: Final = [
-    ("phases", "f8", (NUM_LEGS,)),
-    ("magnitudes", "f8", (NUM_LEGS,)),
-    ("freqs", "f8", (NUM_LEGS,)),
-    ("amps", "f8", (NUM_LEGS,)),
-    ("scratch", "f8", (NUM_LEGS,)),
-]
-"""Fields of the state of a controller with oscillators."""
 
 
 @kernel
@@ -132,8 +113,8 @@ class OscillatorController(Controller):
     coupling_weights: Annotated[SixBySix | None, Within(-1e3, 1e3)] = None
     amplitude_range: Annotated[tuple[float, float], Within(-10, 10)] = (DRIVE_LOW, DRIVE_HIGH)
 
-    state_fields: ClassVar[Any] = OSCILLATOR_STATE
-    """What a controller keeps; `OSCILLATOR_STATE`, and more."""
+    further_state: ClassVar[tuple[str, ...]] = ("freqs", "amps", "scratch")
+    """Fields of the state, (6,) each, beside "phases" and "magnitudes"; 0 at the start."""
 
     def __post_init__(self) -> None:
         check_fields(self, "controller")
@@ -154,15 +135,17 @@ class OscillatorController(Controller):
         """Load the recorded steps."""
         return PreprogrammedSteps(self.steps or "untethered")
 
-    def pack_oscillators(self, record: np.void, timestep: float) -> None:
-        """Write the fields `OSCILLATOR_PARAMETERS`; ValueError if the time step is not above 0."""
-        record["timestep"] = positive("timestep", timestep)
-        record["frequency"] = self.frequency_hz
-        record["amplitude"] = self.amplitude
-        biases = self.phase_biases
-        record["coupling_weights"] = self._resolved_weights()
-        record["phase_biases"] = gait_phase_biases(self.gait) if biases is None else biases
-        record["convergence_coefs"] = self.convergence_rate
+    def oscillator_values(self, timestep: float) -> dict[str, Any]:
+        """Fields of the parameters that hold oscillators; ValueError unless `timestep` > 0."""
+        biases, six = self.phase_biases, np.ones(NUM_LEGS)
+        return {
+            "timestep": positive("timestep", timestep),  # s
+            "frequency": six * self.frequency_hz,  # Hz, before the drive's sign
+            "amplitude": six * self.amplitude,  # at a drive of 1
+            "coupling_weights": self._resolved_weights(),
+            "phase_biases": gait_phase_biases(self.gait) if biases is None else biases,
+            "convergence_coefs": six * self.convergence_rate,
+        }
 
     def _resolved_weights(self) -> FloatArray:
         if self.coupling_weights is not None:
@@ -192,14 +175,10 @@ class OscillatorController(Controller):
         ValueError
             If the seed is no seed, or a given array has the wrong shape or is not finite.
         """
-        record: np.void = np.zeros(1, dtype=self.state_fields)[0]
-        record["phases"], record["magnitudes"] = initial_oscillators(
-            np.random.RandomState(random_seed(seed)),
-            np.full(NUM_LEGS, self.amplitude),
-            init_phases,
-            init_magnitudes,
-        )
-        return record
+        random, amps = np.random.RandomState(random_seed(seed)), np.full(NUM_LEGS, self.amplitude)
+        phases, magnitudes = initial_oscillators(random, amps, init_phases, init_magnitudes)
+        zeros = dict.fromkeys(self.further_state, np.zeros(NUM_LEGS))
+        return record_of({"phases": phases, "magnitudes": magnitudes, **zeros})
 
 
 @dataclass(frozen=True)
@@ -210,8 +189,4 @@ class CPG(OscillatorController):
 
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes."""
-        steps = self.load_steps()
-        record: np.void = np.zeros(1, dtype=[*OSCILLATOR_PARAMETERS, *step_fields(steps)])[0]
-        self.pack_oscillators(record, timestep)
-        pack_step(record, steps)
-        return record
+        return record_of({**self.oscillator_values(timestep), **step_values(self.load_steps())})

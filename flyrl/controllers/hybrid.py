@@ -10,28 +10,25 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.anatomy import (
-    CONTACT_SEGMENTS,
     LEG_DOFS,
     RIGHT_LEG_MIRROR,
     SENSED_SEGMENTS,
 )
 from flyrl.controllers.compilation import kernel
-from flyrl.controllers.controller import NUM_LEGS, SENSES, Step
+from flyrl.controllers.controller import NUM_LEGS, SENSES, Step, record_of
 from flyrl.controllers.cpg import TWO_PI
 from flyrl.controllers.cpg_controller import (
-    OSCILLATOR_PARAMETERS,
-    OSCILLATOR_STATE,
     OscillatorController,
     cpg_controller_step,
 )
 from flyrl.controllers.reflexes import (
-    REFLEX_PARAMETERS,
+    PLAIN_REFLEX_PARAMETERS,
     REFLEXES,
     ReflexesName,
     net_correction,
     reflex_step,
 )
-from flyrl.controllers.steps import pack_step, step_fields
+from flyrl.controllers.steps import step_values
 from flyrl.validation import FloatArray, Within, float_array
 
 _NUM_DOFS: Final = len(LEG_DOFS)
@@ -39,16 +36,6 @@ _NUM_DOFS: Final = len(LEG_DOFS)
 Five = tuple[float, float, float, float, float]
 Seven = tuple[float, float, float, float, float, float, float]
 Segment = Literal["Tibia", "Tarsus1", "Tarsus2", "Tarsus3", "Tarsus4", "Tarsus5"]
-
-STATE: Final = np.dtype(
-    [
-        *OSCILLATOR_STATE,
-        ("retraction", "f8", (NUM_LEGS,)),
-        ("stumbling", "f8", (NUM_LEGS,)),
-        ("persistence", "f8", (NUM_LEGS,)),  # time for which a leg keeps being retracted, s
-        ("net_correction", "f8", (NUM_LEGS,)),
-    ]
-)
 
 
 @kernel
@@ -122,7 +109,13 @@ class Hybrid(OscillatorController):
     stumbling_force: Annotated[float | None, Within(-1e6, 0)] = None
     stumbling_segments: tuple[Segment, ...] | None = None
 
-    state_fields: ClassVar[Any] = STATE
+    further_state: ClassVar[tuple[str, ...]] = (
+        *OscillatorController.further_state,
+        "retraction",
+        "stumbling",
+        "persistence",  # time for which a leg keeps being retracted, s
+        "net_correction",
+    )
     step: ClassVar[Step] = staticmethod(hybrid_step)
 
     def parameters(self, timestep: float) -> np.void:
@@ -133,30 +126,26 @@ class Hybrid(OscillatorController):
         own = {name: getattr(self, name) for name in published}
         reflexes = published | {name: value for name, value in own.items() if value is not None}
         steps = self.load_steps()
-        # in this order: a record that began as the CPG's does would count as one to Numba
-        fields = [*REFLEX_PARAMETERS, *OSCILLATOR_PARAMETERS, *step_fields(steps)]
-        record: np.void = np.zeros(1, dtype=fields)[0]
-        self.pack_oscillators(record, timestep)
-        pack_step(record, steps, reflexes["swing_extension"])
-        for name, *_ in REFLEX_PARAMETERS:
-            if name in reflexes:
-                record[name] = reflexes[name]
-        record["retraction_rates"][0] *= self.retraction
-        record["stumbling_rates"][0] *= self.stumbling
-        segments = reflexes["stumbling_segments"]
-        record["stumbling_sensors"] = [name in segments for name in SENSED_SEGMENTS]
+        rate = {name: np.array(reflexes[f"{name}_rates"]) for name in ("retraction", "stumbling")}
         left = np.array([reflexes["front"], reflexes["middle"], reflexes["hind"]])
         right = left * RIGHT_LEG_MIRROR if reflexes["mirror_right"] else left
-        record["correction_vectors"] = np.concatenate([left, right])
-        ends = steps.swing_ends
-        points = (
-            np.zeros_like(ends),
-            ends / 2,
-            ends + reflexes["swing_extension"],
-            (ends + TWO_PI) / 2,
+        start, end = np.zeros(NUM_LEGS), np.full(NUM_LEGS, TWO_PI)
+        swing_end, extended = steps.swing_ends, steps.swing_ends + reflexes["swing_extension"]
+        points = (start, swing_end / 2, extended, (swing_end + TWO_PI) / 2, end)
+        # first: a record that began as the CPG's does would count as one to Numba
+        values = {
+            "correction_vectors": np.concatenate([left, right]),  # rad per unit of correction
+            "retraction_rates": rate["retraction"] * (self.retraction, 1.0),
+            "stumbling_rates": rate["stumbling"] * (self.stumbling, 1.0),
+            # 1 where contact counts, else 0
+            "stumbling_sensors": np.isin(SENSED_SEGMENTS, reflexes["stumbling_segments"]),
+            "gain_phases": np.stack(points, axis=1),  # rad
+            **{name: reflexes[name] for name in PLAIN_REFLEX_PARAMETERS},
+        }
+        oscillators = self.oscillator_values(timestep)
+        return record_of(
+            {**values, **oscillators, **step_values(steps, reflexes["swing_extension"])}
         )
-        record["gain_phases"] = np.stack([*points, np.full_like(ends, TWO_PI)], axis=1)
-        return record
 
 
 class Reflexes:
@@ -218,12 +207,14 @@ class Reflexes:
         """
         # On a fresh record, so that arrays handed out before keep the values of their time.
         self._state = self._state.copy()
-        self._senses["thorax_z"] = float_array("thorax_z", thorax_z, ())
-        self._senses["end_effector_z"] = float_array("end_effector_z", end_effector_z, (NUM_LEGS,))
-        self._senses["contact_forces_w"] = float_array(
-            "contact_forces_w", contact_forces_w, (len(CONTACT_SEGMENTS), 3)
-        )
-        self._senses["heading_w"] = float_array("heading_w", heading_w, (3,))
+        sensed = {
+            "thorax_z": thorax_z,
+            "end_effector_z": end_effector_z,
+            "contact_forces_w": contact_forces_w,
+            "heading_w": heading_w,
+        }
+        for name, values in sensed.items():
+            self._senses[name] = float_array(name, values, SENSES[name].shape)
         reflex_step(self._parameters, self._state, self._senses)
         self.retraction, self.stumbling = self._state["retraction"], self._state["stumbling"]
 

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from flyrl.anatomy import LEG_DOFS, SENSED_SEGMENTS, STUMBLING_SEGMENTS
+from flyrl.anatomy import SENSED_SEGMENTS, STUMBLING_SEGMENTS
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS
 from flyrl.validation import FloatArray
@@ -61,21 +61,11 @@ NO_LEG: Final = -1
 
 _SENSORS_PER_LEG: Final = len(SENSED_SEGMENTS)
 
-REFLEX_PARAMETERS: Final = [
-    ("correction_vectors", "f8", (NUM_LEGS, len(LEG_DOFS))),  # rad per unit of correction
-    ("retraction_margin", "f8"),
-    ("stumbling_force", "f8"),
-    ("retraction_rates", "f8", (2,)),
-    ("stumbling_rates", "f8", (2,)),
-    ("persistence_threshold", "f8"),
-    ("persistence_s", "f8"),
-    ("retraction_ends_stumbling", "f8"),  # 1 or 0
-    ("stumbling_sensors", "f8", (_SENSORS_PER_LEG,)),  # 1 where contact counts, else 0
-    ("cap", "f8"),
-    ("gain_phases", "f8", (NUM_LEGS, 5)),  # rad
-    ("gain", "f8", (5,)),
-]
-"""Fields of the parameters of a controller with reflexes; see `hybrid.Hybrid`."""
+PLAIN_REFLEX_PARAMETERS: Final = (
+    "retraction_margin", "stumbling_force", "persistence_threshold", "persistence_s",
+    "retraction_ends_stumbling", "cap", "gain",
+)  # fmt: skip
+"""Parameters that kernels take as they stand in `REFLEXES`."""
 
 
 @kernel
@@ -136,9 +126,9 @@ def reflex_step(parameters: Any, state: Any, senses: Any) -> None:
     Parameters
     ----------
     parameters
-        Record with the fields of `REFLEX_PARAMETERS`, and "timestep", s.
+        Record that `hybrid.Hybrid.parameters` returns.
     state
-        Record of type `hybrid.STATE`.
+        Record that `hybrid.Hybrid.initial_state` returns.
     senses
         Record of type `controller.SENSES`.
     """

@@ -26,14 +26,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from flyrl.anatomy import LEGS, Leg
 from flyrl.controllers.compilation import kernel
-from flyrl.controllers.controller import NUM_LEGS, Controller, Step
-from flyrl.controllers.random import STATE_SIZE, legacy_choice, seeded_stream
+from flyrl.controllers.controller import NUM_LEGS, Controller, Step, record_of
+from flyrl.controllers.random import legacy_choice, seeded_stream
 from flyrl.controllers.steps import (
     TWO_PI,
     PreprogrammedSteps,
     StepsName,
-    pack_step,
-    step_fields,
+    step_values,
     take_steps,
 )
 from flyrl.validation import FloatArray, Within, check_fields, not_negative, one_of, positive
@@ -64,28 +63,16 @@ NO_LEG: Final = -1
 STEP_DURATION_S: Final = 1.0 / 12.0
 """Step duration with untethered steps: the CPG's cycle (spec 9)."""
 
-# Source position -> positions of its targets on the same side and on the other side.
-_IPSILATERAL: Final = {
-    "rule1": {"M": "F", "H": "M"},
-    "rule2": {"M": "F", "H": "M"},
-    "rule3": {"F": "M", "M": "H"},
+_CONTRALATERAL: Final = ("FF", "MM", "HH")
+
+_TARGETS: Final[dict[Rule, tuple[str, ...]]] = {
+    "rule1": ("MF", "HM"),
+    "rule2_ipsi": ("MF", "HM"),
+    "rule2_contra": _CONTRALATERAL,
+    "rule3_ipsi": ("FM", "MH"),
+    "rule3_contra": _CONTRALATERAL,
 }
-_CONTRALATERAL_RULES: Final = ("rule2", "rule3")
-
-_RULE_PARAMETERS: Final = [
-    ("rule_weights", "f8", (3, NUM_LEGS, NUM_LEGS)),  # of the influence of legs (rows) on legs
-    ("margin", "f8"),
-    ("phase_increment", "f8"),  # of a stepping leg, rad per time step
-]
-
-_STATE: Final = [
-    ("phases", "f8", (NUM_LEGS,)),  # rad in [0, 2π)
-    ("magnitudes", "f8", (NUM_LEGS,)),
-    ("has_started", "f8"),
-    ("is_stepping", "f8", (NUM_LEGS,)),
-    ("scores", "f8", (3, NUM_LEGS)),  # readiness of legs by each rule
-    ("random", "f8", (STATE_SIZE,)),
-]
+"""Positions of a leg and of one that it influences, on the same side or (contra) the other one."""
 
 
 def construct_rules_graph() -> "RulesGraph":
@@ -95,15 +82,11 @@ def construct_rules_graph() -> "RulesGraph":
 
     graph: RulesGraph = nx.MultiDiGraph()
     graph.add_nodes_from(LEGS)
-    for rule, targets in _IPSILATERAL.items():
+    for rule, pairs in _TARGETS.items():
         for side, other_side in ("LR", "RL"):
-            for position in "FMH":
-                source = side + position
-                if rule in _CONTRALATERAL_RULES:
-                    graph.add_edge(source, other_side + position, rule=f"{rule}_contra")
-                if position in targets:
-                    label = f"{rule}_ipsi" if rule in _CONTRALATERAL_RULES else rule
-                    graph.add_edge(source, side + targets[position], rule=label)
+            target_side = other_side if pairs is _CONTRALATERAL else side
+            for pair in pairs:
+                graph.add_edge(side + pair[0], target_side + pair[1], rule=rule)
     return graph
 
 
@@ -199,9 +182,9 @@ def advance_rules(parameters: Any, state: Any) -> None:
     Parameters
     ----------
     parameters
-        Record with the fields of `_RULE_PARAMETERS`, and "grip_start": where each leg's swing ends.
+        Record with the fields of `_rule_values`, and "grip_start": where each leg's swing ends.
     state
-        Record with the fields of `_STATE`. The very first step has no scores to go by.
+        Record that `RuleBased.initial_state` returns. The very first step has no scores to go by.
     """
     if state.has_started == 0.0:
         state.has_started = 1.0
@@ -226,18 +209,20 @@ def rule_based_step(parameters: Any, state: Any, senses: Any, command: Any, outp
     take_steps(parameters, state, output)
 
 
-def _pack_rules(
-    record: np.void,
+def _rule_values(
     graph: "RulesGraph",
     weights: Mapping[str, float],
     margin: float,
     timestep: float,
     step_duration: float,
-) -> None:
-    """Write the fields `_RULE_PARAMETERS`; ValueError if a time is not above 0."""
-    record["rule_weights"] = rule_matrices(graph, weights)
-    record["margin"] = not_negative("margin", margin)
-    record["phase_increment"] = TWO_PI * positive("timestep", timestep) / step_duration
+) -> dict[str, Any]:
+    """Fields of the parameters that hold the rules; ValueError if a time is not above 0."""
+    return {
+        "rule_weights": rule_matrices(graph, weights),  # of the influence of legs (rows) on legs
+        "margin": not_negative("margin", margin),
+        # of a stepping leg, rad per time step
+        "phase_increment": TWO_PI * positive("timestep", timestep) / step_duration,
+    }
 
 
 @dataclass(frozen=True)
@@ -276,8 +261,6 @@ class RuleBased(Controller):
     margin: Annotated[float, Within(0, 1)] = MARGIN
 
     follows_command: ClassVar[bool] = False
-    parameter_fields: ClassVar[list[Any]] = _RULE_PARAMETERS
-    state_fields: ClassVar[list[Any]] = _STATE
     step: ClassVar[Step] = staticmethod(rule_based_step)
 
     def __post_init__(self) -> None:
@@ -301,12 +284,13 @@ class RuleBased(Controller):
 
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes; ValueError if the time step is not above 0."""
+        return record_of(self._values(timestep))
+
+    def _values(self, timestep: float) -> dict[str, Any]:
         steps = self.load_steps()
-        record: np.void = np.zeros(1, dtype=[*self.parameter_fields, *step_fields(steps)])[0]
         weights: dict[str, float] = {rule: getattr(self, rule) for rule in RULES}
-        _pack_rules(record, self.graph(), weights, self.margin, timestep, steps.duration)
-        pack_step(record, steps)
-        return record
+        rules = _rule_values(self.graph(), weights, self.margin, timestep, steps.duration)
+        return {**rules, **step_values(steps)}
 
     def initial_state(
         self,
@@ -315,10 +299,19 @@ class RuleBased(Controller):
         init_magnitudes: ArrayLike | None = None,
     ) -> np.void:
         """Legs at rest, whose steps are always taken in full; ValueError if `seed` is none."""
-        record: np.void = np.zeros(1, dtype=self.state_fields)[0]
-        record["magnitudes"] = 1.0
-        record["random"] = seeded_stream(seed)
-        return record
+        return record_of(initial_rules(seed))
+
+
+def initial_rules(seed: int) -> dict[str, Any]:
+    """Fields of the state as an episode starts."""
+    return {
+        "phases": np.zeros(NUM_LEGS),  # rad in [0, 2π)
+        "magnitudes": np.ones(NUM_LEGS),
+        "has_started": 0.0,
+        "is_stepping": np.zeros(NUM_LEGS),
+        "scores": np.zeros((3, NUM_LEGS)),  # readiness of legs by each rule
+        "random": seeded_stream(seed),
+    }
 
 
 class RuleBasedSteppingCoordinator:
@@ -370,10 +363,8 @@ class RuleBasedSteppingCoordinator:
         self.weights = dict(weights)
         self.preprogrammed_steps = steps = preprogrammed_steps
         self.legs = list(LEGS)
-        fields = [*_RULE_PARAMETERS, ("grip_start", "f8", (NUM_LEGS,))]
-        self._parameters: np.void = np.zeros(1, dtype=fields)[0]
-        self._parameters["grip_start"] = [steps.swing_period[leg][1] for leg in LEGS]
-        _pack_rules(self._parameters, rules_graph, weights, margin, timestep, steps.duration)
+        values = _rule_values(rules_graph, weights, margin, timestep, steps.duration)
+        self._parameters = record_of({**values, "grip_start": steps.swing_ends})
         self._state = RuleBased().initial_state(seed)
         self._hand_out()
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.controllers.compilation import kernel
-from flyrl.controllers.controller import NUM_LEGS, Step
+from flyrl.controllers.controller import NUM_LEGS, Step, record_of
 from flyrl.controllers.cpg import TRIPOD_CONVERGENCE_RATE
-from flyrl.controllers.rule_based import RuleBased, advance_rules
+from flyrl.controllers.rule_based import RuleBased, advance_rules, initial_rules
 from flyrl.controllers.steps import take_step
 from flyrl.validation import Within
 
@@ -49,21 +49,14 @@ class SteeredRules(RuleBased):
 
     convergence_rate: Annotated[float, Within(0, 1e3)] = TRIPOD_CONVERGENCE_RATE
 
-    # first: at the end, Numba would take the record for a subtype of the one without, and warn
-    parameter_fields: ClassVar[list[Any]] = [("followed", "f8"), *RuleBased.parameter_fields]
-    state_fields: ClassVar[list[Any]] = [
-        ("strength", "f8", (2,)),  # of each side's steps
-        *RuleBased.state_fields,
-    ]
     follows_command: ClassVar[bool] = True
     step: ClassVar[Step] = staticmethod(steered_rules_step)
 
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes; ValueError if the time step is not above 0."""
-        record = super().parameters(timestep)
+        # first: at the end, Numba would take the record for a subtype of the one without, and warn
         # of the way to the drive, per physics step; explicit, as the CPG's
-        record["followed"] = self.convergence_rate * timestep
-        return record
+        return record_of({"followed": self.convergence_rate * timestep, **self._values(timestep)})
 
     def initial_state(
         self,
@@ -72,6 +65,5 @@ class SteeredRules(RuleBased):
         init_magnitudes: ArrayLike | None = None,
     ) -> np.void:
         """Legs at rest, without a drive yet; ValueError if `seed` is none."""
-        record = super().initial_state(seed)
-        record["magnitudes"] = 0.0
-        return record
+        strength = {"strength": np.zeros(2)}  # of each side's steps
+        return record_of({**strength, **initial_rules(seed), "magnitudes": np.zeros(NUM_LEGS)})

@@ -76,32 +76,22 @@ def adhesion_on(phase: float, swing_start: float, swing_end: float) -> bool:
     return not (swing_start < theta < swing_end)
 
 
-def step_fields(steps: "PreprogrammedSteps") -> list[tuple[str, str, tuple[int, ...]]]:
-    """Fields of a controller's parameters that hold a recorded step, for a NumPy dtype."""
-    return [
-        ("coefficients", "f8", steps.coefficients.shape),
-        ("neutral", "f8", steps.neutral_angles.shape),  # rad
-        ("swing_start", "f8", steps.swing_starts.shape),  # rad
-        ("grip_start", "f8", steps.swing_ends.shape),  # rad, where a leg grips again
-    ]
-
-
-def pack_step(record: np.void, steps: "PreprogrammedSteps", swing_extension: float = 0.0) -> None:
-    """Write a recorded step into the fields of `step_fields`.
+def step_values(steps: "PreprogrammedSteps", swing_extension: float = 0.0) -> dict[str, FloatArray]:
+    """Fields of a controller's parameters that hold a recorded step.
 
     Parameters
     ----------
-    record
-        The parameters.
     steps
         The step.
     swing_extension
         How much later than recorded a leg grips again, rad.
     """
-    record["coefficients"] = steps.coefficients
-    record["neutral"] = steps.neutral_angles
-    record["swing_start"] = steps.swing_starts
-    record["grip_start"] = steps.swing_ends + swing_extension
+    return {
+        "coefficients": steps.coefficients,
+        "neutral": steps.neutral_angles,  # rad
+        "swing_start": steps.swing_starts,  # rad
+        "grip_start": steps.swing_ends + swing_extension,  # rad, where a leg grips again
+    }
 
 
 @kernel
@@ -122,7 +112,7 @@ def take_steps(parameters: Any, state: Any, output: Any) -> None:
     Parameters
     ----------
     parameters
-        Record with the fields of `step_fields`.
+        Record with the fields of `step_values`.
     state
         Record with "phases", rad, any number, and "magnitudes", 1; shape (6,).
     output
@@ -130,19 +120,6 @@ def take_steps(parameters: Any, state: Any, output: Any) -> None:
     """
     for leg in range(len(parameters.neutral)):
         take_step(parameters, leg, state.phases[leg], state.magnitudes[leg], output)
-
-
-@kernel
-def _many_step_angles(
-    coefficients: FloatArray,
-    neutral: FloatArray,
-    leg: int,
-    phases: FloatArray,
-    magnitudes: FloatArray,
-    angles: FloatArray,
-) -> None:
-    for i in range(phases.size):
-        step_angles(coefficients, neutral, leg, phases[i], magnitudes[i], angles[i])
 
 
 @functools.cache
@@ -212,8 +189,8 @@ class PreprogrammedSteps:
         self.coefficients, self.neutral_angles, self.swing_starts, self.swing_ends = arrays
         self.swing_period: Mapping[str, FloatArray] = MappingProxyType(
             {
-                leg: _read_only(np.array([self.swing_starts[i], self.swing_ends[i]]))
-                for i, leg in enumerate(LEGS)
+                leg: _read_only(np.array(ends))
+                for leg, *ends in zip(LEGS, self.swing_starts, self.swing_ends, strict=True)
             }
         )
         self.neutral_pos: Mapping[str, FloatArray] = MappingProxyType(
@@ -249,7 +226,7 @@ class PreprogrammedSteps:
         ValueError
             If the leg is unknown, or the phases and magnitudes are not finite or do not match.
         """
-        index = self._leg_index(leg)
+        index = LEGS.index(one_of("leg", leg, LEGS))
         phases = _vector("phase", phase)
         magnitudes = _vector("magnitude", magnitude)
         try:
@@ -260,14 +237,9 @@ class PreprogrammedSteps:
                 f"and {magnitudes.shape}"
             ) from None
         angles = np.empty((*(shape or (1,)), len(LEG_DOFS)))
-        _many_step_angles(
-            self.coefficients,
-            self.neutral_angles,
-            index,
-            np.broadcast_to(phases, angles.shape[:1]).copy(),
-            np.broadcast_to(magnitudes, angles.shape[:1]).copy(),
-            angles,
-        )
+        phases, magnitudes = (np.broadcast_to(each, len(angles)) for each in (phases, magnitudes))
+        for row, theta, r in zip(angles, phases, magnitudes, strict=True):
+            step_angles(self.coefficients, self.neutral_angles, index, theta, r, row)
         return angles.T.copy() if shape else angles[0]
 
     def get_adhesion_onoff(self, leg: str, phase: ArrayLike) -> bool | NDArray[np.bool_]:
@@ -290,16 +262,10 @@ class PreprogrammedSteps:
         ValueError
             If the leg is unknown or a phase is not finite.
         """
-        index = self._leg_index(leg)
-        phases = _vector("phase", phase)
-        start, end = self.swing_starts[index], self.swing_ends[index]
-        if phases.ndim == 0:
-            return bool(adhesion_on(float(phases), start, end))
-        return np.array([adhesion_on(theta, start, end) for theta in phases], dtype=np.bool_)
-
-    def _leg_index(self, leg: str) -> int:
-        one_of("leg", leg, LEGS)
-        return self.legs.index(leg)
+        index = LEGS.index(one_of("leg", leg, LEGS))
+        theta = _vector("phase", phase) % TWO_PI
+        grips = ~((self.swing_starts[index] < theta) & (theta < self.swing_ends[index]))
+        return grips if grips.ndim else bool(grips)
 
 
 def _vector(name: str, value: ArrayLike) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What all interfaces to an environment share: settings, reset options, facts and copies."""
+"""Settings, reset options, info and copies, shared by all interfaces to an environment."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
@@ -33,7 +33,7 @@ class Adapter:
     Parameters
     ----------
     arguments
-        What the constructor takes besides `settings`, by name.
+        Arguments of the constructor besides `settings`, by name.
     settings
         Fields of a `View` and of an `EnvConfig`, and settings of the task.
 
@@ -42,7 +42,7 @@ class Adapter:
     core
         The batch of simulations.
     config
-        What is simulated.
+        The settings.
     """
 
     metadata: dict[str, Any] = RENDERING
@@ -65,7 +65,7 @@ class Adapter:
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What Gymnasium made it from; `max_episode_steps` is the limit, in decisions.
+        """Gymnasium's spec; `max_episode_steps` is the limit, in decisions.
 
         The limit is that of each environment, not of its id, since it depends on the settings.
         """

@@ -29,7 +29,7 @@ class Bodies:
     Parameters
     ----------
     config
-        What to simulate.
+        The settings.
     num_envs, num_threads
         Number of bodies, and of native threads; 0 takes one per CPU.
 
@@ -183,10 +183,10 @@ class Bodies:
 
 
 RENDERING: Final[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 50}
-"""What Gymnasium wants to know of the pictures; 50 per s are as fast as life in `Target`."""
+"""Gymnasium's metadata of pictures; 50 per s are real time in `Target`."""
 
 LARGEST_SIDE: Final = 4096
-"""Of a picture, px."""
+"""Longest side of a picture, px."""
 
 InScene = Literal["target", "leg_colours", "trace", "forces"]
 """Fields of an Overlay that a renderer draws; the others are written onto videos afterwards."""
@@ -194,7 +194,7 @@ InScene = Literal["target", "leg_colours", "trace", "forces"]
 
 @dataclass(frozen=True)
 class View:
-    """How pictures of an environment look.
+    """Camera, overlay and size of an environment's pictures.
 
     Parameters
     ----------
@@ -202,9 +202,9 @@ class View:
         "follow" looks from ahead, "top" straight down, "goal" from the start towards the target,
         where there is one (see `FlyRenderer`). A worm has no goal camera: there it is "follow".
     overlay
-        What is drawn beside the body; names stand for an Overlay that has these and the target.
+        Marks beside the body; names stand for an Overlay that has these and the target.
     width, height
-        Of the picture, px.
+        Size of the picture, px.
 
     Raises
     ------
@@ -222,7 +222,7 @@ class View:
 
     @property
     def drawn(self) -> Overlay:
-        """What is drawn beside the body."""
+        """The overlay, in full."""
         if isinstance(self.overlay, Overlay):
             return self.overlay
         return replace(PLAIN, **dict.fromkeys(self.overlay, True))

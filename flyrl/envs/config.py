@@ -1,4 +1,4 @@
-"""What an environment is made of, and what a decision in it leads to."""
+"""Settings of an environment, checked and resolved, and as a record."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,7 +26,7 @@ from flyrl.tasks import (
 )
 from flyrl.tasks.function import ALWAYS, task_function
 from flyrl.terrains import Terrain, terrain_from, terrain_named
-from flyrl.validation import did_you_mean, from_keys, one_of, plain, positive, within
+from flyrl.validation import did_you_mean, from_keys, one_of, plain, within
 
 BodyConfig = FlyConfig | WormConfig
 BODIES: Final[Mapping[str, BodyConfig]] = {**FLIES, **WORMS}
@@ -89,7 +89,7 @@ class EnvConfig:
     scene: SceneConfig = field(init=False, repr=False)
     steps_per_decision: int = field(init=False, repr=False)
     decision_interval_s: float = field(init=False, repr=False)
-    """How long a decision is held, s."""
+    """Time for which a decision is held, s."""
 
     def __post_init__(self) -> None:
         for name in ("log_gait", "as_vectors"):
@@ -98,7 +98,6 @@ class EnvConfig:
         if interval is None and isinstance(task, Mapping):
             interval = task.get("decision_interval")
         if interval is not None:
-            positive("decision_interval", interval)
             within("decision_interval", interval, 0, LONGEST_DECISION_S)
         body = usual_body(task) if self.body is None else _named("body", self.body, BODIES)
         if not isinstance(task, Task):
@@ -157,7 +156,7 @@ class EnvConfig:
 
     @property
     def creature(self) -> str:
-        """What the body is: "fly" or "worm"."""
+        """Word for the body: "fly" or "worm"."""
         creature: str = self.scene.batch_class.creature
         return creature
 
@@ -204,7 +203,7 @@ def config_for(
     given
         Fields of `EnvConfig`, parameters and other settings of the task.
     config
-        What to change.
+        Settings to change.
     others
         Keywords that the environment takes besides, for messages.
 
@@ -231,7 +230,7 @@ def with_task(given: Mapping[str, Any], known: Sequence[str], message: str) -> d
     known
         Keywords that are no settings of the task.
     message
-        Of the error, before the keyword.
+        Beginning of the error, before the keyword.
 
     Raises
     ------
@@ -316,7 +315,7 @@ def _found(
 
 
 def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:
-    """How many physics steps a decision is held.
+    """Number of physics steps for which a decision is held.
 
     Raises
     ------
@@ -369,7 +368,7 @@ def env_record(env: EnvConfig) -> dict[str, Any]:
 
 
 def randomisation_text(record: Any) -> str:
-    """What is randomised, as one would type it, from the "randomisation" of a record."""
+    """Randomisation as one would type it, from the "randomisation" of a record."""
     given = record.items() if isinstance(record, dict) else ()
     # without quotes: a shell would take them off
     return ", ".join(f"{name}={value}" for name, value in given if value).replace("'", "") or "none"

@@ -33,24 +33,24 @@ class BatchedEnv:
     Parameters
     ----------
     config
-        What to simulate.
+        The settings.
     num_envs
         Number of simulations.
     num_threads
         Native threads; 0 takes one per CPU.
     view
-        How pictures look.
+        Camera, overlay and size of pictures.
 
     Attributes
     ----------
     simulation
-        What steps the bodies.
+        The bodies, as episodes start and push them.
     state
         The bodies after the last decision; one that blew up is kept as it was before.
     episodes
-        What each simulation was last reset to.
+        Last episode of each simulation.
     difficulty
-        Of the episodes that are drawn, from 0 to 1, the usual one.
+        Difficulty of the episodes that are drawn, from 0 to 1, the usual one.
     max_decisions
         Decisions until the task truncates an episode; None without a time limit.
     """
@@ -196,12 +196,7 @@ class BatchedEnv:
             task takes.
         """
         self._check_open()
-        actions = np.asarray(action, dtype=np.float64)
-        shape = (self.num_envs, self.task.actions.size)
-        if actions.shape != shape:
-            raise ValueError(f"action has shape {actions.shape}; it must be {shape}")
-        if not np.isfinite(actions).all():
-            raise ValueError(f"action must be finite; got {actions[~np.isfinite(actions)][0]}")
+        actions = float_array("action", action, (self.num_envs, self.task.actions.size))
         if self._scores.goal is None:
             raise RuntimeError("step() was called before reset()")
         previous = self._previous = self.state
@@ -327,11 +322,11 @@ class BatchedEnv:
         return np.array([-1 if each is None else each.ground_seed for each in self.episodes])
 
     def task_state(self) -> TaskState:
-        """What the task's terms saw after the last decision, or see after a reset since."""
+        """State that terms were computed from after the last decision, or a reset since."""
         return self._scores.state(self.state, self._previous, self.batch.props(self.state.time))
 
     def failure_info(self) -> dict[str, NDArray[Any]]:
-        """What `info` tells besides in a task with goals, (n,) by key; nothing in any other."""
+        """Further keys of `info` in a task with goals, (n,) each; none in any other."""
         return failure_info(self.task_state()) if self.task.has_goals else {}
 
 

@@ -31,7 +31,7 @@ class FlyrlVecEnv(Adapter, VecEnv):
     Parameters
     ----------
     config
-        What to simulate.
+        The settings.
     num_envs
         Number of flies.
     num_threads
@@ -179,7 +179,5 @@ class FlyrlVecEnv(Adapter, VecEnv):
         return [is_monitored for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
-        """Pictures of the bodies, (height, width, 3) each, or None without a render mode."""
-        if self.render_mode is None:
-            return [None] * self.num_envs
+        """Pictures of the bodies, (height, width, 3) each."""
         return [self.core.render(i) for i in range(self.num_envs)]

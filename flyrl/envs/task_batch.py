@@ -34,7 +34,7 @@ class SensorNoise:
     Parameters
     ----------
     terms
-        Of the observation.
+        Terms of the observation.
     num_envs
         Number of simulations.
 
@@ -88,7 +88,7 @@ class SensorNoise:
 
 
 def generator(state: Mapping[str, Any]) -> np.random.Generator:
-    """Generator that goes on from the state of another."""
+    """Generator that resumes from the state of another."""
     rng = np.random.default_rng()
     rng.bit_generator.state = state
     return rng
@@ -96,7 +96,7 @@ def generator(state: Mapping[str, Any]) -> np.random.Generator:
 
 @dataclass(frozen=True)
 class Transition:
-    """What one decision led to, for every simulation of a batch.
+    """Result of one decision, for every simulation of a batch.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class TaskBatch:
     Parameters
     ----------
     config
-        What to simulate.
+        The settings.
     num_envs
         Number of simulations.
 
@@ -148,7 +148,7 @@ class TaskBatch:
     max_decisions
         Decisions until the task truncates an episode; None without a time limit.
     goal, command
-        Of the episodes, as in `TaskState`; None before the first.
+        Goals and commands of the episodes, as in `TaskState`; None before the first.
     """
 
     def __init__(self, config: EnvConfig, num_envs: int) -> None:
@@ -186,7 +186,7 @@ class TaskBatch:
         self._decisions[ids] = 0
 
     def state(self, body: Any, previous: Any, props: FloatArray) -> TaskState:
-        """What the task's terms are computed from."""
+        """State that the task's terms are computed from."""
         if self.goal is None or self.command is None:
             raise RuntimeError("the environment must be reset first")
         if self.max_decisions is None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -13,7 +11,6 @@ from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.statistics import Interval, paired_difference, success_rate
 from flyrl.evaluation.summary import best_of, metric_values, paired_values
 from flyrl.policies.laws import split_legs
-from flyrl.tasks import SUCCESS
 from flyrl.tasks.episode import FIRST_GROUND_SEED
 from flyrl.terrains import AnyGround, terrain_on_record
 
@@ -92,28 +89,7 @@ def success_by_kind(rows: pd.DataFrame, config: Json) -> dict[str, dict[str, Int
     return table
 
 
-@dataclass(frozen=True)
-class Crossed:
-    """An entrant by what steers it and by its legs.
-
-    Attributes
-    ----------
-    success
-        Its success rate.
-    of_legs, of_steering
-        Mean difference, of the task's first decisive metric on the same episodes, to the entrant
-        with the same steering on the first legs, and to that with the first steering on the same
-        legs; None of the first itself, and where there is no such entrant.
-    """
-
-    success: Interval
-    of_legs: Interval | None
-    of_steering: Interval | None
-
-
-def crossing(
-    rows: pd.DataFrame, protocol: Json, rng: np.random.Generator
-) -> Mapping[str, Mapping[str, Crossed]]:
+def crossing(rows: pd.DataFrame, protocol: Json, rng: np.random.Generator) -> dict[str, Json]:
     """Entrants by steering and leg controller; empty where nobody was put on other legs with @.
 
     Parameters
@@ -124,6 +100,13 @@ def crossing(
         Of the evaluation.
     rng
         Source of the resampling.
+
+    Returns
+    -------
+    Steering -> legs -> `success`, the entrant's rate; and mean differences, of the task's first
+    decisive metric on the same episodes: `of_legs`, to the entrant with the same steering on the
+    first legs, and `of_steering`, to that with the first steering on the same legs. None of the
+    first itself, and where there is no such entrant.
     """
     walked = dict(iter(rows.groupby("controller", observed=True)))
     groups: dict[tuple[str, str | None], dict[str, str]] = {}
@@ -148,11 +131,11 @@ def crossing(
 
     return {
         steering: {
-            legs: Crossed(
-                success_rate(int((walked[name]["outcome"] == SUCCESS).sum()), len(walked[name])),
-                of_legs=difference(name, group.get(first_legs)),
-                of_steering=difference(name, first.get(legs)),
-            )
+            legs: {
+                "success": success_rate(int(walked[name]["success"].sum()), len(walked[name])),
+                "of_legs": difference(name, group.get(first_legs)),
+                "of_steering": difference(name, first.get(legs)),
+            }
             for legs, name in group.items()
         }
         for steering, group in names.items()

@@ -113,16 +113,7 @@ STUDIES: Final[Mapping[str, Study]] = {
 }
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """What becomes of a claim here: the mean difference better - other, its interval, a verdict."""
-
-    claim: Claim
-    difference: Json | None
-    verdict: Verdict
-
-
-def judge(study: Study, summary: Sequence[Json]) -> list[Judgement]:
+def judge(study: Study, summary: Sequence[Json]) -> list[Json]:
     """Put a study's claims to the test.
 
     That one walks further holds where the interval of the paired difference lies above zero, and
@@ -134,12 +125,17 @@ def judge(study: Study, summary: Sequence[Json]) -> list[Judgement]:
     ----------
     summary
         Of results whose reference is one of the two controllers of a claim.
+
+    Returns
+    -------
+    Per claim: the `claim`; the mean `difference` better - other with its interval, or None; and the
+    `verdict`.
     """
     rows = {(row["terrain"], row["controller"]): row for row in summary if not row["condition"]}
     return [_judge(claim, study.metric, rows) for claim in study.claims]
 
 
-def _judge(claim: Claim, metric: str, rows: Mapping[tuple[str, str], Json]) -> Judgement:
+def _judge(claim: Claim, metric: str, rows: Mapping[tuple[str, str], Json]) -> Json:
     names = (claim.better, claim.other)
     both = [rows.get((claim.terrain, name)) for name in names]
     for row, other, sign in zip(both, names[::-1], (1, -1), strict=True):
@@ -153,8 +149,9 @@ def _judge(claim: Claim, metric: str, rows: Mapping[tuple[str, str], Json]) -> J
         difference = {"value": sign * found["value"], "low": low, "high": high, "n": found["n"]}
         margin = EQUAL_WITHIN * max(row["metrics"][metric]["mean"] for row in both if row)
         bounds = (-margin, margin) if claim.is_equal else (0.0, math.inf)
-        return Judgement(claim, difference, _verdict(low, high, *bounds))
-    return Judgement(claim, None, "not tested")
+        verdict = _verdict(low, high, *bounds)
+        return {"claim": claim, "difference": difference, "verdict": verdict}
+    return {"claim": claim, "difference": None, "verdict": "not tested"}
 
 
 def _verdict(low: float | None, high: float | None, least: float, most: float) -> Verdict:

@@ -131,70 +131,9 @@ SECOND_METRIC: Final = {
 """Task -> what else tells how well a policy does, where success says little."""
 
 
-@dataclass(frozen=True)
-class Cell:
-    """What a training comes to on a terrain.
-
-    Attributes
-    ----------
-    success
-        Interquartile mean over the runs if there are `MIN_RUNS` or more, else the rate over all
-        their episodes with its Wilson interval; without a value where nobody walked.
-    second
-        Mean of the second metric, over runs the mean of theirs; None without one.
-    is_home
-        Whether this is the terrain of the training.
-    """
-
-    success: Interval
-    second: float | None
-    is_home: bool
-
-
-@dataclass(frozen=True)
-class Training:
-    """A row of the matrix.
-
-    Attributes
-    ----------
-    terrain
-        Label of the ground that was trained on.
-    label
-        How it was trained.
-    names
-        Of the entrants, one per run.
-    cells
-        One per terrain of the evaluation.
-    """
-
-    terrain: str
-    label: str
-    names: tuple[str, ...]
-    cells: tuple[Cell, ...]
-
-
-@dataclass(frozen=True)
-class Generalisation:
-    """A row per training, a column per terrain of the evaluation.
-
-    Attributes
-    ----------
-    terrains
-        Of the evaluation.
-    second
-        The second metric, or None.
-    rows
-        One per training, those of a terrain one after the other.
-    """
-
-    terrains: tuple[str, ...]
-    second: str | None
-    rows: tuple[Training, ...]
-
-
 def generalisation(
     protocol: Json, summary: Sequence[Json], rng: np.random.Generator
-) -> Generalisation | None:
+) -> Json | None:
     """What every training reaches on every terrain.
 
     Parameters
@@ -208,6 +147,15 @@ def generalisation(
 
     Returns
     -------
+    `terrains` of the evaluation; the `second` metric, or None; and `rows`, those of a terrain one
+    after the other. A row has the `terrain` that was trained on, the `label` of the training, the
+    `names` of its entrants, one per run, and `cells`, one per terrain of the evaluation:
+
+    - `success`: interquartile mean over the runs if there are `MIN_RUNS` or more, else the rate
+      over all their episodes with its Wilson interval; without a value where nobody walked;
+    - `second`: mean of the second metric, over runs the mean of theirs; None without one;
+    - `is_home`: whether this is the terrain of the training.
+
     None where trainings and evaluation know but one terrain, and where no policy says what it was
     trained on.
     """
@@ -220,22 +168,17 @@ def generalisation(
         trained_on = _trained_on(records[names[0]])
         if trained_on is None:
             continue
-        cells = [
-            _cell(
-                [found[terrain, name] for name in names if (terrain, name) in found],
-                second,
-                _is_home(trained_on, ground),
-                rng,
-            )
-            for terrain, ground in grounds.items()
-        ]
+        cells = []
+        for terrain, ground in grounds.items():
+            own = [found[terrain, name] for name in names if (terrain, name) in found]
+            cells.append({**_cell(own, second, rng), "is_home": _is_home(trained_on, ground)})
         place = terrain_label(trained_on["name"], trained_on.get("random"))
-        rows.append(Training(place, label, names, tuple(cells)))
-    places = list(dict.fromkeys(row.terrain for row in rows))
+        rows.append({"terrain": place, "label": label, "names": names, "cells": cells})
+    places = list(dict.fromkeys(row["terrain"] for row in rows))
     if not rows or max(len(places), len(grounds)) < 2:
         return None
-    rows.sort(key=lambda row: places.index(row.terrain))
-    return Generalisation(tuple(grounds), second, tuple(rows))
+    rows.sort(key=lambda row: places.index(row["terrain"]))
+    return {"terrains": tuple(grounds), "second": second, "rows": rows}
 
 
 def is_same_ground(one: Terrain, other: Terrain) -> bool:
@@ -266,10 +209,8 @@ def _trained_on(entrant: Json) -> Json | None:
     return terrain if is_own or terrain_on_record(terrain) is not None else None
 
 
-def _cell(
-    rows: Sequence[Json], second: str | None, is_home: bool, rng: np.random.Generator
-) -> Cell:
-    """From the rows of the runs on a terrain."""
+def _cell(rows: Sequence[Json], second: str | None, rng: np.random.Generator) -> Json:
+    """Success and second metric from the rows of the runs on a terrain."""
     if len(rows) >= MIN_RUNS:
         success = interquartile_mean([[row["success_rate"]["value"]] for row in rows], rng)
     else:
@@ -277,4 +218,4 @@ def _cell(
         success = success_rate(successes, sum(row["episodes"] for row in rows))
     means = [row["metrics"][second]["mean"] for row in rows] if second else []
     present = [mean for mean in means if mean is not None]
-    return Cell(success, float(np.mean(present)) if present else None, is_home)
+    return {"success": success, "second": float(np.mean(present)) if present else None}

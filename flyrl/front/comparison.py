@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import pandas as pd
+
 from flyrl.evaluation.metrics import decisive_metrics, metric_named
-from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, Interval, mean_over_runs
+from flyrl.evaluation.statistics import CONFIDENCE, MIN_RUNS, mean_over_runs
 from flyrl.files import write_text
 from flyrl.report import write_learning_curves
 from flyrl.text import csv_text, printable
@@ -76,7 +78,7 @@ def _settings(run: RunSummary) -> Settings:
 
 
 def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
-    """Dotted settings without those that do not change what a run comes to, `but` for these."""
+    """Dotted settings that affect the result of a run, and those in `but`."""
     return {
         key: value
         for key, value in flat(settings).items()
@@ -86,17 +88,16 @@ def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
 
 def _differing(settings: Sequence[Settings]) -> list[str]:
     """Keys whose values differ, also where the section of the key has the same name."""
-    keys = dict.fromkeys(key for own in settings for key in own)
-    shown = []
-    for key in keys:
+    texts = [{key: repr(value) for key, value in own.items()} for own in settings]
+    table = pd.DataFrame(texts).fillna(repr(None))
+
+    def differs(key: str) -> bool:
         section = key.partition(".")[0]
-        values: dict[str, set[str]] = {}
-        for own in settings:
-            name = None if section == key else own.get(section)
-            values.setdefault(repr(name), set()).add(repr(own.get(key)))
-        if any(len(different) > 1 for different in values.values()):
-            shown.append(key)
-    return shown
+        is_within = section != key and section in table
+        same = table[section] if is_within else pd.Series("", table.index)
+        return bool((table[key].groupby(same).nunique() > 1).any())
+
+    return [*filter(differs, map(str, table))]
 
 
 def figures_of(groups: Sequence[Group]) -> dict[str, Figure]:
@@ -128,13 +129,13 @@ def has_one_reward(groups: Sequence[Group]) -> bool:
 
 
 def _decisive(groups: Sequence[Group]) -> tuple[str, ...]:
-    """What decides the task of all finished runs; nothing if they have several."""
+    """Decisive metrics of the task of all finished runs; none if they have several."""
     found = {_decisive_of(run) for group in groups for run in group.runs}
     return found.pop() if len(found) == 1 else ()
 
 
 def _decisive_of(run: RunSummary) -> tuple[str, ...]:
-    """What decides the task of a run; one from before it was noted is of a built-in task."""
+    """Decisive metrics of a run's task; where none are noted, the task is a built-in one."""
     noted = run.provenance.get("decisive")
     if isinstance(noted, list):
         return tuple(map(str, noted))
@@ -142,56 +143,47 @@ def _decisive_of(run: RunSummary) -> tuple[str, ...]:
 
 
 def ranking_metrics(groups: Sequence[Group]) -> list[str]:
-    """What groups are ranked by: what decides the task, success, the return if comparable."""
+    """Metrics to rank by: the task's decisive ones, success, and the return if comparable."""
     figures = figures_of(groups)
     metrics = dict.fromkeys((*_decisive(groups), "success", "return"))
     return [metric for metric in metrics if f"final_{metric}" in figures]
 
 
-def ranked(groups: Sequence[Group]) -> list[Group]:
+def ranked(groups: Sequence[Group]) -> list[tuple[Group, Row]]:
     """Groups from the best to the worst, by the means of their final evaluations.
 
     Groups without a finished run come last.
-    """
-    figures, metrics = figures_of(groups), ranking_metrics(groups)
-
-    def rank(group: Group) -> list[tuple[bool, float]]:
-        means = [_figure(figures[f"final_{metric}"], group.runs).value for metric in metrics]
-        return [
-            (mean is None, (mean or 0.0) * (1 if metric_named(metric).lower_is_better else -1))
-            for metric, mean in zip(metrics, means, strict=True)
-        ]
-
-    return sorted(groups, key=rank)
-
-
-def table(groups: Sequence[Group]) -> list[Row]:
-    """A row per group, with its figures over the finished runs.
 
     Returns
     -------
-    Rows with the settings, `jobs`, `runs` (the finished ones, which the figures are over), and for
-    each figure its `_mean`, `_low` and `_high`, None where there is none.
+    Each with its row of the table: the settings, `jobs`, `runs` (the finished ones, which the
+    figures are over), and for each figure its `_mean`, `_low` and `_high`, None where there is
+    none.
     """
-    rows, figures = [], figures_of(groups)
+    figures, metrics = figures_of(groups), ranking_metrics(groups)
+    table: list[tuple[Group, Row]] = []
     for group in groups:
         row: Row = {**group.settings, "jobs": group.jobs, "runs": len(group.runs)}
-        for column, figure in figures.items():
-            interval = _figure(figure, group.runs)
+        for column, (which, key, limits) in figures.items():
+            evaluations = [getattr(run, which) or {} for run in group.runs]
+            values = [each[key] for each in evaluations if key in each]
+            interval = mean_over_runs(values, *limits)
             row[f"{column}_mean"] = interval.value
             row[f"{column}_low"], row[f"{column}_high"] = interval.low, interval.high
-        rows.append(row)
-    return rows
+        table.append((group, row))
 
+    def rank(line: tuple[Group, Row]) -> list[tuple[bool, float]]:
+        means = {metric: line[1][f"final_{metric}_mean"] for metric in metrics}
+        return [
+            (mean is None, (mean or 0.0) * (1 if metric_named(metric).lower_is_better else -1))
+            for metric, mean in means.items()
+        ]
 
-def _figure(figure: Figure, runs: Sequence[RunSummary]) -> Interval:
-    which, key, limits = figure
-    evaluations: list[Mapping[str, float] | None] = [getattr(run, which) for run in runs]
-    return mean_over_runs([row[key] for row in evaluations if row and key in row], *limits)
+    return sorted(table, key=rank)
 
 
 def earlier_run(config: TrainingConfig, folder: Path, but: Sequence[str] = ()) -> RunSummary | None:
-    """Find the finished or interrupted run in a folder that comes to the same as a config.
+    """Find the finished or interrupted run in a folder with the settings of a config.
 
     Parameters
     ----------
@@ -259,8 +251,9 @@ def write_comparison(groups: Sequence[Group], output: Path) -> tuple[list[Row], 
     A row per group for people, the best first: the settings that tell it apart, and its values as
     text; and lines that say how to read them.
     """
-    groups = ranked(groups)
-    rows, figures = table(groups), figures_of(groups)
+    best_first = ranked(groups)
+    groups, rows = [group for group, _ in best_first], [row for _, row in best_first]
+    figures = figures_of(groups)
     output.mkdir(parents=True, exist_ok=True)
     write_text(output / COMPARISON_FILE, csv_text(list(rows[0]), rows))
     keys = telling_keys(groups)

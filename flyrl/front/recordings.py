@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -87,51 +87,48 @@ def _write_nwb(pynwb: Any, path: Path, table: pd.DataFrame, about: str) -> None:
         ),
     )
     behaviour = file.create_processing_module("behavior", "a simulated walk")
-    for series in _series(table, pynwb.TimeSeries):
-        behaviour.add(series)
+    time_s = table.time_s.to_numpy()
+    interval_s = float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1.0
+    for name, columns, unit, factor, description in _series(table):
+        behaviour.add(
+            pynwb.TimeSeries(
+                name=name,
+                data=_columns(table, columns),
+                unit=unit,
+                conversion=factor,
+                starting_time=float(time_s[0]),
+                rate=1.0 / interval_s,
+                description=description,
+            )
+        )
     with pynwb.NWBHDF5IO(str(path), "w") as output:
         output.write(file)
 
 
-def _series(table: pd.DataFrame, series: Callable[..., Any]) -> list[Any]:
-    """Time series of a walk, each (T, k), with what their columns are in the description."""
-    time_s = table.time_s.to_numpy()
-    interval_s = float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1.0
+def _series(table: pd.DataFrame) -> list[tuple[str, Sequence[str], str, float, str]]:
+    """Name, columns, unit, factor from the columns' unit, and description of each time series."""
     command = [str(name) for name in table if str(name).startswith("command_")]
     forces, legs = [f"f{axis}_{leg}" for leg in LEGS for axis in "xyz"], ", ".join(LEGS)
-    # name, columns, unit, factor from the columns' unit, description
-    parts: list[tuple[str, Sequence[str], str, float, str]] = [
+    of_legs = {
+        ("phases", "phase", "rad"): "of oscillators",
+        ("magnitudes", "magnitude", "1"): "of oscillators",
+        ("adhesion", "adhesion", "1"): "1 where a leg grips",
+        ("stance", "stance", "1"): "1 where a leg stands",
+        ("retraction", "retracts", "1"): "reflex, 1 in",
+        ("stumbling", "stumbles", "1"): "reflex, 1 in",
+    }
+    return [
         ("thorax_position", ["x_mm", "y_mm", "z_mm"], "m", 1e-3, "x, y, z in the world"),
         ("thorax_velocity", ["vx_mm_s", "vy_mm_s", "vz_mm_s"], "m/s", 1e-3, "along x, y, z"),
         ("thorax_angles", ["yaw_rad", "pitch_rad", "roll_rad"], "rad", 1.0, "yaw, pitch, roll"),
         ("joint_angles", JOINTS, "rad", 1.0, ", ".join(JOINTS)),
         ("joint_torques", TORQUES, "N*m", 1e-9, ", ".join(TORQUES)),
         ("contact_forces", forces, "N", 1e-6, f"x, y, z in the world of each of {legs}"),
-    ]
-    parts += [
-        (name, [f"{column}_{leg}" for leg in LEGS], unit, 1.0, f"{text}: {legs}")
-        for name, column, unit, text in (
-            ("phases", "phase", "rad", "of oscillators"),
-            ("magnitudes", "magnitude", "1", "of oscillators"),
-            ("adhesion", "adhesion", "1", "1 where a leg grips"),
-            ("stance", "stance", "1", "1 where a leg stands"),
-            ("retraction", "retracts", "1", "reflex, 1 in"),
-            ("stumbling", "stumbles", "1", "reflex, 1 in"),
-        )
-    ]
-    if command:
-        parts.append(("command", command, "1", 1.0, ", ".join(command)))
-    return [
-        series(
-            name=name,
-            data=_columns(table, columns),
-            unit=unit,
-            conversion=factor,
-            starting_time=float(time_s[0]),
-            rate=1.0 / interval_s,
-            description=description,
-        )
-        for name, columns, unit, factor, description in parts
+        *(
+            (name, [f"{column}_{leg}" for leg in LEGS], unit, 1.0, f"{text}: {legs}")
+            for (name, column, unit), text in of_legs.items()
+        ),
+        *([("command", command, "1", 1.0, ", ".join(command))] if command else []),
     ]
 
 

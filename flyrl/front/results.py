@@ -310,7 +310,7 @@ def differences_from_report(path: Path, results: Results) -> tuple[bool, list[st
 
 
 def _episodes_differ(folder: Path, results: Results) -> list[str]:
-    """Where the rows differ from those beside the report, if they are there."""
+    """Differences from the rows beside the report, a line each."""
     try:
         before = load_results(folder).episodes
     except ResultsError as error:

@@ -47,7 +47,7 @@ _FIXED: Final = (
 _FIRST_PRUNED: Final = 2
 """The first evaluation of a trial never prunes it: early success is mostly luck."""
 _REPEATS: Final = "repeats"
-"""Of a trial that takes the place, and the run, of an interrupted one: the number of that."""
+"""User attribute of a trial that repeats an interrupted one: the number of that."""
 
 Values = Mapping[str, Any]
 Space = Mapping[str, BaseDistribution]
@@ -85,7 +85,7 @@ class Plan:
     command: Callable[[Values], Sequence[str]] = lambda values: ()
 
     def values(self, params: Values) -> dict[str, Any]:
-        """What a trial drew, by key, in the order of the search space."""
+        """Values that a trial drew, by key, in the order of the search space."""
         drawn = {key: params[key] for key in self.space if key in params}
         is_list = {key: isinstance(v, str) and v.startswith("[") for key, v in drawn.items()}
         return {key: json.loads(v) if is_list[key] else v for key, v in drawn.items()}

@@ -21,13 +21,13 @@ from flyrl.simulation.rendering import Picture
 from flyrl.validation import FloatArray
 
 LENGTHS_MM: Final = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
-"""That a scale bar can have."""
+"""Lengths of a scale bar."""
 
 LONGEST: Final = 0.22
-"""Share of a picture's width that a scale bar has at most."""
+"""Largest share of a picture's width that a scale bar takes."""
 
 MARGIN: Final = 10
-"""px from the edges."""
+"""Distance from the edges, px."""
 
 _SHADE: Final = (10, 14, 20, 150)
 _BRIGHT: Final = (255, 255, 255, 255)
@@ -35,7 +35,7 @@ _SOFT: Final = (205, 212, 220, 255)
 _SMALL: Final = 12.0
 
 _BAR_MARGIN: Final = 16
-"""px from the edges, of tension bars."""
+"""Distance of tension bars from the edges, px."""
 
 _BAR_FRAME: Final = (40, 46, 54)
 _BAR_EMPTY: Final = (236, 238, 241)
@@ -57,11 +57,12 @@ def font_of(size: float) -> ImageFont.FreeTypeFont:
 
 def clock_text(time_s: float, speed: float) -> str:
     """Simulated time, and how fast it plays; `speed` is simulated s per s of the video."""
-    return f"t = {time_s:.2f} s   {speed_text(speed)}"
+    factor = "" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} "
+    return f"t = {time_s:.2f} s   {factor}real time"
 
 
 def ending_text(outcome: str, time_s: float, longest_s: float) -> str:
-    """How and when an episode ended; the time of the last picture before it, where that is earlier.
+    """Outcome and end of an episode, after the time of the last picture if that is earlier.
 
     Parameters
     ----------
@@ -74,24 +75,15 @@ def ending_text(outcome: str, time_s: float, longest_s: float) -> str:
     return text if time_s <= longest_s + 1e-9 else f"t = {longest_s:.2f} s; {text}"
 
 
-def speed_text(speed: float) -> str:
-    """How fast a video plays."""
-    return "real time" if abs(speed - 1) < 1e-9 else f"{speed:g} \N{MULTIPLICATION SIGN} real time"
-
-
 def titled(picture: Picture, title: str, text: str = "", *, is_end: bool = False) -> Picture:
     """Write a title, and a line below it, which is brighter in the end."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    lines = [(title, 20.0, _BRIGHT)]
-    if text:
-        lines.append((text, 13.0, _BRIGHT if is_end else _SOFT))
-    fonts = [font_of(size) for _, size, _ in lines]
-    width = max(draw.textlength(line, font) for (line, *_), font in zip(lines, fonts, strict=True))
-    bottom = 68 if text else 46
-    draw.rectangle((MARGIN, MARGIN, 34 + width, bottom), fill=_SHADE)
-    for (line, _, shade), font, y in zip(lines, fonts, (15, 43), strict=False):
-        draw.text((22, y), line, fill=shade, font=font)
+    upper, lower = font_of(20.0), font_of(13.0)
+    width = max(draw.textlength(title, upper), draw.textlength(text, lower))
+    draw.rectangle((MARGIN, MARGIN, 34 + width, 68 if text else 46), fill=_SHADE)
+    draw.text((22, 15), title, fill=_BRIGHT, font=upper)
+    draw.text((22, 43), text, fill=_BRIGHT if is_end else _SOFT, font=lower)
     return np.asarray(image)
 
 
@@ -111,7 +103,7 @@ def with_scale_bar(picture: Picture, pixels_per_mm: float, note: str = "") -> Pi
     Parameters
     ----------
     pixels_per_mm
-        Of what the bar is to measure.
+        Scale of the picture, at the depth that the bar measures.
     note
         Stands beside the length.
     """
@@ -129,7 +121,7 @@ def with_scale_bar(picture: Picture, pixels_per_mm: float, note: str = "") -> Pi
 
 
 def with_legend(picture: Picture, entries: Sequence[tuple[str, str]]) -> Picture:
-    """Say in the lower right corner what colours of legs mean, one below the other.
+    """Explain colours of legs in the lower right corner, one below the other.
 
     Parameters
     ----------

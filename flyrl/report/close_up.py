@@ -1,4 +1,4 @@
-"""Figures of single walks: gait diagrams, curves over time; and of what drives do."""
+"""Figures of single walks (gait diagrams, curves over time) and of drives."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ from flyrl.rollouts import BoolArray, EpisodeRecord
 from flyrl.validation import FloatArray, one_of
 
 SHOWN_S: Final = 1.0
-"""How much of an episode a gait diagram shows, s: twelve strides."""
+"""Part of an episode that a gait diagram shows, s: twelve strides."""
 
 MAX_VISITED: Final = 500
-"""Drives of a policy that are drawn at most."""
+"""Largest number of drives of a policy that are drawn."""
 
 MAX_STEERING: Final = 12
-"""Policies whose steering is drawn at most."""
+"""Largest number of policies whose steering is drawn."""
 
 _STEERING_COLUMNS: Final = 3
 
 STRIDE_S: Final = 0.1
-"""Over which a speed is taken, s: about a stride, within which the thorax rocks."""
+"""Window over which a speed is taken, s: about a stride, within which the thorax rocks."""
 
 
 def gait_figure(records: Sequence[EpisodeRecord]) -> Figure:

@@ -51,10 +51,10 @@ from flyrl.rollouts import BoolArray
 from flyrl.validation import FloatArray
 
 TIMESTEP_S: Final = 1e-3
-"""Of what is integrated here, s."""
+"""Time step of the oscillators and of the tables, s."""
 
 RULES_TIMESTEP_S: Final = 1e-4
-"""Of the rules, s: as in the literature, for they are checked once a step."""
+"""Time step of the rules, s, as in the literature: they are checked once a step."""
 
 TURN: Final = (1.2, 0.2)
 """The literature's drive to the left and to the right legs."""
@@ -63,7 +63,7 @@ CYCLES: Final = 3
 """Step cycles in the figures of recorded steps."""
 
 _PLACES: Final = {leg: ("LR".index(leg[0]), "HMF".index(leg[1])) for leg in LEGS}
-"""Where the legs stand in the rules' graph: left and right, hind to front."""
+"""Place of each leg in the rules' graph: left and right, hind to front."""
 
 
 def three_oscillators_plot() -> Plot:
@@ -119,7 +119,7 @@ def steps_plot(*, ramps: bool = False) -> Plot:
 
 
 def adhesion_plot() -> Plot:
-    """Whether each leg grips, over the phase of its step."""
+    """Grip of each leg over the phase of its step."""
     steps = PreprogrammedSteps()
     phase = np.linspace(0.0, 2 * np.pi, 721)
     table = pd.DataFrame({"phase": phase})

@@ -36,19 +36,19 @@ from flyrl.tasks import SUCCESS
 from flyrl.validation import FloatArray
 
 MAX_DOTS: Final = 400
-"""Dots of one row beyond which their outline stands for them, to keep the page small."""
+"""Largest number of dots in a row; more are drawn as an outline, to keep the page small."""
 
 BINS: Final = 60
-"""Steps of such an outline over the width of its panel."""
+"""Steps of an outline over the width of its panel."""
 
 DOSE_PANELS: Final = 3
-"""Panels side by side of what doses do."""
+"""Panels side by side in a figure of doses."""
 
 MAX_DOSE_LETTERS: Final = 36
-"""What fits below a panel on one line."""
+"""Characters that fit below a panel on one line."""
 
 _REACH: Final = 0.32
-"""How far dots and outlines spread from the middle of their row."""
+"""Largest distance of dots and outlines from the middle of their row."""
 
 _ROW_HEIGHT: Final = 0.36
 
@@ -160,7 +160,7 @@ def doses_figure(
     labels: Sequence[str],
     metrics: Sequence[str],
 ) -> Figure:
-    """What each dose of a quantity does: a panel per metric, a colour per controller.
+    """Effect of each dose of a quantity: a panel per metric, a colour per controller.
 
     Success with its interval, of all other metrics the mean with quartiles; a line leads from
     number to number, and what cannot be ordered stands side by side.
@@ -223,7 +223,7 @@ def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[flo
 
 
 def _places(values: Sequence[str]) -> tuple[list[float], bool]:
-    """Where values stand on an axis, and whether they are numbers, each in its place."""
+    """Places of values on an axis, and whether they are numbers, each in its place."""
     try:
         return [float(value) for value in values], True
     except ValueError:
@@ -309,10 +309,10 @@ def _episodes(
 
 
 def outlines(values: FloatArray, is_success: BoolArray, edges: FloatArray) -> FloatArray:
-    """How far values spread from the middle of their row, bin by bin.
+    """Outlines of values around the middle of their row, bin by bin.
 
-    As the square root of their number, so that a few show beside thousands. NaN where there are
-    none: nothing is drawn there.
+    Their height is the square root of the number of values, so that a few show beside thousands;
+    NaN where there are none: nothing is drawn there.
 
     Parameters
     ----------

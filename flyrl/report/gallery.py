@@ -104,7 +104,7 @@ GALLERY: Final[Mapping[str, Callable[[], Plot | Film]]] = {
     **{name: partial(film_walk, walk) for name, walk in WALKS.items()},
     "worm": film_worm,
 }
-"""What draws or films each."""
+"""Function that draws or films each figure of the gallery."""
 
 
 def write(drawn: Plot | Film, folder: Path, name: str) -> None:

@@ -25,37 +25,11 @@ from flyrl.evaluation.metrics import descriptions, metric_label, metric_named
 from flyrl.evaluation.results import Results
 from flyrl.evaluation.trainings import PROFILE_AT, generalisation, trainings
 from flyrl.files import OutputFolder
-from flyrl.report import close_up, figures, sections
+from flyrl.report import close_up, figures, sections, style, wording
 from flyrl.report.curves import Evaluations, learning_curves
 from flyrl.report.exports import format_tables
 from flyrl.report.paths import paths_figure
-from flyrl.report.style import (
-    WIDTH_IN,
-    colours,
-    inline,
-    outcome_shapes,
-    standalone,
-    stylesheet,
-    svg_text,
-    themed,
-)
 from flyrl.report.video import Video
-from flyrl.report.wording import (
-    changes_text,
-    effects_text,
-    format_number,
-    headline,
-    held_out_text,
-    leader_cells,
-    leaders_by_condition,
-    level_text,
-    outcome_name,
-    parameters_text,
-    rates,
-    shared_text,
-    training_note,
-    usual_condition,
-)
 from flyrl.rollouts import EpisodeRecord
 from flyrl.tasks import SUCCESS, TIMEOUT
 from flyrl.text import plain_name, printable
@@ -67,11 +41,11 @@ TABLES_FOLDER: Final = "tables"
 
 ORIGIN_SCHEMA: Final = "flyrl.report/1"
 ORIGIN_ID: Final = "origin"
-"""Of the element in a report that says how to repeat it."""
+"""Id of the element in a report that says how to repeat it."""
 
 
 class Additions(TypedDict, total=False):
-    """What a report can show beside results.
+    """Optional contents of a report.
 
     Attributes
     ----------
@@ -119,7 +93,7 @@ def write_report(results: Results, folder: str | Path, **additions: Unpack[Addit
     context = report_context(results, **additions)
     output.write_text(REPORT_FILE, format_page(context))
     files = {
-        f"{FIGURES_FOLDER}/{plain_name(name)}.svg": standalone(svg)
+        f"{FIGURES_FOLDER}/{plain_name(name)}.svg": style.standalone(svg)
         for name, svg in context["svgs"].items()
     }
     for name, text in format_tables(results, context["all_leaders"]).items():
@@ -153,8 +127,8 @@ def format_page(context: Mapping[str, Any]) -> str:
         "data_url": data_url,
         "label": context["labels"].get,
         "metric_label": metric_label,
-        "number": format_number,
-        "outcome": outcome_name,
+        "number": wording.format_number,
+        "outcome": wording.outcome_name,
         "prefixed": lambda text, prefix: f"{prefix}{text}",
         "script_hash": script_hash,
     }
@@ -197,7 +171,8 @@ def draw_figures(
     """
     protocol, rows, summary = results.protocol, results.episodes, results.summaries
     horizon_s, metrics = protocol["horizon_s"], sections.spread_metrics(protocol)
-    success = figures.success_figure(sections.usual_rows(results), usual_condition(protocol))
+    usual = sections.usual_rows(results)
+    success = figures.success_figure(usual, wording.usual_condition(protocol))
     drawn: dict[str, Figure | None] = {"success": success}
     grounds = {}
     for terrain, section in zip(protocol["terrains"], terrains, strict=True):
@@ -232,22 +207,20 @@ def draw_figures(
         for label, names in trainings(protocol["entrants"]).items()
     ]
     if any(runs for _, runs in groups):
-        drawn["learning-curves"] = learning_curves(groups, width=WIDTH_IN)
-    return {name: svg_text(figure) for name, figure in drawn.items() if figure}, grounds
+        drawn["learning-curves"] = learning_curves(groups, width=style.WIDTH_IN)
+    return {name: style.svg_text(figure) for name, figure in drawn.items() if figure}, grounds
 
 
 def _learned_drives(results: Results) -> dict[str, NDArray[np.float32]]:
     """Drives (T, 2) that each learned policy chose, as far as its paths were kept."""
     names = results.episodes["controller"]
-    drives: dict[str, list[NDArray[np.float32]]] = {
-        entrant["name"]: []
-        for entrant in results.protocol["entrants"]
-        if entrant.get("kind") in ("learned", "own")
-    }
+    entrants = results.protocol["entrants"]
+    learned = [each["name"] for each in entrants if each.get("kind") in ("learned", "own")]
+    drives: dict[str, list[NDArray[np.float32]]] = {}
     for row, path in results.trajectories.items():
-        if names[row] in drives:
-            drives[names[row]].append(path.drive[1:])
-    return {name: np.concatenate(own) for name, own in drives.items() if own}
+        if names[row] in learned:
+            drives.setdefault(names[row], []).append(path.drive[1:])
+    return {name: np.concatenate(own) for name, own in drives.items()}
 
 
 def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str, Any]:
@@ -263,7 +236,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     names = [row["controller"] for row in summary]
     names += [entrant["name"] for entrant in protocol["entrants"]]
     walked_on = ", ".join(dict.fromkeys(row["terrain"] for row in summary))
-    usual, condition = sections.usual_rows(results), usual_condition(protocol)
+    usual, condition = sections.usual_rows(results), wording.usual_condition(protocol)
     leaders = sections.all_leaders(results)
     usual_leaders = [each for each in leaders if each.condition == usual[0]["condition"]]
     table = protocol.get("table")
@@ -271,7 +244,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     present = sections.present_metrics(results)
     measured = summary[0]["metrics"]
     labels = {metric: metric_label(metric) for metric in ("success", *measured)}
-    effects = effects_text(decisive, labels, protocol)
+    effects = wording.effects_text(decisive, labels, protocol)
     if (table or {}).get("actions") == "neurons":
         labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
@@ -280,7 +253,9 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     ]
     failures = [each for each in dict.fromkeys(outcomes) if each not in (SUCCESS, TIMEOUT)]
     controllers = len({row["controller"] for row in usual})
-    notes = [changes_text(leaders, usual_leaders), level_text(effects)] if controllers > 1 else []
+    notes = [wording.training_note(protocol)]
+    if controllers > 1:
+        notes[:0] = [wording.changes_text(leaders, usual_leaders), wording.level_text(effects)]
     shown = [*sections.spread_metrics(protocol), "path_efficiency"]
     metrics = {key: text for key, text in descriptions(protocol).items() if key in present}
     of_gait = [key for key in measured if metric_named(key).needs_gait or key == "drive_variation"]
@@ -289,40 +264,39 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     svgs, grounds = draw_figures(results, terrains, seeds, additions)
     return {
         "title": f"{protocol['task']} on {walked_on}",
-        "headline": headline(usual_leaders, controllers, condition),
-        "notes": list(filter(None, [*notes, training_note(protocol)])),
+        "headline": wording.headline(usual_leaders, controllers, condition),
+        "notes": list(filter(None, notes)),
         "condition": condition,
-        "shared": shared_text(protocol, results.drawn),
-        "held_out": held_out_text(protocol),
+        "shared": wording.shared_text(protocol, results.drawn),
+        "held_out": wording.held_out_text(protocol),
         "effects": effects,
-        "detail": rates(usual, protocol) if decisive[0] == "success" else "",
-        "leaders": [(leader, leader_cells(leader)) for leader in usual_leaders],
+        "detail": wording.rates(usual, protocol) if decisive[0] == "success" else "",
+        "leaders": [(leader, wording.leader_cells(leader)) for leader in usual_leaders],
         "all_leaders": leaders,
-        "leaders_by_condition": leaders_by_condition(leaders),
-        "decisive": decisive,
+        "leaders_by_condition": wording.leaders_by_condition(leaders),
         "lower_is_better": [metric for metric in measured if metric_named(metric).lower_is_better],
         "protocol": protocol,
         "folders": {"figures": FIGURES_FOLDER, "tables": TABLES_FOLDER},
-        "stylesheet": Markup(stylesheet()),
-        "colours": {name: themed(colour) for name, colour in colours(names).items()},
+        "stylesheet": Markup(style.stylesheet()),
+        "colours": {name: style.themed(colour) for name, colour in style.colours(names).items()},
         "metrics": metrics,
         "shown": shown,
-        "compared": protocol["compared"],
         "labels": labels,
         "svgs": svgs,
-        "figures": {name: Markup(inline(svg, name)) for name, svg in svgs.items()},
+        "figures": {name: Markup(style.inline(svg, name)) for name, svg in svgs.items()},
         "grounds": grounds,
         "rows": [sections.table_row(row) for row in usual],
         "episodes": sections.episodes_section(results, shown),
         "filmed": sorted({f"{video.terrain}/{video.episode}" for video in videos}),
         "terrains": terrains,
-        "lead": sections.lead_section(protocol, leading),
+        "lead": leading and sections.player(leading[0].terrain, leading, ()),
+        "lead_text": leading and wording.contrast_text(protocol, leading[0].terrain),
         "note": additions.get("note"),
         "drive_map": drive_map,
         "mdp": table,
-        "parameters": parameters_text(protocol),
-        "failures": [outcome_name(each) for each in failures],
-        "shapes": outcome_shapes([SUCCESS, TIMEOUT, *failures]),
+        "parameters": wording.parameters_text(protocol),
+        "failures": [wording.outcome_name(each) for each in failures],
+        "shapes": style.outcome_shapes([SUCCESS, TIMEOUT, *failures]),
         "has_goals": any(drawn and drawn[0]["goal"] for drawn in results.drawn.values()),
         "trainings": sections.trainings_section(protocol["entrants"]),
         "steering_starts": len(next(iter(steering.drives.values()))) if steering else 0,
@@ -351,7 +325,7 @@ def origin_json(results: Results) -> str:
 
 
 def read_origin(path: Path) -> Json:
-    """What a report holds of where it comes from: settings, versions, hashes.
+    """Origin of a report: settings, versions, hashes.
 
     Raises
     ------

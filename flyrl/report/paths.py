@@ -1,4 +1,4 @@
-"""Figures of the ways that flies took, seen from above, over the ground where it is rough."""
+"""Figures of paths seen from above, over the ground where it is rough."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ COLUMNS: Final = 3
 """Panels side by side."""
 
 MARGIN: Final = 2.0
-"""mm between what is shown and the edge of the view, about the length of a fly."""
+"""Distance between what is shown and the edge of the view, mm, about the length of a fly."""
 
 LEAST_VIEW: Final = 8.0
-"""Least extent of a view either way, mm."""
+"""Least width and height of a view, mm."""
 
 _SHORT_NAME: Final = 18
 """Characters of a name that stands beside the count of successes in full size."""
@@ -44,7 +44,7 @@ GROUND_SHADES: Final = (0.15, 0.5)
 """Opacity of the lowest ground and of the highest; gaps are bare."""
 
 PIXELS: Final = 500
-"""Of a picture of the ground, along its longer side."""
+"""Size of a picture of the ground along its longer side, px."""
 
 
 class Thing(NamedTuple):
@@ -241,7 +241,7 @@ def ground_picture(terrain: Terrain, ground: Ground, view: Bounds) -> FloatArray
 
 
 def view_of(walks: Walks, ground: Bounds) -> Bounds:
-    """Where paths and goals are, with a margin, as far as there is ground."""
+    """Extent of paths and goals, with a margin, as far as there is ground."""
     shown = [walk for own in walks.values() for walk in own[:MAX_PATHS]]
     points = np.concatenate([each for walk in shown for each in (walk.path, walk.goals)])
     low = np.maximum(points.min(axis=0), (ground.x_min, ground.y_min)) - MARGIN

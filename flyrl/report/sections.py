@@ -11,12 +11,13 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
+from matplotlib.colors import to_hex
 
 from flyrl.evaluation.conditions import QUANTITIES, compared_conditions
 from flyrl.evaluation.contrast import crossing, success_by_kind
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
-from flyrl.evaluation.results import Results
+from flyrl.evaluation.results import Results, paired
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.evaluation.summary import Leader, find_leaders
 from flyrl.evaluation.trainings import seed_groups
@@ -34,9 +35,6 @@ DIGITS: Final = 5
 
 _LONGEST: Final = 400
 """Characters of a text from a policy file that are shown."""
-
-_LIBRARY: Final = {"script": "html/dt_bundle.js", "style": "html/dt_bundle.css"}
-"""DataTables (https://datatables.net, MIT licence), in the package itables."""
 
 _LEGEND: Final = {
     "grips": "tarsi while the leg grips",
@@ -60,11 +58,8 @@ def all_leaders(results: Results) -> list[Leader]:
     """The best on each terrain under each condition, the usual one first."""
     protocol, rows = results.protocol, results.episodes
     labels = [condition.label for condition in compared_conditions(protocol["vary"])]
-    found = find_leaders(
-        rows[rows["condition"].isin(labels)],
-        protocol,
-        np.random.default_rng(protocol["seed"]),
-    )
+    rng = np.random.default_rng(protocol["seed"])
+    found = find_leaders(rows[rows["condition"].isin(labels)], protocol, rng)
     return sorted(found, key=lambda leader: labels.index(leader.condition))
 
 
@@ -101,15 +96,6 @@ def lead_videos(protocol: Json, videos: Sequence[Video]) -> list[Video]:
     return []
 
 
-def lead_section(protocol: Json, pair: Sequence[Video]) -> Json | None:
-    """What a report leads with: the videos of `lead_videos`, and why these; None without any."""
-    if not pair:
-        return None
-    terrain = pair[0].terrain
-    text = contrast_text(protocol, terrain)
-    return {"terrain": terrain, "text": text, "player": player(terrain, pair, ())}
-
-
 def terrain_section(
     results: Results,
     terrain: Json,
@@ -142,11 +128,7 @@ def terrain_section(
         "is_outlined": walked["controller"].value_counts().max() > MAX_DOTS,
         "walks": walks,
         "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
-        "differences": [
-            {"controller": row["controller"], **row["paired"]["differences"]}
-            for row in summary
-            if row["paired"]
-        ],
+        "compared": [row for row in summary if row["paired"]],
         "reasons": _reasons(summary),
         "crossing": crossing(of_usual, protocol, np.random.default_rng(protocol["seed"])),
         "kinds": success_by_kind(of_usual, terrain["config"]),
@@ -174,7 +156,7 @@ def present_metrics(results: Results) -> set[str]:
 
 
 def _edge(rows: pd.DataFrame, terrain: Json) -> str:
-    """What it means that flies left the arena; empty where none did."""
+    """Explanation of flies that left the arena; empty where none did."""
     left = int((rows["outcome"] == LEFT_ARENA).sum())
     if not left:
         return ""
@@ -230,15 +212,14 @@ def study_section(results: Results) -> Json | None:
 def _reasons(summary: Sequence[Json]) -> list[str]:
     """Why intervals are missing, controller by controller."""
     missing: dict[str, list[str]] = {}
-    for row in summary:
-        for metric, interval in (row["paired"] or {"differences": {}})["differences"].items():
-            if interval["reason"]:
-                missing.setdefault(f"{row['controller']}: {interval['reason']}", []).append(metric)
+    for row, metric, interval in paired(summary, "differences"):
+        if interval["reason"]:
+            missing.setdefault(f"{row['controller']}: {interval['reason']}", []).append(metric)
     return [f"{text} ({', '.join(metrics)})" for text, metrics in missing.items()]
 
 
 def seeds_section(results: Results) -> Json | None:
-    """What trainings reach over their seeds; None without one that has several."""
+    """Success of trainings over their seeds; None without one that has several."""
     groups = seed_groups(results.protocol["entrants"], usual_rows(results))
     if not any(len(group.names) > 1 for group in groups):
         return None
@@ -294,14 +275,13 @@ def episodes_section(results: Results, metrics: Sequence[str]) -> Json:
     metrics
         Columns of numbers to show.
     """
-    package = resources.files("itables")
+    # DataTables, https://datatables.net, MIT licence
+    library = resources.files("itables") / "html"
     return {
         "count": len(results.episodes),
         "data": packed(json.dumps(episode_rows(results, metrics), separators=(",", ":"))),
-        **{
-            key: packed(package.joinpath(file).read_text(encoding="utf-8"))
-            for key, file in _LIBRARY.items()
-        },
+        "script": packed((library / "dt_bundle.js").read_text(encoding="utf-8")),
+        "style": packed((library / "dt_bundle.css").read_text(encoding="utf-8")),
     }
 
 
@@ -359,10 +339,11 @@ def player(
     is_fly = all(record.creature == "fly" for record in walked)
     return {
         "name": f"{terrain}-{episode}",
+        "terrain": terrain,
         "episode": episode,
         "videos": shown,
         "has_lead": len(shown) < len(videos),
-        "legend": [(_css(LEG_COLOURS[name]), text) for name, text in _LEGEND.items() if is_fly],
+        "legend": [(to_hex(LEG_COLOURS[name]), text) for name, text in _LEGEND.items() if is_fly],
         "fps": FPS,
         "slowdown": 1 / (FPS * frame_s),
         "frame_s": frame_s,
@@ -372,7 +353,3 @@ def player(
         # without videos, all of the walks
         "until_s": max([each.shown_s for each in videos] or [each.duration_s for each in walked]),
     }
-
-
-def _css(rgb: tuple[float, float, float]) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in rgb)

@@ -143,7 +143,7 @@ def panels(
 
 
 def add_legend(figure: Figure, **options: Any) -> None:
-    """Say below the panels what lines of the first one stand for, if it has any with a name."""
+    """Put the legend of the first panel below all panels, if it has named lines."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
     if handles:
         figure.legend(handles, labels, **{"loc": "outside lower left", "ncols": 6, **options})
@@ -156,10 +156,10 @@ _DOTS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "left_arena": ("triangle", {"marker": "^", "s": 16, "linewidths": 0.9, "facecolors": "none"}),
     "unstable": ("plus", {"marker": "+", "s": 22, "linewidths": 1.1}),
 }
-"""How an episode's dot shows its outcome, in words and for matplotlib."""
+"""Shape of an episode's dot by outcome, in words and for matplotlib."""
 
 _OWN_DOT: Final[tuple[str, dict[str, Any]]] = ("diamond", {"marker": "D", "s": 12, "linewidths": 0})
-"""The same for an outcome of a user's own task."""
+"""Shape of the dot for an outcome of a user's own task."""
 
 
 def outcome_shapes(outcomes: Iterable[str]) -> str:

@@ -41,7 +41,7 @@ FPS: Final = 25
 
 
 class Pace(NamedTuple):
-    """How an episode is filmed.
+    """Pace of a film.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ WORM_PACE: Final = Pace(1 / FPS, 5.0)
 
 
 FILMED: Final = View("goal", Overlay(), WIDTH, HEIGHT)
-"""How videos look."""
+"""Camera, overlay and size of videos."""
 
 HOLD_FRAMES: Final = 20
 """Frames for which the end stands still, so that it can be read."""
@@ -76,10 +76,10 @@ _KEYFRAME_EVERY: Final = 20
 """Pictures; a browser that jumps into a video has no more than these to decode."""
 
 MAX_BYTES: Final = 2 * 10**6
-"""Of one video."""
+"""Largest size of one video."""
 
 ALL_BYTES: Final = 4 * 10**6
-"""Of all videos of a report together; in the page a third more, which leaves room below 8 MB."""
+"""Largest size of all videos of a report; base64 adds a third, which leaves room below 8 MB."""
 
 _MOST_AT_A_TIME: Final = 4
 """Entrants that are filmed at once: the pictures of a film take 100 MB until it is encoded."""
@@ -155,24 +155,21 @@ def record_videos(
     note goes to stderr as well, in one line, and nothing is raised.
     """
     filmed = config.filmed(chosen)
-    places = {
-        entrant.name: [
-            (terrain, index)
+    by_entrant = [
+        [
+            (entrant, terrain, index)
             for terrain in config.terrain_configs
             for index in filmed[terrain.label]
             if (entrant.name, terrain.label) not in missing
         ]
         for entrant in entrants
-    }
-    count = sum(map(len, places.values()))
+    ]
+    count = sum(map(len, by_entrant))
     videos: list[Video] = []
     max_bytes = min(MAX_BYTES, ALL_BYTES // max(count, 1))
 
-    def of_entrant(entrant: Entrant) -> list[Video]:
-        return [
-            record_video(config, entrant, where, config.draw_episodes(where)[i], i, view, max_bytes)
-            for where, i in places[entrant.name]
-        ]
+    def film(walks: Sequence[tuple[Entrant, Terrain, int]]) -> list[Video]:
+        return [record_video(config, *walk, view, max_bytes) for walk in walks]
 
     threads = min(config.num_threads or os.cpu_count() or 1, _MOST_AT_A_TIME)
     try:
@@ -184,7 +181,7 @@ def record_videos(
             # nobody's own code is called by two threads at once, unless it is in two entrants
             ThreadPoolExecutor(threads if can_draw_in_threads() else 1) as pool,
         ):
-            for films in pool.map(of_entrant, entrants):
+            for films in pool.map(film, by_entrant):
                 videos += films
                 bar.update(len(films))
     except (RenderingUnavailableError, RuntimeError, OSError) as error:
@@ -198,7 +195,6 @@ def record_video(
     config: EvaluationConfig,
     entrant: Entrant,
     terrain: Terrain,
-    episode: Episode,
     index: int = 0,
     view: View = FILMED,
     max_bytes: int = MAX_BYTES,
@@ -211,6 +207,7 @@ def record_video(
         If no GL context can be made.
     """
     env = BatchedEnv(entrant.env(config, terrain), 1, num_threads=1)
+    episode = config.draw_episodes(terrain)[index]
     is_fly = env.config.creature == "fly"
     pace = FLY_PACE if is_fly else WORM_PACE
     # a worm has no feet whose forces are drawn
@@ -241,7 +238,7 @@ def record_video(
 
 
 def measured(picture: Picture, pixels_per_mm: float, overlay: Overlay) -> Picture:
-    """A picture of a fly with its scale bar, which tells what arrows stand for too, if it has one.
+    """A picture of a fly with its scale bar, if it has one, and the scale of force arrows.
 
     Parameters
     ----------
@@ -307,7 +304,6 @@ def encode(pictures: list[Picture], fps: int = FPS, max_bytes: int = MAX_BYTES) 
                 codec="libx264",
                 quality=None,
                 macro_block_size=2,
-                pix_fmt_out="yuv420p",
                 output_params=[
                     *("-crf", str(crf), "-preset", "veryfast", "-g", str(_KEYFRAME_EVERY)),
                     *("-movflags", "+faststart"),

@@ -60,7 +60,7 @@ class Film:
 
 @dataclass(frozen=True)
 class WalkVideo:
-    """What is filmed.
+    """Settings of a filmed walk.
 
     Attributes
     ----------
@@ -184,7 +184,7 @@ def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:
 
 
 HOLD_S: Final = 1.0
-"""For how long every number of neurons is held, s: the worm has settled then."""
+"""Time for which every number of neurons is held, s: the worm settles."""
 
 
 def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: float = HOLD_S) -> Film:

@@ -89,7 +89,7 @@ STEP_DEG: Final = 5
 
 LEVEL_S: Final = 0.4
 SLOPE_S: Final = 1.0
-"""How long the fly walks on level ground, and then on the slope."""
+"""Time on level ground, and then on the slope, s."""
 
 _DECISION_S: Final = 0.02
 
@@ -190,7 +190,7 @@ GAITS: Final[tuple[Gait, ...]] = get_args(Gait)
 FLIES: Final = 16
 DURATION_S: Final = 1.5
 SHOWN_S: Final = 0.6
-"""Of the gait, at the end of a walk, s."""
+"""Part of the gait that is shown, at the end of a walk, s."""
 
 
 def gaits_plot() -> Plot:

@@ -1,4 +1,4 @@
-"""What a report says in words and numbers."""
+"""Words and numbers of a report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flyrl.policies.laws import split_legs
 NOTHING: Final = 1e-9
 """Numbers closer to 0 are written as 0."""
 
-_SHARED: Final = {"goal": "goal", "command": "command", "pushes": "pushes"}
+_SHARED: Final = ("goal", "command", "pushes")
 """Fields of an episode that are named where they hold something."""
 
 _TAUGHT: Final = ("learned", "own")
@@ -34,24 +34,21 @@ def headline(leaders: Sequence[Leader], controllers: int, condition: str = "") -
     condition
         Under which the leaders were found; empty where nothing was varied.
     """
-    if controllers == 1:
-        text = f"{leaders[0].names[0]} on {_listed([leader.terrain for leader in leaders])}"
-    else:
-        winners: dict[frozenset[str], list[Leader]] = {}
-        for leader in leaders:
-            winners.setdefault(frozenset(leader.names), []).append(leader)
-        text = "; ".join(
-            _verdict(own[0].names, [leader.terrain for leader in own], controllers)
-            for own in winners.values()
-        )
+    winners: dict[frozenset[str], list[Leader]] = {}
+    for leader in leaders:
+        winners.setdefault(frozenset(leader.names), []).append(leader)
+    text = "; ".join(_verdict(own, controllers) for own in winners.values())
     text = f"With {condition}: {text}" if condition else text
     # names are written as they are, also at the start
     text = f"N{text[1:]}" if text.startswith("no meaningful") else text
     return f"{text}."
 
 
-def _verdict(names: Sequence[str], terrains: Sequence[str], controllers: int) -> str:
-    where = f"on {_listed(terrains)}"
+def _verdict(leaders: Sequence[Leader], controllers: int) -> str:
+    """Clause on terrains with the same leaders."""
+    names, where = leaders[0].names, f"on {_listed([leader.terrain for leader in leaders])}"
+    if controllers == 1:
+        return f"{names[0]} {where}"
     if len(names) == 1:
         return f"{names[0]} is best {where}"
     if len(names) == controllers:
@@ -169,9 +166,9 @@ def contrast_text(protocol: Json, terrain: str) -> str:
 def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
     """Properties of an episode that all controllers share."""
     first = next((episodes[0] for episodes in drawn.values() if len(episodes)), {})
-    parts = ["same start"]
-    parts += [f"same {text}" for key, text in _SHARED.items() if first.get(key)]
-    return ", ".join(parts)
+    return ", ".join(
+        f"same {key}" for key in ("start", *_SHARED) if key == "start" or first.get(key)
+    )
 
 
 def held_out_text(protocol: Json) -> str:
@@ -191,7 +188,7 @@ def held_out_text(protocol: Json) -> str:
 
 
 def rates(summary: Sequence[Json], protocol: Json) -> str:
-    """How often the best learned policy succeeds, beside the best of the others, with intervals.
+    """Sentence on the success of the best learned policy and of the best of the others.
 
     Without a learned policy the best controller is spoken of first.
     """
@@ -210,7 +207,7 @@ def rates(summary: Sequence[Json], protocol: Json) -> str:
 
 
 def leader_cells(leader: Leader) -> dict[str, str]:
-    """What a table says of a leader: its value, the next's, the difference with its interval."""
+    """Cells of a leader in a table: its value, the next's, the difference with its interval."""
     scale, unit = (100, "\u00a0%") if leader.metric == "success" else (1, "")
     cells = {"value": f"{format_number(scale * leader.value)}{unit}", "next": "", "difference": ""}
     if leader.difference is not None and leader.next_value is not None:
@@ -283,7 +280,7 @@ def format_number(value: float | None, digits: int = 3) -> str:
 
 
 def parameters_text(protocol: Json) -> str:
-    """Parameters of the task, but for its time limit, as one would type them; empty without any."""
+    """Parameters of the task except its time limit, as `key=value`; empty without any."""
     own = {key: value for key, value in protocol.get("parameters", {}).items() if value is not None}
     own.pop("time_limit", None)
     if constant_s := protocol.get("drive_time_constant"):
@@ -292,5 +289,5 @@ def parameters_text(protocol: Json) -> str:
 
 
 def outcome_name(outcome: str) -> str:
-    """How an episode ended, in words."""
+    """Outcome of an episode, in words."""
     return "time out" if outcome == "timeout" else outcome.replace("_", " ")

@@ -47,8 +47,6 @@ class Overlay:
 PLAIN: Final = Overlay(leg_colours=False, trace=False, scale_bar=False, clock=False)
 """The body, and its target."""
 
-EVERYTHING: Final = Overlay(forces=True)
-
 
 FORCE_PER_MM: Final = 30.0
 """µN that an arrow of 1 mm stands for; a gripping leg is held with 40."""

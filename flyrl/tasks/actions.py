@@ -1,4 +1,4 @@
-"""What an action of a task is, and what it commands the body to do."""
+"""Action spaces of tasks, and the commands that actions stand for."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Drives:
         Range of an action's components, mapped linearly to that of the command's; None: an action
         is the command itself.
     command
-        What the controller takes.
+        The controller's command: names and bounds.
     """
 
     low: float | None = -1.0
@@ -167,12 +167,9 @@ class Neurons:
         given = np.asarray(actions, dtype=np.float64)
         last = np.array(self.pools) - 1.0
         if self.is_integer:
-            wrong = given != np.round(given)
-            if wrong.any():
-                raise ValueError(f"action must be whole numbers, got {given[wrong][0]}")
-            if (given < 0.0).any() or (given > last).any():
+            if ((given != np.round(given)) | (given < 0.0) | (given > last)).any():
                 raise ValueError(
-                    f"action must be whole numbers from 0 to {list(map(int, last))}, got "
+                    f"action must be whole numbers from 0 to {last.astype(int).tolist()}, got "
                     f"{given.tolist()}"
                 )
             return given

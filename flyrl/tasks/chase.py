@@ -92,7 +92,7 @@ def target_velocity_b(state: TaskState) -> FloatArray:
 
 
 def progress(state: TaskState) -> FloatArray:
-    """By how much the distance to the target shrank, by its motion and the fly's, mm, (n,)."""
+    """Decrease of the distance to the target, by its motion and the fly's, mm, (n,)."""
     place = state.props[:, 0]
     before = revolved(place, state.previous.time - state.fly.time, state.command)[:, :2]
     return terms.goal_distance(state.previous.position_w, before) - terms.goal_distance(
@@ -115,9 +115,9 @@ def chase(
     distance
         Least and greatest distance of the target from the fly at the start, mm.
     speed
-        Of the target, mm/s; a fly walks straight at up to 19.
+        Speed of the target, mm/s; a fly walks straight at up to 19.
     radius
-        Of the circle, mm; 1000 is as good as a straight line.
+        Radius of the circle, mm; 1000 is as good as a straight line.
     reach
         The target is caught within this horizontal distance of the thorax, mm.
     time_limit
@@ -127,7 +127,7 @@ def chase(
     caught = partial(terms.is_at_target, reach=reach, place=target)
     direction = partial(terms.target_direction_b, place=target)
     return steering(
-        shown=(
+        observation=(
             direction_term(direction, "the target's bearing from the heading"),
             distance_term(partial(terms.target_distance, place=target), "the target"),
             ObservationTerm(

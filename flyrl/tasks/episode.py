@@ -46,25 +46,25 @@ _FORCE: Final = Within(-1e6, 1e6)
 
 @dataclass(frozen=True)
 class Episode:
-    """What a simulation starts from; the same episode gives the same bits.
+    """Initial conditions of a simulation; the same episode gives the same bits.
 
     `Episode(**record)` gives back what `dataclasses.asdict` made of one, and JSON of that.
 
     Attributes
     ----------
     seed
-        Where the rest was drawn from; also seeds the rule-based controller's choices.
+        Seed that the rest was drawn with; also seeds the rule-based controller's choices.
     spawn_position_w
-        Where the fly is placed, mm (x, y, z); the thorax is at `bodies.spawn_offset` from it. Of a
+        Place of the fly, mm (x, y, z); the thorax is at `bodies.spawn_offset` from it. Of a
         worm, where its middle is.
     spawn_yaw
         Heading from +x, rad; of a worm the direction from its tail to its head.
     goal
-        Where the task leads to: x and y in mm, or nothing.
+        Goal of the task: x and y in mm, or nothing.
     init_phases, init_magnitudes
-        Of the six oscillators, rad and 1, ordered as anatomy.LEGS.
+        State of the six oscillators, rad and 1, ordered as anatomy.LEGS.
     command
-        What else the task asks for, as its terms read it: in `velocity` speed (mm/s) and yaw rate
+        Command of the task, as its terms read it: in `velocity` speed (mm/s) and yaw rate
         (rad/s) of each second, in `path` x and y (mm) of every point, in `heading` an angle (rad),
         in `worm_hang` a bend (rad).
     pushes
@@ -74,14 +74,14 @@ class Episode:
         On random terrain, the seed of its heights and gaps, for `Terrain.draw`; None: the
         one that goes with `seed`, so that another seed is another ground.
     randomisation
-        How the fly differs from the scene's.
+        Differences of the fly from the scene's.
     difficulty
         That it was drawn with, from 0 to 1, the usual one. Random ground is laid with it too: a
         factor on its heights and gaps.
     joint_angles
-        Of a worm's joints at the start, rad; none: it is straight.
+        Angles of a worm's joints at the start, rad; none: it is straight.
     props
-        Where the task's props start: x, y and z of the middle of each in turn, mm, but for those
+        Initial places of the task's props: x, y and z of the middle of each, mm, but for those
         that stand at the goal. `flyrl.terrains.NOWHERE` leaves one out.
     """
 

@@ -42,13 +42,13 @@ def extended(
     Parameters
     ----------
     task
-        What to start from; it stays as it is.
+        Task to start from; it stays as it is.
     terms
-        By the place that each comes from, `module:attribute`, which goes into records. An
+        Terms to add, by the `module:attribute` that each comes from, for records. An
         observation term goes to the end of the observation, a reward term to that of the reward,
         and so on; but a term that has the name of one that is taken out goes to its place.
     weights
-        Of reward terms by name, the task's own and the added ones.
+        Weights of reward terms by name, the task's own and the added ones.
     without
         Names of the terms to take out, of terminations their outcomes. Where several tables have
         one of that name, `reward.success` says which.
@@ -149,6 +149,7 @@ def task_record(task: Task) -> dict[str, Any]:
 
 def task_table(task: Task) -> dict[str, Any]:
     """A task as its reader sees it, as plain JSON values: terms with descriptions, limits."""
+    props = [prop for prop in task.props if not prop.at_goal]
     return {
         "success": task.success,
         "failures": [
@@ -158,21 +159,15 @@ def task_table(task: Task) -> dict[str, Any]:
         "time_limit_s": task.time_limit_s,
         "decision_interval_s": task.decision_interval_s,
         "actions": type(task.actions).__name__.lower(),
-        "props": [
-            {"name": each.name, "shape": each.shape, "size": list(each.size), "rgba": each.rgba}
-            for each in task.props
-            if not each.at_goal
-        ],
-        "observation": [
-            {"name": term.name, "size": term.size, "description": term.description}
-            for term in task.observation
-        ],
-        "reward": [
-            {"name": term.name, "weight": term.weight, "description": term.description}
-            for term in task.reward
-        ],
-        "errors": [{"name": term.name, "description": term.description} for term in task.errors],
+        "props": _columns(props, "name", "shape", "size", "rgba"),
+        "observation": _columns(task.observation, "name", "size", "description"),
+        "reward": _columns(task.reward, "name", "weight", "description"),
+        "errors": _columns(task.errors, "name", "description"),
     }
+
+
+def _columns(rows: Iterable[Any], *names: str) -> list[dict[str, Any]]:
+    return [{name: plain(getattr(row, name)) for name in names} for row in rows]
 
 
 def code_of(task: Task) -> list[str]:

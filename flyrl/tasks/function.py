@@ -131,7 +131,7 @@ def variant_of(base: TaskFunction) -> Callable[[Callable[[Task], Task]], TaskFun
 
 
 TaskSettings = str | Mapping[str, Any] | Callable[..., Task]
-"""What names a task: its name, a mapping with the name and settings, or a task function."""
+"""A task: its name, a mapping with the name and settings, or a task function."""
 
 
 def task_function(given: TaskSettings) -> TaskFunction:
@@ -169,7 +169,7 @@ def task_from(settings: TaskSettings, worm: WormConfig | None = None) -> Task:
         `drive_time_constant` (s, see `Task`). None, for either, is the usual one.
         `decision_interval` belongs to the environment.
     worm
-        Of a task for worms; None is the usual one.
+        Worm of a task for worms; None is the usual one.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def heading(
         ordered(f"task.push_times[{i}]", times)
     within = float(np.deg2rad(tolerance))
     return steering(
-        shown=(
+        observation=(
             direction_term(terms.commanded_direction_b, "the commanded heading from the fly's own"),
         ),
         reward=(

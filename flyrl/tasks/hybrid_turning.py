@@ -23,11 +23,7 @@ from flyrl.validation import FloatArray
 def joint_states(state: TaskState) -> FloatArray:
     """Angles (rad), velocities (rad/s) and actuator torques (µN·mm), (n, 3, 42)."""
     fly = state.fly
-    table = np.empty((len(fly.time), 3, 42))
-    table[:, 0] = fly.joint_angles
-    table[:, 1] = fly.joint_velocities
-    table[:, 2] = fly.actuator_torques
-    return table
+    return np.stack([fly.joint_angles, fly.joint_velocities, fly.actuator_torques], axis=1)
 
 
 def thorax(state: TaskState) -> FloatArray:
@@ -43,16 +39,11 @@ def thorax(state: TaskState) -> FloatArray:
     # rates of the angles from the angular velocity in the frame after yaw
     spin = to_yaw_frame(fly.angular_velocity_w[:, :2], yaw)
     roll_rate = spin[:, 0] / cos_pitch
-    table = np.empty((len(yaw), 4, 3))
-    table[:, 0] = fly.position_w
-    table[:, 1] = fly.velocity_w
-    table[:, 2, 0] = yaw
-    table[:, 2, 1] = np.arcsin(sin_pitch)
-    table[:, 2, 2] = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
-    table[:, 3, 0] = fly.angular_velocity_w[:, 2] + sin_pitch * roll_rate
-    table[:, 3, 1] = spin[:, 1]
-    table[:, 3, 2] = roll_rate
-    return table
+    yaw_rate = fly.angular_velocity_w[:, 2] + sin_pitch * roll_rate
+    roll = np.arctan2(rotation_w[:, 2, 1], rotation_w[:, 2, 2])
+    angles = np.stack([yaw, np.arcsin(sin_pitch), roll], axis=1)
+    rates = np.stack([yaw_rate, spin[:, 1], roll_rate], axis=1)
+    return np.stack([fly.position_w, fly.velocity_w, angles, rates], axis=1)
 
 
 def sample_episode(terrain: Terrain, seed: int, difficulty: float = 1.0) -> Episode:

@@ -104,7 +104,7 @@ def path_distance(state: TaskState) -> FloatArray:
 
 
 def path_progress(state: TaskState) -> FloatArray:
-    """By how much the path's nearest point moved on, mm, (n,)."""
+    """Advance of the path's nearest point, mm, (n,)."""
     _, now = path_position(state, state.fly.position_w)
     _, before = path_position(state, state.previous.position_w)
     return np.asarray((now - before) * PATH_SPACING)
@@ -142,7 +142,7 @@ def path(
     Parameters
     ----------
     length
-        Of the path, mm.
+        Length of the path, mm.
     radius
         Smallest radius of the path's curves, mm; at 10 mm/s a curve of 5 mm takes a turn of
         2 rad/s.
@@ -164,7 +164,7 @@ def path(
     off = () if width is None else (Termination(LEFT_PATH, partial(has_left_path, width=width)),)
     failures = (*terms.FAILURES, *off)
     return steering(
-        shown=(
+        observation=(
             direction_term(
                 partial(path_direction_b, look_ahead=look_ahead),
                 f"the bearing of a point {look_ahead:g} mm ahead on the path",

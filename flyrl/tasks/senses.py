@@ -68,7 +68,7 @@ SENSES: Final = (
 
 
 def steering(
-    shown: tuple[ObservationTerm, ...],
+    observation: tuple[ObservationTerm, ...],
     reward: tuple[RewardTerm, ...],
     solved: Callable[[Any], Mask] | None = None,
     failures: tuple[Termination, ...] = terms.FAILURES,
@@ -79,10 +79,10 @@ def steering(
 
     Parameters
     ----------
-    shown
-        What the task asks for; `SENSES` follow.
+    observation
+        The task's own terms; `SENSES` follow.
     reward
-        What the task is about; `terms.SMOOTHNESS` follows.
+        The task's own terms; `terms.SMOOTHNESS` follows.
     solved
         Whether an episode ends with a success, (n,) of bool; None: none does before its end.
     failures
@@ -95,7 +95,7 @@ def steering(
     change, effort = terms.SMOOTHNESS
     ends = () if solved is None else (Termination(SUCCESS, solved),)
     return Task(
-        observation=(*shown, *SENSES),
+        observation=(*observation, *SENSES),
         reward=(*reward, change, replace(effort, weight=work)),
         terminations=(*ends, *failures),
         drive_time_constant_s=terms.DRIVE_TIME_CONSTANT_S,

@@ -98,7 +98,7 @@ def slalom(
     Parameters
     ----------
     gates
-        How many.
+        Number of gates.
     spacing
         Least and greatest distance of a gate from the one before, of the first from the start, mm.
     turn
@@ -113,7 +113,7 @@ def slalom(
     at_gate = partial(terms.is_at_target, reach=reach, place=gate)
     to_next = partial(terms.target_direction_b, place=partial(gate, ahead=1))
     return steering(
-        shown=(
+        observation=(
             direction_term(
                 partial(terms.target_direction_b, place=gate), "the bearing of the gate that is due"
             ),

@@ -55,7 +55,7 @@ def stop(
     """
     near, far = beyond_reach("task.distance", distance, reach)
     return steering(
-        shown=(
+        observation=(
             direction_term(terms.target_direction_b, "the place's bearing from the heading"),
             distance_term(terms.target_distance, "the place"),
         ),

@@ -126,7 +126,7 @@ def target(
     near, far = beyond_reach("task.distance", distance, reach)
     at_target = partial(terms.is_at_target, reach=reach)
     return steering(
-        shown=(
+        observation=(
             direction_term(terms.target_direction_b, "the target's bearing from the heading"),
             distance_term(terms.target_distance, "the target"),
         ),
@@ -158,7 +158,7 @@ GOAL_UNIT: Final = 10.0
 """mm."""
 
 _BOUND: Final = 10.0
-"""Of a goal's coordinates, in GOAL_UNIT: the edge of flat ground, the widest of all."""
+"""Largest coordinate of a goal, in GOAL_UNIT: the edge of flat ground, the widest of all."""
 
 
 def _place(state: TaskState) -> FloatArray:
@@ -236,8 +236,8 @@ def compute_reward(
     achieved_goal, desired_goal
         As they are observed, (..., size of a goal).
     info
-        Of the same decisions; `DECISIONS_LOST` counts. One dict, of numbers or of arrays (...),
-        or dicts (...).
+        Info of the same decisions; `DECISIONS_LOST` counts. One dict, of numbers or of arrays
+        (...), or dicts (...).
 
     Returns
     -------

@@ -47,7 +47,7 @@ _OF_THE_ENVIRONMENT: Final = (RUNNING, TIMEOUT, UNSTABLE)
 
 @dataclass(frozen=True, kw_only=True)
 class TaskState:
-    """What terms are computed from; the first axis is the simulation.
+    """State that terms are computed from; the first axis is the simulation.
 
     Attributes
     ----------
@@ -55,19 +55,19 @@ class TaskState:
         The bodies after this decision and before it: a FlyState, or in a task for worms a
         WormState. A term says `fly` or `worm`, which are the same.
     props
-        Where the middles of the task's props are, mm, (n, props, 3), ordered as `Task.props`.
+        Middles of the task's props, mm, (n, props, 3), ordered as `Task.props`.
     goal
-        Where the episodes lead to, mm, (n, 2); (n, 0) in a task that leads nowhere.
+        Goals of the episodes, mm, (n, 2); (n, 0) in a task without.
     command
-        What else the episodes ask for, (n, size of the task's command).
+        Commands of the episodes, (n, size of the task's command).
     totals
-        What each reward term has added up to in this episode, unweighted, (n,) by name.
+        Sum of each reward term in this episode, unweighted, (n,) by name.
     means
         The task's running means, (n, size) by name.
     decisions_left
         Decisions left before the time limit, (n,); infinite without one.
     decision_interval_s
-        How long a decision is held, s.
+        Time for which a decision is held, s.
     bounds
         The terrain's extent.
     """
@@ -85,7 +85,7 @@ class TaskState:
     _known: dict[int, tuple[Any, NDArray[Any]]] = field(default_factory=dict, init=False)
 
     def once(self, compute: Callable[[Any], NDArray[Any]]) -> NDArray[Any]:
-        """What a function of this state gives, computed when it is first asked for."""
+        """Value of a function of this state, computed when it is first asked for."""
         if id(compute) not in self._known:
             # kept beside its values, so that nothing else takes its id
             self._known[id(compute)] = compute, compute(self)
@@ -195,7 +195,7 @@ class MeanTerm:
 
 @dataclass(frozen=True)
 class ErrorTerm:
-    """How far a body is from doing what it is asked to, for evaluations; no policy sees it.
+    """A named error of the body against what it is asked to do, for evaluations alone.
 
     An evaluation takes the mean over an episode's decisions, and over the time that a failure cut
     off it counts `worst`. `compute` gives (n,), none below 0. The name is that of a metric, and
@@ -271,7 +271,7 @@ class Task:
     decision_interval_s
         s for which a decision is held; None means one physics step.
     actions
-        What an action is, and what it commands.
+        Action space, and the commands that actions stand for.
     drive_time_constant_s
         s; the drive follows what actions ask for as a first-order low-pass with this time constant,
         from decision to decision; 0: at once.
@@ -280,14 +280,14 @@ class Task:
     means
         Running means that the other terms are computed from.
     difficulty
-        What grows with the difficulty of an episode; empty where nothing does.
+        Quantities that grow with the difficulty, in words; empty where none does.
     is_reached
         Makes a task one with goals, as in Gymnasium's GoalEnv: whether achieved goals are the
         desired ones, as they are observed, (..., size of a goal) each. The first two observation
         terms are `ACHIEVED_GOAL` and `DESIRED_GOAL`, and an episode terminates where `is_reached`
         holds or the fly fails (see `flyrl.tasks.FAILURES`).
     errors
-        What an evaluation measures besides success and return.
+        Errors that an evaluation measures besides success and return.
     decisive
         Metrics of an evaluation that decide who is best: the first one, and among those that are
         equal in it the next.
@@ -296,13 +296,13 @@ class Task:
     success
         Definition of a success, in words; empty where there is none.
     props
-        What stands or moves on the ground, besides it; `sample_episode` says where.
+        Objects on the ground; `sample_episode` places them.
     name
-        By which it is found: built in, or `module:attribute`. Its task function sets it.
+        Name of its task function, which sets it: built in, or `module:attribute`.
     parameters
-        Of the task function, by name; it sets them.
+        Parameters of the task function, by name; it sets them.
     worm
-        What it was made for; None of a fly. The task function sets it.
+        Worm that it is built for; None for a fly. The task function sets it.
     added
         Terms that were added to the table (see `extended`), by where they come from:
         `module:attribute`.
@@ -382,12 +382,12 @@ class Task:
         return spaces.Dict(boxes)
 
     def slices(self) -> dict[str, slice]:
-        """Where each observation term lies in a flat observation; see `flattened`."""
+        """Slice of each observation term in a flat observation; see `flattened`."""
         return side_by_side(self.flattened().observation)
 
 
 def side_by_side(terms: Sequence[ObservationTerm]) -> dict[str, slice]:
-    """Where terms lie in their vector, in this order."""
+    """Slices of terms in their vector, in this order."""
     ends = np.cumsum([term.size for term in terms]).tolist()
     return {term.name: slice(end - term.size, end) for term, end in zip(terms, ends, strict=True)}
 

@@ -235,7 +235,7 @@ def off_yaw_rate(state: TaskState, command_s: float, tolerance: Pair) -> FloatAr
 
 
 def progress(state: TaskState, place: Place = GOAL) -> FloatArray:
-    """By how much the distance to the target shrank, mm, (n,)."""
+    """Decrease of the distance to the target, mm, (n,)."""
     target = place(state)
     before = goal_distance(state.previous.position_w, target)
     return np.asarray(before - goal_distance(state.fly.position_w, target))
@@ -283,7 +283,7 @@ def time_on_command(state: TaskState, command_s: float, tolerance: Pair) -> Floa
 
 
 def drive_change(state: TaskState) -> FloatArray:
-    """By how much the drive changed with this decision, summed over both sides, (n,)."""
+    """Change of the drive with this decision, summed over both sides, (n,)."""
     change: FloatArray = np.abs(state.body.actuation - state.previous.actuation).sum(axis=1)
     return change
 
@@ -326,8 +326,9 @@ def has_left(state: TaskState) -> Mask:
 # --- rows that tables share ----------------------------------------------------------------
 
 DRIVE_TIME_CONSTANT_S: Final = 0.05
-"""Of steering tasks. A descending neuron is no switch: in hoverflies its response to an impulse
-peaks after 17 ms and returns slowly (J. Exp. Biol. 224, 2021, doi 10.1242/jeb.242833)."""
+"""Time constant of the drive in steering tasks, s. A descending neuron is no switch: in hoverflies
+its response to an impulse peaks after 17 ms and returns slowly (J. Exp. Biol. 224, 2021, doi
+10.1242/jeb.242833)."""
 
 SMOOTHNESS: Final = (
     RewardTerm("drive_change", -0.03, drive_change, "change of the drive, summed over both sides"),
@@ -360,7 +361,7 @@ def time_lost(state: TaskState, failures: tuple[Termination, ...] = FAILURES) ->
 
 
 def failure_info(state: TaskState) -> dict[str, FloatArray | Mask]:
-    """What replay with other goals must know of a decision besides its goals, (n,) by key."""
+    """Facts of a decision that replay with other goals needs, (n,) by key."""
     return {IS_FAILURE: has_failed(state), DECISIONS_LOST: decisions_lost(state)}
 
 

@@ -64,7 +64,7 @@ def traverse(
     """
     crossed = partial(has_crossed, finish_line=finish_line)
     return steering(
-        shown=(
+        observation=(
             direction_term(terms.forward_direction_b, "the bearing of the world's x axis"),
             ObservationTerm(
                 "finish_distance", (1,), -4.0, 4.0,

@@ -23,7 +23,7 @@ from flyrl.terrains import Terrain
 from flyrl.validation import FloatArray, Within, ordered
 
 REDRAWS: Final = 100
-"""Of commands that would lead off the terrain. The easiest ones lead straight ahead, all alike."""
+"""Attempts to draw commands that stay on the terrain; the easiest ones all lead straight ahead."""
 
 WAY_STEP_S: Final = 0.1
 
@@ -62,7 +62,7 @@ def commanded_way(episode: Episode, commands: FloatArray, command_time: float) -
     Parameters
     ----------
     episode
-        Where the fly starts.
+        Episode, for the fly's start.
     commands
         Forward speeds, mm/s, and yaw rates, rad/s, (k, 2), each for `command_time`, s.
     """
@@ -93,7 +93,7 @@ def velocity(
         Least and greatest yaw rate, rad/s, left positive; at the drive (1.25, 0.25) a fly turns at
         3.
     command_time
-        How long a command holds before the next one, s.
+        Time for which a command holds before the next one, s.
     tolerance
         A fly is on command when its mean speed and yaw rate over a stride are within these of it,
         mm/s and rad/s.
@@ -108,7 +108,7 @@ def velocity(
     turn = f"±{left:g}" if right == -left else f"{right:g} to {left:g}"
     middle = (right + left) / 2
     return steering(
-        shown=(
+        observation=(
             ObservationTerm(
                 "command", (2,), -1.0, 1.0,
                 partial(terms.commanded_velocity, command_s=command_time),

@@ -41,7 +41,7 @@ def bend_error(state: TaskState) -> FloatArray:
 
 
 def absolute_bend_error(state: TaskState) -> FloatArray:
-    """How far the bend is off what is asked for, rad, (n,)."""
+    """Absolute error of the bend, rad, (n,)."""
     return np.abs(bend_error(state)[:, 0])
 
 
@@ -130,7 +130,7 @@ def worm_crawl(
     Parameters
     ----------
     worm
-        What crawls.
+        The worm.
     lengths
         Way along +x that is a success, in lengths of the worm.
     start_angle
@@ -192,7 +192,7 @@ def worm_hang(
     Parameters
     ----------
     worm
-        What bends.
+        The worm.
     bend
         Greatest bend that is asked for, to either side, rad.
     tolerance

@@ -107,14 +107,10 @@ class AnyGround(Terrain):
     @cached_property
     def _hulls(self) -> dict[Kind, Boxes]:
         """Of the kinds that have boxes, where they lie here."""
-        hulls = {
-            kind: part.hull()
+        return {
+            kind: part.hull().moved(self._offset(kind))
             for kind, part in self.parts.items()
             if isinstance(part, (Gapped, Blocks, Mixed))
-        }
-        return {
-            kind: Boxes(hull.centres + self._offset(kind), hull.half_sizes)
-            for kind, hull in hulls.items()
         }
 
     @property
@@ -158,7 +154,7 @@ class AnyGround(Terrain):
         part, offset = self.parts[kind], self._offset(kind)
         own = part.draw(seed, difficulty)
         return Ground(
-            Boxes(own.boxes.centres + offset, own.boxes.half_sizes),
+            own.boxes.moved(offset),
             own.shift if part.heights() is not None else None,
             own.down,
             None if own.floor is None else own.floor + offset[2],

@@ -33,11 +33,8 @@ HEIGHT_FIELD: Final = "ground_heights"
 _WALKED_ON: Final = 0.01
 """mm; a plane that lies no lower than so below the base height is chequered, others are dark."""
 
-_GROUND: Final = {
-    "conaffinity": 0,
-    "group": 0,
-    "friction": GROUND_FRICTION,
-}
+GROUND_GEOM: Final = {"conaffinity": 0, "group": 0, "friction": GROUND_FRICTION}
+"""What all geoms of the ground have in common."""
 
 
 def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
@@ -100,7 +97,7 @@ def _add_boxes(spec: mujoco.MjSpec, boxes: Boxes, groups: Sequence[slice]) -> No
                 material="ground_block",
                 rgba=colours[index],
                 contype=BOXES,
-                **_GROUND,
+                **GROUND_GEOM,
             )
     if _overlap(boxes):
         # Where level boxes overlap, MuJoCo's shadow pass lights their faces twice.
@@ -133,7 +130,7 @@ def _add_heights(spec: mujoco.MjSpec, heights: Heights, shift: tuple[float, floa
         pos=(shift[0], shift[1], shift[2] + low),
         material=HEIGHT_FIELD,
         contype=BOXES,
-        **_GROUND,
+        **GROUND_GEOM,
     )
 
 
@@ -156,7 +153,7 @@ def _add_plane(
         pos=(*middle, height),
         size=(bounds.x_max - middle[0], bounds.y_max - middle[1], 1.0),
         material=material.name,
-        **_GROUND,
+        **GROUND_GEOM,
     )
 
 
@@ -228,10 +225,7 @@ class Prop:
     path: Path | None = None
 
     def __post_init__(self) -> None:
-        path = self.path
-        object.__setattr__(self, "path", None)  # a function has no rule to be checked by
         check_fields(self, f"prop {self.name!r}")
-        object.__setattr__(self, "path", path)
         if len(self.size) != _SIZES[self.shape]:
             raise ValueError(
                 f"size of prop {self.name!r} must be {_SIZES[self.shape]} numbers for a "

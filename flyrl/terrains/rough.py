@@ -70,16 +70,16 @@ class _Rough(Terrain):
     def layout(self) -> _Layout:
         """Where the boxes stand."""
         parts = self._parts()
-        ends = np.cumsum([len(boxes.centres) for boxes, _ in parts])
-        groups = [*zip(np.split(np.arange(ends[-1]), ends[:-1]), parts, strict=True)]
-        none = np.empty(0, dtype=np.intp)
-        blocks = [none, *(ids for ids, (_, is_blocks) in groups if is_blocks)]
-        slabs = [none, *(ids for ids, (_, is_blocks) in groups if not is_blocks)]
+        sizes = [len(boxes.centres) for boxes, _ in parts]
+        ends = np.cumsum(sizes)
+        is_block = np.repeat([is_blocks for _, is_blocks in parts], sizes)
+        is_first, is_last = np.zeros((2, ends[-1]), dtype=bool)
+        is_first[ends - sizes] = is_last[ends - 1] = True
         return _Layout(
             joined(boxes for boxes, _ in parts),
-            np.concatenate(blocks),
-            np.concatenate([ids[1:] for ids in blocks]),
-            np.concatenate([ids[:-1] for ids in slabs]),
+            np.flatnonzero(is_block),
+            np.flatnonzero(is_block & ~is_first),
+            np.flatnonzero(~is_block & ~is_last),
         )
 
     @property

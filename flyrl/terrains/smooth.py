@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import BOXES
-from flyrl.terrains.geoms import GROUND_FRICTION, add_checks
+from flyrl.terrains.geoms import GROUND_GEOM, add_checks
 from flyrl.terrains.terrain import Bounds, Heights, Terrain
 from flyrl.validation import Within
 
@@ -166,7 +166,5 @@ class Ball(_Held):
             mass=0,
             material=BALL,
             contype=BOXES,
-            conaffinity=0,
-            group=0,
-            friction=GROUND_FRICTION,
+            **GROUND_GEOM,
         )

@@ -58,6 +58,10 @@ class Boxes:
         tops: FloatArray = self.centres[:, 2] + self.half_sizes[:, 2]
         return tops
 
+    def moved(self, offset: tuple[float, float, float]) -> Boxes:
+        """All of them, moved by an offset, mm."""
+        return Boxes(self.centres + offset, self.half_sizes)
+
     def top_at(self, x: float, y: float) -> float | None:
         """Height of the highest box at a place, mm; None where there is none."""
         inside = (np.abs(self.centres[:, :2] - (x, y)) <= self.half_sizes[:, :2]).all(axis=1)

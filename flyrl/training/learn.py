@@ -252,15 +252,40 @@ def _learn(
     goes_on: GoesOn | None,
     at_end: Callable[[Run], None] | None,
 ) -> Run:
-    """Learn until the end or an interruption, with a logger if there is one."""
+    """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
     remote = None
     if config.logger is not None:
         remote = RemoteLog(config.logger, folder, training_record(config))
         if state is None:
             remote.connect()
+    decisions = None if state is None else state["run"]["decisions"]
     outcome: Outcome = "failed"
+    env = fly_env(model)
     try:
-        run = _update(config, model, folder, state, goes_on, remote)
+        model.set_logger(metrics_logger(folder, decisions, *filter(None, [remote])))
+        with interruption() as interrupted:
+            callback = RunCallback(config, folder, interrupted, goes_on)
+            env.core.difficulty = callback.difficulty
+            try:
+                if state is not None:
+                    _restore(model, callback, state, folder)
+                elif config.training.teacher is not None:
+                    imitate(model, config)
+                model.learn(
+                    config.training.total_timesteps - model.num_timesteps,
+                    callback=callback,
+                    log_interval=1 if config.algo.name in ON_POLICY else 4 * env.num_envs,
+                    reset_num_timesteps=state is None,
+                )
+            except (RuntimeError, ValueError) as error:  # as PyTorch raises at the next action
+                _check_diverged(model, folder, error)
+                raise
+            finally:
+                callback.close()
+                model.logger.close()
+                env.close()
+        signal = interrupted[0] if interrupted else None
+        run = Run(folder, callback.interrupted_by, callback.is_pruned, signal)
         if at_end is not None:
             at_end(run)
         is_early = run.is_pruned or run.interrupted_by is not None
@@ -271,49 +296,15 @@ def _learn(
     return run
 
 
-def _update(
-    config: TrainingConfig,
-    model: BaseAlgorithm,
-    folder: Path,
-    state: dict[str, Any] | None,
-    goes_on: GoesOn | None,
-    remote: RemoteLog | None,
-) -> Run:
-    """Learn until the end or an interruption; from a checkpoint's state, if there is one."""
-    total = config.training.total_timesteps
-    decisions = None if state is None else state["run"]["decisions"]
-    model.set_logger(metrics_logger(folder, decisions, *filter(None, [remote])))
-    env = fly_env(model)
-    with interruption() as interrupted:
-        callback = RunCallback(config, folder, interrupted, goes_on)
-        env.core.difficulty = callback.difficulty
-        try:
-            if state is not None:
-                _restore(model, callback, state, folder)
-                total -= model.num_timesteps
-            elif config.training.teacher is not None:
-                imitate(model, config)
-            model.learn(
-                total,
-                callback=callback,
-                log_interval=1 if config.algo.name in ON_POLICY else 4 * env.num_envs,
-                reset_num_timesteps=state is None,
-            )
-        except (RuntimeError, ValueError) as error:  # as PyTorch raises at the next action
-            weights = model.policy.parameters()
-            if all(bool((values.abs() <= _LARGEST_WEIGHT).all()) for values in weights):
-                raise  # no NaN among them, either
-            raise ValueError(
-                f"the training in {folder} diverged after {model.num_timesteps} decisions: "
-                f"weights of the network lie beyond {_LARGEST_WEIGHT:g}; lower algo.learning_rate, "
-                "or the weights of the rewards"
-            ) from error
-        finally:
-            callback.close()
-            model.logger.close()
-            env.close()
-    signal = interrupted[0] if interrupted else None
-    return Run(folder, callback.interrupted_by, callback.is_pruned, signal)
+def _check_diverged(model: BaseAlgorithm, folder: Path, error: Exception) -> None:
+    """Raise ValueError if weights of the network are too large, or NaN."""
+    weights = model.policy.parameters()
+    if not all(bool((values.abs() <= _LARGEST_WEIGHT).all()) for values in weights):
+        raise ValueError(
+            f"the training in {folder} diverged after {model.num_timesteps} decisions: "
+            f"weights of the network lie beyond {_LARGEST_WEIGHT:g}; lower algo.learning_rate, "
+            "or the weights of the rewards"
+        ) from error
 
 
 def _restore(

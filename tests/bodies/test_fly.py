@@ -1,8 +1,8 @@
-import csv
 from typing import NamedTuple, get_args
 
 import mujoco
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -53,16 +53,11 @@ PUBLISHED = {
 }
 
 
-def recorded_step(name):
-    path = assets_folder() / "steps" / f"{STEPS_OF_BODY[name]}.npz"
-    return np.load(path, allow_pickle=False)
-
-
 # ------------------------------------------------------------------ kinematics
 
 
 def test_forward_kinematics_equals_the_published_model(name, model):
-    angles = recorded_step(name)["angles"]
+    angles = np.load(assets_folder() / "steps" / f"{STEPS_OF_BODY[name]}.npz")["angles"]
     grid = np.linspace(0, 2 * np.pi, angles.shape[2])
     splines = {
         leg: CubicSpline(grid, recorded, axis=1, bc_type="periodic")
@@ -72,22 +67,15 @@ def test_forward_kinematics_equals_the_published_model(name, model):
     # Somewhere else and turned, so that the thorax frame is not the world frame.
     data.joint("root").qpos = (3.0, -2.0, 1.5, *np.array((0.8, 0.1, -0.2, 0.55)))
     thorax = data.body("Thorax")
-    worst, seen = 0.0, set()
-    path = assets_folder() / "reference" / f"forward_kinematics_{name}.csv"
-    with path.open(encoding="utf-8") as table:
-        for row in csv.DictReader(table):
-            leg = row["leg"]
-            wanted = splines[leg](float(row["phase_rad"]))
-            for dof, angle in zip(LEG_DOFS, wanted, strict=True):
-                data.joint(f"joint_{leg}{dof}").qpos = angle
-            mujoco.mj_kinematics(model, data)
-            offset_w = data.body(f"{leg}Tarsus5").xpos - thorax.xpos
-            position = offset_w @ thorax.xmat.reshape(3, 3)
-            expected = [float(row[axis]) for axis in "xyz"]
-            worst = max(worst, float(np.abs(position - expected).max()))
-            seen.add((leg, row["phase_rad"]))
-    assert len(seen) == 6 * 20
-    assert worst < 0.005
+    table = pd.read_csv(assets_folder() / "reference" / f"forward_kinematics_{name}.csv")
+    assert len(table.groupby(["leg", "phase_rad"])) == 6 * 20
+    for row in table.itertuples():
+        for dof, angle in zip(LEG_DOFS, splines[row.leg](row.phase_rad), strict=True):
+            data.joint(f"joint_{row.leg}{dof}").qpos = angle
+        mujoco.mj_kinematics(model, data)
+        offset_w = data.body(f"{row.leg}Tarsus5").xpos - thorax.xpos
+        position = offset_w @ thorax.xmat.reshape(3, 3)
+        np.testing.assert_allclose(position, (row.x, row.y, row.z), rtol=0, atol=0.005)
 
 
 def test_coxa_joints_follow_from_thorax_to_femur(name, model):
@@ -351,10 +339,8 @@ def test_visual_meshes_touch_nothing_and_change_no_joint():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "modern"}, "body.name must be one of 'current', 'classic', got 'modern'"),
         ({"adhesion_gain": -1.0}, "body.adhesion_gain must be .* from 0 to 10000, got -1.0"),
         ({"missing_legs": ("LF", "LF")}, "body.missing_legs must not hold 'LF' twice"),
-        ({"missing_legs": ("LQ",)}, r"missing_legs\[0\] must be one of"),
         ({"fixed_joints": (("joint_LQTibia", 0.0),)}, "fixed_joints must be one of"),
         ({"fixed_joints": (("joint_RMTibia", 9.0),)}, "angle of joint_RMTibia"),
     ],

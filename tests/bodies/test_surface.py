@@ -8,8 +8,6 @@ from flyrl.bodies.surface import ContactConfig, SurfaceContact
     [
         (SurfaceContact, {"friction": (1.0, 0.1)}, "contact.friction must be a list of 3, got"),
         (SurfaceContact, {"solref": (2e-4, -1.0)}, "two positive numbers"),
-        (SurfaceContact, {"condim": 2}, "1, 3, 4, 6"),
-        (ContactConfig, {"plane_shape": "box"}, "plane_shape must be one of 'capsule', 'hull'"),
         (ContactConfig, {"plane_segments": ("Tarsus6",)}, "plane_segments .*'Tarsus6'; did you"),
         (
             ContactConfig,

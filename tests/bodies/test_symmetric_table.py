@@ -10,6 +10,8 @@ from flyrl.anatomy import JOINTS, RIGHT_LEG_MIRROR
 from flyrl.bodies.fly import FlyConfig, build_fly, spawn_offset, stretch_pose
 from flyrl.bodies.table import BodyName, body_table, symmetric_table
 
+pytestmark = pytest.mark.parametrize("name", get_args(BodyName))
+
 REFLECTION = np.diag([1.0, -1.0, 1.0])
 
 
@@ -38,7 +40,6 @@ def inertia_w(model, data, body):
     return axes @ np.diag(model.body_inertia[body]) @ axes.T
 
 
-@pytest.mark.parametrize("name", get_args(BodyName))
 def test_mirrored_angles_give_the_mirror_image(name):
     """Masses, centres of mass, inertia tensors and places, in a pose drawn at random."""
     angles = np.random.default_rng(1).uniform(-1, 1, 42)
@@ -58,7 +59,6 @@ def test_mirrored_angles_give_the_mirror_image(name):
         )
 
 
-@pytest.mark.parametrize("name", get_args(BodyName))
 def test_symmetry_moves_little(name):
     """The right side not at all, the midline by less than 0.01 mm, inertia by less than 1 %."""
     published = body_table(name)
@@ -74,13 +74,11 @@ def test_symmetry_moves_little(name):
             )
 
 
-@pytest.mark.parametrize("name", get_args(BodyName))
 def test_a_symmetric_fly_is_placed_on_the_midline_in_a_symmetric_pose(name):
     assert spawn_offset(FlyConfig(name))[1] == 0.0
     np.testing.assert_allclose(mirrored(stretch_pose()), stretch_pose(), atol=1e-15)
 
 
-@pytest.mark.parametrize("name", get_args(BodyName))
 def test_joints_of_left_and_right_are_equally_stiff_and_damped(name):
     rows = {row.name: row for row in symmetric_table(body_table(name)).bodies}
     joints = {

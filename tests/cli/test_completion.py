@@ -48,7 +48,6 @@ def offered(monkeypatch):
         ("flyrl runs --sort d", ["decisions"]),
         ("flyrl play fly --terrain random_b", ["random_blocks"]),
         ("flyrl play --policy target-f", ["target-flat"]),
-        ("flyrl tune --search p", ["ppo"]),
         ("flyrl reproduce runs/o", ["runs/one/"]),
     ],
 )

@@ -53,7 +53,7 @@ COMPOSED = {"train": train_command.main, "evaluate": evaluate_command.main}
 """Programs whose arguments are Hydra's."""
 
 NEEDS_MORE = {"resume", "launcher", "hydra.sweep.dir", "logger"}
-"""Keys of commands that go on with what is there, run elsewhere, or speak to a service; tests/cli
+"""Keys of commands that resume what is there, run elsewhere, or speak to a service; tests/cli
 and tests/training/loggers run such."""
 
 SHORT = ("task.time_limit=0.1",)

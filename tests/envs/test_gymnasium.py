@@ -77,21 +77,39 @@ def test_hybrid_turning_is_the_mdp_of_the_literature() -> None:
     assert info["time_s"] == pytest.approx(env.unwrapped.config.scene.physics.timestep)
 
 
-def test_reset_options_set_the_oscillators() -> None:
-    env = gymnasium.make("flyrl/HybridTurning-v0")
-    phases, magnitudes = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
-    env.reset(seed=0, options={"init_phases": phases, "init_magnitudes": magnitudes})
-    fly = env.unwrapped.core.state
-    np.testing.assert_array_equal(fly.phases[0], phases)
-    np.testing.assert_array_equal(fly.magnitudes[0], magnitudes)
+HALVES = [0.0, 0.5, 1.0, 0.0, 0.5, 1.0]
+ANGLES = [0.1, -0.2, 0.3, 0.0]  # of a worm: 0.2 in all
 
 
-def test_reset_options_set_the_command() -> None:
-    env = gymnasium.make("flyrl/Velocity-v0")
-    observation, _ = env.reset(seed=0, options={"command": [10, 0.5, 4, -1, 4, -1, 4, -1]})
+@pytest.mark.parametrize(
+    ("task", "options", "shown"),
+    [
+        ("target", {"init_phases": [np.pi / 2] * 6}, {"phases": [0] * 6 + [1] * 6}),
+        ("target", {"init_magnitudes": HALVES}, {"magnitudes": HALVES}),
+        ("velocity", {"command": [10, 0.5, 4, -1, 4, -1, 4, -1]}, {"command": [0.5, 0.05]}),
+        (
+            "worm_hang",
+            {"joint_angles": ANGLES, "command": [0.7]},
+            {"joint_angles": ANGLES, "command": [0.7], "bend_error": [-0.5]},
+        ),
+        (
+            "worm_crawl",
+            {"spawn_position": [3.0, -4.0, 0.0], "spawn_yaw": 2.0},
+            {"heading": [np.cos(2.0), np.sin(2.0)]},
+        ),
+    ],
+)
+def test_reset_options_replace_what_is_drawn_and_are_shown(task, options, shown) -> None:
+    env = flyrl.make(task)
+    observation, _ = env.reset(seed=0, options=options)
     core = env.unwrapped.core
-    np.testing.assert_allclose(observation[core.task.slices()["command"]], [0.5, 0.05])
-    assert core.episodes[0].command == (10, 0.5, 4, -1, 4, -1, 4, -1)
+    given = {name.replace("position", "position_w"): value for name, value in options.items()}
+    assert core.episodes[0] == replace(core.config.sample_episode(0), **given)
+    for name, values in shown.items():
+        found = observation[core.task.slices()[name]]
+        np.testing.assert_allclose(found, values, rtol=1e-6, atol=1e-6)
+    if "spawn_position" in options:
+        np.testing.assert_allclose(core.state.position_w[0, :2], [3.0, -4.0])
 
 
 def test_a_path_leads_to_its_own_end() -> None:

@@ -13,7 +13,6 @@ from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.terrains import LITERATURE
 
 POSE = PreprogrammedSteps().default_pose
-STAND = {"joints": POSE.astype(np.float32), "adhesion": np.ones(6, np.int8)}
 
 
 def test_an_action_is_42_angles_and_6_adhesions() -> None:

@@ -22,16 +22,17 @@ ACTION = np.zeros((1, 2), dtype=np.float32)
 @pytest.mark.parametrize(
     ("settings", "limit"),
     # Target's 3 s, in decisions of 20 ms or of what is given
-    [({}, 150), ({"decision_interval": 0.1}, 30), ({"max_episode_steps": 7}, 7)],
+    [
+        ({}, 150),
+        ({"decision_interval": 0.1}, 30),
+        ({"max_episode_steps": 7}, 7),
+        ({"task": "hybrid_turning"}, None),
+    ],
 )
 def test_the_spec_says_when_an_episode_is_truncated(settings, limit):
     for make in (gymnasium.make, gymnasium.make_vec):
         env = make(ID, physics="fast", **settings)
         assert env.spec.max_episode_steps == limit
-
-
-def test_a_task_without_a_limit_has_none_in_its_spec():
-    assert gymnasium.make("flyrl/HybridTurning-v0").spec.max_episode_steps is None
 
 
 def test_an_environment_made_from_the_spec_is_truncated_at_the_same_step():

@@ -20,23 +20,16 @@ CONFIG = EnvConfig(physics="fast", randomisation="default")
 PLAIN = EnvConfig(physics="fast")
 
 
-def test_randomisation_changes_nothing_else_about_an_episode() -> None:
-    drawn = CONFIG.sample_episode(5)
-    assert replace(drawn, randomisation=UNVARIED) == PLAIN.sample_episode(5)
-    assert drawn.randomisation == CONFIG.resolved_randomisation.draw(5)
-    assert drawn.randomisation != CONFIG.sample_episode(6).randomisation
-
-
-def test_episodes_say_what_was_drawn_for_each_simulation() -> None:
+def test_episodes_hold_what_was_drawn_for_each_simulation_and_are_else_the_same() -> None:
     env = BatchedEnv(CONFIG, 2)
     env.reset(seeds=[5, 6])
-    drawn = [episode.randomisation for episode in env.episodes if episode]
-    assert drawn == [CONFIG.resolved_randomisation.draw(seed) for seed in (5, 6)]
-    for sim, randomisation in enumerate(drawn):
+    for sim, (seed, episode) in enumerate(zip((5, 6), env.episodes, strict=True)):
+        assert episode is not None
+        assert episode.randomisation == CONFIG.resolved_randomisation.draw(seed)
+        assert replace(episode, randomisation=UNVARIED) == PLAIN.sample_episode(seed)
         friction = env.flies._batch.get_model(sim).pair_friction
-        np.testing.assert_array_equal(
-            friction, env.scene.model.pair_friction * randomisation.friction
-        )
+        expected = env.scene.model.pair_friction * episode.randomisation.friction
+        np.testing.assert_array_equal(friction, expected)
 
 
 def test_mass_on_one_random_ground_leaves_nothing_behind_on_the_next() -> None:

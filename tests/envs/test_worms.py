@@ -2,11 +2,9 @@
 
 from dataclasses import replace
 
-import gymnasium
 import numpy as np
 import pytest
 
-import flyrl  # noqa: F401  (registers the ids)
 from flyrl.bodies.worm import CRAWLER, HANGER
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.tasks import TASKS, RewardTerm, Termination, extended
@@ -43,11 +41,10 @@ def test_the_reward_of_crawling_is_a_fifth_of_the_way_along_x():
     env = BatchedEnv(EnvConfig("worm_crawl"), 2)
     env.reset(seeds=[0, 1])
     before = env.state.position_w[:, 0]
-    rng = np.random.default_rng(0)
-    rewards = [env.step(rng.integers(0, 16, (2, 10))).reward for _ in range(5)]
+    reward = env.step(np.full((2, 10), [15, 0] * 5)).reward
     way = env.state.position_w[:, 0] - before
-    np.testing.assert_allclose(np.sum(rewards, axis=0), 0.2 * way, atol=1e-12)
-    assert np.abs(way).min() > 0.01
+    np.testing.assert_allclose(reward, 0.2 * way, atol=1e-12)
+    assert np.abs(way).min() > 1e-4
 
 
 def test_terms_of_a_users_own_see_the_worm():
@@ -59,25 +56,6 @@ def test_terms_of_a_users_own_see_the_worm():
     outcomes = [str(env.step(np.array([[15, 0] * 4])).outcome[0]) for _ in range(20)]
     assert "curled" in outcomes
     assert env.task_state().totals["tail"] != 0.0
-
-
-def test_reset_options_set_angles_and_command():
-    env = gymnasium.make("flyrl/WormHang-v0")
-    options = {"joint_angles": [0.1, -0.2, 0.3, 0.0], "command": [0.7]}
-    observation, _ = env.reset(seed=0, options=options)
-    shown = env.unwrapped.core.task.slices()
-    np.testing.assert_allclose(observation[shown["joint_angles"]], options["joint_angles"])
-    np.testing.assert_allclose(observation[shown["command"]], [0.7])
-    # 0.1 - 0.2 + 0.3 - 0.7
-    np.testing.assert_allclose(observation[shown["bend_error"]], [-0.5], rtol=1e-6)
-
-
-def test_reset_options_set_place_and_heading():
-    env = gymnasium.make("flyrl/WormCrawl-v0")
-    options = {"spawn_position": [3.0, -4.0, 0.0], "spawn_yaw": 2.0}
-    observation, _ = env.reset(seed=0, options=options)
-    np.testing.assert_allclose(observation[:2], [np.cos(2.0), np.sin(2.0)], rtol=1e-6)
-    np.testing.assert_allclose(env.unwrapped.core.state.position_w[0, :2], [3.0, -4.0])
 
 
 def test_an_episode_with_too_few_angles_is_refused_and_one_without_any_is_straight():

@@ -53,11 +53,11 @@ def test_legs_are_compared_under_the_same_steering_and_steering_on_the_same_legs
     }
     first, on_cpg = crossed["pursuit"].values()
     other, other_on_cpg = crossed["zero"].values()
-    assert first.of_legs is on_cpg.of_steering is None
-    assert (on_cpg.of_legs.value, other_on_cpg.of_legs.value) == (-0.5, 0.25)
-    assert (other.of_steering.value, other_on_cpg.of_steering.value) == (-1.0, -0.25)
-    assert on_cpg.success.value == 0.5
-    assert on_cpg.success.low == pytest.approx(0.2152, abs=1e-4)  # Wilson: 4 of 8
+    assert first["of_legs"] is on_cpg["of_steering"] is None
+    assert (on_cpg["of_legs"].value, other_on_cpg["of_legs"].value) == (-0.5, 0.25)
+    assert (other["of_steering"].value, other_on_cpg["of_steering"].value) == (-1.0, -0.25)
+    assert on_cpg["success"].value == 0.5
+    assert on_cpg["success"].low == pytest.approx(0.2152, abs=1e-4)  # Wilson: 4 of 8
     assert not crossing(rows(["pursuit", "hybrid"]), PROTOCOL, np.random.default_rng(0))
 
 

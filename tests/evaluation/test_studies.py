@@ -23,7 +23,7 @@ def summary(low, high, *, reference="cpg", mean=10.0, condition=""):
 def verdict(claim, rows):
     study = Study("", "", "speed_mm_s", (claim,), ())
     (judgement,) = judge(study, rows)
-    return judgement.verdict
+    return judgement["verdict"]
 
 
 @pytest.mark.parametrize(

@@ -8,32 +8,23 @@ from flyrl.evaluation.summary import best_reference, find_leaders, paired_values
 from tests.synthetic import TASK, judged_by, make_record
 
 
-def walked(controller, terrain, condition, index, outcome="timeout", way_mm=1.0, duration_s=3.0):
-    """Row of an episode."""
-    record = make_record(
-        [(0, 0), (way_mm, 0)],
-        controller=controller,
-        terrain=terrain,
-        index=index,
-        duration_s=duration_s,
-        outcome=outcome,
-    )
+def walked(controller, index, terrain="flat", condition="", way_mm=1.0, **fields):
+    """Row of an episode of 3 s, or as its fields say."""
+    fields = {"controller": controller, "index": index, "terrain": terrain, **fields}
+    record = make_record([(0, 0), (way_mm, 0)], **{"duration_s": 3.0, **fields})
     return episode_row(record, condition)
 
 
 def rows(speeds, controller="cpg", terrain="flat", outcome="timeout"):
     """One row per speed (mm/s), over 3 s."""
     ways = enumerate(3 * speed for speed in speeds)
-    return [walked(controller, terrain, "", index, outcome, way_mm=way) for index, way in ways]
+    return [walked(controller, i, terrain, way_mm=way, outcome=outcome) for i, way in ways]
 
 
 def timed(controller, times, terrain="flat", condition=""):
     """A row per episode: its time to goal, s, or None without success."""
-    ends = enumerate(("success", time) if time else ("timeout", 3.0) for time in times)
-    return [
-        walked(controller, terrain, condition, index, outcome, duration_s=duration_s)
-        for index, (outcome, duration_s) in ends
-    ]
+    ends = [{"outcome": "success", "duration_s": time} if time else {} for time in times]
+    return [walked(controller, i, terrain, condition, **end) for i, end in enumerate(ends)]
 
 
 def summary_of(rows, **protocol):

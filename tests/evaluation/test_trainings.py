@@ -50,26 +50,26 @@ TWO_ROWS = [row("a", "flat", 5), row("a", "blocks", 8), row("b", "flat", 10), ro
 
 def test_a_row_per_training_and_a_column_per_terrain():
     found = matrix(TWO, TWO_ROWS)
-    assert found.terrains == ("flat", "blocks")
-    assert [each.terrain for each in found.rows] == ["blocks", "flat"]
-    values = [[cell.success.value for cell in each.cells] for each in found.rows]
+    assert found["terrains"] == ("flat", "blocks")
+    assert [each["terrain"] for each in found["rows"]] == ["blocks", "flat"]
+    values = [[cell["success"].value for cell in each["cells"]] for each in found["rows"]]
     assert values == [[0.5, 0.8], [1.0, 0.0]]
     # the terrain of the training is marked
-    homes = [[cell.is_home for cell in each.cells] for each in found.rows]
+    homes = [[cell["is_home"] for cell in each["cells"]] for each in found["rows"]]
     assert homes == [[False, True], [True, False]]
 
 
 def test_a_policy_on_other_legs_is_no_other_seed_of_its_training():
     legs = [entrant(f"a@{each}", FLAT) for each in ("hybrid", "cpg")]
-    assert [each.names for each in matrix(legs, TWO_ROWS).rows] == [("a@hybrid",), ("a@cpg",)]
+    assert [each["names"] for each in matrix(legs, TWO_ROWS)["rows"]] == [("a@hybrid",), ("a@cpg",)]
 
 
 def test_a_few_seeds_have_the_rate_of_all_their_episodes():
     pair = [entrant("a", FLAT, 0), entrant("b", FLAT, 1)]
     found = matrix(pair, [row("a", "flat", 10), row("b", "flat", 4), row("a", "blocks", 1)])
-    (training,) = found.rows
-    assert training.names == ("a", "b")
-    flat, blocks = (cell.success for cell in training.cells)
+    (training,) = found["rows"]
+    assert training["names"] == ("a", "b")
+    flat, blocks = (cell["success"] for cell in training["cells"])
     assert (flat.value, flat.n) == (0.7, 20)
     # Wilson by hand: (14 + z²/2) / (20 + z²) ± z / (20 + z²) sqrt(14 * 6 / 20 + z²/4), z = 1.96
     assert (flat.low, flat.high) == pytest.approx((0.481, 0.855), abs=1e-3)
@@ -83,7 +83,7 @@ def test_five_seeds_have_their_interquartile_mean():
     entrants = [entrant(name, FLAT, seed) for seed, name in enumerate(names)]
     summary = [row(name, "flat", n) for name, n in zip(names, successes, strict=True)]
     summary += [row(name, "blocks", 3) for name in names]
-    flat, blocks = (cell.success for cell in matrix(entrants, summary).rows[0].cells)
+    flat, blocks = (cell["success"] for cell in matrix(entrants, summary)["rows"][0]["cells"])
     # a quarter of five is one on either side
     assert flat.value == pytest.approx((0.5 + 0.6 + 0.8) / 3)
     assert flat.low < flat.value < flat.high
@@ -99,23 +99,23 @@ def test_where_success_says_little_there_is_a_second_figure():
         row("b", "blocks", 0),
     ]
     found = matrix(pair, summary, task="traverse")
-    assert found.second == "advance_mm"
-    assert [cell.second for cell in found.rows[0].cells] == [5.5, 2.0]
-    assert matrix(pair, summary).second is None
+    assert found["second"] == "advance_mm"
+    assert [cell["second"] for cell in found["rows"][0]["cells"]] == [5.5, 2.0]
+    assert matrix(pair, summary)["second"] is None
 
 
 def test_trainings_of_a_terrain_stand_together():
     third = entrant("c", BLOCKS, policy="another way", training={"algo": "sac", "settings": {}})
     found = matrix([*TWO, third], TWO_ROWS)
-    assert [each.names[0] for each in found.rows] == ["a", "c", "b"]
+    assert [each["names"][0] for each in found["rows"]] == ["a", "c", "b"]
 
 
 def test_one_terrain_is_nothing_to_compare():
     mine, rows = [entrant("b", FLAT)], [row("b", "flat", 1)]
     assert matrix(mine, rows, terrains=(FLAT,)) is None
     assert matrix(TWO, TWO_ROWS, terrains=(FLAT,)) is not None
-    (training,) = matrix(mine, rows).rows
-    assert training.cells[1].success.value is None  # nobody walked there
+    (training,) = matrix(mine, rows)["rows"]
+    assert training["cells"][1]["success"].value is None  # nobody walked there
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from flyrl.front.comparison import (
     group_runs,
     label,
     ranked,
-    table,
     telling_keys,
 )
 from flyrl.training.config import TrainingConfig
@@ -48,6 +47,12 @@ def _rows(folder):
         return list(csv.DictReader(file))
 
 
+def _compared(folder, *runs):
+    """Rows of the table that `flyrl sweep` writes to a folder."""
+    assert main(["sweep", *map(str, runs), "--output", str(folder)]) == 0
+    return _rows(folder)
+
+
 def _texts(folder):
     svg = ET.parse(folder / "learning_curves.svg")
     return [text.text for text in svg.iter("{http://www.w3.org/2000/svg}text")]
@@ -58,7 +63,7 @@ def test_five_seeds_have_an_interval_and_four_have_none(tmp_path):
         read_run(make_run(tmp_path / str(seed), seed=seed, evaluations=[(1, 1.0, 5.0), (2, s, 2)]))
         for seed, s in enumerate([0.5, 0.6, 0.7, 0.8, 0.9])
     ]
-    (row,), (four,) = table(group_runs(runs)), table(group_runs(runs[:4]))
+    ((_, row),), ((_, four),) = ranked(group_runs(runs)), ranked(group_runs(runs[:4]))
     assert (row["jobs"], row["runs"]) == (5, 5)
     assert row["final_success_mean"] == pytest.approx(0.7)
     # t(0.975, 4) = 2.776; standard error = sqrt(0.025 / 5)
@@ -85,10 +90,10 @@ def test_a_sweep_is_printed_written_and_drawn(tmp_path, capsys):
 
 def test_a_sweep_without_a_finished_run_can_be_written_elsewhere_without_a_figure(tmp_path):
     make_run(tmp_path / "sweep" / "a", interrupted_by="SIGTERM")
-    assert main(["sweep", str(tmp_path / "sweep"), "--output", str(tmp_path / "a" / "b")]) == 0
+    rows = _compared(tmp_path / "a" / "b", tmp_path / "sweep")
+    assert [row["runs"] for row in rows] == ["0"]
     assert [path.name for path in (tmp_path / "sweep").iterdir()] == ["a"]
     assert [path.name for path in (tmp_path / "a" / "b").iterdir()] == ["comparison.csv"]
-    assert [row["runs"] for row in _rows(tmp_path / "a" / "b")] == ["0"]
 
 
 def test_sweeps_and_single_runs_are_compared_as_one_sweep(tmp_path, capsys):
@@ -99,13 +104,12 @@ def test_sweeps_and_single_runs_are_compared_as_one_sweep(tmp_path, capsys):
     single = make_run(tmp_path / "C", seed=2, evaluations=[(100, 0.75, 1.0)], algo="sac")
     damaged = make_run(tmp_path / "D")
     (damaged / "config.yaml").unlink()
-    folders = [str(tmp_path / "A"), str(tmp_path / "B"), str(single), str(damaged)]
-    assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
+    table = _compared(tmp_path / "out", tmp_path / "A", tmp_path / "B", single, damaged)
     assert f"left out: {damaged}: config.yaml is missing\n" in capsys.readouterr().err
     keys = ("algo", "runs", "final_success_mean")
-    rows = [tuple(row[key] for key in keys) for row in _rows(tmp_path / "out")]
+    rows = [tuple(row[key] for key in keys) for row in table]
     assert rows == [("sac", "3", "0.5"), ("ppo", "2", "0.375")]
-    assert list(_rows(tmp_path / "out")[0])[:2] == ["algo", "jobs"]
+    assert list(table[0])[:2] == ["algo", "jobs"]
     texts = set(_texts(tmp_path / "out"))
     assert {"target flat", "algo=ppo, n = 2", "algo=sac, n = 3"} <= texts
 
@@ -123,7 +127,7 @@ def test_runs_of_one_reward_are_ranked_by_success_then_return(tmp_path):
         rate = {"algo.learning_rate": 0.1 * (1 + "abc".index(name))}
         _run(tmp_path / name, rate, evaluations=[(100, success, return_)])
     groups = _groups(*(tmp_path / name for name in "abc"))
-    assert [group.runs[0].path.name for group in ranked(groups)] == ["c", "b", "a"]
+    assert [group.runs[0].path.name for group, _ in ranked(groups)] == ["c", "b", "a"]
 
 
 def test_runs_of_different_weights_show_unweighted_terms_and_no_return(tmp_path, capsys):
@@ -131,9 +135,7 @@ def test_runs_of_different_weights_show_unweighted_terms_and_no_return(tmp_path,
     for name, row in (("a", "100,0.5,900,2,0,30"), ("b", "100,0.75,3,2,0,40")):
         more = {"task.weights": {**weights, "progress": 100.0 if name == "a" else 1.0}}
         _evaluated(tmp_path / name, "advance_mm,unweighted_progress", row, more)
-    folders = [str(tmp_path / name) for name in "ab"]
-    assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
-    best, other = _rows(tmp_path / "out")
+    best, other = _compared(tmp_path / "out", tmp_path / "a", tmp_path / "b")
     assert (best["final_success_mean"], best["final_unweighted_progress_mean"]) == ("0.75", "40.0")
     assert other["final_success_mean"] == "0.5"
     assert not [column for column in best if "return" in column]
@@ -147,8 +149,8 @@ def test_what_decides_a_task_ranks_its_runs(tmp_path):
         more = {"task.name": "velocity", "algo.learning_rate": error / 100}
         _evaluated(tmp_path / name, "speed_error_mm_s", f"100,0.5,{error},2,{error}", more)
     groups = _groups(tmp_path / "a", tmp_path / "b")
-    assert [group.runs[0].path.name for group in ranked(groups)] == ["b", "a"]
-    assert table(ranked(groups))[0]["final_speed_error_mm_s_mean"] == 1
+    assert [group.runs[0].path.name for group, _ in ranked(groups)] == ["b", "a"]
+    assert ranked(groups)[0][1]["final_speed_error_mm_s_mean"] == 1
 
 
 def test_what_follows_from_the_name_of_the_algorithm_is_not_told(tmp_path):
@@ -174,10 +176,9 @@ def test_what_follows_from_the_name_of_the_algorithm_is_not_told(tmp_path):
 def test_what_differs_beside_the_labels_is_said_and_written(tmp_path, capsys):
     _run(tmp_path / "a")
     _run(tmp_path / "b", {"physics.timestep": 0.001}, algo="sac")
-    folders = [str(tmp_path / name) for name in "ab"]
-    assert main(["sweep", *folders, "--output", str(tmp_path / "out")]) == 0
+    rows = _compared(tmp_path / "out", tmp_path / "a", tmp_path / "b")
     assert "they differ also in physics.timestep: see " in capsys.readouterr().out
-    assert [row["physics.timestep"] for row in _rows(tmp_path / "out")] == ["0.0004", "0.001"]
+    assert [row["physics.timestep"] for row in rows] == ["0.0004", "0.001"]
     assert "algo=sac, n = 1" in _texts(tmp_path / "out")
 
 
@@ -199,8 +200,7 @@ def test_settings_of_runs_are_plain_text_in_figures_and_no_formulas_in_spreadshe
         _run(tmp_path / "b", {"algo.name": "=1+1", "terrain.@x": -1.5}),
     ]
     assert "algo=p?[31mo" in [label.partition(" ")[0] for label in _labels(_groups(*folders))]
-    assert main(["sweep", *map(str, folders), "--output", str(tmp_path / "out")]) == 0
-    rows = _rows(tmp_path / "out")
+    rows = _compared(tmp_path / "out", *folders)
     assert {row["algo"] for row in rows} == {"p?[31mo", "'=1+1"}
     assert {row["terrain.@x"] for row in rows} == {"", "-1.5"}
 

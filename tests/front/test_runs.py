@@ -37,8 +37,14 @@ def run(tmp_path_factory):
 
 
 def test_python_and_command_line_train_the_same_bits(run, run_here, tmp_path):
-    done = run_here("train.py", *TINY_ARGUMENTS, "video_after=false")
+    done = run_here("train.py", *TINY_ARGUMENTS)
+    assert done.returncode == 0, done.stderr
     folder = tmp_path / done.stdout.splitlines()[-1].removeprefix("run: ")
+    # the run folder, and no output of Hydra's
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+    assert "train.py physics=fast" in (folder / "command.txt").read_text()
+    assert (folder / "learning_curve.svg").is_file()
+    assert (folder / "best.mp4").is_file() != ("Videos are left out: " in done.stderr)
     assert read_record(run.folder) == read_record(folder)
     ours, theirs = (load_file(each / "last.safetensors") for each in (run.folder, folder))
     assert ours.keys() == theirs.keys()

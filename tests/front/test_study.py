@@ -80,14 +80,13 @@ def test_every_trial_is_a_run_with_what_was_drawn(study):
         assert str(run.setting("algo.hidden_layers")) == row["params_algo.hidden_layers"]
         assert float(row["value"]) == score(run.best, 1)
         assert float(row["user_attrs_decisions"]) == run.best["decisions"]
-
-
-def test_the_command_of_a_run_trains_it_without_the_study(study):
-    for path in find_runs(study):
-        program, *overrides = shlex.split((path / "command.txt").read_text())
+        # its command trains it without the study
+        program, *overrides = shlex.split((run.path / "command.txt").read_text())
         assert program == "flyrl-train"
-        repeated = training_record(training_config(compose_training(overrides)))
-        assert repeated == read_run(path).settings
+        assert training_record(training_config(compose_training(overrides))) == run.settings
+    noted = _load(study, "two").user_attrs
+    assert noted["commands"] == ["flyrl tune --name two"]
+    assert noted["record"]["settings"]["training"]["total_timesteps"] == 96
 
 
 def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
@@ -104,20 +103,14 @@ def test_the_same_command_shows_the_study_and_trains_nothing(study, capsys):
     assert "2 trials: 2 complete" in output
 
 
-def test_the_study_is_written_down(study):
-    noted = _load(study, "two").user_attrs
-    assert noted["commands"][0] == "flyrl tune --name two"
-    assert noted["record"]["settings"]["training"]["total_timesteps"] == 96
-
-
 def test_a_study_with_other_settings_is_another(study, capsys):
-    name = ("--name", "two", "--trials", "2")
-    assert _tune(study, *name, overrides=["algo.gamma=0.5"]) == 2
-    assert "settings.algo.gamma is 0.995, now 0.5" in capsys.readouterr().err
-    assert _tune(study, *name, space=SPACE.replace("3e-2", "4e-2")) == 2
-    assert "learning_rate.attributes.high is 0.03, now 0.04" in capsys.readouterr().err
-    assert _tune(study, *name, "--seed", "1") == 2
-    assert "seed is 0, now 1" in capsys.readouterr().err
+    for options, other, told in (
+        ([], {"overrides": ["algo.gamma=0.5"]}, "settings.algo.gamma is 0.995, now 0.5"),
+        ([], {"space": SPACE.replace("3e-2", "4e-2")}, "attributes.high is 0.03, now 0.04"),
+        (["--seed", "1"], {}, "seed is 0, now 1"),
+    ):
+        assert _tune(study, "--name", "two", "--trials", "2", *options, **other) == 2
+        assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("is_killed", [False, True])
@@ -191,8 +184,8 @@ def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):
     [
         (["--trials", "0"], "--trials"),
         (["--name", "a/b"], "--name must be the name of a folder"),
-        (["--search", "none"], "--search must be one of"),
-        (["algo=ddpg"], "no search space for algo=ddpg"),
+        (["--search", "none"], "there is no search space none ("),
+        (["algo=ddpg"], "search/ddpg.yaml ("),
         (["seed=0,1"], "takes no sweep, got seed=0,1"),
         (["evaluate_after=true"], "evaluate_after cannot be given"),
         (["training.num_envs=4"], "ppo.yaml allows algo."),

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 from sb3_contrib.common.torch_layers import BatchRenorm
 
 from flyrl.policies.bundle import PolicyBundle, TermLayout, weight_shapes
@@ -110,11 +111,18 @@ def perturbed(model):
 
 
 class Bandit(gymnasium.Env):
-    """One-step problem with a flat observation and a bounded action; only there to build models."""
+    """One-step problem, only there to build models.
 
-    def __init__(self, size: int = 40, low: float = -1.0, high: float = 1.0) -> None:
-        self.observation_space = gymnasium.spaces.Box(-10, 10, (size,), np.float32)
-        self.action_space = gymnasium.spaces.Box(low, high, (2,), np.float32)
+    Its observation has one part, or several of these sizes by name.
+    """
+
+    def __init__(self, size=40, action_space=None):
+        parts = {
+            name: spaces.Box(-10, 10, (n,), np.float32)
+            for name, n in (size if isinstance(size, dict) else {"all": size}).items()
+        }
+        self.observation_space = spaces.Dict(parts) if isinstance(size, dict) else parts["all"]
+        self.action_space = action_space or spaces.Box(-0.5, 1.5, (2,), np.float32)
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -122,22 +130,3 @@ class Bandit(gymnasium.Env):
 
     def step(self, action):
         return self.observation_space.sample(), 0.0, True, False, {}
-
-
-class ChoiceBandit(Bandit):
-    """The same with a whole number of 16 and one of 8 as the action."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.action_space = gymnasium.spaces.MultiDiscrete([16, 8])
-
-
-class DictBandit(Bandit):
-    """The same with an observation in three parts."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        sizes = {"observation": 5, "desired_goal": 2, "achieved_goal": 2}
-        self.observation_space = gymnasium.spaces.Dict(
-            {name: gymnasium.spaces.Box(-10, 10, (n,), np.float32) for name, n in sizes.items()}
-        )

@@ -60,38 +60,32 @@ def test_same_policy_same_bytes(bundle, file, tmp_path):
 
 
 def test_run_folder_gives_best_else_last(bundle, tmp_path):
+    with pytest.raises(PolicyFileError, match=r"a run folder holds best\.safetensors"):
+        load_policy(tmp_path)
     save_bundle(bundle, tmp_path / "last.safetensors")
     assert load_bundle(tmp_path).training == {"decisions": 7}
     (tmp_path / "best.safetensors").write_bytes(b"x" * 100)
     with pytest.raises(PolicyFileError, match=r"best\.safetensors"):
         load_bundle(tmp_path)
+    with pytest.raises(PolicyFileError, match=r"nowhere: there is no such file or folder"):
+        load_policy(tmp_path / "nowhere")
 
 
-def test_a_policy_of_an_earlier_preset_warns_once(bundle, path):
-    save_bundle(dataclasses.replace(bundle, env={"physics": BALANCED_1}), path)
+@pytest.mark.parametrize(
+    ("physics", "terrain", "version"),
+    # the second version differs in boxes alone
+    [(BALANCED_1, "flat", 1), (BALANCED_2, "flat", None), (BALANCED_2, "blocks", 2)],
+)
+def test_a_policy_of_an_earlier_preset_warns_once(bundle, path, physics, terrain, version):
+    env = {"physics": dataclasses.asdict(physics), "terrain": {"name": terrain}}
+    save_bundle(dataclasses.replace(bundle, env=env), path)
     with warnings.catch_warnings(record=True) as given:
         warnings.simplefilter("default")
         for _ in range(2):
             load_bundle(path)
-    (warning,) = given
-    assert "was trained with version 1 of the physics preset 'balanced'" in str(warning.message)
-
-
-@pytest.mark.parametrize(("terrain", "count"), [("flat", 0), ("blocks", 1)])
-def test_a_preset_that_differs_in_boxes_is_the_same_on_flat_ground(bundle, path, terrain, count):
-    env = {"physics": BALANCED_2, "terrain": {"name": terrain}}
-    save_bundle(dataclasses.replace(bundle, env=env), path)
-    with warnings.catch_warnings(record=True) as given:
-        warnings.simplefilter("always")
-        load_bundle(path)
-    assert len(given) == count
-
-
-def test_missing_path_and_folder_without_policy(tmp_path):
-    with pytest.raises(PolicyFileError, match=r"nowhere: there is no such file or folder"):
-        load_policy(tmp_path / "nowhere")
-    with pytest.raises(PolicyFileError, match=r"a run folder holds best\.safetensors"):
-        load_policy(tmp_path)
+    told = [f"trained with version {version} of the physics preset 'balanced'"] if version else []
+    assert len(given) == len(told)
+    assert all(words in str(warning.message) for words, warning in zip(told, given, strict=True))
 
 
 def test_every_truncation_and_every_changed_byte_is_refused(file):
@@ -123,30 +117,33 @@ def test_pickle_is_refused_unopened(path):
     assert not path.with_name("sprung").exists()
 
 
-def test_foreign_safetensors_file(path):
-    save_file({"weight": np.zeros(3, np.float32)}, path)
-    with pytest.raises(PolicyFileError, match="no flyrl policy"):
-        load_policy(path)
-
-
-def test_many_tensors_are_refused_shortly(path):
-    save_file({f"{i}.weight": np.zeros(1, np.float32) for i in range(20_000)}, path)
-    with pytest.raises(PolicyFileError, match="is no policy: a header of") as refused:
+@pytest.mark.parametrize(
+    ("tensors", "record", "message"),
+    [
+        (["weight"], None, "no flyrl policy"),
+        ([f"{i}.weight" for i in range(20_000)], None, "is no policy: a header of"),
+        (
+            ["weight"],
+            {"schema": "flyrl.policy/99", "sha256": "0" * 64},
+            r"'flyrl\.policy/99'.*reads 'flyrl\.policy/1'",
+        ),
+    ],
+)
+def test_other_safetensors_files_are_refused_shortly(path, tensors, record, message):
+    metadata = record and {"flyrl": json.dumps(record)}
+    save_file({name: np.zeros(1, np.float32) for name in tensors}, path, metadata)
+    with pytest.raises(PolicyFileError, match=message) as refused:
         load_policy(path)
     assert len(str(refused.value)) < 500
-
-
-def test_other_schema(file):
-    record = {"schema": "flyrl.policy/99", "sha256": "0" * 64}
-    save_file(load_file(file), file, {"flyrl": json.dumps(record)})
-    with pytest.raises(PolicyFileError, match=r"'flyrl\.policy/99'.*reads 'flyrl\.policy/1'"):
-        load_policy(file)
 
 
 STATISTICS = {"mean": [0, 0, 0], "variance": [1, 1, 1], "epsilon": 1, "clip": 1}
 OF_RECURRENT = (
     ({"normaliser": {"mean": [0.0]}}, "incomplete or wrong record"),
     ({"normaliser": STATISTICS | {"variance": [1, 1, "x"]}}, "variance must be numbers"),
+    ({"normaliser": STATISTICS | {"variance": [1, 1, -1]}}, r"variance must be at least 0"),
+    ({"normaliser": STATISTICS | {"epsilon": 0}}, r"epsilon must be a finite number above 0"),
+    ({"normaliser": STATISTICS | {"clip": -1}}, r"clip must be a finite number above 0"),
     ({"normaliser": STATISTICS | {"mean": [0], "variance": [1]}}, "mean: 1 values, but 3 are"),
     ({"architecture": {"lstm_sizes": [3, 3]}}, r"'lstm\.1.*shape \(12,.*: None$"),
     ({"architecture": {"sizes": [3, 2, 2, 2]}}, r"'2\.weight': shape None; .*: \(2, 2\)"),

@@ -8,6 +8,7 @@ from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Drives, Neurons, ObservationTerm, Task
 
 STRETCHED = {"squashing": "tanh", "action_low": (-0.5, -0.5), "action_high": (1.5, 1.5)}
+TANH_OUTPUTS = np.tanh(0.25) + np.array([0.5, -np.tanh(1.2)])
 NORMALISER = Normaliser(np.array([1, 0, 0]), np.array([16.0, 4, 1]), 1e-12, 10.0)
 
 
@@ -18,6 +19,7 @@ NORMALISER = Normaliser(np.array([1, 0, 0]), np.array([16.0, 4, 1]), 1e-12, 10.0
         ("bundle", {}, [0.25, 0.1, 9.0], [0.75, -0.95]),
         ("bundle", {}, [5.0, 50.0, 0.0], [1, -1]),
         ("bundle", STRETCHED, [0.25, 0.1, 9.0], 0.5 + np.tanh([0.75, -0.95])),
+        ("bundle", {"activation": "tanh"}, [0.25, 0.1, 9.0], TANH_OUTPUTS),
         # the network sees [0.25, 0.1, 9]
         ("bundle", {"normaliser": NORMALISER}, [2.0, 0.2, 9.0], [0.75, -0.95]),
         # outputs = [0.5, 0.25, 1.2] for 0, 1, 2 and [0.5, 1.2] for -1, 0

@@ -10,7 +10,7 @@ import cloudpickle
 import numpy as np
 import pytest
 import torch
-from gymnasium.spaces import Discrete, MultiBinary, MultiDiscrete
+from gymnasium.spaces import Dict, Discrete, MultiBinary, MultiDiscrete
 from sb3_contrib import ARS, TQC, TRPO, CrossQ, RecurrentPPO
 from stable_baselines3 import A2C, DDPG, PPO, SAC, TD3
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
@@ -37,8 +37,6 @@ from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.models import build_model
 from tests.policies.conftest import (
     Bandit,
-    ChoiceBandit,
-    DictBandit,
     perturbed,
     random_network,
     same_weights,
@@ -55,36 +53,31 @@ DICT_LAYOUT = (
 )
 
 
-def _model(algorithm, env, policy="MlpPolicy", **kwargs):
-    return perturbed(algorithm(policy, env, policy_kwargs=kwargs, device="cpu", seed=0))
-
-
 def _random(*shape):
     return np.random.default_rng(0).normal(size=shape).astype(np.float32)
 
 
-def _parts(n):
-    sizes = {"observation": 5, "desired_goal": 2, "achieved_goal": 2}
-    return {name: _random(n + i, size)[i:] for i, (name, size) in enumerate(sizes.items())}
-
-
+PARTS = {"observation": 5, "desired_goal": 2, "achieved_goal": 2}
+CHOOSING = MultiDiscrete([16, 8])
 FLAT = [PPO, A2C, TRPO, SAC, TQC, CrossQ, TD3, DDPG]
 
 
 @pytest.mark.parametrize(
     ("algorithm", "env", "activation"),
     [
-        *[(algorithm, Bandit(low=-0.5, high=1.5), nn.ReLU) for algorithm in FLAT],
-        *[(algorithm, ChoiceBandit(), nn.Tanh) for algorithm in (PPO, A2C, TRPO)],
-        *[(algorithm, DictBandit(), nn.Tanh) for algorithm in (PPO, SAC, TQC, TD3, RecurrentPPO)],
+        *[(algorithm, Bandit(), nn.ReLU) for algorithm in FLAT],
+        *[(algorithm, Bandit(action_space=CHOOSING), nn.Tanh) for algorithm in (PPO, A2C, TRPO)],
+        *[(algorithm, Bandit(PARTS), nn.Tanh) for algorithm in (PPO, SAC, TQC, TD3, RecurrentPPO)],
     ],
 )
 def test_same_actions_as_sb3(algorithm, env, activation):
-    is_dict, memory = isinstance(env, DictBandit), "Lstm" if algorithm is RecurrentPPO else ""
-    name = f"{'MultiInput' if is_dict else 'Mlp'}{memory}Policy"
-    model = _model(algorithm, env, name, net_arch=[64, 64], activation_fn=activation)
+    is_dict, memory = isinstance(env.observation_space, Dict), algorithm is RecurrentPPO
+    name = f"{'MultiInput' if is_dict else 'Mlp'}{'Lstm' if memory else ''}Policy"
+    network = {"net_arch": [64, 64], "activation_fn": activation}
+    model = perturbed(algorithm(name, env, policy_kwargs=network, device="cpu", seed=0))
     bundle = bundle_from_sb3(model, DICT_LAYOUT if is_dict else LAYOUT, {}, {})
-    observations = _parts(500) if is_dict else _random(500, 40)
+    parts = {name: _random(500 + i, size)[i:] for i, (name, size) in enumerate(PARTS.items())}
+    observations = parts if is_dict else _random(500, 40)
     expected, _ = model.predict(observations, deterministic=True)
     actions, _ = LearnedPolicy(bundle).predict(observations)
     assert np.ptp(expected, axis=0).min() > 0.1

@@ -2,7 +2,6 @@
 
 import io
 import time
-from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -24,21 +23,14 @@ def browser():
         yield browser
 
 
-@dataclass
-class Heard:
-    """What a page said that it should not have, and all that it asked for."""
-
-    complaints: list[str] = field(default_factory=list)
-    requests: list[str] = field(default_factory=list)
-
-    def listen(self, page):
-        page.on("console", self._console)
-        page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        page.on("request", lambda request: self.requests.append(request.url))
-
-    def _console(self, message):
-        if message.type in ("error", "warning"):
-            self.complaints.append(message.text)
+def listen(page):
+    """What a page says that it should not, and all that it asks for, from now on."""
+    complaints, requests = [], []
+    bad = ("error", "warning")
+    page.on("console", lambda said: said.type in bad and complaints.append(said.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: requests.append(request.url))
+    return complaints, requests
 
 
 @pytest.fixture
@@ -48,22 +40,22 @@ def visit(browser, report):
     Options are those of a browser context. No page may complain during a test, or ask for anything
     from elsewhere.
     """
-    contexts, heard = [], Heard()
+    contexts, heard = [], []
 
     def open_page(address="", path=report, **options):
         usual = {"viewport": WIDE, "offline": True, "reduced_motion": "reduce"}
         contexts.append(browser.new_context(**{**usual, **options}))
         page = contexts[-1].new_page()
-        heard.listen(page)
+        heard.append(listen(page))
         page.goto(f"{path.as_uri()}{address}")
         return page
 
     yield open_page
     for context in contexts:
         context.close()
-    assert heard.complaints == []
-    elsewhere = [url for url in heard.requests if not url.startswith(("file:", "data:", "blob:"))]
-    assert elsewhere == []
+    for complaints, requests in heard:
+        assert complaints == []
+        assert all(url.startswith(("file:", "data:", "blob:")) for url in requests)
 
 
 def wait_until(page, script, argument=None):
@@ -76,15 +68,11 @@ def wait_until(page, script, argument=None):
 
 def column(page, table, heading):
     """What a table shows below a heading, row by row, as it sorts by."""
-    return page.eval_on_selector(
-        table,
-        """(table, heading) => {
-            const headings = [...table.tHead.rows[0].cells].map((cell) => cell.innerText);
-            const column = headings.findIndex((text) => text.startsWith(heading));
-            return [...table.tBodies[0].rows].map(
-                (row) => row.cells[column].dataset.value ?? row.cells[column].innerText);
-        }""",
-        heading,
+    headings = page.locator(f"{table} th").all_inner_texts()
+    number = next(i for i, text in enumerate(headings) if text.startswith(heading))
+    return page.eval_on_selector_all(
+        f"{table} td:nth-child({number + 1})",
+        "(cells) => cells.map((cell) => cell.dataset.value ?? cell.innerText)",
     )
 
 
@@ -117,7 +105,8 @@ def test_a_click_on_a_heading_sorts_and_another_turns_it_round_missing_values_la
 
 
 def test_every_link_of_the_navigation_shows_its_page_alone(visit):
-    page = visit()
+    page = visit("#provenance")  # a section of a page
+    expect(page.locator("#provenance")).to_be_visible()
     links = page.locator("nav a").all()
     assert len(links) == 4 + len(TERRAINS)
     for link in links:
@@ -126,12 +115,7 @@ def test_every_link_of_the_navigation_shows_its_page_alone(visit):
         shown = [each for each in page.locator("main > .page").all() if each.is_visible()]
         assert ["#" + each.get_attribute("id") for each in shown] == [link.get_attribute("href")]
         assert link.get_attribute("aria-current") == "page"
-
-
-def test_a_section_of_a_page_can_be_addressed_and_left_again(visit):
-    page = visit("#provenance")
-    expect(page.locator("#provenance")).to_be_visible()
-    page.locator("nav a", has_text="Summary").click()
+    links[0].click()
     page.locator("#leaders a", has_text="gapped").click()
     expect(page.locator("#gapped h2")).to_be_visible()
     page.go_back()
@@ -304,6 +288,31 @@ def rows_shown(page):
     return [row.split("\t") for row in page.locator("#rows tbody tr").all_inner_texts()]
 
 
+def choose(page, controller):
+    """Filter the table of all episodes by a controller, whose name holds this text."""
+    page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
+    page.locator(".dtcc-dropdown").get_by_role("button", name=controller).click()
+
+
+def sort_by(page, heading, number):
+    """Sort the table of all episodes by a column; missing values come last."""
+    page.locator("#rows th", has_text=heading).locator(".dt-column-title").click()
+    wait_until(
+        page,
+        """(number) => {
+            const cells = document.querySelectorAll(`#rows tbody td:nth-child(${number})`);
+            const values = [...cells].map(({ innerText: text }) =>
+                text === "\u2013" ? Infinity : Number.isNaN(Number(text)) ? text : Number(text));
+            return values.every((value, i) => i === 0 || values[i - 1] <= value);
+        }""",
+        number,
+    )
+
+
+def wait_for_rows(page, count):
+    wait_until(page, "(n) => document.querySelectorAll('#rows tbody tr').length === n", count)
+
+
 def test_a_dot_leads_to_what_everybody_did_in_its_episode(visit):
     page = visit("#gapped")
     # one that no other lies upon
@@ -349,47 +358,27 @@ def test_a_long_table_is_filled_bit_by_bit(visit, text, tmp_path):
     page = visit("#episodes", short, bypass_csp=True)
     page.locator("#episodes", has_text=f"Showing 1 to 25 of {ROWS} entries").wait_for()
     page.goto(f"{short.as_uri()}#episode=gapped/7")  # the last ones
-    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 3")
+    wait_for_rows(page, 3)
     assert [row[:3] for row in rows_shown(page)] == [["gapped", "7", name] for name in NAMES]
 
 
 def test_rows_are_filtered_by_a_column_and_sorted_with_missing_values_last(visit):
     page = visit("#episodes")
     assert {row[2] for row in rows_shown(page)} > {"cpg"}
-    page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
-    page.locator(".dtcc-dropdown").get_by_role("button", name="cpg").click()
-    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 16")
+    choose(page, "cpg")
+    wait_for_rows(page, 16)
     assert {row[2] for row in rows_shown(page)} == {"cpg"}
-    page.locator("#rows th", has_text="time to goal").locator(".dt-column-title").click()
-    wait_until(
-        page,
-        """() => {
-            const cells = [...document.querySelectorAll("#rows tbody td:nth-child(5)")];
-            const values = cells.map((cell) =>
-                cell.innerText === "\u2013" ? Infinity : Number(cell.innerText));
-            const isSorted = values.every((value, i) => i === 0 || values[i - 1] <= value);
-            return isSorted && values.includes(Infinity);
-        }""",
-    )
+    sort_by(page, "time to goal", 5)
+    assert rows_shown(page)[-1][4] == "\u2013"
 
 
 def test_texts_of_strangers_run_no_script(visit, hostile_report):
     page = visit("#episodes", hostile_report, bypass_csp=True)  # the text alone must be harmless
-    hostile = HOSTILE[0]
-    assert hostile in {row[2] for row in rows_shown(page)}
-    page.locator("#rows th", has_text="controller").locator(".dt-column-title").click()
-    wait_until(
-        page,
-        """() => {
-            const names = [...document.querySelectorAll("#rows tbody td:nth-child(3)")]
-                .map((cell) => cell.innerText);
-            return names.every((name, i) => i === 0 || names[i - 1] <= name);
-        }""",
-    )
-    page.locator("#rows th", has_text="controller").locator(".dtcc-button_dropdown").click()
-    page.locator(".dtcc-dropdown").get_by_role("button", name="/script").click()
-    wait_until(page, "document.querySelectorAll('#rows tbody tr').length === 6")
-    assert {row[2] for row in rows_shown(page)} == {hostile}
+    assert HOSTILE[0] in {row[2] for row in rows_shown(page)}
+    sort_by(page, "controller", 3)
+    choose(page, "/script")
+    wait_for_rows(page, 6)
+    assert {row[2] for row in rows_shown(page)} == {HOSTILE[0]}
     assert page.title() != "666"
     assert page.locator("img").count() == 0
 
@@ -398,17 +387,15 @@ def test_a_script_that_got_into_the_page_does_not_run(browser, text, tmp_path):
     bad = tmp_path / "report.html"
     inline = "<script>document.title = 666</script><img src=x onerror='document.title = 666'>"
     bad.write_text(text.replace("</footer>", f"</footer>{inline}"), encoding="utf-8")
-    titles, complaints = {}, []
+    titles, complaints = [], []
     for bypass_csp in (False, True):
-        context, heard = browser.new_context(offline=True, bypass_csp=bypass_csp), Heard()
+        context = browser.new_context(offline=True, bypass_csp=bypass_csp)
         page = context.new_page()
-        heard.listen(page)
+        complaints.append(listen(page)[0])
         page.goto(bad.as_uri())
-        titles[bypass_csp] = page.title()
-        complaints.append(heard.complaints)
+        titles.append(page.title())
         context.close()
-    assert titles[False].endswith("flyrl report")
-    assert titles[True] == "666"
+    assert titles[0].endswith("flyrl report") and titles[1] == "666"
     assert sum("Content Security Policy" in each for each in complaints[0]) == 3
 
 

@@ -108,16 +108,12 @@ def test_long_labels_stay_within_the_figure():
     assert all(axes.get_window_extent().height > 100 for axes in figure.axes)
 
 
-def test_text_stays_text(tmp_path):
-    svg, _ = write_learning_curves(tmp_path, TWO_GROUPS[1:], "target $flat$")
-    assert "target $flat$" in texts(svg.read_text())
-
-
 @pytest.mark.parametrize("kind", ["svg", "png"])
-def test_the_same_curves_are_the_same_bytes(tmp_path, kind):
+def test_the_same_curves_are_the_same_bytes_and_text_stays_text(tmp_path, kind):
     written = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        write_learning_curves(tmp_path / name, TWO_GROUPS, "target flat")
+        write_learning_curves(tmp_path / name, TWO_GROUPS, "target $flat$")
         written.append((tmp_path / name / f"learning_curves.{kind}").read_bytes())
     assert written[0] == written[1]
+    assert kind == "png" or "target $flat$" in texts(written[0].decode())

@@ -30,11 +30,8 @@ def test_what_the_page_shows_is_there_and_light():
     assert len(named()) > 30
     sizes = {path: (DOCS / path).stat().st_size for path in named()}
     assert sum(sizes.values()) < 6e6
-
-
-def test_every_video_has_a_poster_and_numbers():
-    for mp4 in {path for path in named() if path.endswith(".mp4")}:
-        assert {mp4.replace(".mp4", ".jpg"), mp4.replace(".mp4", ".csv")} <= set(named())
+    for video in {path.removesuffix(".mp4") for path in named() if path.endswith(".mp4")}:
+        assert {f"{video}.jpg", f"{video}.csv"} <= set(named())  # its poster and numbers
 
 
 @pytest.mark.parametrize("name", ["adhesion", "rules_graph", "muscle"])

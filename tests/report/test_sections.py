@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.report import Video
-from flyrl.report.sections import (
-    by_episode,
-    player,
-    terrain_section,
-    trainings_section,
-)
+from flyrl.report.sections import by_episode, player, terrain_section, trainings_section
 from flyrl.report.video import HOLD_FRAMES
 from tests.report.test_close_up import straight
 

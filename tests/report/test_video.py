@@ -1,5 +1,5 @@
-import dataclasses
 import re
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -7,22 +7,8 @@ import pytest
 
 from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, evaluate, make_entrants
-from flyrl.report import video as video_module
-from flyrl.report.video import (
-    BAR_WIDTH,
-    FILMED,
-    FLY_PACE,
-    FPS,
-    HEIGHT,
-    HOLD_FRAMES,
-    WIDTH,
-    WORM_PACE,
-    _walk,
-    encode,
-    measured,
-    record_video,
-    record_videos,
-)
+from flyrl.report import video as films
+from flyrl.report.video import FPS, HEIGHT, HOLD_FRAMES, WIDTH, encode, record_videos
 from flyrl.simulation.marks import PLAIN, Overlay
 from flyrl.simulation.randomisation import RandomisationConfig
 from flyrl.tasks import TASKS
@@ -30,11 +16,16 @@ from flyrl.terrains import TERRAINS
 from tests.pictures import decoded, drawing
 
 CONFIG = EvaluationConfig(
-    task=dataclasses.replace(TASKS["target"](), time_limit_s=0.1),
+    task=replace(TASKS["target"](), time_limit_s=0.1),
     controllers=("cpg",),
     episodes=2,
     num_threads=1,
 )
+
+
+def worms(task, controller):
+    task = replace(TASKS[task](), time_limit_s=0.2)
+    return replace(CONFIG, task=task, controllers=(controller,), episodes=1)
 
 
 def read(mp4, tmp_path):
@@ -44,29 +35,32 @@ def read(mp4, tmp_path):
     return decoded(path)
 
 
-@pytest.fixture(scope="module")
-def video():
-    (entrant,) = make_entrants(CONFIG)
-    terrain = CONFIG.terrain_configs[0]
-    with drawing():
-        return record_video(CONFIG, entrant, terrain, CONFIG.draw_episodes(terrain)[1], 1)
+def recorded(config, **options):
+    """Videos of an evaluation; skips the test where nothing can draw."""
+    found, note = record_videos(config, make_entrants(config), **options)
+    if note is not None:
+        pytest.skip(note)
+    return found
 
 
-def test_pictures_come_back(tmp_path):
-    shades = (40, 120, 200)
-    pictures = [np.full((48, 64, 3), shade, np.uint8) for shade in shades]
-    facts, frames = read(encode(pictures), tmp_path)
+def walked(config, number, terrain=None):
+    """An environment on one episode, its entrant's policy, and what is filmed of them."""
+    (entrant,) = make_entrants(config)
+    terrain = terrain or config.terrain_configs[0]
+    episode = config.draw_episodes(terrain)[number]
+    settings = entrant.env(config, terrain)
+    pace = films.FLY_PACE if settings.creature == "fly" else films.WORM_PACE
+    pictures = films._walk(BatchedEnv(settings, 1, 1), entrant, episode, pace.frame_s)
+    return settings, episode, entrant.policy, pictures
+
+
+def test_a_video_is_h264_that_plays_at_once_and_jumps_fast(tmp_path):
+    shades = np.linspace(40, 200, 45).astype(np.uint8)
+    mp4 = encode([np.full((48, 64, 3), shade, np.uint8) for shade in shades])
+    facts, frames = read(mp4, tmp_path)
     assert re.search(rf"Video: h264 .*yuv420p.*, {FPS} fps", facts)
     assert [int(frame.mean()) for frame in frames] == pytest.approx(shades, abs=3)
-
-
-def test_a_video_starts_playing_before_it_is_loaded():
-    data = encode([np.zeros((48, 64, 3), np.uint8)] * 3)
-    assert data.index(b"moov") < data.index(b"mdat")
-
-
-def test_a_browser_has_few_pictures_to_decode_where_it_jumps_to():
-    mp4 = encode([np.zeros((48, 64, 3), np.uint8)] * 45)
+    assert mp4.index(b"moov") < mp4.index(b"mdat")  # before it is loaded
     # the table of keyframes: version and flags, how many, and their numbers, from 1
     table = np.frombuffer(mp4, ">u4", 5, mp4.index(b"stss") + 4)
     assert table.tolist() == [0, 3, 1, 21, 41]
@@ -79,88 +73,71 @@ def test_a_video_that_is_too_large_is_made_coarser():
     assert len(encode(noise, max_bytes=len(fine) - 1)) < len(fine)
 
 
+@pytest.fixture(scope="module")
+def video():
+    (entrant,) = make_entrants(CONFIG)
+    with drawing():
+        return films.record_video(CONFIG, entrant, CONFIG.terrain_configs[0], 1)
+
+
 def test_a_video_shows_the_evaluated_episode(video):
     row = evaluate(CONFIG).episodes.iloc[1]
     assert (video.controller, video.terrain, video.episode) == ("cpg", "flat", 1)
     assert video.outcome == row["outcome"]
 
 
-def test_a_film_shows_the_fly_on_its_own_ground():
-    (entrant,) = make_entrants(CONFIG)
-    random = dataclasses.replace(TERRAINS["random_blocks"], height_range=(0.3, 0.5))
-    episode = CONFIG.draw_episodes(random)[0]
-    fixed = dataclasses.replace(random, random=False, seed=episode.ground_seed)
-    walks = [
-        [
-            flies.state().position_w[0].copy()
-            for flies, *_ in _walk(env, entrant, each, FLY_PACE.frame_s)
-        ]
-        for env, each in (
-            (BatchedEnv(entrant.env(CONFIG, random), 1, 1), episode),
-            (BatchedEnv(entrant.env(CONFIG, fixed), 1, 1), episode),
-        )
-    ]
-    assert len(walks[0]) == 11
-    np.testing.assert_array_equal(*walks)
-
-
 def test_a_video_has_a_frame_every_10_ms_and_holds_the_end(video, tmp_path):
     _, frames = read(video.mp4, tmp_path)
     assert len(frames) == video.num_frames == 11 + HOLD_FRAMES
     assert video.shown_s == pytest.approx(0.1)
-
-
-def test_a_video_shows_something_that_moves(video, tmp_path):
-    _, frames = read(video.mp4, tmp_path)
     first, last = frames[0].astype(float), frames[10].astype(float)
     assert first.std() > 10
-    assert np.abs(first - last)[100:].mean() > 1
+    assert np.abs(first - last)[100:].mean() > 1  # something moves
+
+
+def test_a_film_shows_the_fly_on_its_own_ground():
+    random = replace(TERRAINS["random_blocks"], height_range=(0.3, 0.5))
+    settings, episode, policy, pictures = walked(CONFIG, 0, random)
+    filmed = [flies.state().position_w[0] for flies, *_ in pictures]
+    fixed = replace(random, random=False, seed=episode.ground_seed)
+    env = BatchedEnv(replace(settings, terrain=fixed), 1, 1)
+    observation = env.reset(episodes=[episode])
+    positions = [env.state.position_w[0]]
+    for _ in range(5):
+        observation = env.step(policy.predict(observation)[0]).observation
+        positions.append(env.state.position_w[0])
+    np.testing.assert_array_equal(filmed[::2], positions)
 
 
 def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
     drawn = RandomisationConfig(mass=(2.0, 2.0), drive_latency=(0.03, 0.03))
     # a filtered drive would change with every finer decision
-    task = dataclasses.replace(CONFIG.task, drive_time_constant_s=0.0)
-    config = dataclasses.replace(CONFIG, task=task, randomisation=drawn)
-    (entrant,) = make_entrants(config)
-    terrain = config.terrain_configs[0]
-    episode = config.draw_episodes(terrain)[1]
-    settings = entrant.env(config, terrain)
-    filmed = [
-        flies.state().position_w[0]
-        for flies, *_ in _walk(BatchedEnv(settings, 1, 1), entrant, episode, FLY_PACE.frame_s)
-    ]
-    finer = BatchedEnv(dataclasses.replace(settings, decision_interval=FLY_PACE.frame_s), 1, 1)
+    task = replace(CONFIG.task, drive_time_constant_s=0.0)
+    settings, episode, policy, pictures = walked(replace(CONFIG, task=task, randomisation=drawn), 1)
+    filmed = [flies.state().position_w[0] for flies, *_ in pictures]
+    finer = BatchedEnv(replace(settings, decision_interval=films.FLY_PACE.frame_s), 1, 1)
     observation = finer.reset(episodes=[episode])
-    walked = [finer.state.position_w[0]]
+    positions = [finer.state.position_w[0]]
     for _ in range(10):
-        finer.step(entrant.policy.predict(observation)[0])
-        walked.append(finer.state.position_w[0])
-    np.testing.assert_array_equal(filmed, walked)
+        finer.step(policy.predict(observation)[0])
+        positions.append(finer.state.position_w[0])
+    np.testing.assert_array_equal(filmed, positions)
 
 
 def test_a_worm_is_filmed_between_decisions_as_it_crawls():
     """25 frames a second in real time, of decisions that are held for 50 ms each."""
-    task = dataclasses.replace(TASKS["worm_crawl"](), time_limit_s=0.2)
-    config = EvaluationConfig(task=task, controllers=("worm_cpg",), episodes=1, num_threads=1)
-    (entrant,) = make_entrants(config)
-    (terrain,) = config.terrain_configs
-    (episode,) = config.draw_episodes(terrain)
-    settings = entrant.env(config, terrain)
-    env = BatchedEnv(settings, 1, 1)
+    settings, episode, policy, pictures = walked(worms("worm_crawl", "worm_cpg"), 0)
     filmed, times, outcomes = zip(
-        *(
-            (worms.state().joint_angles[0], time_s, outcome)
-            for worms, time_s, outcome in _walk(env, entrant, episode, WORM_PACE.frame_s)
-        ),
+        *((each.state().joint_angles[0], time_s, outcome) for each, time_s, outcome in pictures),
         strict=True,
     )
     np.testing.assert_allclose(times, [0.0, 0.04, 0.08, 0.12, 0.16, 0.2])
     assert outcomes == ("running",) * 5 + ("timeout",)
+    env = BatchedEnv(settings, 1, 1)
     observation, state = env.reset(episodes=[episode]), None
     crawled = [env.state.joint_angles[0]]
     for _ in range(4):
-        action, state = entrant.policy.predict(observation, state)
+        action, state = policy.predict(observation, state)
         env.batch.set_command(action)
         for _ in range(5):  # 10 ms each
             env.batch.step(10)
@@ -169,57 +146,33 @@ def test_a_worm_is_filmed_between_decisions_as_it_crawls():
 
 
 def test_a_video_of_a_worm_shows_its_tensions(tmp_path):
-    task = dataclasses.replace(TASKS["worm_hang"](), time_limit_s=0.2)
-    config = EvaluationConfig(task=task, controllers=("worm_reflex",), episodes=1, num_threads=1)
-    videos, note = record_videos(config, make_entrants(config))
-    if note is not None:
-        pytest.skip(note)
-    assert videos[0].num_frames == 6 + HOLD_FRAMES
-    assert videos[0].shown_s == pytest.approx(0.2)
-    _, frames = read(videos[0].mp4, tmp_path)
+    (video,) = recorded(worms("worm_hang", "worm_reflex"))
+    assert video.num_frames == 6 + HOLD_FRAMES
+    assert video.shown_s == pytest.approx(0.2)
+    _, frames = read(video.mp4, tmp_path)
     # eight bars in the corner, whose inner parts fill with red
-    bars = [
-        frame[HEIGHT - 16 - 8 * 13 : HEIGHT - 16, WIDTH - 16 - BAR_WIDTH : WIDTH - 16].astype(int)
-        for frame in (frames[0], frames[5])
-    ]
+    corner = np.s_[HEIGHT - 16 - 8 * 13 : HEIGHT - 16, WIDTH - 16 - films.BAR_WIDTH : WIDTH - 16]
+    bars = (frames[i][corner].astype(int) for i in (0, 5))
     red = [((bar[..., 0] > 150) & (bar[..., 1] < 90)).mean() for bar in bars]
     assert red[0] < 0.01
     assert red[1] > 0.02
 
 
-@pytest.fixture(scope="module")
-def videos():
-    """Of two episodes of two controllers, one of which is missing, within 40 kB."""
-    config = dataclasses.replace(CONFIG, controllers=("cpg", "zero"), film=(1, 0))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(video_module, "ALL_BYTES", 40_000)
-        found, note = record_videos(config, make_entrants(config), missing={("zero", "flat")})
-    if note is not None:
-        pytest.skip(note)
-    return found
-
-
-def test_everyone_is_filmed_on_the_episodes_that_are_asked_for_but_where_missing(videos):
-    assert [(video.controller, video.episode) for video in videos] == [("cpg", 1), ("cpg", 0)]
+def test_videos_of_all_that_is_asked_for_share_the_bytes_of_a_report(video, monkeypatch):
+    monkeypatch.setattr(films, "ALL_BYTES", 40_000)
+    config = replace(CONFIG, controllers=("cpg", "zero"), film=(1, 0))
+    videos = recorded(config, missing={("zero", "flat")})
+    assert [(each.controller, each.episode) for each in videos] == [("cpg", 1), ("cpg", 0)]
+    assert len(video.mp4) > 20_000
+    assert max(len(each.mp4) for each in videos) <= 20_000
 
 
 def test_videos_are_the_same_whatever_the_number_of_threads():
-    config = dataclasses.replace(CONFIG, controllers=("cpg", "zero"))
-    small = dataclasses.replace(FILMED, width=160, height=120)
-    by_threads = [
-        record_videos(replaced, make_entrants(replaced), view=small)
-        for replaced in (config, dataclasses.replace(config, num_threads=2))
-    ]
-    if (note := by_threads[0][1]) is not None:
-        pytest.skip(note)
-    (alone, _), (together, _) = by_threads
+    small = replace(films.FILMED, width=160, height=120)
+    config = replace(CONFIG, controllers=("cpg", "zero"))
+    alone, together = (recorded(replace(config, num_threads=n), view=small) for n in (1, 2))
     assert [each.controller for each in together] == ["cpg", "zero"]
     assert together == alone
-
-
-def test_many_videos_share_the_bytes_of_a_report(video, videos):
-    assert len(video.mp4) > 20_000
-    assert max(len(each.mp4) for each in videos) <= 20_000
 
 
 def test_without_gl_one_line_says_so_and_work_goes_on(monkeypatch, capsys):
@@ -232,5 +185,5 @@ def test_without_gl_one_line_says_so_and_work_goes_on(monkeypatch, capsys):
 
 def test_a_plain_view_has_no_scale_bar():
     picture = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
-    assert measured(picture, 40.0, PLAIN) is picture
-    assert (measured(picture, 40.0, Overlay()) != picture).any()
+    assert films.measured(picture, 40.0, PLAIN) is picture
+    assert (films.measured(picture, 40.0, Overlay()) != picture).any()

@@ -1,7 +1,6 @@
 """Texts of reports: they say no more than is known of the task, its body and the entrants."""
 
 import re
-from dataclasses import replace
 
 import pytest
 
@@ -9,22 +8,8 @@ from flyrl.evaluation import EvaluationConfig, evaluate
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader
+from flyrl.report import wording
 from flyrl.report.html import format_report
-from flyrl.report.wording import (
-    changes_text,
-    contrast_text,
-    effects_text,
-    format_number,
-    headline,
-    held_out_text,
-    leader_cells,
-    level_text,
-    parameters_text,
-    rates,
-    shared_text,
-    signed,
-    training_note,
-)
 from tests.evaluation.test_worms import CRAWL, HANG
 from tests.report.conftest import Page
 from tests.synthetic import make_results
@@ -48,8 +33,8 @@ def test_a_report_on_worms_does_not_speak_of_legs(task):
     assert "goal" not in words.replace("time to goal", "")
 
 
-def lead(terrain, *names):
-    return Leader(terrain, names, "success", 1.0)
+def lead(terrain, *names, condition=""):
+    return Leader(terrain, names, "success", 1.0, condition=condition)
 
 
 @pytest.mark.parametrize(
@@ -68,51 +53,51 @@ def lead(terrain, *names):
     ],
 )
 def test_the_headline_says_who_wins_where(leaders, sentence):
-    assert headline(leaders, 3) == sentence
+    assert wording.headline(leaders, 3) == sentence
 
 
 def test_a_controller_alone_wins_nothing():
-    assert headline([lead("flat", "a")], 1) == "a on flat."
+    alone = [lead("flat", "a"), lead("mixed", "a")]
+    assert wording.headline(alone, 1) == "a on flat and mixed."
 
 
 def test_the_headline_says_how_often_other_conditions_agree():
-    leaders = [
-        replace(lead(terrain, *names), condition=condition)
-        for terrain, condition, *names in (
-            ("blocks", "push=8", "a", "b"), ("blocks", "push=0", "a"), ("blocks", "push=4", "a"),
-            ("flat", "push=0", "a", "b"), ("flat", "push=8", "b", "a"),
-        )
-    ]  # fmt: skip
-    usual = [each for each in leaders if each.condition == "push=0"]
-    assert changes_text(leaders, usual) == (
+    usual = [lead("blocks", "a", condition="push=0"), lead("flat", "a", "b", condition="push=0")]
+    others = [
+        lead("blocks", "a", "b", condition="push=8"),
+        lead("blocks", "a", condition="push=4"),
+        lead("flat", "b", "a", condition="push=8"),
+    ]
+    assert wording.changes_text([*others, *usual], usual) == (
         "Of the other conditions, the leaders are the same under 1 of 2 on blocks and 1 of 1 on "
         "flat."
     )
-    assert changes_text(usual, usual) == ""
+    assert wording.changes_text(usual, usual) == ""
 
 
 def test_the_headline_names_the_smallest_effects_in_force():
     protocol = {"smallest_effects": {"success": 0.05, "time_to_goal_s": 0.1, "recruited_share": 0}}
     labels = {metric: metric_label(metric) for metric in protocol["smallest_effects"]}
-    assert level_text(effects_text(list(labels), labels, protocol)) == (
+    assert wording.level_text(wording.effects_text(list(labels), labels, protocol)) == (
         "Differences under 5\u00a0% in success or 0.1\u00a0s in time to goal count as none."
     )
-    assert level_text("") == ""
+    assert wording.level_text("") == ""
 
 
 def test_training_seeds_are_counted_with_a_caution_at_one():
     entrant = {"kind": "learned", "policy": "learned with ppo", "training": {"settings": {}}}
-    both = [{**entrant, "name": name} for name in ("a", "b")]
-    assert training_note({"entrants": both}) == "Learned with ppo: 2 training seeds."
-    assert "1 training seed (other seeds" in training_note({"entrants": both[:1]})
-    moved = {**both[0], "name": "a@cpg"}
-    assert training_note({"entrants": [moved, *both]}).count("training seed") == 1
+    a, b, moved = ({**entrant, "name": name} for name in ("a", "b", "a@cpg"))
+    note = "Learned with ppo: 2 training seeds."
+    assert wording.training_note({"entrants": [a, b]}) == note
+    assert "1 training seed (other seeds" in wording.training_note({"entrants": [a]})
+    # put on other legs is not trained once more
+    assert wording.training_note({"entrants": [moved, a, b]}).count("training seed") == 1
 
 
 def test_nothing_is_claimed_of_an_unknown_training():
     known = {"name": "a", "kind": "learned", "training": {"settings": {"seed": 1}}}
     unknown = {"name": "b", "kind": "own"}
-    assert held_out_text({"entrants": [known, unknown]}) == (
+    assert wording.held_out_text({"entrants": [known, unknown]}) == (
         "As recorded, a trained in flyrl, on episodes of other seeds. Nothing is recorded of the "
         "episodes that b may know."
     )
@@ -120,7 +105,7 @@ def test_nothing_is_claimed_of_an_unknown_training():
 
 def test_a_task_without_a_target_has_no_same_target():
     drawn = {"flat": [{"goal": [], "command": [1, 2]}]}
-    assert shared_text({}, drawn) == "same start, same command"
+    assert wording.shared_text({}, drawn) == "same start, same command"
 
 
 @pytest.mark.parametrize(
@@ -132,21 +117,19 @@ def test_a_task_without_a_target_has_no_same_target():
 )
 def test_a_lead_is_shown_with_its_interval(metric, difference, cells):
     leader = Leader("flat", ("a",), metric, 0.5, "b", 0.25, Interval(*difference, 9))
-    assert "|".join(leader_cells(leader).values()) == cells.replace("-", "\u2212")
+    assert "|".join(wording.leader_cells(leader).values()) == cells.replace("-", "\u2212")
 
 
 def test_rates_count_episodes_of_the_learned_policy_first(results):
-    text = rates(results.summaries, results.protocol)
-    flat, gapped = (
-        row["successes"] for row in results.summaries if row["controller"] == "target-ppo"
-    )
+    text = wording.rates(results.summaries, results.protocol)
+    counts = [row["successes"] for row in results.summaries if row["controller"] == "target-ppo"]
     first, second = text.split(" and ", 1)
-    assert first.startswith(f"target-ppo succeeds in {flat} of 8 episodes on flat (")
-    assert second.startswith(f"{gapped} of 8 episodes on gapped (")
+    assert first.startswith(f"target-ppo succeeds in {counts[0]} of 8 episodes on flat (")
+    assert second.startswith(f"{counts[1]} of 8 episodes on gapped (")
     assert text.count("95\u00a0% interval") == 4
     assert "Best of the others is " in text
     fixed = make_results(("cpg", "pursuit"), episodes=4, reference="cpg")
-    assert rates(fixed.summaries, fixed.protocol).startswith("pursuit succeeds")
+    assert wording.rates(fixed.summaries, fixed.protocol).startswith("pursuit succeeds")
 
 
 @pytest.mark.parametrize(
@@ -166,18 +149,18 @@ def test_rates_count_episodes_of_the_learned_policy_first(results):
     ],
 )
 def test_numbers_are_short(value, text):
-    assert format_number(value) == text
+    assert wording.format_number(value) == text
 
 
 @pytest.mark.parametrize(("value", "text"), [(0.25, "+25.0"), (-0.25, "\u221225.0"), (1e-17, "0")])
 def test_only_what_is_above_zero_has_a_plus(value, text):
-    assert signed(value, 100) == text
+    assert wording.signed(value, 100) == text
 
 
 def test_parameters_stand_as_one_would_type_them():
     protocol = {"parameters": {"distance": [3.0, 30.0], "reach": 1.0, "time_limit": 3.0}}
-    assert parameters_text(protocol) == "distance=[3.0,30.0], reach=1.0"
-    assert parameters_text({}) == ""  # results from before they were noted
+    assert wording.parameters_text(protocol) == "distance=[3.0,30.0], reach=1.0"
+    assert wording.parameters_text({}) == ""  # results from before they were noted
 
 
 @pytest.mark.parametrize(
@@ -199,11 +182,11 @@ def test_parameters_stand_as_one_would_type_them():
 def test_a_chosen_episode_says_why(task, metric, values, sentence):
     chosen = {"episode": 17, "controller": "a", "reference": "b", "metric": metric}
     protocol = {"task": task, "film": {"flat": {**chosen, "values": values}}}
-    assert contrast_text(protocol, "flat") == f"Episode 17: the {sentence}"
+    assert wording.contrast_text(protocol, "flat") == f"Episode 17: the {sentence}"
 
 
 def test_an_episode_without_a_contrast_says_so_and_one_that_was_asked_for_nothing():
-    assert contrast_text({"film": {"flat": {"episode": 0}}}, "flat") == (
+    assert wording.contrast_text({"film": {"flat": {"episode": 0}}}, "flat") == (
         "Episode 0: the first, since no learned policy differs from the reference here."
     )
-    assert contrast_text({"task": "target"}, "flat") == ""
+    assert wording.contrast_text({"task": "target"}, "flat") == ""

@@ -1,6 +1,4 @@
-import os
-import select
-import signal
+import multiprocessing
 import warnings
 from collections.abc import Callable
 
@@ -102,26 +100,22 @@ def test_without_threads_a_batch_runs_in_a_fork() -> None:
 
 def _in_a_fork(call: Callable[[], object]) -> str:
     """Call in a child process; end it if it hangs."""
-    reader, writer = os.pipe()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that forking with threads may hang
-        child = os.fork()
-    if child == 0:
-        said = b"no error"
+    reader, writer = multiprocessing.Pipe(duplex=False)
+
+    def run() -> None:
         try:
             call()
+            writer.send("no error")
         except RuntimeError as error:
-            said = str(error).encode()
-        finally:
-            os.write(writer, said)
-            os._exit(0)
-    os.close(writer)
-    with os.fdopen(reader) as pipe:
-        ready, _, _ = select.select([pipe], [], [], 20)
-        said = pipe.read() if ready else "hang"
-    if not ready:
-        os.kill(child, signal.SIGKILL)
-    os.waitpid(child, 0)
+            writer.send(str(error))
+
+    child = multiprocessing.get_context("fork").Process(target=run)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that forking with threads may hang
+        child.start()
+    said = reader.recv() if reader.poll(20) else "hang"
+    child.kill()
+    child.join()
     return said
 
 

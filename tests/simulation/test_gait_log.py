@@ -74,17 +74,13 @@ def test_samples_come_out_in_parts() -> None:
     np.testing.assert_array_equal(np.concatenate(taken), whole.gait_samples(0, 0))
 
 
-def test_samples_that_are_gone_are_an_error() -> None:
-    batch = with_log(7)
+@pytest.mark.parametrize(
+    ("places", "message"), [(7, "of 8 samples, the last 7 are kept"), (0, "gait_places is 0")]
+)
+def test_samples_that_are_not_kept_are_an_error(places, message) -> None:
+    batch = with_log(places)
     batch.step(STEPS_PER_SAMPLE * 8)
-    with pytest.raises(ValueError, match="of 8 samples, the last 7 are kept"):
-        batch.gait_samples(0, 0)
-
-
-def test_without_room_there_are_no_samples() -> None:
-    batch = make_batch()
-    assert batch.gait_logs is None
-    with pytest.raises(ValueError, match="gait_places is 0"):
+    with pytest.raises(ValueError, match=message):
         batch.gait_samples(0, 0)
 
 

@@ -84,29 +84,10 @@ def test_tensions_can_be_observed():
     )
 
 
-def test_the_log_of_the_gait_lies_behind_the_tensions():
-    env = BatchedEnv(EnvConfig(task="traverse", body="fly_muscles", log_gait=True), 1, 1)
-    env.reset(seeds=[0])
-    env.step(np.ones((1, 2)))
-    # 20 ms, one sample every two steps of 0.4 ms
-    assert env.flies.gait_logs["num_samples"][0] == 25
-    assert env.flies.gait_logs["num_steps"][0] == 50
-    assert 0 < env.state.muscle_tensions.max() <= 1
-
-
-def test_a_profile_that_does_not_exist_is_refused():
-    with pytest.raises(ValueError, match=r"muscles\.profile .*'human'"):
-        LegMuscles(profile="humn")
-
-
-def test_a_side_is_weakened_as_a_condition():
-    env = EnvConfig(body="fly_muscles")
-    weakened = Condition("left_muscles", 0.5).env(env)
+def test_a_side_is_weakened_as_a_condition_of_a_fly_with_muscles():
+    weakened = Condition("left_muscles", 0.5).env(EnvConfig(body="fly_muscles"))
     assert weakened.scene.body.muscles == LegMuscles(left=0.5)
     assert Condition("left_muscles", 1.0).is_usual
-
-
-def test_a_fly_with_servos_has_no_muscles_to_weaken():
     with pytest.raises(ValueError, match=r"left_muscles .*body=fly_muscles"):
         Condition("left_muscles", 0.5).env(EnvConfig())
 

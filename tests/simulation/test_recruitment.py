@@ -27,20 +27,16 @@ def test_neurons_are_recruited_step_by_step_to_the_last():
     assert told == [0, 0, 70, 70, 140, 140, 210, 210, 280, 280, 300, 300]
 
 
-def test_without_recruitment_no_bend_and_with_more_more(ramp):
-    bends = np.array([moment.bend for moment in ramp])
-    tensions = np.array([moment.tension[0] for moment in ramp])
+def test_bend_and_tension_grow_non_linearly(ramp):
+    """The pool is human-like: its second half gives ten elevenths of the force."""
+    bends, tensions = np.transpose([(moment.bend, moment.tension[0]) for moment in ramp])
     assert tensions[0] == bends[0] == 0
     assert tensions[-1] == 1
     assert (np.diff(bends) > 0).all()
     assert bends[-1] > 0.5
-
-
-def test_bend_and_tension_grow_non_linearly(ramp):
-    """The pool is human-like: its second half gives ten elevenths of the force."""
     assert ramp[6].n == 2 * ramp[3].n == 300
-    assert ramp[6].tension[0] > 5 * ramp[3].tension[0]
-    assert ramp[6].bend > 5 * ramp[3].bend
+    assert tensions[6] > 5 * tensions[3]
+    assert bends[6] > 5 * bends[3]
 
 
 @pytest.mark.parametrize("settings", [{"step": 0}, {"hold_s": 0.0}, {"frame_s": -1.0}])

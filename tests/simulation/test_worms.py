@@ -1,4 +1,4 @@
-"""Worms on the native batch: muscles inside the engine, crawling, bookkeeping and errors."""
+"""Worms on the native batch: muscles, crawling, bookkeeping and errors."""
 
 from dataclasses import replace
 
@@ -40,7 +40,7 @@ def wriggle(batch, decisions=6):
 
 
 @SCENES
-def test_the_engine_gives_the_tensions_and_forces_of_the_class(scene):
+def test_a_command_gives_the_tensions_and_forces_of_the_class(scene):
     """Also beyond the pool of 16 neurons, on both sides."""
     neurons = np.random.default_rng(0).integers(-3, 20, (4, len(scene.muscles)))
     batch = make_batch(scene, num_sims=4)

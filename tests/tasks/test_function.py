@@ -1,8 +1,6 @@
 """The door for tasks: functions with checked parameters, by name, as settings and as records."""
 
 import pickle
-import sys
-import types
 from dataclasses import replace
 from typing import Annotated
 
@@ -11,10 +9,10 @@ import pytest
 from flyrl.bodies.worm import CRAWLER
 from flyrl.envs.config import EnvConfig
 from flyrl.tasks import TASKS, Task, TaskFunction, task_from, task_record
-from flyrl.tasks.function import variant_of
 from flyrl.validation import Within
 
 TARGET = TASKS["target"]
+NOTHING = 3
 
 
 def plain(
@@ -25,16 +23,8 @@ def plain(
     return replace(TARGET(), success=f"{height:g} {names}", time_limit_s=time_limit)
 
 
-@pytest.fixture
-def my_lab(monkeypatch):
-    """A module of a user's own."""
-    module = types.ModuleType("my_lab")
-    plain_here = types.FunctionType(plain.__code__, plain.__globals__, "plain", plain.__defaults__)
-    plain_here.__annotations__, plain_here.__module__ = plain.__annotations__, "my_lab"
-    module.plain, module.NOTHING = plain_here, 3
-    module.wrong = lambda: 5
-    monkeypatch.setitem(sys.modules, "my_lab", module)
-    return module
+def wrong() -> int:
+    return 5
 
 
 @pytest.mark.parametrize(
@@ -51,14 +41,9 @@ def test_a_parameter_that_is_not_allowed_is_named(given, message):
         TARGET(**given)
 
 
-def test_the_task_carries_its_name_and_all_its_parameters():
-    task = TARGET(distance=[3, 30])
-    assert task.name == "target"
+def test_the_task_carries_its_parameters_and_equal_ones_give_the_same_task():
     parameters = {"distance": (3.0, 30.0), "bearing": 180.0, "reach": 1.0, "time_limit": 3.0}
-    assert task.parameters == parameters
-
-
-def test_equal_parameters_give_the_same_task():
+    assert TARGET(distance=[3, 30]).parameters == parameters
     assert TARGET(distance=[5, 15]) is TARGET()
     assert task_from("target") == TARGET()
     assert TARGET(reach=2) != TARGET()
@@ -82,10 +67,9 @@ def test_a_variant_has_the_parameters_of_its_base():
     assert goal.is_reached([[0.0, 0.0]], [[0.051, 0.0]]).tolist() == [False]
 
 
-@pytest.mark.usefixtures("my_lab")
 def test_a_function_of_ones_own_is_found_by_its_name():
-    task = task_from({"name": "my_lab:plain", "height": 3, "names": ["b", ["c"]]})
-    assert (task.name, task.success) == ("my_lab:plain", "3 ('b', ('c',))")
+    task = task_from({"name": f"{__name__}:plain", "height": 3, "names": ["b", ["c"]]})
+    assert (task.name, task.success) == (f"{__name__}:plain", "3 ('b', ('c',))")
     record = task_record(task)
     assert record["names"] == ["b", ["c"]]
     assert task_from(record) == task
@@ -94,13 +78,12 @@ def test_a_function_of_ones_own_is_found_by_its_name():
         task_from({"name": plain, "height": 6})
 
 
-@pytest.mark.usefixtures("my_lab")
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("my_lab:plan", "of the task functions in my_lab, must be .* did you mean 'plain'"),
-        ("my_lab:NOTHING", "my_lab:NOTHING must be a task function, got a int"),
-        ("my_lab:wrong", "must return a Task, got a int"),
+        (f"{__name__}:plan", "of the task functions in .*, must be .* did you mean 'plain'"),
+        (f"{__name__}:NOTHING", ":NOTHING must be a task function, got a int"),
+        (f"{__name__}:wrong", "must return a Task, got a int"),
         ("no_lab:plain", "no_lab cannot be imported"),
         ("tarket", "task must be one of .* did you mean 'target'"),
         (None, "task must be a Task, a task function or the name of one, got None"),
@@ -161,15 +144,6 @@ def test_a_parameter_called_worm_takes_the_worm():
     longer = replace(CRAWLER, segments=7)
     assert EnvConfig(wriggle, body=longer).resolved_task.actions.size == 12
     assert wriggle.parameters == ()
-
-
-def test_a_variant_of_a_users_own():
-    @variant_of(TARGET)
-    def quick(task: Task) -> Task:
-        return replace(task, success=f"quick {task.parameters['reach']:g}")
-
-    assert quick(reach=2).success == "quick 2"
-    assert quick(reach=2).parameters["reach"] == 2.0
 
 
 def test_an_environment_takes_a_task_in_every_form():

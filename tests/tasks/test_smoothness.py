@@ -5,13 +5,12 @@ import pytest
 
 import flyrl
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.tasks import TASKS, Drives, JointTargets, task_from, task_record
+from flyrl.tasks import TASKS, task_from, task_record
 from flyrl.tasks.terms import SMOOTHNESS
 from tests.tasks.test_terms import fly_state, task_state
 
 CHANGE, WORK = SMOOTHNESS
 STEERING = ("target", "velocity", "path", "traverse", "heading", "slalom", "chase", "stop")
-FOR_FLIES = (*STEERING, "target_goal")
 
 
 def test_a_change_of_drive_adds_up_over_both_sides():
@@ -28,9 +27,10 @@ def test_only_positive_work_counts():
 
 
 @pytest.mark.parametrize("name", STEERING)
-def test_every_steering_task_can_weigh_them(name):
-    usual = TASKS[name]().reward[-2:]
-    assert [term.compute for term in usual] == [term.compute for term in SMOOTHNESS]
+def test_every_steering_task_is_smooth_and_can_weigh_it(name):
+    task = TASKS[name]()
+    assert task.drive_time_constant_s == 0.05
+    assert [term.compute for term in task.reward[-2:]] == [term.compute for term in SMOOTHNESS]
     weighed = task_from({"name": name, "weights": {"drive_change": -0.05, "work": -0.001}})
     assert [term.weight for term in weighed.reward[-2:]] == [-0.05, -0.001]
 
@@ -56,31 +56,14 @@ def test_a_drive_follows_its_actions_whatever_the_decision_interval(interval_s, 
     np.testing.assert_array_equal(env.state.actuation, [[0.0, 0.0]])
 
 
-def test_a_restored_drive_goes_on_from_where_it_was():
-    first, second = (BatchedEnv(EnvConfig("target"), 1, 1) for _ in range(2))
-    first.reset(seeds=[0])
-    _drives(first, (1.0, 0.5), 3)
-    second.restore(first.snapshot())
-    expected = _drives(first, (0.0, 1.0), 1)
-    np.testing.assert_array_equal(_drives(second, (0.0, 1.0), 1), expected)
-
-
-def test_an_unfiltered_drive_is_what_is_asked_for():
+def test_an_unfiltered_drive_is_what_is_asked_for_and_costs_nothing():
     env = BatchedEnv(EnvConfig("target_unfiltered"), 1, 1)
     env.reset(seeds=[0])
     np.testing.assert_array_equal(_drives(env, (1.0, -0.25), 1), [[1.0, -0.25]])
-
-
-def test_an_unfiltered_target_rewards_no_smoothness():
     smooth, unfiltered = TASKS["target"](), TASKS["target_unfiltered"]()
     assert [term.weight for term in unfiltered.reward[-2:]] == [0.0, 0.0]
     assert all(term.weight < 0.0 for term in smooth.reward[-2:])
     assert unfiltered.reward[:-2] == smooth.reward[:-2]
-
-
-@pytest.mark.parametrize("name", FOR_FLIES)
-def test_steering_is_smooth(name):
-    assert TASKS[name]().drive_time_constant_s == 0.05
 
 
 def test_the_time_constant_is_a_setting_of_the_environment_and_on_record():
@@ -92,17 +75,14 @@ def test_the_time_constant_is_a_setting_of_the_environment_and_on_record():
     assert task_from(task_record(task)) == task
 
 
-def _has_drives(task):
-    return isinstance(task.actions, Drives) and not isinstance(task.actions, JointTargets)
-
-
-@pytest.mark.parametrize("name", [name for name, task in TASKS.items() if not _has_drives(task())])
-def test_what_has_no_drive_has_no_time_constant(name):
-    assert task_from({"name": name, "drive_time_constant": 0}) == TASKS[name]()
-    with pytest.raises(ValueError, match=r"task\.drive_time_constant must be 0 in the task"):
-        task_from({"name": name, "drive_time_constant": 0.05})
-
-
-def test_a_time_constant_is_not_negative():
-    with pytest.raises(ValueError, match=r"task\.drive_time_constant must lie within 0\.0"):
-        task_from({"name": "target", "drive_time_constant": -0.1})
+@pytest.mark.parametrize(
+    ("name", "constant_s", "message"),
+    [
+        ("target", -0.1, "lie within 0.0"),
+        *((name, 0.05, "be 0 in the task") for name in ("joints", "joints_box", "worm_crawl")),
+    ],
+)
+def test_a_time_constant_is_not_negative_and_of_drives_alone(name, constant_s, message):
+    assert task_from({"name": name, "drive_time_constant": 0}).drive_time_constant_s == 0.0
+    with pytest.raises(ValueError, match=rf"task\.drive_time_constant must {message}"):
+        task_from({"name": name, "drive_time_constant": constant_s})

@@ -29,17 +29,18 @@ def test_a_goal_is_reached_within_1_mm() -> None:
     assert not is_reached(ACHIEVED[0], DESIRED[0], 1.0)
 
 
-def test_the_reward_of_goals_is_weighed_as_the_tables() -> None:
-    assert compute_reward(TARGET_GOAL, ACHIEVED, DESIRED, NO_FAILURE).tolist() == [-1, 0, -1]
-    rewards = compute_reward(DENSE, ACHIEVED, DESIRED, NO_FAILURE)
-    np.testing.assert_allclose(rewards, [-3.5, -0.09, -3.11])
-
-
-def test_a_failure_is_charged_for_the_decisions_lost_whatever_the_goal() -> None:
-    rewards = compute_reward(TARGET_GOAL, ACHIEVED, DESIRED, FAILURES_OF_TWO)
-    assert rewards.tolist() == [-1 - 10, -20, -1]
-    rewards = compute_reward(DENSE, ACHIEVED, DESIRED, FAILURES_OF_TWO)
-    np.testing.assert_allclose(rewards, [-3 - 11 * 0.5 - 10, -21 * 0.09 - 20, -3.11])
+@pytest.mark.parametrize(
+    ("task", "info", "expected"),
+    [
+        (TARGET_GOAL, NO_FAILURE, [-1, 0, -1]),
+        (DENSE, NO_FAILURE, [-3.5, -0.09, -3.11]),
+        # a failure is charged for the decisions lost, whatever the goal
+        (TARGET_GOAL, FAILURES_OF_TWO, [-1 - 10, -20, -1]),
+        (DENSE, FAILURES_OF_TWO, [-3 - 11 * 0.5 - 10, -21 * 0.09 - 20, -3.11]),
+    ],
+)
+def test_the_reward_of_goals_is_weighed_as_the_tables(task, info, expected) -> None:
+    np.testing.assert_allclose(compute_reward(task, ACHIEVED, DESIRED, info), expected)
 
 
 def test_a_failure_costs_what_waiting_in_its_place_would() -> None:

@@ -15,6 +15,7 @@ from flyrl.terrains import Flat
 from tests.tasks.test_tasks import drawn, is_spread
 from tests.tasks.test_terms import task_state
 
+WORM_TASKS = [name for name, function in TASKS.items() if function.worm]
 CRAWL, HANG = TASKS["worm_crawl"](), TASKS["worm_hang"]()
 
 
@@ -35,7 +36,7 @@ def test_a_task_by_its_name_is_for_its_usual_worm() -> None:
     assert TASKS["worm_hang_box"]().actions == Neurons((16,) * 8, is_integer=False)
 
 
-@pytest.mark.parametrize("name", [name for name, function in TASKS.items() if function.worm])
+@pytest.mark.parametrize("name", WORM_TASKS)
 def test_a_task_is_built_for_another_worm(name: str) -> None:
     task = TASKS[name](worm=dataclasses.replace(TASKS[name].worm, segments=4))
     assert task.name == name

@@ -224,7 +224,6 @@ def test_larger_ground_is_there_to_its_ends(terrain, x):
             {"height_range": (0.4, 0.2)},
             r"height_range must be \(least, .* got \(0.4, 0.2\)",
         ),
-        (Mixed, {"height_range": (-0.1, 0.2)}, r"height_range\[0\] must be .* from 0 to 100, got"),
         (Gapped, {"gap_range": (0.1, 1.2)}, r"gap_range\[1\] must be .* from 0 to 1, got 1\.2"),
         (Gapped, {"x_range": (5.0, 4.0)}, r"x_range must be \(least, greatest\), got \(5.0, 4.0\)"),
     ],

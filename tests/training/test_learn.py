@@ -12,39 +12,25 @@ from flyrl.policies import load_policy, observation_layout
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import held_out_episodes
-from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig
+from flyrl.training.config import CurriculumConfig
 from flyrl.training.learn import resume, train
 from flyrl.training.runs import read_rows, read_run
 from flyrl.validation import plain
-from tests.tiny import TINY_ENV
+from tests.tiny import TINY
 
-SCHEDULE = ScheduleConfig(
-    total_timesteps=96,
-    num_envs=4,
-    num_threads=1,
-    evaluation_interval=32,
-    evaluation_episodes=2,
-    progress_bar=False,
-)
-PPO_CONFIG = TrainingConfig(
-    env=TINY_ENV,
-    algo=AlgorithmConfig(
-        "ppo",
-        n_steps=8,
-        batch_size=16,
-        n_epochs=2,
-        hidden_layers=(16, 16),
-        normalize_observation=True,
-        normalize_reward=True,
+SCHEDULE = replace(TINY.training, total_timesteps=96)
+PPO_CONFIG = replace(
+    TINY,
+    algo=TINY.algo.with_settings(
+        hidden_layers=(16, 16), normalize_observation=True, normalize_reward=True
     ),
     training=SCHEDULE,
 )
-SAC_CONFIG = TrainingConfig(
-    env=TINY_ENV,
+SAC_CONFIG = replace(
+    PPO_CONFIG,
     algo=AlgorithmConfig(
         "sac", learning_starts=16, batch_size=16, gradient_steps=1, hidden_layers=(16,)
     ),
-    training=SCHEDULE,
 )
 
 
@@ -158,7 +144,7 @@ def test_a_run_that_shall_not_go_on_ends_after_the_evaluation_and_can_be_resumed
 def test_a_policy_trained_on_goals_enters_an_evaluation(tmp_path):
     task = replace(TASKS["target_goal"](), time_limit_s=0.2)
     algo = SAC_CONFIG.algo.with_settings(her=True, learning_starts=40)
-    run = train(TrainingConfig(env=EnvConfig(task), algo=algo, training=SCHEDULE), tmp_path)
+    run = train(replace(SAC_CONFIG, env=EnvConfig(task), algo=algo), tmp_path)
     results = evaluate(
         EvaluationConfig(
             policies=(str(run.folder / "last.safetensors"),),

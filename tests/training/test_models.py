@@ -195,35 +195,11 @@ TINY = {
 }
 
 
-class Choose(gymnasium.Env):
-    """Shows what was chosen last; without an end, and without a state of its own."""
-
-    observation_space = gymnasium.spaces.Box(0.0, 1.0, (2,), np.float32)
-    action_space = gymnasium.spaces.MultiDiscrete([5, 3])
-
-    def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
-        return np.zeros(2, np.float32), {}
-
-    def step(self, action):
-        shown = np.divide(action, (4, 2), dtype=np.float32)
-        return shown, float(shown[0] - shown[1]), False, False, {}
-
-
-class _Chooses(DummyVecEnv):
-    def __init__(self):
-        super().__init__([Choose] * 4)
-
-    def snapshot(self):
-        return {}
-
-    def restore(self, state):
-        assert state == {}
-
-
 @pytest.fixture(scope="module")
 def choosing_envs():
-    return [_Chooses(), _Chooses()]
+    """Two of worms, whose actions are whole numbers."""
+    config = EnvConfig(dataclasses.replace(TASKS["worm_crawl"](), time_limit_s=0.5))
+    return [FlyrlVecEnv(config, num_envs=4, num_threads=1) for _ in range(2)]
 
 
 HINDSIGHT = {"her": True, "n_sampled_goal": 2, "learning_starts": 40}

@@ -16,26 +16,18 @@ from flyrl.simulation.randomisation import RANDOMISATIONS
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.callback import RunCallback
-from flyrl.training.config import CurriculumConfig, ScheduleConfig, TrainingConfig, training_record
+from flyrl.training.config import CurriculumConfig, TrainingConfig, training_record
 from flyrl.training.learn import Run, resume, train
 from flyrl.training.run_folder import load_checkpoint, save_checkpoint
 from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
-from tests.tiny import TINY_ENV
+from tests.tiny import TINY, TINY_ENV
 from tests.training.folders import make_run
 
-SCHEDULE = ScheduleConfig(
-    total_timesteps=256,
-    num_envs=4,
-    num_threads=1,
-    evaluation_interval=96,
-    evaluation_episodes=2,
-    checkpoint_interval=64,
-    progress_bar=False,
+SCHEDULE = replace(
+    TINY.training, total_timesteps=256, evaluation_interval=96, checkpoint_interval=64
 )
-PPO_CONFIG = TrainingConfig(
-    env=TINY_ENV,
-    algo=AlgorithmConfig("ppo", n_steps=8, batch_size=16, n_epochs=2, learning_rate_decay=True),
-    training=SCHEDULE,
+PPO_CONFIG = replace(
+    TINY, algo=TINY.algo.with_settings(learning_rate_decay=True), training=SCHEDULE
 )
 SAC_CONFIG = replace(
     PPO_CONFIG,
