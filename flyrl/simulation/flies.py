@@ -35,7 +35,7 @@ class FlyState:
     angular_velocity_w
         Thorax, rad/s, (n, 3), world frame.
     joint_angles, joint_velocities, actuator_torques
-        rad, rad/s, µN·mm, (n, 42), ordered as anatomy.JOINTS.
+        rad, rad/s, µN·mm, (n, 42), ordered as anatomy.JOINTS; no torque before the first step.
     contact_forces_w
         Sum of the ground's forces on each sensed segment in the last physics step, µN,
         (n, 36, 3), ordered as anatomy.CONTACT_SEGMENTS.
@@ -274,7 +274,8 @@ class FlyBatch(Batch):
             angular_velocity_w=(rotation_w @ self._qvel[:, 3:6, None])[:, :, 0],
             joint_angles=self._qpos[:, scene.joint_qpos],
             joint_velocities=self._qvel[:, scene.joint_dofs],
-            actuator_torques=self._actuator_force[:, :42].copy(),
+            # before its first step, a simulation has those of another that ran in the same thread
+            actuator_torques=np.where(self._time[:, None] > 0.0, self._actuator_force[:, :42], 0.0),
             contact_forces_w=self.senses["contact_forces_w"].copy(),
             is_grounded=self._is_grounded.copy(),
             end_effectors_w=self._xpos[:, self.end_effector_bodies],

@@ -55,6 +55,17 @@ def test_reset_places_and_turns_the_fly() -> None:
     np.testing.assert_allclose(state.position_w[0], expected, atol=1e-12)
 
 
+def test_flies_that_are_reset_have_no_torque_of_another() -> None:
+    """Of one that the same thread simulated, that is: which one is a matter of luck."""
+    scene = make_batch().scene
+    batch = FlyBatch(scene, num_sims=3, num_threads=2)
+    for _ in range(10):
+        reset(batch)
+        assert not batch.state().actuator_torques.any()
+        advance(batch, 20)
+        assert batch.state().actuator_torques.any(axis=1).all()
+
+
 def test_orientation_is_that_of_the_state_after_the_step() -> None:
     batch = make_batch()
     batch.set_command(np.array([[1.2, 0.2]]))
