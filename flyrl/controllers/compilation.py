@@ -46,7 +46,7 @@ def sources_digest(folders: Sequence[Path]) -> str:
 
 
 SOURCES_DIGEST = sources_digest(KERNEL_FOLDERS)
-"""Of `KERNEL_FOLDERS`; changes whenever a kernel there may have."""
+"""Digest of `KERNEL_FOLDERS`; changes whenever a kernel there may have."""
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:

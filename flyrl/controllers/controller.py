@@ -37,7 +37,7 @@ SENSES: Final = np.dtype(
     ],
     align=True,
 )
-"""What a controller senses of the physics step before, ordered as in `flyrl.anatomy`."""
+"""Senses of a controller, from the physics step before, ordered as in `flyrl.anatomy`."""
 
 OUTPUT: Final = np.dtype(
     [
@@ -46,13 +46,13 @@ OUTPUT: Final = np.dtype(
     ],
     align=True,
 )
-"""What a controller writes: target angles of the joints, and which legs grip."""
+"""Output of a controller: target angles of the joints, and which legs grip."""
 
 Step = Callable[[Any, Any, Any, Any, Any], None]
 
 
 class Command(NamedTuple):
-    """What a controller takes from a policy: a name and a range for every number."""
+    """Command that a controller takes from a policy: a name and a range for every number."""
 
     names: tuple[str, ...]
     low: tuple[float, ...]
@@ -266,7 +266,7 @@ CLOCK = np.dtype(
     ],
     align=True,
 )
-"""What keeps the time of commands that are on their way: they wait in a queue until then."""
+"""Clock of commands that are in flight: they wait in a queue until they arrive."""
 
 
 @kernel

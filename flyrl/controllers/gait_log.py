@@ -45,7 +45,7 @@ GAIT_LOG: Final = np.dtype(
 """Record of the running sums; the samples follow it. All float64."""
 
 BITS: Final = ("stance", "adhesion", "retraction", "stumbling")
-"""What a sample says of the legs. The bit of leg i and the k-th of these is 6 k + i."""
+"""Facts about each leg in a sample. The bit of leg i and the k-th of these is 6 k + i."""
 
 
 @kernel

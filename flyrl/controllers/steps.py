@@ -5,7 +5,6 @@ and "untethered" (Wang-Chen et al. 2024, doi 10.1038/s41592-024-02497-y).
 """
 
 import functools
-from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final, Literal, get_args
 
@@ -187,15 +186,10 @@ class PreprogrammedSteps:
         self.dofs_per_leg: list[str] = list(LEG_DOFS)
         self.duration = recorded if duration is None else positive("duration", duration)
         self.coefficients, self.neutral_angles, self.swing_starts, self.swing_ends = arrays
-        self.swing_period: Mapping[str, FloatArray] = MappingProxyType(
-            {
-                leg: _read_only(np.array(ends))
-                for leg, *ends in zip(LEGS, self.swing_starts, self.swing_ends, strict=True)
-            }
-        )
-        self.neutral_pos: Mapping[str, FloatArray] = MappingProxyType(
-            {leg: self.neutral_angles[i][:, np.newaxis] for i, leg in enumerate(LEGS)}
-        )
+        swings = _read_only(np.stack([self.swing_starts, self.swing_ends], axis=1))
+        self.swing_period = MappingProxyType(dict(zip(LEGS, swings, strict=True)))
+        neutral = self.neutral_angles[..., np.newaxis]
+        self.neutral_pos = MappingProxyType(dict(zip(LEGS, neutral, strict=True)))
 
     @property
     def default_pose(self) -> FloatArray:

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flyrl.muscles.muscle import MotorPool, Muscle, activate, pack_muscles, whole_numbers
-from flyrl.muscles.placement import Measured, Place, measuring_model, nearest_body, place_on
+from flyrl.muscles.placement import Place, measuring_model, nearest_body, place_on
 from flyrl.resources import assets_folder
 from flyrl.validation import FloatArray, at_least, not_negative, one_of, positive
 
@@ -97,8 +97,8 @@ def attach_muscles(spec: mujoco.MjSpec, profiles: Path | None = None) -> list[At
     sites = _muscle_sites(spec)
     muscles = [_read_muscle(spec, site.name, folder) for site in sites]
     anchors = [_read_anchor(spec, site.name) for site in sites]
-    measured = measuring_model(spec)
-    placed = [_places(measured, *pair) for pair in zip(sites, anchors, strict=True)]
+    posed = measuring_model(spec)
+    placed = [_places(*posed, *pair) for pair in zip(sites, anchors, strict=True)]
 
     bodies = list(spec.bodies)
     attached = []
@@ -126,22 +126,20 @@ def attach_muscles(spec: mujoco.MjSpec, profiles: Path | None = None) -> list[At
 
 
 def _places(
-    measured: Measured, site: mujoco.MjsSite, anchor: str | None
+    model: mujoco.MjModel, data: mujoco.MjData, site: mujoco.MjsSite, anchor: str | None
 ) -> tuple[Place, Place | None]:
-    """Where a muscle's site comes to stand, and where its twin on the body it pulls against."""
-    index = measured.model.site(site.name).id
-    body = nearest_body(measured, index)
+    """Place of a muscle's site, and of its twin on the body that it pulls against."""
+    index = model.site(site.name).id
+    body = nearest_body(model, data, index)
     if body is None:
         raise ValueError(
             f"muscle {site.name!r} has no body to act on: none but the world has geoms"
         )
-    place = place_on(measured, index, body)
-    if anchor is None:
-        return place, None
-    against = measured.model.body(anchor).id
+    against = None if anchor is None else model.body(anchor).id
     if against == body:
         raise ValueError(f"muscle {site.name!r} acts on body {anchor!r}, its anchor: take another")
-    return place, place_on(measured, index, against)
+    twin = None if against is None else place_on(model, data, index, against)
+    return place_on(model, data, index, body), twin
 
 
 def _add_site(body: mujoco.MjsBody, name: str, place: Place, like: mujoco.MjsSite) -> None:
@@ -361,6 +359,6 @@ def last_neuron(creature: Creature) -> int:
 
 
 def bend(creature: Creature) -> float:
-    """How far a creature is bent at the moment: sum of the angles of all hinge joints, rad."""
+    """Bend of a creature at the moment: sum of the angles of all hinge joints, rad."""
     hinges = creature.model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
     return float(creature.data.qpos[creature.model.jnt_qposadr[hinges]].sum())

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from flyrl.controllers.compilation import kernel
-from flyrl.validation import FloatArray, not_negative
+from flyrl.validation import FloatArray, float_array, not_negative
 
 IntArray = NDArray[np.int64]
 
 _MODES_BEYOND_8_BITS = ("I", "F")
-"""How the names of Pillow's modes begin whose values do not fit into 8 bits."""
+"""Prefixes of Pillow's modes whose values do not fit into 8 bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,27 +45,14 @@ class MotorPool:
     recruitment: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        try:
-            forces = np.array(self.forces, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise ValueError(f"forces must be numbers of shape (N,), got {self.forces!r}") from None
-        if forces.ndim != 1 or forces.size == 0:
-            raise ValueError(
-                f"forces must have shape (N,) with N of at least 1, got shape {forces.shape}"
-            )
-        for what, wrong in (("finite", ~np.isfinite(forces)), ("at least 0", forces < 0)):
-            if wrong.any():
-                first = int(np.flatnonzero(wrong)[0])
-                raise ValueError(f"forces must be {what}, got {forces[first]} at neuron {first}")
+        forces = float_array("forces", self.forces, (np.size(self.forces),), minimum=0.0)
         with np.errstate(over="ignore"):
             sums = np.cumsum(forces)
-        if not 0 < sums[-1] < np.inf:
-            what = "are all 0" if sums[-1] == 0 else "add up to more than a float64 holds"
-            raise ValueError(
-                f"forces must have a finite sum above 0, got {forces.size} that {what}"
-            )
-        self._set("forces", forces)
-        self._set("recruitment", sums / sums[-1])
+        if not forces.any() or np.isinf(sums[-1]):
+            raise ValueError(f"forces must have a finite sum above 0, got {self.forces!r:.60}")
+        for name, array in (("forces", forces), ("recruitment", sums / sums[-1])):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
 
     @classmethod
     def from_image(cls, path: Path | str) -> Self:
@@ -96,10 +83,6 @@ class MotorPool:
 
     def __len__(self) -> int:
         return self.forces.size
-
-    def _set(self, name: str, array: FloatArray) -> None:
-        array.flags.writeable = False
-        object.__setattr__(self, name, array)
 
 
 def _first_row(path: Path) -> NDArray[np.uint8]:

@@ -58,7 +58,7 @@ STEERING: Final = "steering"
 _GOALS: Final = 20_261_123
 """Sets the generator of later targets apart from the episode's, which has the same seed."""
 
-_OSCILLATORS: Final = ("phases", "magnitudes", "freqs", "amps", "scratch")
+_OSCILLATORS: Final = ("phases", "magnitudes", *OscillatorController.further_state)
 """State that a controller with oscillators takes over from another, to continue in its stride."""
 
 

@@ -124,13 +124,13 @@ same, so that its policies fit."""
 ENDLESS_TASK: Final = replace(
     PLAY_TASK, terminations=tuple(end for end in FAILURES if end.outcome != "left_arena")
 )
-"""The same on flat ground, which has no edge in play."""
+"""`PLAY_TASK` on flat ground, which has no edge in play."""
 
 ENDLESS: Final = Bounds(-1e6, 1e6, -1e6, 1e6)
-"""Where targets may be on flat ground, mm: 1 km is more than a fly walks in a day."""
+"""Bounds of targets on flat ground, mm: 1 km is more than a fly walks in a day."""
 
 INTERVAL_S: Final = cast(float, PLAY_TASK.decision_interval_s)
-"""How long a decision is held, s."""
+"""Decision interval, s."""
 
 BY_HAND: Final = "by hand"
 

@@ -19,7 +19,7 @@ from mujoco.studio import launch_thread, messages, viewer_protocol, web_viewer
 from mujoco.studio.dear_imgui import dear_imgui as imgui
 
 from flyrl.play.panel import Panel, Setting
-from flyrl.play.server import PageUnavailableError, Service, served_on
+from flyrl.play.server import Service, served_on
 
 if TYPE_CHECKING:  # the page is served before that is imported, which takes seconds
     from flyrl.play.session import Session
@@ -34,7 +34,7 @@ _PAUSED_FRAME_S: Final = 1 / 25
 """Time from one state that is sent to the next while time stands still; else the viewer's own."""
 
 _IDLE_FRAME_S: Final = 0.2
-"""The same while nobody watches."""
+"""Time from one look for a page to the next while nobody watches."""
 
 _MARGIN: Final = 12
 """px; from the panel to the page's edges."""
@@ -54,10 +54,10 @@ def serve(listening: socket.socket) -> Iterator["Page"]:
 
     Raises
     ------
-    PageUnavailableError
+    OSError
         If the viewer does not start.
     """
-    logging.getLogger("WebServer").setLevel(logging.WARNING)  # it tells who comes and goes
+    logging.getLogger("WebServer").setLevel(logging.WARNING)  # it logs every connection
     config = viewer_protocol.ViewerConfig(title="flyrl play", gfx="web")
     endpoint, _ = launch_thread.make_thread_endpoints()
     with served_on(listening) as service:
@@ -65,10 +65,10 @@ def serve(listening: socket.socket) -> Iterator["Page"]:
             with _silence():
                 viewer = web_viewer.WebViewer(config, endpoint)
         except Exception as error:
-            raise PageUnavailableError(f"MuJoCo's web viewer does not start: {error}") from error
+            raise OSError(f"MuJoCo's web viewer does not start: {error}") from error
         with contextlib.closing(viewer):
             if not service.is_guarded.wait(timeout=10.0):  # s
-                raise PageUnavailableError("this mujoco.studio cannot be kept to this computer")
+                raise OSError("this mujoco.studio cannot be kept to this computer")
             yield Page(viewer, service)
 
 
@@ -127,8 +127,8 @@ class Page:
         io.ConfigFlags &= ~int(imgui.ConfigFlags.NavEnableKeyboard)
         deaf = int(imgui.ConfigFlags.NoKeyboard)
         if self._forgets_keys:
-            # the page that closed never tells when keys are let go. For the next picture, at whose
-            # begin Dear ImGui then clears its keys; not before the new page is there, since a
+            # a page that closed never reports that keys were released. For the next picture, at
+            # whose begin Dear ImGui then clears its keys; not before the new page is there, since a
             # connection sets flags itself
             io.ConfigFlags |= deaf
             self._forgets_keys = False

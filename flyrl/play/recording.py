@@ -8,12 +8,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-import imageio_ffmpeg
 import mujoco
 import numpy as np
 
 from flyrl.files import usable_folder, write_bytes
-from flyrl.simulation.rendering import Offscreen, Picture, RenderingUnavailableError
+from flyrl.simulation.rendering import Offscreen, Picture
 from flyrl.validation import FloatArray
 
 WIDTH: Final = 480
@@ -24,7 +23,7 @@ FRAMES_PER_S: Final = 25
 """Pictures of a video per second of the screen's time."""
 
 MAX_S: Final = 30
-"""How long a video may be, s; it ends by itself then."""
+"""Longest video, s; it ends by itself then."""
 
 _BYTES: Final = 2 * 10**6
 """A video may have so many for every 10 s, or part of them."""
@@ -67,9 +66,8 @@ class VideoRecorder:
             return
         try:
             usable_folder(self._folder)
-            imageio_ffmpeg.get_ffmpeg_exe()
             Offscreen(mujoco.MjSpec().compile(), WIDTH, HEIGHT).close()
-        except (RenderingUnavailableError, RuntimeError, OSError) as error:
+        except (RuntimeError, OSError) as error:
             self.note = _no_video(error)
             return
         self.is_on, self.note = True, "recording"
@@ -113,7 +111,7 @@ class VideoRecorder:
         try:
             write_bytes(path, encode(list(_drawn(frames)), FRAMES_PER_S, max_bytes=_BYTES * tens))
             self.note = f"Video: {path}"
-        except (RenderingUnavailableError, RuntimeError, OSError) as error:
+        except (RuntimeError, OSError) as error:
             self.note = _no_video(error)
 
 

@@ -24,10 +24,6 @@ _GOODBYE_S: Final = 0.2
 """Time that a page has to close its connections when the server ends."""
 
 
-class PageUnavailableError(OSError):
-    """MuJoCo's web viewer does not start here."""
-
-
 def listen(port: int) -> socket.socket:
     """Listen on this computer alone.
 

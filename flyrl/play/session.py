@@ -1,4 +1,4 @@
-"""What is played, and its course in time: in real time or slower while somebody watches."""
+"""Interface of what is played, and its course in time while somebody watches."""
 
 import copy
 import time
@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from flyrl.play.panel import Panel, Setting
 
 MAX_LAG_S: Final = 0.1
-"""How much simulated time is made up for at most, where the computer does not keep up."""
+"""Longest simulated time that is made up for, where the computer does not keep up."""
 
 BUDGET_S: Final = 0.05
-"""How long the simulation may take at a time, so that the page stays alive; the rest is dropped."""
+"""Longest time that the simulation may take at once, so that the page stays responsive; the rest is
+dropped."""
 
 SPEEDS: Final[Mapping[str, float]] = {
     "1/16": 1 / 16, "1/8": 1 / 8, "1/4": 1 / 4, "1/2": 1 / 2, "1": 1.0, "2": 2.0

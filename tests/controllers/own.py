@@ -62,11 +62,6 @@ class Whole(Wave):
 
 
 @dataclass(frozen=True)
-class Stepless(Controller):
-    """Has no kernel."""
-
-
-@dataclass(frozen=True)
 class Short(Controller):
     """Its kernel takes too little."""
 

@@ -17,14 +17,8 @@ CLASSIC = Hybrid("tethered")
 
 
 FIELDS = (
-    "phases",
-    "magnitudes",
-    "retraction",
-    "stumbling",
-    "net_correction",
-    "angles",
-    "adhesion",
-)
+    "phases", "magnitudes", "retraction", "stumbling", "net_correction", "angles", "adhesion"
+)  # fmt: skip
 
 
 def joined(*arrays):
@@ -50,17 +44,10 @@ def test_hybrid_follows_the_specification(name, config):
         expected.step(drive, observation)
         legs.step(drive, observation)
         ours.append(joined(*(legs[field] for field in FIELDS)))
-        theirs.append(
-            joined(
-                expected.oscillators.theta,
-                expected.oscillators.r,
-                expected.retraction,
-                expected.stumbling,
-                expected.net,
-                expected.targets,
-                expected.adhesion,
-            )
-        )
+        oscillators = expected.oscillators
+        amounts = expected.retraction, expected.stumbling, expected.net
+        outputs = expected.targets, expected.adhesion
+        theirs.append(joined(oscillators.theta, oscillators.r, *amounts, *outputs))
     np.testing.assert_allclose(ours, theirs, **TOLERANCE)
 
     events = expected.events
@@ -111,25 +98,21 @@ def test_rule_based_follows_the_specification_and_ignores_the_drive():
     ],
 )
 def test_rule_based_step_duration(steps, step_duration_s, expected):
-    config = RuleBased(steps, step_duration_s)
     # The first step's leg is the only one to move in the first time step.
-    phases = run(config, 1)["phases"]
+    phases = run(RuleBased(steps, step_duration_s), 1)["phases"]
     assert phases.max() == pytest.approx(2 * np.pi * TIMESTEP / expected, rel=1e-12)
     assert np.count_nonzero(phases) == 1
 
 
-@pytest.mark.parametrize(
-    ("steps", "reflexes", "retraction_rate"),
-    [
+def test_reflexes_go_with_the_steps_unless_named():
+    for *names, retraction_rate in (
         ("untethered", None, 800),
         ("tethered", None, 500),
         ("untethered", "classic", 500),
         ("tethered", "current", 800),
-    ],
-)
-def test_reflexes_go_with_the_steps_unless_named(steps, reflexes, retraction_rate):
-    parameters = Hybrid(steps, reflexes=reflexes).parameters(TIMESTEP)
-    assert parameters["retraction_rates"][0] == retraction_rate
+    ):
+        parameters = Hybrid(names[0], reflexes=names[1]).parameters(TIMESTEP)
+        assert parameters["retraction_rates"][0] == retraction_rate
 
 
 def test_zero_drive_settles_in_the_neutral_pose():
@@ -169,18 +152,13 @@ def test_what_is_not_allowed_is_refused_by_name(call, message):
         call()
 
 
-@pytest.mark.parametrize("gait", GAIT_PHASES)
-def test_phase_biases_of_a_gait_are_taken_however_legs_are_coupled(gait):
-    biases = gait_phase_biases(gait).round(2)
-    own = CPG(phase_biases=biases, coupling_weights=np.ones((6, 6)))
-    np.testing.assert_array_equal(own.parameters(TIMESTEP)["phase_biases"], biases)
-
-
-@pytest.mark.parametrize(
-    "settings", [{"coupling_weight": 0.0}, {"coupling_weights": np.tri(6, k=-1)}]
-)
-def test_phase_biases_need_not_agree_where_legs_do_not_influence_each_other(settings):
-    assert CPG(phase_biases=np.ones((6, 6)), **settings).phase_biases == ((1.0,) * 6,) * 6
+def test_phase_biases_are_of_any_gait_and_need_not_agree_where_legs_are_not_coupled():
+    for gait in GAIT_PHASES:
+        biases = gait_phase_biases(gait).round(2)
+        own = CPG(phase_biases=biases, coupling_weights=np.ones((6, 6)))
+        np.testing.assert_array_equal(own.parameters(TIMESTEP)["phase_biases"], biases)
+    for settings in ({"coupling_weight": 0.0}, {"coupling_weights": np.tri(6, k=-1)}):
+        assert CPG(phase_biases=np.ones((6, 6)), **settings).phase_biases == ((1.0,) * 6,) * 6
 
 
 def test_arrays_are_taken_as_lists_are():

@@ -79,7 +79,6 @@ def test_a_scaled_action_spans_the_range_of_the_command() -> None:
         ({"name": NAME, "amplitud": 0.1}, "controller has no 'amplitud'; did you mean 'amplitude'"),
         ({"amplitude": 0.1}, "controller.name must be text, got None"),
         ("tests.controllers.own:Whole", "'count' must be float64, got int64"),
-        ("tests.controllers.own:Stepless", r"must have a static method step\(parameters, state"),
         ("tests.controllers.own:Short", r"must have a static method step\(parameters, state"),
         ("tests.controllers.own:Misspelt", "compiled: no .* field 'angels'; did you mean 'angles'"),
         ("tests.controllers.own:Untyped", "own:Untyped' cannot be compiled: Unknown attribute"),
@@ -87,14 +86,10 @@ def test_a_scaled_action_spans_the_range_of_the_command() -> None:
     ],
 )
 def test_what_is_no_controller_is_refused_by_name(given, message) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=message) as caught:
         BatchedEnv(EnvConfig(controller=given), 1)
-
-
-def test_numbas_own_error_is_kept() -> None:
-    with pytest.raises(ValueError, match="Unknown attribute") as caught:
-        walked("tests.controllers.own:Untyped")
-    assert isinstance(caught.value.__cause__, TypingError)
+    if "Unknown attribute" in message:
+        assert isinstance(caught.value.__cause__, TypingError)
 
 
 COPY = """

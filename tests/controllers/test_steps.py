@@ -11,14 +11,10 @@ from flyrl.resources import assets_folder
 TWO_PI = 2 * np.pi
 
 
-def recorded_angles(name):
-    with np.load(assets_folder() / "steps" / f"{name}.npz", allow_pickle=False) as recording:
-        return recording["angles"]
-
-
 @pytest.mark.parametrize("name", ["tethered", "untethered"])
 def test_angles_are_those_of_a_periodic_spline(name):
-    recorded = recorded_angles(name)
+    with np.load(assets_folder() / "steps" / f"{name}.npz", allow_pickle=False) as recording:
+        recorded = recording["angles"]
     grid = np.linspace(0, TWO_PI, recorded.shape[2])
     phases = np.random.default_rng(0).uniform(-20, 200, 500)
     for leg, angles in zip(LEGS, recorded, strict=True):
@@ -27,18 +23,16 @@ def test_angles_are_those_of_a_periodic_spline(name):
         np.testing.assert_allclose(actual, spline(phases % TWO_PI), rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize(
-    ("phase", "magnitude", "shape"),
-    [
+def test_shape_of_angles():
+    steps = PreprogrammedSteps("tethered")
+    for phase, magnitude, shape in (
         (1.0, 1.0, (7,)),
         (np.zeros(4), 1.0, (7, 4)),
         (0.0, np.ones(4), (7, 4)),
         ([0.0], 1.0, (7, 1)),
         (np.zeros(0), 1.0, (7, 0)),
-    ],
-)
-def test_shape_of_angles(phase, magnitude, shape):
-    assert PreprogrammedSteps("tethered").get_joint_angles("LF", phase, magnitude).shape == shape
+    ):
+        assert steps.get_joint_angles("LF", phase, magnitude).shape == shape
 
 
 # Times of spec section 3 over the duration, times 2π, by hand.

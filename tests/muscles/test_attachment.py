@@ -76,13 +76,19 @@ def test_sensors_of_a_muscles_site_stay(profiles):
 
 def test_defaults_for_motors_do_not_bound_a_muscle(profiles):
     rest = """<default> <motor ctrlrange="-0.1 0.1" forcerange="-0.1 0.1" gear="7"/> </default>"""
-    creature = load_creature(specification(rest=rest), profiles)
-    movement(creature)([2, 1])
-    mujoco.mj_forward(creature.model, creature.data)
+    creature = pulling(specification(rest=rest), profiles, [2, 1])
     np.testing.assert_allclose(creature.data.actuator_force, [1.0, 5.0])
 
 
 # ------------------------------------------------------------------ how it turns
+
+
+def pulling(spec, profiles, n):
+    """Creature whose muscles are recruited up to n, with the forces that follow."""
+    creature = load_creature(spec, profiles)
+    movement(creature)(n)
+    mujoco.mj_forward(creature.model, creature.data)
+    return creature
 
 
 @pytest.mark.parametrize(
@@ -92,9 +98,7 @@ def test_defaults_for_motors_do_not_bound_a_muscle(profiles):
 def test_a_muscle_turns_about_its_sites_y_axis(euler, torque, profiles):
     """Turned by 90 degrees about x, the y axis is the world's z, about which the arm turns."""
     spec = specification(f'<site name="M2" pos="4 0 0" euler="{euler}"/>')
-    creature = load_creature(spec, profiles)
-    movement(creature)([1])
-    mujoco.mj_forward(creature.model, creature.data)
+    creature = pulling(spec, profiles, [1])
     np.testing.assert_allclose(creature.data.qfrc_actuator, [5 * torque], atol=1e-12)
     creature.data.ctrl[:] = -2.0
     mujoco.mj_forward(creature.model, creature.data)
@@ -105,9 +109,7 @@ def test_a_free_body_feels_a_pure_torque_about_the_sites_axis(profiles):
     """No force; the torque, in the body's frame, is that along the turned y axis."""
     bodies = '<body name="b" euler="0 0 30"> <freejoint/> <geom type="box" size="1 2 3"/> </body>'
     spec = specification('<site name="M2" pos="9 1 1" euler="20 0 75"/>', bodies=bodies)
-    creature = load_creature(spec, profiles)
-    movement(creature)([1])
-    mujoco.mj_forward(creature.model, creature.data)
+    creature = pulling(spec, profiles, [1])
     axis_w = creature.data.site("M2").xmat.reshape(3, 3)[:, 1]
     axis_b = creature.data.body("b").xmat.reshape(3, 3).T @ axis_w
     np.testing.assert_allclose(creature.data.qfrc_actuator, [0, 0, 0, *(5 * axis_b)], atol=1e-12)
@@ -126,17 +128,13 @@ def anchored(anchor):
 
 def test_a_muscle_with_an_anchor_turns_the_joint_and_not_the_creature(profiles):
     """The arm by +5 about z, the body it pulls against by -5: in sum nothing."""
-    creature = load_creature(anchored("low"), profiles)
-    movement(creature)([1])
-    mujoco.mj_forward(creature.model, creature.data)
+    creature = pulling(anchored("low"), profiles, [1])
     np.testing.assert_allclose(creature.data.qfrc_actuator, [0, 0, 0, 0, 0, 0, 5], atol=1e-12)
     assert (creature.model.ntext, creature.model.nsite) == (0, 2)
     # and without one, the whole creature
     spec = anchored("low")
     spec.delete(spec.text("M2/anchor"))
-    creature = load_creature(spec, profiles)
-    movement(creature)([1])
-    mujoco.mj_forward(creature.model, creature.data)
+    creature = pulling(spec, profiles, [1])
     np.testing.assert_allclose(creature.data.qfrc_actuator, [0, 0, 0, 0, 0, 5, 5], atol=1e-12)
 
 
@@ -196,15 +194,12 @@ def test_a_profile_that_is_missing_or_useless(profiles):
 
 
 def test_no_profile_lies_elsewhere(profiles):
-    """Neither by its path nor by a link, even where an image lies."""
+    """Neither by its path nor by a link, even where an image lies; but in a folder below."""
     outside = save_profile(profiles.parent / "outside.png", [1, 2])
     (profiles / "link.png").symlink_to(outside)
     for profile in ("../outside.png", str(outside), "link.png", ".", "../profiles"):
         with pytest.raises(ValueError, match="muscle 'M': its profile must be a file in "):
             attach_muscles(one_muscle(profile), profiles)
-
-
-def test_profiles_may_lie_in_folders_below(profiles):
     (profiles / "legs").mkdir()
     save_profile(profiles / "legs" / "even.png", [1, 1])
     (attached,) = attach_muscles(one_muscle("legs/even.png"), profiles)

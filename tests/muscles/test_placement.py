@@ -7,47 +7,49 @@ from flyrl.muscles import attach_muscles
 from tests.muscles.creatures import profile_of, specification
 
 
-def bodies_of(spec, profiles):
+def bodies_of(profiles, bodies, pos="0 0 0"):
+    """On which body a muscle at a place acts."""
+    spec = specification(f'<site name="M" pos="{pos}"/>', profile_of("M"), bodies)
     return [attached.body for attached in attach_muscles(spec, profiles)]
 
 
-def test_the_nearest_surface_counts_not_the_nearest_centre(profiles):
-    """A large ball, 3 - 2.5 = 0.5 off; a small one whose centre is nearer, 2 - 0.1 = 1.9 off."""
-    bodies = """
-        <body name="small" pos="2 0 0"> <geom size="0.1"/> </body>
-        <body name="large" pos="-3 0 0"> <geom size="2.5"/> </body>
-    """
-    spec = specification('<site name="M"/>', profile_of("M"), bodies)
-    assert bodies_of(spec, profiles) == ["large"]
+FAR = """
+    <body name="near" pos="0 0 3"> <geom size="0.5"/> </body>
+    <body name="far" pos="90 0 0"> <geom size="1"/> <geom size="1" pos="-88 0 0"/> </body>
+    <body name="box" pos="0 40 0"> <geom type="box" size="1 36 1"/> </body>
+"""
 
 
-def test_every_geom_of_a_body_counts(profiles):
-    """The second geom of a body is nearest; its own frame is far away. So is a box's middle."""
-    bodies = """
-        <body name="near" pos="0 0 3"> <geom size="0.5"/> </body>
-        <body name="far" pos="90 0 0"> <geom size="1"/> <geom size="1" pos="-88 0 0"/> </body>
-        <body name="box" pos="0 40 0"> <geom type="box" size="1 36 1"/> </body>
-    """
-    spec = specification(
-        '<site name="M"/><site name="B" pos="0 3 -1"/>', profile_of("M", "B"), bodies
-    )
-    assert bodies_of(spec, profiles) == ["far", "box"]
-
-
-def test_inside_of_two_geoms_the_deeper_one_counts(profiles):
-    """0.2 inside of one ball, 0.7 inside of the other."""
-    bodies = """
-        <body name="shallow" pos="0.8 0 0"> <geom size="1"/> </body>
-        <body name="deep" pos="-1.3 0 0"> <geom size="2"/> </body>
-    """
-    spec = specification('<site name="M"/>', profile_of("M"), bodies)
-    assert bodies_of(spec, profiles) == ["deep"]
-
-
-def test_the_world_does_not_count(profiles):
-    bodies = '<geom size="1"/> <body name="far" pos="50 0 0"> <geom size="1"/> </body>'
-    spec = specification('<site name="M" pos="0 0 1"/>', profile_of("M"), bodies)
-    assert bodies_of(spec, profiles) == ["far"]
+@pytest.mark.parametrize(
+    ("nearest", "pos", "bodies"),
+    [
+        # a large ball, 3 - 2.5 = 0.5 off; a small one whose centre is nearer, 2 - 0.1 = 1.9 off
+        (
+            "large",
+            "0 0 0",
+            """<body name="small" pos="2 0 0"> <geom size="0.1"/> </body>
+               <body name="large" pos="-3 0 0"> <geom size="2.5"/> </body>""",
+        ),
+        # the second geom of a body is nearest; its own frame is far away. So is a box's middle
+        ("far", "0 0 0", FAR),
+        ("box", "0 3 -1", FAR),
+        # 0.2 inside of one ball, 0.7 inside of the other
+        (
+            "deep",
+            "0 0 0",
+            """<body name="shallow" pos="0.8 0 0"> <geom size="1"/> </body>
+               <body name="deep" pos="-1.3 0 0"> <geom size="2"/> </body>""",
+        ),
+        # the world does not count
+        (
+            "far",
+            "0 0 1",
+            '<geom size="1"/> <body name="far" pos="50 0 0"> <geom size="1"/> </body>',
+        ),
+    ],
+)
+def test_the_nearest_surface_counts(nearest, pos, bodies, profiles):
+    assert bodies_of(profiles, bodies, pos) == [nearest]
 
 
 @pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
@@ -59,8 +61,7 @@ def test_of_equally_near_bodies_the_first_is_taken(order, profiles):
         '<geom type="capsule" size="0.1 1"/> </body>'
         for name in order
     )
-    spec = specification('<site name="M" pos="0.1 0 0.1"/>', profile_of("M"), bodies)
-    assert bodies_of(spec, profiles) == [order[0]]
+    assert bodies_of(profiles, bodies, "0.1 0 0.1") == [order[0]]
 
 
 def test_the_initial_pose_counts(profiles):
@@ -71,10 +72,9 @@ def test_the_initial_pose_counts(profiles):
     """
     spec = specification('<site name="M" pos="0 3 0"/>', profile_of("M"), bodies)
     spec.add_key(name="home", qpos=[np.pi / 2])
-    assert bodies_of(spec, profiles) == ["post"]
+    assert [attached.body for attached in attach_muscles(spec, profiles)] == ["post"]
 
 
 def test_without_any_body(profiles):
-    spec = specification('<site name="M"/>', profile_of("M"), '<geom size="1"/><body name="a"/>')
     with pytest.raises(ValueError, match="muscle 'M' has no body to act on"):
-        attach_muscles(spec, profiles)
+        bodies_of(profiles, '<geom size="1"/><body name="a"/>')

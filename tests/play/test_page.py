@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from flyrl.play.page import STATE, display_model, ground_point
+from flyrl.play.page import display_model, ground_point
 from flyrl.play.worm import PlayedWorm
-from tests.play.toy import Toy
 
 SCENE = """
 <mujoco>
@@ -55,17 +54,3 @@ def test_what_is_drawn_knows_no_forces():
         constraints.append(data.nefc)
     assert forces == [pytest.approx(100), 0]
     assert constraints == [worm.model.njnt, 0]
-
-
-def test_mocap_bodies_are_drawn_where_they_are():
-    toy = Toy()
-    toy.change("click", (5.0, -1.0))
-    toy.data.qpos[0] = 0.7
-    toy.data.mocap_quat[0] = (0.6, 0.8, 0, 0)
-    model = display_model(toy.model)
-    data = mujoco.MjData(model)
-    mujoco.mj_copyState(toy.model, toy.data, data, STATE)
-    mujoco.mj_forward(model, data)
-    assert data.body("target").xpos == pytest.approx((5, -1, 0.2))
-    assert data.body("target").xquat == pytest.approx((0.6, 0.8, 0, 0))
-    assert data.body("cart").xpos == pytest.approx((0.7, 0, 1))
