@@ -67,7 +67,7 @@ HELD_OUT_SEEDS: Final = range(2**31, 3 * 2**30)
 """Seeds of the held-out episodes: above those that training draws, below those of evaluations."""
 
 GoesOn = Callable[[Sequence[Mapping[str, float]]], bool]
-"""Takes the evaluations so far, the latest last, and returns whether the run is to go on."""
+"""Takes the evaluations so far, the latest last, and returns whether the run continues."""
 
 
 def held_out_episodes(config: TrainingConfig) -> list[Episode]:
@@ -319,7 +319,7 @@ class RunCallback(BaseCallback):
 
         Returns
         -------
-        Whether the run is to go on.
+        Whether the run continues.
         """
         bundle = self._bundle()
         records = run_episodes(self._env, LearnedPolicy(bundle), self._episodes)

@@ -90,7 +90,7 @@ class ScheduleConfig:
         Success rate on the held-out episodes, from 0 to 1, at which the run ends before
         `total_timesteps`: reached twice in a row. None trains to the end.
     checkpoint_interval
-        Decisions between two checkpoints, from which an interrupted run can go on.
+        Decisions between two checkpoints, from which an interrupted run can be resumed.
     checkpoints_kept
         How many of the latest checkpoints stay.
     progress_bar

@@ -147,7 +147,7 @@ def resume(
     goes_on: GoesOn | None = None,
     at_end: Callable[[Run], None] | None = None,
 ) -> Run:
-    """Go on with an interrupted run, from its latest checkpoint, to the end.
+    """Resume an interrupted run, from its latest checkpoint, to the end.
 
     On the same machine and versions, it ends with the policy that it would have had without the
     interruption, to the bit; on others, a warning says so. Of checkpoints that are damaged, those

@@ -3,17 +3,17 @@
 config.yaml          every setting, resolved
 command.txt          the command, if there was one
 code.diff            what the code had beyond its commit, if anything; code_2.diff: what it had
-                     when the run went on, if that was something else
+                     when the run was resumed, if that was something else
 provenance.json      commit, preset of the physics, package versions, CPU; the same of every
-                     time that the run went on
+                     time that the run was resumed
 progress.csv         metrics, one row per update
 tensorboard/         the same for TensorBoard
 evaluations.csv      success, return, errors and unweighted reward terms on the held-out episodes
 best.safetensors     policy bundle with the best evaluation
 last.safetensors     policy bundle at the end
-model.zip            Stable-Baselines3's model, to go on training (holds a pickle: your own only)
+model.zip            Stable-Baselines3's model, to train on (holds a pickle: your own only)
 vecnormalize.pkl     Stable-Baselines3's VecNormalize for it, if the run normalises (a pickle too)
-checkpoints/         the latest ones, to go on from after an interruption
+checkpoints/         the latest ones, to resume from after an interruption
 status.json          how the run ended
 logger.json          the run's id at the service that it is logged to, if there is one
 wandb/               what Weights & Biases keeps, if that is the service
@@ -22,7 +22,7 @@ learning_curve.svg   success and return over the decisions, and the same as .png
 best.mp4             the best policy on a held-out episode, where a video can be made
 
 A checkpoint is everything that the run's future depends on, in one file that executes no code: a
-run that goes on from it ends with the same bits as one that was never interrupted. The file is
+run that is resumed from it ends with the same bits as one that was never interrupted. The file is
 PyTorch's, read with `weights_only=True`: tensors, numbers, text, lists and dicts.
 """
 
