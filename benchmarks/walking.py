@@ -1,7 +1,7 @@
 """How the fly walks: the figures of the literature beside ours.
 
 Run `python benchmarks/walking.py` for every figure, or name some:
-`python benchmarks/walking.py literature rest turning rough`.
+`python benchmarks/walking.py literature rest turning`. Rough ground: `benchmarks.fidelity walking`.
 """
 
 import argparse
@@ -13,10 +13,8 @@ import numpy as np
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.surface import ContactConfig
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.evaluation.statistics import paired_difference
 from flyrl.simulation.physics import PHYSICS_PRESETS
 from flyrl.tasks import TASKS
-from flyrl.terrains import LITERATURE
 
 FIRST_SEED = 0
 
@@ -121,26 +119,7 @@ def turning() -> None:
         )
 
 
-def rough(seconds: float = 1.5, conditions: int = 20, **config: Any) -> None:
-    """Speed of the three controllers on the four terrains, paired."""
-    print(f"median speed (mm/s) over {seconds} s, {conditions} paired initial conditions")
-    for terrain in LITERATURE:
-        settings = {"terrain": terrain, **config}
-        speeds = {
-            name: speed(walk((1, 1), seconds, conditions, controller=name, **settings)[0], seconds)
-            for name in ("cpg", "rule_based", "hybrid")
-        }
-        medians = "  ".join(f"{name} {np.median(values):5.2f}" for name, values in speeds.items())
-        difference = speeds["hybrid"] - speeds["cpg"]
-        between = paired_difference(difference, np.random.default_rng(0))
-        ratio = np.median(speeds["cpg"]) / np.median(speeds["hybrid"])
-        print(
-            f"  {terrain:7} {medians}  cpg / hybrid {ratio:4.2f}  "
-            f"hybrid - cpg [{between.low:5.2f}, {between.high:5.2f}]"
-        )
-
-
-STUDIES = {"literature": literature, "rest": rest, "turning": turning, "rough": rough}
+STUDIES = {"literature": literature, "rest": rest, "turning": turning}
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)

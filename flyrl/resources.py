@@ -1,4 +1,4 @@
-"""What is installed: assets and configs (beside the package, or inside it), the distribution."""
+"""Installed files: assets and configs (beside the package, or inside it), the distribution."""
 
 from pathlib import Path
 from typing import Final

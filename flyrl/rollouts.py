@@ -28,7 +28,7 @@ SAMPLING_S: Final = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Gait:
-    """How a fly walked: what its legs did, sample by sample, and what it cost.
+    """Gait of an episode: states of the legs, sample by sample, and costs.
 
     Attributes
     ----------
@@ -95,8 +95,8 @@ class EpisodeRecord:
     totals
         Sum of each reward term, unweighted, by name.
     gait
-        How the fly walked until then, where the environment logs it. Of a fly whose physics
-        diverged, until the decision before.
+        Gait until then, where the environment logs it. Of a fly whose physics diverged, until the
+        decision before.
     creature
         What walked: "fly" or "worm".
 
@@ -147,7 +147,7 @@ class EpisodeRecord:
 
 @runtime_checkable
 class Policy(Protocol):
-    """What acts; the signature is Stable-Baselines3's."""
+    """Policy that acts; the signature is Stable-Baselines3's."""
 
     def predict(
         self,
@@ -281,7 +281,7 @@ class _Path:
         return {term.name: float(mean) for term, mean in zip(terms, means, strict=True)}
 
     def gait(self, env: BatchedEnv) -> Gait | None:
-        """How the fly walked."""
+        """Gait until the end; None where the environment logs none."""
         if env.batch.gait_logs is None:
             return None
         return Gait(
@@ -336,7 +336,7 @@ def _run_batch(
 
 
 def _errors(env: BatchedEnv) -> NDArray[np.float64]:
-    """What the task measures of each simulation after this decision, (n, number of errors)."""
+    """Error terms of the task after this decision, shape (n, number of errors)."""
     if not env.task.errors:
         return np.zeros((env.num_envs, 0))
     state = env.task_state()

@@ -47,7 +47,7 @@ def test_rules_on_the_classic_body_cover_the_published_distance_if_a_foreleg_is_
 
 @pytest.mark.parametrize("body", ["classic", "current"])
 def test_zero_drive_stands_still(body: str) -> None:
-    positions, _ = walk((0, 0), 0.5, 10, magnitude=0.0, settle=0.5, body=body)
+    positions, _ = walk((0, 0), 0.5, CONDITIONS, magnitude=0.0, settle=0.5, body=body)
     moved = np.linalg.norm((positions[-1] - positions[0])[:, :2], axis=1)
     assert np.median(moved) < 0.3
 

@@ -1,23 +1,26 @@
 """The command line before any work: jobs of a sweep, and errors with the closest match."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from hydra import compose, initialize_config_dir
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
+
+from flyrl.cli.groups import HYDRA_VERSION, composed, group_names, groups, register
 from flyrl.files import load_yaml
 from flyrl.resources import configs_folder, install_command
 from flyrl.training.runs import flat, present_names
 from flyrl.validation import did_you_mean
-
-if TYPE_CHECKING:
-    from hydra.core.override_parser.types import Override
-    from omegaconf import DictConfig
 
 EXTRAS: Final = {"joblib": "joblib", "submitit_slurm": "slurm", "submitit_local": "slurm"}
 """Hydra's launcher -> extra of flyrl that brings it."""
@@ -85,14 +88,6 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
         A key, group or choice that does not exist, a text that is no override, or a launcher that
         is not installed.
     """
-    from hydra import compose, initialize_config_dir  # noqa: PLC0415
-    from hydra.core.override_parser.overrides_parser import OverridesParser  # noqa: PLC0415
-    from hydra.errors import HydraException  # noqa: PLC0415
-    from hydra.types import RunMode  # noqa: PLC0415
-    from omegaconf.errors import OmegaConfBaseException  # noqa: PLC0415
-
-    from flyrl.cli.groups import HYDRA_VERSION, register  # noqa: PLC0415
-
     options, words = _parsed(arguments)
     register(words)
     own = list(filter(None, (options.config_dir, options.config_path)))
@@ -110,19 +105,19 @@ def check_arguments(config_name: str, arguments: Sequence[str]) -> Sweep | DictC
             if nameless := [each.input_line for each in overrides if not each.key_or_group]:
                 raise ValueError(f"{nameless[0]!r} names no key; write key=value")
             jobs = _jobs(overrides)
-            composed: dict[tuple[str, ...], DictConfig] = {}
+            configs: dict[tuple[str, ...], DictConfig] = {}
             for asked in jobs:
                 choices = _choices(asked)
-                if choices not in composed:  # else other values of the same keys
+                if choices not in configs:  # else other values of the same keys
                     overridden = [*asked, *search]
-                    composed[choices] = compose(config_name, overridden, return_hydra_config=True)
+                    configs[choices] = compose(config_name, overridden, return_hydra_config=True)
             can_add = any(word.startswith(("+", "experiment=")) for word in words)
             known = [*map(str, compose(config_name))] if can_add and not own else []
     except (HydraException, OmegaConfBaseException, ValueError) as error:
         raise _explained(error, config_name, asked) from error
-    for config in composed.values():
+    for config in configs.values():
         _check_used(config, overrides, known)
-    config = next(iter(composed.values()))
+    config = next(iter(configs.values()))
     if options.is_shown:
         return None
     if options.multirun or config.hydra.mode == RunMode.MULTIRUN:
@@ -168,8 +163,6 @@ def _jobs(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
 
 def _choices(job: Iterable[str]) -> tuple[str, ...]:
     """Those overrides of a job that choose from a group, on which its keys depend."""
-    from flyrl.cli.groups import group_names  # noqa: PLC0415
-
     return tuple(item for item in job if item.lstrip("+~").partition("=")[0] in group_names())
 
 
@@ -210,10 +203,6 @@ def _explained(error: Exception, config_name: str, asked: Sequence[str]) -> Valu
     asked
         The overrides.
     """
-    from hydra.errors import MissingConfigException, OverrideParseException  # noqa: PLC0415
-
-    from flyrl.cli.groups import composed, groups  # noqa: PLC0415
-
     text = str(error)
     if isinstance(error, OverrideParseException):
         text = (

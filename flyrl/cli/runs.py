@@ -28,14 +28,10 @@ def add_to(subparsers: Subparsers) -> None:
         epilog="best and last: success on the held-out episodes. A commit with + had changes. "
         "Example: flyrl runs --task target --sort best --reverse",
     )
-    parser.add_argument(
-        "paths",
-        nargs="*",
-        type=path_argument,
-        default=[Path("runs")],
-        metavar="FOLDER",
-        help="folders of runs, or run folders (default: runs)",
-    )
+    folder: dict[str, Any] = {"type": path_argument, "metavar": "FOLDER"}
+    default = [Path("runs")]
+    about = "folders of runs, or run folders (default: runs)"
+    parser.add_argument("paths", nargs="*", **folder, default=default, help=about)
     for name in _FILTERS:
         parser.add_argument(
             f"--{name}", action="append", metavar=name.upper(), help=f"only this {name}; repeatable"
@@ -52,19 +48,10 @@ def add_to(subparsers: Subparsers) -> None:
         "sweeps and of single runs, make one table and one figure.",
         epilog="Example: flyrl sweep runs/sweeps/2026-01-31_120000",
     )
-    sweep.add_argument(
-        "folders",
-        nargs="+",
-        type=path_argument,
-        metavar="FOLDER",
-        help="of a sweep, as in runs/sweeps; two or more may be of single runs too",
-    )
-    sweep.add_argument(
-        "--output",
-        type=path_argument,
-        metavar="FOLDER",
-        help="where comparison.csv and learning_curves go (default: the folder of the one sweep)",
-    )
+    about = "of a sweep, as in runs/sweeps; two or more may be of single runs too"
+    sweep.add_argument("folders", nargs="+", **folder, help=about)
+    about = "where comparison.csv and learning_curves go (default: the folder of the one sweep)"
+    sweep.add_argument("--output", **folder, help=about)
     sweep.set_defaults(run=run_sweep)
 
 

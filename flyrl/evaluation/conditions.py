@@ -1,4 +1,4 @@
-"""Conditions of an evaluation: what is changed, in how strong a dose, for everyone alike.
+"""Conditions of an evaluation: a quantity that is changed for every entrant alike, and its values.
 
 Robustness (another friction, mass, latency, a push) and experiments in silico (a leg cut off, a
 joint fixed, a reflex weakened) are the same thing here: a quantity, and the values it takes.
@@ -19,7 +19,7 @@ from flyrl.tasks import Episode
 from flyrl.validation import not_negative, number, one_of, within
 
 PUSH_TIME_S: Final = 1.0
-"""When a push of the condition `push` comes, s after the start."""
+"""Time of the push under the condition `push`, s after the start."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
     "right_muscles": Quantity("factor on the right legs' muscles", 1.0, _muscles),
     "senses_contact": Quantity("whether legs feel contact", True, _body),
 }
-"""What can be varied, by name."""
+"""Quantities that can be varied, by name."""
 
 
 @dataclass(frozen=True)

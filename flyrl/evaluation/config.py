@@ -1,4 +1,4 @@
-"""What an evaluation is made of."""
+"""Settings of an evaluation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ below this. So no policy was trained or chosen on an episode that it is compared
 """
 
 ENV_GROUPS: Final = ("task", "body", "physics", "randomisation")
-"""Of an environment's record, what an evaluation is composed of."""
+"""Groups of an environment's record that an evaluation is composed of."""
 
 MAX_EPISODES: Final = 2**16
 MAX_SEED: Final = 2**14 - 1
@@ -36,7 +36,7 @@ MAX_SEED: Final = 2**14 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationConfig:
-    """Who meets on which episodes.
+    """Settings of an evaluation: entrants, episodes, comparison.
 
     Attributes
     ----------
@@ -218,7 +218,7 @@ class EvaluationConfig:
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
-        """What everyone walks under, one after the other."""
+        """Conditions that every entrant walks under, one after the other."""
         return all_conditions(self.vary)
 
     def draw_episodes(self, terrain: Terrain, condition: Condition = UNCHANGED) -> list[Episode]:

@@ -1,4 +1,4 @@
-"""Where entrants differ: in which episode most, by their steering or legs, by the ground."""
+"""Differences between entrants: by episode, by steering and legs, by the kind of ground."""
 
 from __future__ import annotations
 

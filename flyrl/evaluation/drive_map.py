@@ -1,4 +1,4 @@
-"""Drives: speed and yaw rate over the 2-D drive plane, and what policies choose by bearing."""
+"""Drives: speed and yaw rate over the 2-D drive plane, and drives of policies by bearing."""
 
 from __future__ import annotations
 

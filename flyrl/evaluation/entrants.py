@@ -66,7 +66,7 @@ class Entrant:
 
     @property
     def record(self) -> dict[str, Any]:
-        """Where the entrant comes from, as plain JSON values."""
+        """Origin of the entrant, as plain JSON values."""
         legs = self.controller
         return {
             "name": self.name,
@@ -279,7 +279,7 @@ def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
 
 
 def _changes(record: Mapping[str, Any]) -> str:
-    """What was changed of a task's terms, as one would type it."""
+    """Changes of a task's terms, as on the command line."""
     texts = []
     for key in ("terms", "without"):
         names = record.get(key)

@@ -1,4 +1,4 @@
-"""What a gait is measured by: strides, duty factor, coordination of the tripods, slip, cost.
+"""Measures of a gait: strides, duty factor, coordination of the tripods, slip, cost.
 
 Each function takes plain arrays; a figure that a gait cannot have (the length of a stride that was
 never taken) is None. Rasters have a row per sample and a column per leg, ordered as `anatomy.LEGS`.
@@ -109,7 +109,7 @@ def duty_factor(stance: BoolArray) -> float | None:
 
 
 def tripod_coordination(stance: BoolArray) -> float | None:
-    """How far the legs of a tripod swing at the same time: 1 as one, 0 never all three.
+    """Overlap of the swings of a tripod's legs: 1 as one, 0 never all three.
 
     For each swing of a middle leg and the swings of its partners that are nearest to it in time:
     the time during which all three swing, over that from the first lift-off to the last touchdown.
@@ -144,7 +144,7 @@ def reflex_activity(retraction: BoolArray, stumbling: BoolArray) -> float | None
 
 
 def drive_variation(drive: FloatArray, time_s: FloatArray) -> float | None:
-    """How much the drives change per second, mean of left and right, 1/s; 0 if they are held.
+    """Change of the drives per second, mean of left and right, 1/s; 0 if they are held.
 
     Parameters
     ----------

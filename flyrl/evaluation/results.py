@@ -149,7 +149,7 @@ class Results:
 
 
 def place_of(row: Json) -> Json:
-    """Where a row of a summary belongs: its terrain, condition and controller."""
+    """Terrain, condition and controller of a row of a summary."""
     return {key: row[key] for key in ("terrain", "condition", "controller")}
 
 

@@ -159,7 +159,7 @@ class _Walk:
 
     @property
     def place(self) -> dict[str, str]:
-        """Who, where and how, as a crash is recorded."""
+        """Controller, terrain and condition, as a crash is recorded."""
         return {
             "controller": self.entrant.name,
             "terrain": self.terrain.label,
@@ -213,7 +213,7 @@ def _walk(
 
 
 def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
-    """What determines the results, but for versions."""
+    """Settings that determine the results, but for versions."""
     env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
     protocol: Json = {

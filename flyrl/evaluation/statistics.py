@@ -148,7 +148,7 @@ def mean_over_runs(values: ArrayLike, low: float = -math.inf, high: float = math
 
 
 def p_value(differences: ArrayLike, rng: np.random.Generator) -> float | None:
-    """How often paired differences with random signs have a mean as far from 0; None of too few.
+    """p-value of the sign-flip test of paired differences; None of too few.
 
     All signs are tried where there are no more than `RESAMPLES` ways, else as many are drawn; of
     more than `MANY_PAIRS` it is that of Student's t.
@@ -189,7 +189,7 @@ def p_value(differences: ArrayLike, rng: np.random.Generator) -> float | None:
 def adjusted(p_values: Sequence[float | None]) -> list[float | None]:
     """p-values of a family of comparisons, corrected for there being so many of them.
 
-    To call those below 0.05 differences is to be wrong about at most 5 % of them, on average.
+    Controls the false discovery rate at 5 % for adjusted p < 0.05.
 
     Notes
     -----
@@ -277,5 +277,5 @@ def _over_runs(scores: ArrayLike, statistic: Any, rng: np.random.Generator) -> I
 
 
 def _batch(size: int) -> int:
-    """How many resamples of so many values to hold at a time."""
+    """Number of resamples of so many values to hold at a time."""
     return max(1, 1_000_000 // size)

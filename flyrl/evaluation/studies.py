@@ -1,4 +1,4 @@
-"""Published studies: what they claim, what they measured, and whether it holds here."""
+"""Published studies: their claims, their measurements, and whether the claims hold here."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ EQUAL_WITHIN: Final = 0.1
 
 @dataclass(frozen=True)
 class Claim:
-    """That one controller covers more ground than another, or as much, on a terrain.
+    """Claim that one controller covers more ground than another, or as much, on a terrain.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Figures:
-    """What somebody measured: a metric of ours, run by run, by terrain and controller.
+    """Published measurements of one of our metrics, run by run, by terrain and controller.
 
     `body` names the fly that was measured, as in `flyrl.envs.config.BODIES`.
     """

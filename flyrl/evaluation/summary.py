@@ -1,4 +1,4 @@
-"""Summaries of each controller on each terrain, differences, and who wins by how much."""
+"""Summaries of each controller on each terrain, paired differences, and leaders."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def paired_values(
 
 
 def metric_values(rows: pd.DataFrame, metric: str, horizon_s: float) -> pd.Series[float]:
-    """What controllers are compared by, by episode: see `paired_values`."""
+    """Values of a metric by episode, as `paired_values` compares them."""
     column = rows.set_index("episode")[metric].astype(np.float64)
     return column.fillna(horizon_s) if metric == "time_to_goal_s" else column
 
@@ -172,7 +172,7 @@ def _sign(metric: str) -> int:
 
 @dataclass(frozen=True)
 class Leader:
-    """Who is best on a terrain under a condition.
+    """Best controllers on a terrain under a condition.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Trainings behind the learned entrants: over their seeds, and from terrain to terrain.
 
-Policies that differ in their seed alone are one training: what it reaches, not one lucky run of it.
+Policies that differ in their seed alone count as one training.
 Agarwal et al. 2021, https://arxiv.org/abs/2108.13264.
 """
 
@@ -134,7 +134,7 @@ SECOND_METRIC: Final = {
 def generalisation(
     protocol: Json, summary: Sequence[Json], rng: np.random.Generator
 ) -> Json | None:
-    """What every training reaches on every terrain.
+    """Matrix of trainings and terrains: success of every training on every terrain.
 
     Parameters
     ----------

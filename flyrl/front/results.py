@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import os
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -38,7 +39,6 @@ from flyrl.report.video import FILMED
 from flyrl.simulation.rendering import Camera
 from flyrl.tasks import Task, TaskSettings
 from flyrl.terrains import Flat, Terrain
-from flyrl.training.learn import Run
 from flyrl.training.runs import is_run, read_run
 from flyrl.validation import plain
 
@@ -334,21 +334,15 @@ def _entrants(given: Any) -> dict[str, Any]:
     """Policies and fixed controllers of an EvaluationConfig."""
     if given is None:
         return {"policies": (), "controllers": None}
-    if isinstance(given, str | Path | Run | Mapping) or not isinstance(given, Iterable):
+    if isinstance(given, str | os.PathLike | Mapping) or not isinstance(given, Iterable):
         given = [given]
-    names = [_named(each) for each in given]
+    # runs and paths by their path
+    names = [os.fspath(each) if isinstance(each, os.PathLike) else each for each in given]
     policies = tuple(name for name in names if not _is_fixed(name))
     for name in policies:
         if isinstance(name, str) and ":" not in name:
             policy_file(split_legs(name)[0], FIXED)  # one that is not there may be misspelt
     return {"policies": policies, "controllers": tuple(filter(_is_fixed, names))}
-
-
-def _named(entrant: Any) -> Any:
-    """An entrant as an EvaluationConfig takes it: runs and paths by their path."""
-    if isinstance(entrant, Run):
-        return str(entrant.folder)
-    return str(entrant) if isinstance(entrant, Path) else entrant
 
 
 def _is_fixed(entrant: Any) -> bool:

@@ -90,8 +90,7 @@ def train(
     if total_timesteps is not None:
         settings["total_timesteps"] = total_timesteps
     config = config_from_keywords(task, algo, seed=seed, logger=logger, **settings)
-    folder = resume.folder if isinstance(resume, Run) else resume
-    run = learn(config, runs_folder, folder=folder, with_video=video_after)
+    run = learn(config, runs_folder, folder=resume, with_video=video_after)
     if run.signal is not None:  # what follows shall not start, even if the run came to its end
         raise TrainingInterrupted(run)
     return run
@@ -103,7 +102,7 @@ def learn(
     command: Sequence[str] = (),
     label: str = "",
     *,
-    folder: str | Path | None = None,
+    folder: str | Path | Run | None = None,
     with_video: bool = True,
 ) -> Run:
     """Train a new run, or resume one, and illustrate its folder.
@@ -128,7 +127,7 @@ def learn(
     try:
         if folder is None:
             return start(config, runs, command, label, at_end=at_end)
-        return resume_run(config, folder, command, at_end=at_end)
+        return resume_run(config, Path(folder), command, at_end=at_end)
     except OSError as error:
         written = Path(folder or runs)
         if error.errno is not None and written.is_dir():

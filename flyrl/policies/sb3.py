@@ -4,6 +4,7 @@ import dataclasses
 import os
 import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
@@ -99,18 +100,19 @@ def bundle_from_sb3(
     if not _is_flattening(extractor):
         raise ValueError("a bundle holds policies from flat observations, or dicts of them")
     low, high = action_bounds(model.action_space)
-    weights, activation = _network(modules)
-    num_layers = len(weights) // 2
-    sizes = [weights["0.weight"].shape[1], *(len(weights[f"{i}.bias"]) for i in range(num_layers))]
+    linears = [module for module in modules if isinstance(module, nn.Linear)]
     lstm_sizes: list[int] = []
     if isinstance(policy, RecurrentActorCriticPolicy):
         lstm = policy.lstm_actor
-        weights |= _lstm(lstm)
+        if lstm.bidirectional or lstm.proj_size or not lstm.bias:
+            raise ValueError(
+                "a bundle holds LSTMs with biases, in one direction, without projections"
+            )
         lstm_sizes = [lstm.input_size, *[lstm.hidden_size] * lstm.num_layers]
     return PolicyBundle(
-        weights=weights,
-        sizes=tuple(sizes),
-        activation=activation,
+        weights=_weights(policy, modules),
+        sizes=(linears[0].in_features, *(linear.out_features for linear in linears)),
+        activation=_activation(modules),
         squashing=squashing,
         observation=tuple(observation),
         action_low=low,
@@ -151,46 +153,45 @@ def _is_flattening(extractor: nn.Module) -> bool:
     return isinstance(extractor, FlattenExtractor)
 
 
-def _network(modules: Iterable[nn.Module]) -> tuple[dict[str, Weights], Activation]:
-    """Weights as in a bundle, and the activation."""
-    names = {module: name for name, module in ACTIVATION_MODULES.items()}
-    weights: dict[str, Weights] = {}
-    activations: set[Activation] = set()
-    norm: BatchRenorm | None = None
+def _parameters(policy: BasePolicy, modules: Iterable[nn.Module]) -> dict[str, Tensor]:
+    """Parameters of a policy's actor by the names of the weights in a bundle."""
+    linears = [module for module in modules if isinstance(module, nn.Linear)]
+    parameters: dict[str, Tensor] = {}
+    for i, linear in enumerate(linears):
+        parameters |= {f"{i}.weight": linear.weight, f"{i}.bias": linear.bias}
+    if isinstance(policy, RecurrentActorCriticPolicy):
+        lstm = policy.lstm_actor
+        for i, (part, name) in product(range(lstm.num_layers), _LSTM_NAMES.items()):
+            parameters[f"lstm.{i}.{part}"] = getattr(lstm, f"{name}_l{i}")
+    return parameters
+
+
+def _weights(policy: BasePolicy, modules: Sequence[nn.Module]) -> dict[str, Weights]:
+    """Weights as in a bundle; what normalises a layer's inputs is folded into the layer."""
+    parameters = _parameters(policy, modules)
+    weights = {name: _float64(parameter) for name, parameter in parameters.items()}
+    i = 0
     for module in modules:
-        if isinstance(module, nn.Linear):
-            i = len(weights) // 2
-            weights[f"{i}.weight"], weights[f"{i}.bias"] = _layer(module, norm)
-            norm = None
-        elif isinstance(module, BatchRenorm):
-            norm = module
-        elif type(module) in names:
-            activations.add(names[type(module)])
-        elif not isinstance(module, nn.Sequential):
-            raise ValueError(f"layer: {type(module).__name__}; allowed: Linear, Tanh, ReLU")
-    if len(activations) > 1:
-        raise ValueError(f"activations: {sorted(activations)}; allowed: one kind")
-    return weights, activations.pop() if activations else "tanh"
+        if isinstance(module, BatchRenorm):  # x -> scale x + shift
+            scale = _float64(module.scale) / np.sqrt(
+                _float64(module.get_buffer("ra_var")) + module.eps
+            )
+            shift = _float64(module.bias) - scale * _float64(module.get_buffer("ra_mean"))
+            weights[f"{i}.bias"] += weights[f"{i}.weight"] @ shift
+            weights[f"{i}.weight"] *= scale
+        i += isinstance(module, nn.Linear)
+    return {name: values.astype(np.float32) for name, values in weights.items()}
 
 
-def _layer(linear: nn.Linear, norm: BatchRenorm | None) -> tuple[Weights, Weights]:
-    """Weight and bias, with what normalises the inputs folded into them: x -> scale x + shift."""
-    weight, bias = _float64(linear.weight), _float64(linear.bias)
-    if norm is not None:
-        scale = _float64(norm.scale) / np.sqrt(_float64(norm.get_buffer("ra_var")) + norm.eps)
-        shift = _float64(norm.bias) - scale * _float64(norm.get_buffer("ra_mean"))
-        weight, bias = weight * scale, bias + weight @ shift
-    return weight.astype(np.float32), bias.astype(np.float32)
-
-
-def _lstm(module: nn.LSTM) -> dict[str, Weights]:
-    if module.bidirectional or module.proj_size or not module.bias:
-        raise ValueError("a bundle holds LSTMs with biases, in one direction, without projections")
-    return {
-        f"lstm.{i}.{part}": _float64(getattr(module, f"{name}_l{i}")).astype(np.float32)
-        for i in range(module.num_layers)
-        for part, name in _LSTM_NAMES.items()
-    }
+def _activation(modules: Iterable[nn.Module]) -> Activation:
+    names = {module: name for name, module in ACTIVATION_MODULES.items()}
+    others = (nn.Linear, nn.Sequential, BatchRenorm)
+    kinds = {type(module) for module in modules if not isinstance(module, others)}
+    for kind in kinds - names.keys():
+        raise ValueError(f"layer: {kind.__name__}; allowed: Linear, Tanh, ReLU")
+    if len(kinds) > 1:
+        raise ValueError(f"activations: {sorted(names[kind] for kind in kinds)}; allowed: one kind")
+    return names[kinds.pop()] if kinds else "tanh"
 
 
 def _float64(parameter: Tensor) -> FloatArray:
@@ -358,21 +359,10 @@ def export_sb3(
         torch.manual_seed(seed)
         model = algorithm(f"{kind}Policy", env, device="cpu", policy_kwargs=policy_kwargs)
     _, modules, _ = _actor(model.policy)
-    linears = [module for module in modules if isinstance(module, nn.Linear)]
-    for i, linear in enumerate(linears):
-        _fill(linear, {part: bundle.weights[f"{i}.{part}"] for part in ("weight", "bias")})
-    if bundle.lstm_sizes:
-        values = {
-            f"{name}_l{i}": bundle.weights[f"lstm.{i}.{part}"]
-            for i in range(len(bundle.lstm_sizes) - 1)
-            for part, name in _LSTM_NAMES.items()
-        }
-        _fill(model.policy.get_submodule("lstm_actor"), values)
+    with torch.no_grad():
+        for name, parameter in _parameters(model.policy, modules).items():
+            parameter.copy_(torch.from_numpy(bundle.weights[name]))
     return model
-
-
-def _fill(module: nn.Module, values: Mapping[str, Weights]) -> None:
-    module.load_state_dict({name: torch.from_numpy(value) for name, value in values.items()})
 
 
 class _SpacesOnly(gymnasium.Env[Any, Any]):
@@ -396,12 +386,9 @@ def _environment(task: Task, bundle: PolicyBundle) -> VecEnv:
     )
     parts, decisions = _moments(env), bundle.training.get("decisions")
     ends = np.cumsum([len(part.mean) for part in parts])[:-1]
-    means, variances = (
-        np.split(v, ends) for v in (bundle.normaliser.mean, bundle.normaliser.variance)
-    )
+    statistics = [np.split(v, ends) for v in (bundle.normaliser.mean, bundle.normaliser.variance)]
     # else what is learned on first would outweigh them
     count = decisions if isinstance(decisions, int) and decisions > 0 else _COUNT_UNKNOWN
-    for part, mean, variance in zip(parts, means, variances, strict=True):
-        part.mean, part.var = mean.copy(), variance.copy()
-        part.count = float(count)
+    for part, mean, variance in zip(parts, *statistics, strict=True):
+        part.mean, part.var, part.count = mean.copy(), variance.copy(), float(count)
     return env

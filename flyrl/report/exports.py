@@ -15,6 +15,7 @@ from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results, paired, place_of
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import Leader
+from flyrl.report.sections import spread_metrics
 from flyrl.report.wording import format_number, percent
 from flyrl.text import csv_table
 
@@ -89,7 +90,7 @@ def leaders_table(leaders: Sequence[Leader]) -> pd.DataFrame:
 
 
 def _printed_summary(results: Results) -> pd.DataFrame:
-    spreads = [metric for metric in results.protocol["compared"] if metric != "success"]
+    spreads = spread_metrics(results.protocol)
     return pd.DataFrame(
         {
             **place_of(row),

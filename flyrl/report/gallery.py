@@ -18,7 +18,7 @@ from flyrl.muscles import MotorPool
 from flyrl.report import controller_figures as controllers
 from flyrl.report.curves import save_figure
 from flyrl.report.style import SHADES, WIDTH_IN, Plot, panels
-from flyrl.report.walk_videos import WALKS, Film, film_walk, film_worm
+from flyrl.report.walk_videos import WALKS, Film, film_worm
 from flyrl.report.walking_figures import comparison_plot, gaits_plot, slopes_plot
 from flyrl.resources import assets_folder
 from flyrl.simulation.rendering import FlyRenderer
@@ -101,7 +101,7 @@ GALLERY: Final[Mapping[str, Callable[[], Plot | Film]]] = {
     "slopes": slopes_plot,
     "comparison": comparison_plot,
     "muscle": partial(muscle_plot, assets_folder() / "muscles" / "human.png"),
-    **{name: partial(film_walk, walk) for name, walk in WALKS.items()},
+    **WALKS,
     "worm": film_worm,
 }
 """Function that draws or films each figure of the gallery."""

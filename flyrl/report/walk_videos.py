@@ -5,8 +5,10 @@ After Wang-Chen et al. 2024 (doi 10.1038/s41592-024-02497-y).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import mujoco
@@ -31,6 +33,9 @@ HEIGHT: Final = 480
 
 SETTLING_S: Final = 0.1
 """Simulated time before the film begins, s: the fly drops onto the ground and gets going."""
+
+USUAL_BODY: Final = FlyConfig()
+USUAL_OVERLAY: Final = Overlay()
 
 _MEANINGS: Final = {
     "grips": "grips (tarsus)",
@@ -58,18 +63,27 @@ class Film:
     table: pd.DataFrame
 
 
-@dataclass(frozen=True)
-class WalkVideo:
-    """Settings of a filmed walk.
+def film_walk(
+    title: str,
+    *,
+    controller: str = "hybrid",
+    terrain: str = "flat",
+    body: FlyConfig = USUAL_BODY,
+    drive: tuple[float, float] = (1.0, 1.0),
+    duration_s: float = 1.0,
+    camera: Camera = "follow",
+    distance: float | None = None,
+    overlay: Overlay = USUAL_OVERLAY,
+    coloured: Sequence[str] = ("grips",),
+) -> Film:
+    """Film a walk, a quarter as fast as life.
 
-    Attributes
+    Parameters
     ----------
     title
         Stands in the picture.
-    controller
-        Name of the leg controller.
-    terrain
-        Name of the terrain.
+    controller, terrain
+        Names of the leg controller and of the terrain.
     body
         The fly.
     drive
@@ -79,51 +93,7 @@ class WalkVideo:
     camera, distance, overlay
         See `FlyRenderer`.
     coloured
-        Of a leg's doings (the names in `LEG_COLOURS`) those that the picture explains.
-    """
-
-    title: str
-    controller: str = "hybrid"
-    terrain: str = "flat"
-    body: FlyConfig = field(default_factory=FlyConfig)
-    drive: tuple[float, float] = (1.0, 1.0)
-    duration_s: float = 1.0
-    camera: Camera = "follow"
-    distance: float | None = None
-    overlay: Overlay = field(default_factory=Overlay)
-    coloured: tuple[str, ...] = ("grips",)
-
-
-WALKS: Final = {
-    "walk_cpg_without_adhesion": WalkVideo(
-        "CPG, without adhesion",
-        controller="cpg",
-        body=FlyConfig(adhesion_gain=0.0),
-        overlay=Overlay(leg_colours=False, forces=True),
-        coloured=(),
-    ),
-    "walk_cpg": WalkVideo("CPG, with adhesion", controller="cpg", overlay=Overlay(forces=True)),
-    "walk_rules": WalkVideo("rule-based", controller="rule_based"),
-    "walk_hybrid": WalkVideo(
-        "hybrid: CPG and reflexes",
-        terrain="mixed",
-        duration_s=1.5,
-        coloured=("grips", "retracts", "stumbles"),
-    ),
-    "turn_video": WalkVideo(
-        "drive (1.2, 0.2)",
-        drive=(1.2, 0.2),
-        duration_s=1.5,
-        camera="top",
-        distance=13.0,
-        coloured=("grips", "retracts", "stumbles"),
-    ),
-}
-"""Walks of the literature, by the names of their videos."""
-
-
-def film_walk(walk: WalkVideo) -> Film:
-    """Film a walk, a quarter as fast as life.
+        Fields of `LegStates` whose colours the picture explains.
 
     Returns
     -------
@@ -139,34 +109,62 @@ def film_walk(walk: WalkVideo) -> Film:
     OSError, RuntimeError
         If ffmpeg fails.
     """
-    env = BatchedEnv(
-        EnvConfig(
-            "hybrid_turning", body=walk.body, terrain=walk.terrain, controller=walk.controller
-        ),
-        1,
-        1,
-    )
-    scene = env.config.fly_scene
-    renderer = FlyRenderer(scene, WIDTH, HEIGHT, walk.camera, walk.overlay, walk.distance)
-    with closing(renderer):
+    config = EnvConfig("hybrid_turning", body=body, terrain=terrain, controller=controller)
+    env, scene = BatchedEnv(config, 1, 1), config.fly_scene
+    speed, entries = FLY_PACE.frame_s * FPS, [(name, _MEANINGS[name]) for name in coloured]
+    with closing(FlyRenderer(scene, WIDTH, HEIGHT, camera, overlay, distance)) as renderer:
         env.reset(seeds=[0])
         flies, timestep = env.flies, scene.physics.timestep
-        flies.set_command(np.array([walk.drive]))
+        flies.set_command(np.array([drive]))
         flies.step(round(SETTLING_S / timestep))
         pictures, rows = [], []
-        for frame in range(round(walk.duration_s / FLY_PACE.frame_s) + 1):
+        for frame in range(round(duration_s / FLY_PACE.frame_s) + 1):
             if frame:
                 flies.step(round(FLY_PACE.frame_s / timestep))
-            picture = measured(renderer.render(flies), renderer.pixels_per_mm, walk.overlay)
             time_s = frame * FLY_PACE.frame_s
-            picture = titled(picture, walk.title, clock_text(time_s, FLY_PACE.frame_s * FPS))
-            entries = [(name, _MEANINGS[name]) for name in walk.coloured]
+            picture = measured(renderer.render(flies), renderer.pixels_per_mm, overlay)
+            picture = titled(picture, title, clock_text(time_s, speed))
             pictures.append(with_legend(picture, entries) if entries else picture)
-            rows.append({"time_s": time_s, **_row(flies, walk.body)})
+            rows.append({"time_s": time_s, **_row(flies, body)})
     mp4 = encode(pictures + pictures[-1:] * HOLD_FRAMES)
     table = pd.DataFrame(rows)
     table["yaw_deg"] = np.unwrap(table["yaw_deg"], period=360)
     return Film(mp4, jpeg(pictures[-1]), table)
+
+
+_REFLEXES: Final = ("grips", "retracts", "stumbles")
+
+WALKS: Final[Mapping[str, Callable[..., Film]]] = {
+    "walk_cpg_without_adhesion": partial(
+        film_walk,
+        "CPG, without adhesion",
+        controller="cpg",
+        body=FlyConfig(adhesion_gain=0.0),
+        overlay=Overlay(leg_colours=False, forces=True),
+        coloured=(),
+    ),
+    "walk_cpg": partial(
+        film_walk, "CPG, with adhesion", controller="cpg", overlay=Overlay(forces=True)
+    ),
+    "walk_rules": partial(film_walk, "rule-based", controller="rule_based"),
+    "walk_hybrid": partial(
+        film_walk,
+        "hybrid: CPG and reflexes",
+        terrain="mixed",
+        duration_s=1.5,
+        coloured=_REFLEXES,
+    ),
+    "turn_video": partial(
+        film_walk,
+        "drive (1.2, 0.2)",
+        drive=(1.2, 0.2),
+        duration_s=1.5,
+        camera="top",
+        distance=13.0,
+        coloured=_REFLEXES,
+    ),
+}
+"""Functions that film the walks of the literature, by the names of their videos."""
 
 
 def _row(flies: FlyBatch, body: FlyConfig) -> dict[str, Any]:

@@ -134,17 +134,6 @@ def place_fields(engine: np.void, userdata: np.dtype) -> None:
     engine["gait_places"] = userdata["gait_samples"].shape[0]
 
 
-def pack_model_data(engine: np.void, parameters: np.void, muscles: np.ndarray) -> np.ndarray:
-    """Concatenate what a model carries for the callback into one float64 array.
-
-    The last is what `fly_scene.pack_leg_muscles` gives.
-    """
-    engine["muscles_at"] = (ENGINE.itemsize + parameters.nbytes) // 8
-    return np.concatenate(
-        [np.frombuffer(engine.tobytes()), np.frombuffer(parameters.tobytes()), muscles]
-    )
-
-
 # ------------------------------------------------------------------ MuJoCo's own structs
 
 _C_TYPES: dict[str, Any] = {

@@ -22,7 +22,6 @@ from flyrl.simulation.engine import (
     MAGIC,
     NUM_MUSCLES,
     PROCESS,
-    pack_model_data,
     place_fields,
     userdata_dtype,
 )
@@ -119,7 +118,9 @@ def build_fly_scene(config: SceneConfig, visual: bool) -> Scene:
     engine["is_missing"] = [leg in config.body.missing_legs for leg in LEGS]
     engine["steps_per_gait_sample"] = config.steps_per_gait_sample
     engine["num_neurons"] = max(0, muscles.size - len(JOINTS) - NUM_MUSCLES)
-    model.numeric_data[:size] = pack_model_data(engine, parameters, muscles)
+    engine["muscles_at"] = size - muscles.size
+    data = engine.tobytes() + parameters.tobytes() + muscles.tobytes()
+    model.numeric_data[:size] = np.frombuffer(data)
     joints = [model.joint(name) for name in JOINTS]
     return Scene(
         config=config,

@@ -143,7 +143,6 @@ class FlyRenderer(BodyRenderer):
 
     def _set_up(self) -> None:
         self._leg_colours = LegColours(self._model) if self._overlay.leg_colours else None
-        self._terrain = self._config.terrain
         self._traces: dict[int, Trace] = {}
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
         self._point(_CAMERAS[self._view])
@@ -163,7 +162,7 @@ class FlyRenderer(BodyRenderer):
             self._leg_colours.apply(batch.leg_states(sim))
         marks: list[Mark] = []
         if self._overlay.trace:
-            trace = self._traces.setdefault(sim, Trace(self._terrain))
+            trace = self._traces.setdefault(sim, Trace(self._config.terrain))
             trace.add(self._data.time, self._data.body("Thorax").xpos, batch.ground(sim))
             marks += trace.marks()
         if self._overlay.forces:

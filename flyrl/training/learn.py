@@ -56,6 +56,9 @@ class Run:
     is_pruned: bool = False
     signal: int | None = None
 
+    def __fspath__(self) -> str:
+        return str(self.folder)
+
     def policy(self, which: Literal["best", "last"] = "best") -> LearnedPolicy:
         """Load the policy with the best evaluation, or that of the end.
 

@@ -55,7 +55,7 @@ def provenance(code: Sequence[str] = ()) -> dict[str, Any]:
     with contextlib.suppress(OSError):  # only Linux has it
         cpu_info = Path("/proc/cpuinfo").read_text()
     return {
-        "git": _git(),
+        "git": _commit(),
         "terms": code_digests(code),
         "python": platform.python_version(),
         "packages": {name: version(name) for name in _PACKAGES},
@@ -71,11 +71,8 @@ def code_changes() -> bytes:
 
     Without untracked files. Empty for an installed package, and where git cannot be asked.
     """
-    checkout = _checkout()
-    if checkout is None:
-        return b""
     plain = ("--binary", "--no-ext-diff", "--no-textconv", "--no-color")
-    return _run("git", "-C", str(checkout), "diff", *plain, "HEAD") or b""
+    return _git("diff", *plain, "HEAD") or b""
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any], when: str) -> list[str]:
@@ -106,42 +103,32 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any], when: str) ->
     return list(map(printable, lines))
 
 
-def _checkout() -> Path | None:
-    """The git checkout that flyrl runs from; None for an installed package."""
-    folder = _PACKAGE.parent
-    return folder if (folder / ".git").exists() else None
-
-
-def _git() -> dict[str, Any] | None:
+def _commit() -> dict[str, Any] | None:
     """Commit of the checkout that flyrl runs from; null for an installed package."""
-    checkout = _checkout()
-    if checkout is None:
-        return None
-    commit = _run("git", "-C", str(checkout), "rev-parse", "HEAD")
-    status = _run("git", "-C", str(checkout), "status", "--porcelain")
+    commit, status = _git("rev-parse", "HEAD"), _git("status", "--porcelain")
     if commit is None or status is None:
         return None
+    # files of flyrl that git does not know, nor ignores
+    asked = ("ls-files", "--others", "--exclude-standard", "-z", "--", *_OWN_FOLDERS)
+    untracked = filter(None, (_git(*asked) or b"").split(b"\0"))
     changes = code_changes()
     return {
         "commit": commit.decode().strip(),
         "is_dirty": bool(status),
         "diff": hashlib.sha256(changes).hexdigest() if changes else None,
-        "untracked": _untracked(checkout),
+        "untracked": {
+            name.decode(errors="replace"): file_digest(_PACKAGE.parent / os.fsdecode(name))
+            for name in untracked
+        },
     }
 
 
-def _untracked(checkout: Path) -> dict[str, str | None]:
-    """SHA-256 of the files of flyrl that git does not know, nor ignores."""
-    asked = ("ls-files", "--others", "--exclude-standard", "-z", "--", *_OWN_FOLDERS)
-    names = (_run("git", "-C", str(checkout), *asked) or b"").split(b"\0")
-    return {
-        name.decode(errors="replace"): file_digest(checkout / os.fsdecode(name))
-        for name in names
-        if name
-    }
-
-
-def _run(*command: str) -> bytes | None:
+def _git(*arguments: str) -> bytes | None:
+    """Output of git on the checkout that flyrl runs from; None where there is none, or no git."""
+    checkout = _PACKAGE.parent
+    if not (checkout / ".git").exists():
+        return None
+    command = ["git", "-C", str(checkout), *arguments]
     try:
         return subprocess.run(command, capture_output=True, timeout=10, check=True).stdout
     except (OSError, subprocess.SubprocessError):

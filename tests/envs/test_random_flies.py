@@ -24,7 +24,6 @@ def test_episodes_hold_what_was_drawn_for_each_simulation_and_are_else_the_same(
     env = BatchedEnv(CONFIG, 2)
     env.reset(seeds=[5, 6])
     for sim, (seed, episode) in enumerate(zip((5, 6), env.episodes, strict=True)):
-        assert episode is not None
         assert episode.randomisation == CONFIG.resolved_randomisation.draw(seed)
         assert replace(episode, randomisation=UNVARIED) == PLAIN.sample_episode(seed)
         friction = env.flies._batch.get_model(sim).pair_friction
@@ -65,9 +64,7 @@ def test_latency_holds_each_decision_back_by_its_time() -> None:
     ("task", "latency", "interval", "places"),
     [("target", 0.04, None, 2), ("target", 0.05, 0.01, 5), ("hybrid_turning", 0.05, None, 50)],
 )
-def test_the_queue_has_a_place_for_every_drive_on_its_way(
-    task: str, latency: float, interval: float | None, places: int
-) -> None:
+def test_the_queue_has_a_place_for_every_drive_on_its_way(task, latency, interval, places):
     drawn = RandomisationConfig(drive_latency=(0.0, latency))
     config = EnvConfig(task, physics="fast", decision_interval=interval, randomisation=drawn)
     assert config.scene.queue_places == places

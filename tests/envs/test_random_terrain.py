@@ -30,7 +30,6 @@ def walk(env: BatchedEnv, decisions: int, actions: np.ndarray = DRIVES) -> np.nd
 def alone(terrain: Terrain, env: BatchedEnv, sim: int) -> BatchedEnv:
     """The episode of one simulation, where the ground was compiled as it is."""
     episode = env.episodes[sim]
-    assert episode is not None
     fixed = dataclasses.replace(terrain, random=False, seed=episode.ground_seed)
     single = BatchedEnv(EnvConfig(terrain=fixed), 1, 1)
     single.reset(episodes=[episode])

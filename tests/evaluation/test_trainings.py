@@ -92,12 +92,8 @@ def test_five_seeds_have_their_interquartile_mean():
 
 def test_where_success_says_little_there_is_a_second_figure():
     pair = [entrant("a", FLAT, 0), entrant("b", FLAT, 1)]
-    summary = [
-        row("a", "flat", 0, advance=4.0),
-        row("b", "flat", 0, advance=7.0),
-        row("a", "blocks", 0, advance=2.0),
-        row("b", "blocks", 0),
-    ]
+    ways = {("a", "flat"): 4.0, ("b", "flat"): 7.0, ("a", "blocks"): 2.0, ("b", "blocks"): None}
+    summary = [row(*place, 0, advance=way) for place, way in ways.items()]
     found = matrix(pair, summary, task="traverse")
     assert found["second"] == "advance_mm"
     assert [cell["second"] for cell in found["rows"][0]["cells"]] == [5.5, 2.0]

@@ -75,14 +75,6 @@ def test_a_policy_of_another_task_or_worm_is_refused(settings, policy, message):
         make_entrants(config)
 
 
-def test_a_policy_brings_its_decision_interval_and_no_legs():
-    config = EvaluationConfig(task=CRAWL, policies=("worm-crawl",), controllers=())
-    (entrant,) = make_entrants(config)
-    assert entrant.decision_interval == 0.05
-    assert entrant.controller is None
-    assert entrant.record["policy"] == "learned with ppo on flat"
-
-
 def test_of_a_worm_nothing_but_the_noise_of_its_senses_is_varied():
     EvaluationConfig(task="worm_crawl", vary={"sensor_noise": (0.0, 1.0)})
     message = "vary.push is for flies; of a worm, sensor_noise can be varied"
@@ -101,15 +93,14 @@ def test_everyone_meets_the_same_episodes(results):
     starts = np.array([path.position_w[0] for path in results.trajectories.values()])
     np.testing.assert_array_equal(starts[:2], starts[2:4])
     assert results.protocol["reference"] == FIXED_OF[task][0]
+    policy = results.protocol["entrants"][0]
+    assert (policy["policy"], policy["leg_controller"]) == ("learned with ppo on flat", None)
 
 
-def test_a_relaxed_worm_recruits_nothing_and_a_policy_does(results):
+def test_a_worm_recruits_neurons_and_has_no_gait_and_no_goal(results):
     shares = results.episodes.groupby("controller", sort=False)["recruited_share"].agg(list)
     assert shares["relaxed"] == [0.0, 0.0]
     assert all(0.01 < share < 0.9 for share in shares.iloc[0])
-
-
-def test_a_worm_has_no_gait_and_no_goal(results):
     gone = ["slip_share", "duty_factor", "tripod_coordination", "goal_distance_mm"]
     assert results.episodes[gone].isna().all(axis=None)
 
@@ -118,8 +109,7 @@ def test_a_path_has_the_tensions_of_all_muscles(results):
     muscles = {"worm_crawl": 10, "worm_hang": 8}[results.protocol["task"]]
     for path in results.trajectories.values():
         assert path.drive.shape == (7, muscles)  # the start, and 6 decisions of 0.05 s
-        assert path.drive.min() >= 0.0
-        assert path.drive.max() <= 1.0
+        assert ((path.drive >= 0.0) & (path.drive <= 1.0)).all()
 
 
 def test_a_bend_error_is_the_mean_over_the_decisions():

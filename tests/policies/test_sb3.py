@@ -174,6 +174,12 @@ def test_files_of_other_things_are_refused(fly_env, tmp_path):
     PPO("MlpPolicy", fly_env, device="cpu").save(model)
     PPO("MlpPolicy", Bandit(SIZE), device="cpu").save(other)
     broken.write_bytes(b"weights")
+    choosing = tmp_path / "choosing.zip"
+    export_sb3(_bundle(PPO, CHOICES), CHOICES.resolved_task).save(choosing)
+    other_choices = replace(CHOICES, task=replace(CHOICES.task, actions=Neurons((16, 9))))
+    message = r"on other actions .*\[16 +8\].* has .*\[16 +9\]"
+    with pytest.raises(PolicyFileError, match=message):
+        import_sb3(choosing, PPO, other_choices, trust=True)
     for path, algorithm, statistics, message in (
         (broken, PPO, None, "broken cannot be read as a model of PPO"),
         (model, SAC, None, "cannot be read as a model of SAC"),
@@ -328,11 +334,3 @@ def test_exports_that_do_not_fit_are_refused():
     ):
         with pytest.raises(ValueError, match=message):
             export_sb3(bundle, task)
-
-
-def test_import_of_other_numbers_is_refused(tmp_path):
-    export_sb3(_bundle(PPO, CHOICES), CHOICES.resolved_task).save(tmp_path / "model.zip")
-    task = replace(CHOICES.task, actions=Neurons((16, 9)))
-    other = EnvConfig(task, CHOICES.scene.body)
-    with pytest.raises(PolicyFileError, match=r"on other actions .*\[16 +8\].* has .*\[16 +9\]"):
-        import_sb3(tmp_path / "model.zip", PPO, other, trust=True)

@@ -397,13 +397,3 @@ def test_a_script_that_got_into_the_page_does_not_run(browser, text, tmp_path):
         context.close()
     assert titles[0].endswith("flyrl report") and titles[1] == "666"
     assert sum("Content Security Policy" in each for each in complaints[0]) == 3
-
-
-def test_figures_open_on_their_own(visit, report):
-    names = ("success", "paths-gapped", "gait-flat", "time-flat-0")  # bars, a picture, paths, lines
-    figures = [report.parent / "figures" / f"{name}.svg" for name in names]
-    page = visit(path=figures[0])
-    for figure in figures:
-        page.goto(figure.as_uri())
-        assert page.locator("svg").bounding_box()["width"] > 600, figure.name
-        expect(page.locator("text").first, figure.name).to_be_visible()

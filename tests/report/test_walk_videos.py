@@ -8,10 +8,11 @@ import pytest
 from PIL import Image
 
 from flyrl.anatomy import LEGS
+from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.worm import DEMONSTRATION
 from flyrl.report.gallery import write
 from flyrl.report.video import HOLD_FRAMES
-from flyrl.report.walk_videos import WALKS, film_walk, film_worm
+from flyrl.report.walk_videos import WALKS, film_worm
 from tests.pictures import drawing
 from tests.report.test_captions import red
 from tests.report.test_video import read
@@ -19,10 +20,8 @@ from tests.report.test_video import read
 
 @pytest.fixture(scope="module")
 def film():
-    walk = WALKS["turn_video"]
-    walk = dataclasses.replace(walk, duration_s=0.03, body=WALKS["walk_cpg_without_adhesion"].body)
     with drawing():
-        return film_walk(walk)
+        return WALKS["turn_video"](duration_s=0.03, body=FlyConfig(adhesion_gain=0.0))
 
 
 def test_the_table_has_a_row_per_picture(film, tmp_path):
