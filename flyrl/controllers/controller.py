@@ -189,8 +189,8 @@ def compiled_step(controller: Controller, timestep: float) -> int:
     senses, output = (np.zeros(1, dtype)[0] for dtype in (SENSES, OUTPUT))
     command = np.zeros(len(controller.command.names))
     records = (parameters.dtype, state.dtype, SENSES, OUTPUT)
-    step = getattr(type(controller), "step", None)
-    if step is None or not takes(getattr(step, "py_func", step), 5):
+    step: Any = getattr(type(controller), "step", None)
+    if not takes(getattr(step, "py_func", step), 5):
         raise ValueError(
             f"{name} must have a static method step(parameters, state, senses, command, output)"
         )
