@@ -1,6 +1,9 @@
 """Other libraries on the environments, given the id and nothing else."""
 
 import functools
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -35,20 +38,27 @@ def test_minari_makes_a_dataset_of_episodes_that_knows_its_environment(tmp_path,
     assert (observation == episodes[1].observations[0]).all()
 
 
-@pytest.mark.slow  # JAX compiles
-def test_sbx_learns_and_decides(monkeypatch):
-    # its compiler is to be quick, not what it makes
-    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=0")
-    from jax import tree_util
-    from sbx import SAC
+SBX = f"""
+import numpy as np
+from jax import tree_util
+from sbx import SAC
 
-    model = SAC("MlpPolicy", ID, learning_starts=8, seed=0)
-    before = model.policy.actor_state.params
-    model.learn(12)
-    pairs = zip(*map(tree_util.tree_leaves, (before, model.policy.actor_state.params)), strict=True)
-    assert any(not np.array_equal(one, other) for one, other in pairs)
-    action, _ = model.predict(model.get_env().reset())
-    assert action.shape == (1, 2)
+model = SAC("MlpPolicy", {ID!r}, learning_starts=8, seed=0)
+before = model.policy.actor_state.params
+model.learn(12)
+pairs = zip(*map(tree_util.tree_leaves, (before, model.policy.actor_state.params)), strict=True)
+assert any(not np.array_equal(one, other) for one, other in pairs)
+action, _ = model.predict(model.get_env().reset())
+assert action.shape == (1, 2)
+"""
+
+
+@pytest.mark.slow  # JAX compiles
+def test_sbx_learns_and_decides():
+    """In a process of its own: one that has imported JAX warns of every fork from then on."""
+    # its compiler is to be quick, not what it makes
+    quick = {**os.environ, "XLA_FLAGS": "--xla_backend_optimization_level=0"}
+    subprocess.run([sys.executable, "-c", SBX], env=quick, check=True)
 
 
 def test_a_batch_that_skrl_wraps_walks_as_the_batch_itself():
