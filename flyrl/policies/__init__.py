@@ -22,6 +22,7 @@ from flyrl.policies.fixed import (
     OpenLoop,
     Pursuit,
     Relaxed,
+    UnhurriedPursuit,
     WormCPG,
     WormReflex,
 )
@@ -48,6 +49,7 @@ __all__ = [
     "Pursuit",
     "Relaxed",
     "TermLayout",
+    "UnhurriedPursuit",
     "WormCPG",
     "WormReflex",
     "export_onnx",

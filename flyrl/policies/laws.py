@@ -17,6 +17,7 @@ from flyrl.policies.fixed import (
     OpenLoop,
     Pursuit,
     Relaxed,
+    UnhurriedPursuit,
     WormCPG,
     WormReflex,
 )
@@ -114,6 +115,13 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
         "proportional steering towards the target",
         _pursue,
         (("target_direction",), _GOALS),
+    ),
+    "unhurried": FixedLaw(
+        "hybrid",
+        "proportional steering towards the target, no faster than the time left asks for",
+        UnhurriedPursuit,
+        (("target_direction", "target_distance"),),
+        is_usual=False,
     ),
     "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),
     "closed_loop": FixedLaw(
