@@ -22,10 +22,10 @@ from flyrl.policies.fixed import (
     OpenLoop,
     Pursuit,
     Relaxed,
-    UnhurriedPursuit,
     WormCPG,
     WormReflex,
 )
+from flyrl.policies.laws import UnhurriedPursuit
 from flyrl.policies.learned import LearnedPolicy, load_policy
 
 if TYPE_CHECKING:

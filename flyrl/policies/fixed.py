@@ -1,6 +1,5 @@
 """Policies that were not learned: drives, steering laws, functions, and worms' rhythms."""
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -177,57 +176,6 @@ class Pursuit(_DrivePolicy):
         x, y = (shown[DESIRED_GOAL] - shown[ACHIEVED_GOAL]).T  # world frame
         cos, sin = shown["compass"].T
         return np.stack([cos * x + sin * y, cos * y - sin * x])
-
-
-class UnhurriedPursuit(Pursuit):
-    """Turn towards the target, and walk no faster than the time that is left asks for.
-
-    On rough ground haste makes a fly fall. The drive ahead is the one with which it would reach the
-    target `reserve` before the time limit, kept between `slowest` and `forward`.
-
-    Parameters
-    ----------
-    task
-        What it acts in; it shows `target_direction` and `target_distance` of its only target.
-    slowest, forward
-        Bounds of the drive ahead.
-    speed
-        Speed towards the target that a drive of 1 is expected to bring about on rough ground, turns
-        and stumbles included, mm/s.
-    reserve
-        Time that is kept for turns, s.
-    gain, weakest, strongest
-        Parameters of `Pursuit`; a side may be as strong as the drive ahead, too.
-    """
-
-    def __init__(
-        self,
-        task: Task,
-        *,
-        slowest: float = 0.8,
-        forward: float = 1.3,
-        speed: float = 8.0,
-        reserve: float = 0.6,
-        gain: float = 1.0,
-        weakest: float = 0.0,
-        strongest: float = 1.0,
-    ) -> None:
-        super().__init__(task, gain=gain, forward=forward, weakest=weakest, strongest=strongest)
-        self._slowest = slowest
-        self._speed = speed
-        self._time_s = (math.inf if task.time_limit_s is None else task.time_limit_s) - reserve
-        self._interval_s = task.decision_interval_s or 0.0
-        self._reach_mm = task.parameters.get("reach", 0.0)
-
-    def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
-        """The state is the number of decisions since the start of each episode, (n,)."""
-        decisions = np.where(starts, 0, 0 if state is None else state)
-        shown = {name: rows[:, place] for name, place in self._places.items()}
-        left_s = np.maximum(self._time_s - decisions * self._interval_s, 1e-3)[:, None]
-        way_mm = 15.0 * shown["target_distance"] - self._reach_mm
-        ahead = np.clip(way_mm / left_s / self._speed, self._slowest, self._forward)
-        drives = self._steered(shown, ahead, np.maximum(self._bounds[1], ahead))
-        return self._actions.of(drives).astype(np.float32), decisions + 1
 
 
 class OpenLoop(_DrivePolicy):

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
+
+import numpy as np
 
 from flyrl.controllers import CONTROLLERS
 from flyrl.controllers.reflexes import ReflexesName
 from flyrl.entry_points import is_entry_point
 from flyrl.policies.fixed import (
+    Acted,
     ClosedLoop,
     ConstantDrive,
     FixedPolicy,
     OpenLoop,
     Pursuit,
     Relaxed,
-    UnhurriedPursuit,
+    Starts,
     WormCPG,
     WormReflex,
 )
@@ -30,7 +34,7 @@ from flyrl.tasks import (
     Drives,
     Task,
 )
-from flyrl.validation import within
+from flyrl.validation import FloatArray, within
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,57 @@ class FixedLaw:
             return False
         shown = task.slices()
         return not self.sees or any(shown.keys() >= set(terms) for terms in self.sees)
+
+
+class UnhurriedPursuit(Pursuit):
+    """Turn towards the target, and walk no faster than the time that is left asks for.
+
+    On rough ground haste makes a fly fall. The drive ahead is the one with which it would reach the
+    target `reserve` before the time limit, kept between `slowest` and `forward`.
+
+    Parameters
+    ----------
+    task
+        What it acts in; it shows `target_direction` and `target_distance` of its only target.
+    slowest, forward
+        Bounds of the drive ahead.
+    speed
+        Speed towards the target that a drive of 1 is expected to bring about on rough ground, turns
+        and stumbles included, mm/s.
+    reserve
+        Time that is kept for turns, s.
+    gain, weakest, strongest
+        Parameters of `Pursuit`; a side may be as strong as the drive ahead, too.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        *,
+        slowest: float = 0.8,
+        forward: float = 1.3,
+        speed: float = 8.0,
+        reserve: float = 0.6,
+        gain: float = 1.0,
+        weakest: float = 0.0,
+        strongest: float = 1.0,
+    ) -> None:
+        super().__init__(task, gain=gain, forward=forward, weakest=weakest, strongest=strongest)
+        self._slowest = slowest
+        self._speed = speed
+        self._time_s = (math.inf if task.time_limit_s is None else task.time_limit_s) - reserve
+        self._interval_s = task.decision_interval_s or 0.0
+        self._reach_mm = task.parameters.get("reach", 0.0)
+
+    def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
+        """The state is the number of decisions since the start of each episode, (n,)."""
+        decisions = np.where(starts, 0, 0 if state is None else state)
+        shown = {name: rows[:, place] for name, place in self._places.items()}
+        left_s = np.maximum(self._time_s - decisions * self._interval_s, 1e-3)[:, None]
+        way_mm = 15.0 * shown["target_distance"] - self._reach_mm
+        ahead = np.clip(way_mm / left_s / self._speed, self._slowest, self._forward)
+        drives = self._steered(shown, ahead, np.maximum(self._bounds[1], ahead))
+        return self._actions.of(drives).astype(np.float32), decisions + 1
 
 
 QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
