@@ -115,7 +115,7 @@ class UnhurriedPursuit(Pursuit):
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
         """The state is the number of decisions since the start of each episode, (n,)."""
         decisions = np.where(starts, 0, 0 if state is None else state)
-        shown = {name: rows[:, place] for name, place in self._places.items()}
+        shown = self._shown(rows)
         left_s = np.maximum(self._time_s - decisions * self._interval_s, 1e-3)[:, None]
         way_mm = 15.0 * shown["target_distance"] - self._reach_mm
         ahead = np.clip(way_mm / left_s / self._speed, self._slowest, self._forward)
