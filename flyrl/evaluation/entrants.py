@@ -15,7 +15,7 @@ from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
 from flyrl.files import file_digest
 from flyrl.policies import LearnedPolicy, PolicyFileError, load_bundle
-from flyrl.policies.bundle import policy_file, policy_name
+from flyrl.policies.bundle import PolicyBundle, policy_file, policy_name
 from flyrl.policies.fixed import FunctionPolicy
 from flyrl.policies.laws import FIXED, fixed_policy, is_law, law_named, split_legs
 from flyrl.rollouts import Policy
@@ -212,9 +212,9 @@ def make_learned(path: str, config: EvaluationConfig) -> Entrant:
     ValueError
         Nothing there, or nothing that can be used here; a zip file without `trust_pickles`.
     """
-    file, policy = _load(path, config)
-    env, training = policy.bundle.env, policy.bundle.training
-    _check_observations(file, policy, config.resolved_task)
+    file, bundle = _load(path, config)
+    env, training = bundle.env, bundle.training
+    policy = _fitted_policy(file, bundle, config.resolved_task)
     trained_on = env.get("controller")
     check_trust(file, trained_on, config.trust_pickles, "trust_pickles=true")
     try:
@@ -245,7 +245,7 @@ def _record(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
+def _load(path: str, config: EvaluationConfig) -> tuple[Path, PolicyBundle]:
     algorithm, colon, model = path.partition(":")
     if not (colon and model.endswith(".zip")):
         file = policy_file(path)
@@ -253,7 +253,7 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
             raise PolicyFileError(
                 f"{path}: of a zip file, say which algorithm made it, e.g. ppo:{path}"
             )
-        return file, LearnedPolicy(load_bundle(file))
+        return file, load_bundle(file)
     from flyrl.policies.sb3 import ALGORITHMS, import_sb3  # noqa: PLC0415  (takes torch)
 
     made_by = ALGORITHMS[one_of(f"policies: algorithm of {path!r}", algorithm, ALGORITHMS)]
@@ -265,15 +265,15 @@ def _load(path: str, config: EvaluationConfig) -> tuple[Path, LearnedPolicy]:
     env = config.env(config.terrains[0])
     bundle = import_sb3(model, made_by, env, trust=True)
     # the file does not say what it was trained in; what it is loaded for is not that
-    return Path(model), LearnedPolicy(replace(bundle, env={}))
+    return Path(model), replace(bundle, env={})
 
 
-def _check_observations(file: Path, policy: LearnedPolicy, task: Task) -> None:
-    """Raise PolicyFileError unless the policy sees what the task shows; say what would help."""
+def _fitted_policy(file: Path, bundle: PolicyBundle, task: Task) -> LearnedPolicy:
+    """Policy for a task; PolicyFileError, saying what would help, unless it can act there."""
     try:
-        policy.check_task(task)
+        return LearnedPolicy(bundle, task)
     except PolicyFileError as error:
-        then, now = _changes(_record(policy.bundle.env, "task")), _changes(task_record(task))
+        then, now = _changes(_record(bundle.env, "task")), _changes(task_record(task))
         changed = "" if then == now else f"; it was trained with {then}, here it is {now}"
         raise PolicyFileError(f"{file}: {error}{changed}") from error
 

@@ -154,12 +154,11 @@ def pilots(given: str | None = None) -> dict[str, Policy]:
     for name in named_policies():
         bundle = load_bundle(name)
         if bundle.env["task"]["name"] == PLAY_TASK.name:
-            found[name] = LearnedPolicy(bundle)
+            found[name] = LearnedPolicy(bundle, PLAY_TASK)
     if given is not None and given not in found:
         names = ", ".join(found)
         try:
-            found[given] = policy = LearnedPolicy(load_bundle(given))
-            policy.check_task(PLAY_TASK)
+            found[given] = policy = LearnedPolicy(load_bundle(given), PLAY_TASK)
             interval = policy.bundle.env.get("task", {}).get("decision_interval", INTERVAL_S)
             if interval != INTERVAL_S:
                 raise ValueError(f"it decides every {interval} s; it must be {INTERVAL_S} s")

@@ -80,12 +80,9 @@ class _DrivePolicy(FixedPolicy):
         self._places = task.slices()
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
-        drives = np.broadcast_to(self._drives(self._shown(rows)), (len(rows), 2))
+        shown = {name: rows[:, place] for name, place in self._places.items()}
+        drives = np.broadcast_to(self._drives(shown), (len(rows), 2))
         return self._actions.of(drives).astype(np.float32), state
-
-    def _shown(self, rows: FloatArray) -> dict[str, FloatArray]:
-        """Observation terms (n, size) by name."""
-        return {name: rows[:, place] for name, place in self._places.items()}
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         """Drives (n, 2), or (2,) for all, for observation terms (n, size) by name."""

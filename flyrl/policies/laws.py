@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,14 +13,12 @@ from flyrl.controllers import CONTROLLERS
 from flyrl.controllers.reflexes import ReflexesName
 from flyrl.entry_points import is_entry_point
 from flyrl.policies.fixed import (
-    Acted,
     ClosedLoop,
     ConstantDrive,
     FixedPolicy,
     OpenLoop,
     Pursuit,
     Relaxed,
-    Starts,
     WormCPG,
     WormReflex,
 )
@@ -81,7 +78,7 @@ class UnhurriedPursuit(Pursuit):
     Parameters
     ----------
     task
-        What it acts in; it shows `target_direction` and `target_distance` of its only target.
+        What it acts in; it shows `target_direction`, `target_distance` and `time_left`.
     slowest, forward
         Bounds of the drive ahead.
     speed
@@ -108,19 +105,14 @@ class UnhurriedPursuit(Pursuit):
         super().__init__(task, gain=gain, forward=forward, weakest=weakest, strongest=strongest)
         self._slowest = slowest
         self._speed = speed
-        self._time_s = (math.inf if task.time_limit_s is None else task.time_limit_s) - reserve
-        self._interval_s = task.decision_interval_s or 0.0
+        self._reserve_s = reserve
         self._reach_mm = task.parameters.get("reach", 0.0)
 
-    def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
-        """The state is the number of decisions since the start of each episode, (n,)."""
-        decisions = np.where(starts, 0, 0 if state is None else state)
-        shown = self._shown(rows)
-        left_s = np.maximum(self._time_s - decisions * self._interval_s, 1e-3)[:, None]
+    def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
+        left_s = np.maximum(3.0 * shown["time_left"] - self._reserve_s, 1e-3)
         way_mm = 15.0 * shown["target_distance"] - self._reach_mm
         ahead = np.clip(way_mm / left_s / self._speed, self._slowest, self._forward)
-        drives = self._steered(shown, ahead, np.maximum(self._bounds[1], ahead))
-        return self._actions.of(drives).astype(np.float32), decisions + 1
+        return self._steered(shown, ahead, np.maximum(self._bounds[1], ahead))
 
 
 QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
@@ -175,7 +167,7 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
         "hybrid",
         "proportional steering towards the target, no faster than the time left asks for",
         UnhurriedPursuit,
-        (("target_direction", "target_distance"),),
+        (("target_direction", "target_distance", "time_left"),),
         is_usual=False,
     ),
     "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),

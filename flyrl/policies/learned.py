@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +34,26 @@ class LearnedPolicy:
     ----------
     bundle
         Weights, layout and provenance.
+    task
+        What it acts in: the policy takes what it was trained on out of what that shows, whatever
+        else there is. None shows what `bundle.observation` says.
+
+    Raises
+    ------
+    PolicyFileError
+        The task does not show that, or has other actions. A ValueError.
     """
 
-    def __init__(self, bundle: PolicyBundle) -> None:
+    def __init__(self, bundle: PolicyBundle, task: Task | None = None) -> None:
         self.bundle = bundle
-        self._term_sizes = {term.name: term.size for term in bundle.observation}
+        shown = bundle.observation if task is None else _fitting_layout(bundle, task)
+        self._term_sizes = {term.name: term.size for term in shown}
+        self._num_shown = sum(term.size for term in shown)
+        self._columns = np.arange(self._num_shown)
+        if task is not None:
+            places = task.slices()
+            taken = [self._columns[places[term.name]] for term in bundle.observation]
+            self._columns = np.concatenate(taken)
         self._low, self._high = np.array(bundle.action_low), np.array(bundle.action_high)
         self._is_integer = bundle.squashing == "argmax"
 
@@ -55,8 +69,8 @@ class LearnedPolicy:
         Parameters
         ----------
         observation
-            Shape (k,) or (n, k), laid out as `bundle.observation`; or a dict that `vectors` makes
-            one of.
+            Shape (k,) or (n, k), laid out as the task's, or as `bundle.observation`; or a dict that
+            `vectors` makes one of.
         state
             Of a policy with an LSTM: what the call before returned, or None to start with zeros.
             Any other policy hands it back.
@@ -80,12 +94,13 @@ class LearnedPolicy:
         if not deterministic:
             raise ValueError("deterministic: False; allowed: True (a bundle holds no noise)")
         values = vectors(observation, self._term_sizes)
-        size = self.bundle.num_inputs
+        size = self._num_shown
         if values.ndim not in (1, 2) or values.shape[-1] != size:
             raise ValueError(
                 f"observation of shape {values.shape}; allowed: ({size},) or (n, {size})"
             )
-        bundle, rows = self.bundle, np.atleast_2d(values)
+        bundle = self.bundle
+        rows = np.take(np.atleast_2d(values), self._columns, axis=1)
         if bundle.normaliser is not None:
             rows = bundle.normaliser.apply(rows)
         if bundle.lstm_sizes:
@@ -107,23 +122,27 @@ class LearnedPolicy:
             outputs = self._low + 0.5 * (np.tanh(outputs) + 1) * (self._high - self._low)
         return np.clip(outputs, self._low, self._high).astype(np.float32)
 
-    def check_task(self, task: Task) -> None:
-        """Raise PolicyFileError unless the policy's observations and actions are the task's."""
-        terms = zip_longest(self.bundle.observation, observation_layout(task))
-        for i, (trained, given) in enumerate(terms):
-            if trained != given:
-                raise PolicyFileError(
-                    f"the policy was trained on other observations than those of {task.name}: "
-                    f"term {i} was {_described(trained)}, here it is {_described(given)}"
-                )
-        own = (self._is_integer, self.bundle.action_low, self.bundle.action_high)
-        here = (task.actions.is_integer, *action_bounds(task.actions.space))
-        if own != here:
-            was, wanted = (
-                f"{'whole numbers' if is_integer else 'numbers'} within {low} and {high}"
-                for is_integer, low, high in (own, here)
+
+def _fitting_layout(bundle: PolicyBundle, task: Task) -> tuple[TermLayout, ...]:
+    """Layout of a task's observation; PolicyFileError unless the policy can act in the task."""
+    shown = observation_layout(task)
+    for trained in bundle.observation:
+        if trained not in shown:
+            given = next((term for term in shown if term.name == trained.name), None)
+            raise PolicyFileError(
+                f"the policy was trained on observations that {task.name} does not show: "
+                f"{_described(trained)}, here it is {_described(given)}"
             )
-            raise PolicyFileError(f"the policy's actions are {was}, those of {task.name} {wanted}")
+    is_integer = bundle.squashing == "argmax"
+    own = (is_integer, bundle.action_low, bundle.action_high)
+    here = (task.actions.is_integer, *action_bounds(task.actions.space))
+    if own != here:
+        was, wanted = (
+            f"{'whole numbers' if is_integer else 'numbers'} within {low} and {high}"
+            for is_integer, low, high in (own, here)
+        )
+        raise PolicyFileError(f"the policy's actions are {was}, those of {task.name} {wanted}")
+    return shown
 
 
 def _described(term: TermLayout | None) -> str:
@@ -174,7 +193,4 @@ def load_policy(
     name = str(path)
     if is_law(name) and not path.exists():
         return fixed_policy(name, task)
-    policy = LearnedPolicy(load_bundle(policy_file(path, FIXED)))
-    if task is not None:
-        policy.check_task(task)
-    return policy
+    return LearnedPolicy(load_bundle(policy_file(path, FIXED)), task)

@@ -343,7 +343,14 @@ def export_sb3(
     elif isinstance(task, str):
         task = task_from(task)
     task = task.flattened()
-    LearnedPolicy(bundle).check_task(task)
+    LearnedPolicy(bundle, task)
+    if bundle.observation != observation_layout(task):
+        own = {term.name for term in bundle.observation}
+        more = [term.name for term in task.observation if term.name not in own]
+        raise PolicyFileError(
+            f"a model takes all that {task.name} shows, in that order, and the policy was trained "
+            f"without {', '.join(more) or 'that order'}"
+        )
     kind = "Mlp" if task.is_flat else "MultiInput"
     algorithm: type[PPO | SAC | RecurrentPPO] = SAC if bundle.squashing == "tanh" else PPO
     policy_kwargs: dict[str, Any] = {

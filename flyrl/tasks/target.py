@@ -103,6 +103,13 @@ def draw_target(
     return draw_inside(bounds, "task.distance", distances, draw)
 
 
+TIME_LEFT: Final = ObservationTerm(
+    "time_left", (1,), 0.0, 1.0, terms.time_left, "time left, in 3 s; 1 where there is more"
+)
+"""What an episode is worth depends on it (Pardo et al. 2018, arXiv:1712.00378): a fly that is late
+has to hurry, and on rough ground haste makes it fall."""
+
+
 @TaskFunction
 def target(
     distance: Annotated[tuple[float, float], Within(0, 1000)] = (5.0, 15.0),
@@ -129,6 +136,7 @@ def target(
         observation=(
             direction_term(terms.target_direction_b, "the target's bearing from the heading"),
             distance_term(terms.target_distance, "the target"),
+            TIME_LEFT,
         ),
         reward=(
             RewardTerm("progress", 0.2, terms.progress, "mm closer to the target"),
@@ -151,7 +159,8 @@ def target(
 def target_unfiltered(task: Task) -> Task:
     """Steer to a target as in version 0.1: the drive acts at once, and its change costs nothing."""
     free = {term.name: 0.0 for term in terms.SMOOTHNESS}
-    return replace(extended(task, {}, free), drive_time_constant_s=0.0)
+    seen = tuple(term for term in task.observation if term is not TIME_LEFT)
+    return replace(extended(task, {}, free), observation=seen, drive_time_constant_s=0.0)
 
 
 GOAL_UNIT: Final = 10.0

@@ -128,6 +128,11 @@ def target_distance(state: TaskState, place: Place = GOAL) -> FloatArray:
     return goal_distance(state.fly.position_w, place(state))[:, None] / 15.0
 
 
+def time_left(state: TaskState) -> FloatArray:
+    """Time until the time limit in units of 3 s, 1 where there is more, (n, 1)."""
+    return np.minimum(state.remaining_s / 3.0, 1.0)[:, None]
+
+
 def commanded_direction_b(state: TaskState) -> FloatArray:
     """Unit vector along the commanded heading: (cos, sin) of the error, (n, 2)."""
     return _unit_vectors(heading_error(state))

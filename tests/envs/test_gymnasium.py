@@ -280,4 +280,4 @@ def test_ids_are_found_without_an_import_and_load_no_heavy_package() -> None:
     result = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
-    assert result.stdout.strip() == "(46,) []"
+    assert result.stdout.strip() == "(47,) []"

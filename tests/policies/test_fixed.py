@@ -65,27 +65,17 @@ def test_pursuit_with_a_lead_turns_to_where_the_target_will_be():
 def test_unhurried_pursuit_hurries_as_far_as_the_time_asks_for():
     """Of 3 s, 0.6 are kept for turns; a drive of 1 is to bring the fly ahead by 8 mm/s."""
     task = TASKS["target"]()
-    policy = UnhurriedPursuit(task)
-    # 17.8 mm from being reached, 8 mm, and 8 mm that lie to the left
-    far, near, aside = ((1, 0), 18.8 / 15), ((1, 0), 9 / 15), ((0, 1), 9 / 15)
-    observation = np.zeros((3, NUM_INPUTS))
-    for row, (direction, distance) in zip(observation, (far, near, aside), strict=True):
-        row[task.slices()["target_direction"]] = direction
-        row[task.slices()["target_distance"]] = distance
-
-    def drives(decisions, starts):
-        actions, after = policy.predict(observation, decisions, np.array(starts))
-        assert after.tolist() == [1 if s else d + 1 for s, d in zip(starts, decisions, strict=True)]
-        return task.actions.commands(actions)
-
-    at_start = drives(np.array([70, 70, 70]), [True, True, True])
-    ahead = 17.8 / 2.4 / 8
-    expected = [(ahead, ahead), (0.8, 0.8), (0.0, 1.0)]
-    np.testing.assert_allclose(at_start, expected, rtol=1e-6)
-    # 1 s is left after 1.4 s; of the first, which starts anew, 2.4 s
-    later = drives(np.array([70, 70, 90]), [True, False, False])
-    np.testing.assert_allclose(later[:2], [(ahead, ahead), (1.0, 1.0)], rtol=1e-6)
-    np.testing.assert_allclose(later[2], (0.0, 1.3), rtol=1e-6)  # 0.6 s: 1.67, at most 1.3
+    # 17.8 mm from being reached, 8 mm, and 8 mm that lie to the left; then 8 mm in 1 s and in 0.6
+    ahead, aside = (1, 0), (0, 1)
+    drives = _drives(
+        UnhurriedPursuit(task), task,
+        target_direction=[ahead, ahead, aside, ahead, aside],
+        target_distance=np.array([[18.8], [9], [9], [9], [9]]) / 15,
+        time_left=np.array([[3.0], [3], [3], [1.6], [1.2]]) / 3,
+    )  # fmt: skip
+    far = 17.8 / 2.4 / 8
+    expected = [(far, far), (0.8, 0.8), (0.0, 1.0), (1.0, 1.0), (0.0, 1.3)]
+    np.testing.assert_allclose(drives, expected, rtol=1e-6)
 
 
 def test_open_loop_answers_speed_and_yaw_rate():

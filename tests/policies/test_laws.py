@@ -56,7 +56,7 @@ def test_pursuit_brakes_where_the_fly_is_to_stop(name, distance, share):
         *[((path,), "path of a policy must be the path of a folder") for path in ("", 5, None)],
         (("pursiut",), "did you mean 'pursuit'"),
         (("open_loop", "target"), "'open_loop' needs a task for flies that shows command"),
-        (("target-flat", "velocity"), "trained on other observations"),
+        (("target-flat", "velocity"), "observations that velocity does not show"),
     ],
 )
 def test_what_cannot_be_loaded_is_refused(arguments, message):

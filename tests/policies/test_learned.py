@@ -119,17 +119,25 @@ def _task(*terms: tuple[str, int]) -> Task:
 def test_other_actions_are_refused(kind, actions, message, request):
     task = replace(_task(("bearing", 2), ("speed", 1)), actions=actions)
     with pytest.raises(PolicyFileError, match=message):
-        LearnedPolicy(request.getfixturevalue(kind)).check_task(task)
+        LearnedPolicy(request.getfixturevalue(kind), task)
 
 
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
-        ([("bearing", 2), ("height", 1)], r"term 1 was speed \(1 values\).*height \(1 values\)"),
-        ([("bearing", 2)], r"of other: term 1 was speed \(1 values\), here it is missing"),
-        ([("bearing", 2), ("speed", 1), ("tilt", 2)], r"term 2 was missing"),
+        ([("bearing", 2), ("height", 1)], r"does not show: speed \(1 values\), here it is missing"),
+        ([("speed", 1), ("bearing", 3)], r"bearing \(2 values\), here it is bearing \(3 values\)"),
     ],
 )
-def test_other_layouts_are_refused(bundle, terms, message):
+def test_a_task_that_does_not_show_what_was_learned_on_is_refused(bundle, terms, message):
     with pytest.raises(PolicyFileError, match=message):
-        LearnedPolicy(bundle).check_task(_task(*terms))
+        LearnedPolicy(bundle, _task(*terms))
+
+
+def test_a_policy_takes_its_terms_out_of_what_a_task_shows(bundle):
+    seen = np.random.default_rng(0).normal(size=(4, 3))
+    shown = np.insert(seen[:, [2, 0, 1]], [0, 1, 3], 9.0, axis=1)  # 9, speed, 9, bearing, 9
+    task = _task(("height", 1), ("speed", 1), ("tilt", 1), ("bearing", 2), ("odour", 1))
+    expected, _ = LearnedPolicy(bundle).predict(seen)
+    actions, _ = LearnedPolicy(bundle, task).predict(shown)
+    np.testing.assert_array_equal(actions, expected)

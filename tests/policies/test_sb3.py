@@ -27,6 +27,7 @@ from flyrl.policies import (
     TermLayout,
     export_sb3,
     import_sb3,
+    load_bundle,
     observation_layout,
 )
 from flyrl.policies.bundle import action_bounds
@@ -321,7 +322,8 @@ def test_exports_that_do_not_fit_are_refused():
     fitting = _bundle(PPO)
     squashed_memory = replace(_bundle(RecurrentPPO), squashing="tanh")
     for bundle, task, message in (
-        (fitting, "velocity", "other observations than those of velocity"),
+        (fitting, "velocity", "observations that velocity does not show"),
+        (load_bundle("target-flat"), None, "takes all that target shows, .* without time_left"),
         (
             replace(fitting, action_high=(0.5, 0.5)),
             None,

@@ -44,7 +44,7 @@ def test_each_term_goes_to_the_end_of_its_own_table():
     assert task.means == (SWAY,)
     assert task.terminations == (*TARGET.terminations, COLLAPSE)
     assert task.errors == (*TARGET.errors, SLIDE)
-    assert task.slices()["height"] == slice(46, 47)
+    assert task.slices()["height"] == slice(47, 48)
 
 
 def test_the_record_says_what_to_make_the_task_of():
