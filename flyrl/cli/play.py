@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _PORT: Final = 8080
 
-_PILOT: Final = "target-flat"
+_PILOT: Final = "target-any"
 """Default of --policy."""
 
 _NONE: Final = "none"
