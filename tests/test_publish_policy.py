@@ -53,7 +53,7 @@ def test_published_policy_is_the_best_of_the_run_and_says_where_it_comes_from(ru
     assert training["settings"]["algo"]["hidden_layers"] == [8]
     assert training["held_out"]["episodes"] == 1
     names = [row["controller"] for row in training["held_out"]["results"]]
-    assert names == ["ppo", "cpg", "rule_based", "hybrid", "pursuit", "zero"]
+    assert names == ["ppo", "cpg", "rule_based", "hybrid", "pursuit", "unhurried", "zero"]
     text = (published / "target-flat.md").read_text(encoding="utf-8")
     assert text == model_card("target-flat", bundle)
     assert "| commit | c0ffee |" in text

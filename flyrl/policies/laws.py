@@ -168,7 +168,6 @@ FIXED: Final[Mapping[str, FixedLaw]] = {
         "proportional steering towards the target, no faster than the time left asks for",
         UnhurriedPursuit,
         (("target_direction", "target_distance", "time_left"),),
-        is_usual=False,
     ),
     "open_loop": FixedLaw("hybrid", "drive that answers the command", OpenLoop, (("command",),)),
     "closed_loop": FixedLaw(

@@ -31,7 +31,7 @@ OF_THE_FLY = ("terrain", "controller", "physics", "body", "policy", "seed")
         ("--terrain sand", "terrain must be one of"),
         ("--terrain no_such_lab:Ridge", "is 'no_such_lab:Ridge', but no_such_lab cannot be imp"),
         ("--controller joints", "controller must be one that takes a drive, got 'joints'"),
-        ("--policy no-such", "policy must be a file, a run folder or one of pursuit, target-flat"),
+        ("--policy no-such", "policy must be a file, a run folder or one of pursuit, target-any"),
         ("--policy velocity-flat", "got 'velocity-flat': the policy was trained on other"),
     ],
 )

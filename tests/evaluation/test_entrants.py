@@ -159,9 +159,15 @@ def test_pursuit_drives_alike_whether_it_sees_the_direction_or_goals():
     assert len(np.unique(actions[0], axis=0)) > 4
 
 
-@pytest.mark.parametrize("task", ["target", "target_goal", "velocity"])
-def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task):
-    others = ("pursuit",) if task == "velocity" else ("open_loop", "closed_loop")
+@pytest.mark.parametrize(
+    ("task", "others"),
+    [
+        ("target", ("open_loop", "closed_loop")),
+        ("target_goal", ("unhurried", "open_loop", "closed_loop")),
+        ("velocity", ("pursuit", "unhurried")),
+    ],
+)
+def test_by_default_all_fixed_controllers_that_go_with_the_task_take_part(task, others):
     usual = [name for name, law in FIXED.items() if law.is_usual and law.legs is not None]
     entrants = made(task=task, controllers=None)
     assert names(entrants) == [name for name in usual if name not in others]

@@ -326,7 +326,7 @@ def test_the_panel_tells_of_legs_and_rewards(fly):
         assert parts[1:3] == pytest.approx([0.0, -0.5 * time_s])
         assert whole == pytest.approx(sum(parts))
     options = {name: options for name, _, options, _ in drawn(fly, "choice")}
-    assert options["steering"] == ("by hand", "pursuit", "target-flat")
+    assert options["steering"] == ("by hand", "pursuit", "target-any", "target-flat")
     assert options["terrain"] == tuple(KINDS)
 
 
