@@ -15,6 +15,7 @@ from flyrl.envs.core import BatchedEnv, EnvConfig
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.scene import Scene, SceneConfig, build_scene
 from flyrl.simulation.worms import WormBatch
+from flyrl.tasks import Episode
 
 SETTLING_S: Final = 0.2
 """s of simulated time before anything is measured: the fly drops and gets going."""
@@ -132,11 +133,8 @@ def measure_worms(seconds: float, worms: int = 32) -> list[Row]:
     """
     rows = []
     for name in tqdm(WORMS, desc="worm"):
-        body = WORMS[name]
-        batch = WormBatch(build_scene(SceneConfig(body)), worms, num_threads=1)
-        batch.reset(
-            np.arange(worms), np.zeros((worms, 2)), np.zeros(worms), np.zeros((worms, body.joints))
-        )
+        batch = WormBatch(build_scene(SceneConfig(WORMS[name])), worms, num_threads=1)
+        batch.start(np.arange(worms), [Episode(0, (0.0, 0.0, 0.0), 0.0, ())] * worms)
         pools = [len(attached.muscle.pool) for attached in batch.scene.muscles]
         steps = round(WORM_DECISION_S / batch.scene.model.opt.timestep)
         rng = np.random.default_rng(0)

@@ -20,8 +20,8 @@ from flyrl.bodies.surface import (
     GRAVITY,
     VISUAL_GROUP,
     ContactConfig,
-    add_light,
     add_material,
+    add_sun,
     set_look,
     touching,
 )
@@ -219,7 +219,9 @@ def build_fly(
     _fix_joints(spec, config)
     if config.tethered:
         spec.joint(ROOT_JOINT).armature = TETHER
-    add_light(spec, ROOT_BODY)
+    # overhead, over the fly's middle: under a slanting light the ground shadows itself in speckles,
+    # where the drawn shadows end
+    add_sun(spec.body(ROOT_BODY), (-0.5, 0.0, 9.6), (0.0, 0.0, -1.0), (0.6, 0.58, 0.54), True)
     return spec
 
 

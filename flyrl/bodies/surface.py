@@ -4,7 +4,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Annotated, Any, Final, Literal
 
 import mujoco
-import numpy as np
 
 from flyrl.anatomy import LEG_SEGMENTS
 from flyrl.validation import Within, check_fields, one_of
@@ -105,9 +104,7 @@ def touching(ground: int, contact: SurfaceContact) -> dict[str, Any]:
     }
 
 
-_VIEW_CENTRE: Final = (-0.5, 0.0, -0.4)
-"""Middle of the fly in the thorax frame, mm."""
-
+Vector = tuple[float, float, float]
 Colour = tuple[float, float, float, float]
 
 _COLOURS: Final[dict[str, Colour]] = {
@@ -148,22 +145,23 @@ def add_material(spec: mujoco.MjSpec, body: str) -> str:
     return part
 
 
-def add_light(spec: mujoco.MjSpec, root: str) -> None:
-    """A sun that moves with the fly, since MuJoCo draws shadows only near its aim.
+def add_sun(
+    body: mujoco.MjsBody, pos: Vector, direction: Vector, diffuse: Vector, follows: bool
+) -> None:
+    """Add a directional light at a place of a body, mm.
 
-    It stands overhead: under a slanting one the ground shadows itself in speckles, where the drawn
-    shadows end.
+    One that follows the body casts shadows, which MuJoCo draws only near its aim.
     """
-    direction = np.array((0.0, 0.0, -1.0))
-    spec.body(root).add_light(
+    modes = mujoco.mjtCamLight
+    body.add_light(
         name="sun",
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-        pos=np.array(_VIEW_CENTRE) - 10 * direction,
+        mode=modes.mjCAMLIGHT_TRACK if follows else modes.mjCAMLIGHT_FIXED,
+        pos=pos,
         dir=direction,
-        diffuse=(0.6, 0.58, 0.54),
+        diffuse=diffuse,
         specular=(0.2, 0.2, 0.2),
-        castshadow=True,
+        castshadow=follows,
     )
 
 

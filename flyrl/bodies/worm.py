@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from flyrl.bodies.fly import PLANES
-from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY, set_look
+from flyrl.bodies.surface import COLLISION_GROUP, GRAVITY, add_sun, set_look
 from flyrl.resources import muscle_profile, recorded_profile
 from flyrl.validation import Within, check_fields
 
@@ -209,15 +209,8 @@ def build_worm(config: WormConfig | None = None) -> mujoco.MjSpec:
         _add_muscles(spec, muscles, config, joint)
     length = config.segments * config.segment_length
     set_look(spec, extent=length, ambient=0.35, diffuse=0.35, specular=0.1)
-    spec.worldbody.add_light(
-        name="sun",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=(0.0, -length, length),
-        dir=(0.3, 0.6, -0.7),
-        diffuse=(0.5, 0.48, 0.45),
-        specular=(0.2, 0.2, 0.2),
-        castshadow=False,
-    )
+    place, direction = (0.0, -length, length), (0.3, 0.6, -0.7)
+    add_sun(spec.worldbody, place, direction, (0.5, 0.48, 0.45), False)
     return spec
 
 

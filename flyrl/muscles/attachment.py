@@ -21,7 +21,7 @@ Units are mm, g, s: torques come out in µN mm. After cortex, Simulated Muscles,
 (2012-14), where a muscle is a marker in the creature's model, too, and has no anchor.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -30,10 +30,10 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flyrl.muscles.muscle import MotorPool, Muscle, activate, pack_muscles, whole_numbers
+from flyrl.muscles.muscle import MotorPool, Muscle, pack_muscles, whole_numbers
 from flyrl.muscles.placement import Place, measuring_model, nearest_body, place_on
 from flyrl.resources import assets_folder
-from flyrl.validation import FloatArray, at_least, not_negative, one_of, positive
+from flyrl.validation import FloatArray, not_negative, one_of
 
 MUSCLES_BODY: Final = "muscles"
 """Name of the body that muscles are sites of."""
@@ -96,50 +96,47 @@ def attach_muscles(spec: mujoco.MjSpec, profiles: Path | None = None) -> list[At
     folder = assets_folder() / "muscles" if profiles is None else Path(profiles)
     sites = _muscle_sites(spec)
     muscles = [_read_muscle(spec, site.name, folder) for site in sites]
-    anchors = [_read_anchor(spec, site.name) for site in sites]
     posed = measuring_model(spec)
-    placed = [_places(*posed, *pair) for pair in zip(sites, anchors, strict=True)]
+    placed = [_places(*posed, site.name, _read_anchor(spec, site.name)) for site in sites]
 
     bodies = list(spec.bodies)
     attached = []
-    for site, muscle, (place, anchor) in zip(sites, muscles, placed, strict=True):
-        name = site.name
+    for site, muscle, places in zip(sites, muscles, placed, strict=True):
+        name, twin = site.name, _custom("anchor", site.name)
         # What refers to the site does so by name. Deleted under its name, it would take that along.
         site.name = ""
-        _add_site(bodies[place.body], name, place, site)
+        for new_name, place in places.items():
+            _add_site(bodies[place.body], new_name, place, site)
         actuator = spec.add_actuator(
             name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_SITE, gear=_TORQUE_ABOUT_Y
         )
         actuator.set_to_motor()
         actuator.ctrllimited = actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
-        if anchor is not None:
-            _add_site(bodies[anchor.body], _custom("anchor", name), anchor, site)
-            actuator.refsite = _custom("anchor", name)
-        attached.append(AttachedMuscle(name, muscle, bodies[place.body].name))
-    spec.delete(spec.body(MUSCLES_BODY))
-    for name in (attachment.name for attachment in attached):
-        texts = spec.text(_custom("profile", name)), spec.text(_custom("anchor", name))
+        if twin in places:
+            actuator.refsite = twin
+        attached.append(AttachedMuscle(name, muscle, bodies[places[name].body].name))
+        texts = spec.text(_custom("profile", name)), spec.text(twin)
         for data in (*texts, spec.numeric(_custom("strength", name))):
             if data is not None:
                 spec.delete(data)
+    spec.delete(spec.body(MUSCLES_BODY))
     return attached
 
 
 def _places(
-    model: mujoco.MjModel, data: mujoco.MjData, site: mujoco.MjsSite, anchor: str | None
-) -> tuple[Place, Place | None]:
-    """Place of a muscle's site, and of its twin on the body that it pulls against."""
-    index = model.site(site.name).id
-    body = nearest_body(model, data, index)
+    model: mujoco.MjModel, data: mujoco.MjData, name: str, anchor: str | None
+) -> dict[str, Place]:
+    """Places of a muscle's site and of its twin on the body that it pulls against, by name."""
+    site = model.site(name).id
+    body = nearest_body(model, data, site)
     if body is None:
-        raise ValueError(
-            f"muscle {site.name!r} has no body to act on: none but the world has geoms"
-        )
-    against = None if anchor is None else model.body(anchor).id
-    if against == body:
-        raise ValueError(f"muscle {site.name!r} acts on body {anchor!r}, its anchor: take another")
-    twin = None if against is None else place_on(model, data, index, against)
-    return place_on(model, data, index, body), twin
+        raise ValueError(f"muscle {name!r} has no body to act on: none but the world has geoms")
+    bodies = {name: body}
+    if anchor is not None:
+        bodies[_custom("anchor", name)] = against = model.body(anchor).id
+        if against == body:
+            raise ValueError(f"muscle {name!r} acts on body {anchor!r}, its anchor: take another")
+    return {name: place_on(model, data, site, body) for name, body in bodies.items()}
 
 
 def _add_site(body: mujoco.MjsBody, name: str, place: Place, like: mujoco.MjsSite) -> None:
@@ -205,17 +202,12 @@ def _read_muscle(spec: mujoco.MjSpec, name: str, folder: Path) -> Muscle:
         pool = MotorPool.from_image(path)
     except (FileNotFoundError, ValueError) as error:
         raise type(error)(f"muscle {name!r}: {error}") from error
-    strength = 1.0 if numeric is None else _one_number(name, numeric)
-    return Muscle(pool, strength)
-
-
-def _one_number(name: str, numeric: mujoco.MjsNumeric) -> float:
-    data = np.array(numeric.data, dtype=np.float64)
-    if numeric.size != 1 or data.size > 1:
-        raise ValueError(
-            f"muscle {name!r}: {_custom('strength', name)} must be one number, got {data.tolist()}"
-        )
-    return not_negative(f"muscle {name!r}: {_custom('strength', name)}", float(data[0]))
+    if numeric is None:
+        return Muscle(pool)
+    key = f"muscle {name!r}: {_custom('strength', name)}"
+    if numeric.size != 1 or len(numeric.data) != 1:
+        raise ValueError(f"{key} must be one number, got {list(numeric.data)}")
+    return Muscle(pool, not_negative(key, float(numeric.data[0])))
 
 
 def _read_anchor(spec: mujoco.MjSpec, name: str) -> str | None:
@@ -280,77 +272,24 @@ def movement(creature: Creature) -> Callable[[ArrayLike], FloatArray]:
     physics on; and returns the tensions, (M,) within 0 and 1. It raises ValueError for anything
     else than M whole numbers.
     """
-    muscles = [attached.muscle for attached in creature.muscles]
-    packed = pack_muscles(muscles)
+    muscles = pack_muscles([attached.muscle for attached in creature.muscles])
     actuators = [creature.model.actuator(attached.name).id for attached in creature.muscles]
 
     def move(n: ArrayLike) -> FloatArray:
-        index = whole_numbers("n", n)
-        if index.shape != (len(muscles),):
+        index, shape = whole_numbers("n", n), muscles.strengths.shape
+        if index.shape != shape:
             raise ValueError(
-                f"n must be one whole number per muscle, shape ({len(muscles)},), "
-                f"got shape {index.shape}"
+                f"n must be one whole number per muscle, shape {shape}, got shape {index.shape}"
             )
-        tension, force = np.empty(len(muscles)), np.empty(len(muscles))
-        activate(*packed, index, tension, force)
-        creature.data.ctrl[actuators] = force
-        return tension
+        tensions = muscles.tensions(index)
+        creature.data.ctrl[actuators] = muscles.strengths * tensions
+        return tensions
 
     return move
 
 
 STEP: Final = 20
 """Neurons that a step recruits, as in cortex, Simulated Muscles, R. McIntyre."""
-
-
-class Moment(NamedTuple):
-    """A creature in the course of recruitment.
-
-    Attributes
-    ----------
-    n : what all muscles are activated with.
-    tension : of each of the M muscles, (M,) within 0 and 1.
-    bend : sum of the angles of all hinge joints, rad.
-    is_last : whether n changes next, or all ends.
-    """
-
-    n: int
-    tension: FloatArray
-    bend: float
-    is_last: bool
-
-
-def recruit_stepwise(
-    creature: Creature, step: int = STEP, hold_s: float = 1.0, frame_s: float = 0.04
-) -> Iterator[Moment]:
-    """Activate all muscles with 0, `step`, 2 `step`, … up to the last neuron of the longest pool.
-
-    Parameters
-    ----------
-    creature
-        It starts in its initial pose; its data move along, and hold what is at the moment given.
-    step
-        Neurons that are recruited at a time, 1 or more.
-    hold_s
-        For how long every n is held, s.
-    frame_s
-        From one moment to the next, s.
-    """
-    at_least("step", step, 1)
-    frames = max(1, round(positive("hold_s", hold_s) / positive("frame_s", frame_s)))
-    model, data = creature.model, creature.data
-    per_frame = max(1, round(frame_s / model.opt.timestep))
-    move = movement(creature)
-    last = last_neuron(creature)
-    mujoco.mj_resetData(model, data)
-    for n in [*range(0, last, step), last]:
-        tension = move(np.full(len(creature.muscles), n))
-        for frame in range(frames):
-            for _ in range(per_frame):
-                mujoco.mj_step(model, data)
-            # a step leaves the places of bodies as they were before it
-            mujoco.mj_kinematics(model, data)
-            yield Moment(n, tension, bend(creature), frame == frames - 1)
 
 
 def last_neuron(creature: Creature) -> int:

@@ -145,8 +145,7 @@ class Muscle:
         ValueError
             If `n` holds anything but whole numbers.
         """
-        tension = self.pool.recruitment[np.clip(whole_numbers("n", n), 0, len(self.pool) - 1)]
-        return tension if tension.ndim else float(tension)
+        return self.pool.recruitment[np.clip(whole_numbers("n", n), 0, len(self.pool) - 1)]
 
     def force(self, n: ArrayLike) -> Any:
         """Force that it exerts, strength * tension; parameters and errors as of `tension`."""
@@ -157,8 +156,8 @@ class Muscle:
 
         Parameters
         ----------
-        tension : number, or an array of them in any shape. More than 1 cannot be had and counts as
-            1, less than 0 as 0.
+        tension : finite number, or an array of them in any shape. More than 1 cannot be had and
+            counts as 1, less than 0 as 0.
 
         Returns
         -------
@@ -167,20 +166,15 @@ class Muscle:
         Raises
         ------
         ValueError
-            If `tension` holds anything but numbers.
+            If `tension` holds anything but finite numbers.
         """
-        try:
-            wanted = np.array(tension, dtype=np.float64)
-        except (TypeError, ValueError):
-            raise ValueError(f"tension must be numbers, got {tension!r}") from None
-        if np.isnan(wanted).any():
-            raise ValueError(f"tension must be numbers, got {wanted.tolist()}")
+        wanted = float_array("tension", tension, np.shape(tension))
         n = np.asarray(np.searchsorted(self.pool.recruitment, np.minimum(wanted, 1.0)))
         return n if n.ndim else int(n)
 
 
 class PackedMuscles(NamedTuple):
-    """Several muscles in three arrays, as `activate` takes them.
+    """Several muscles in three arrays.
 
     Attributes
     ----------
@@ -193,13 +187,18 @@ class PackedMuscles(NamedTuple):
     starts: IntArray
     strengths: FloatArray
 
+    def tensions(self, n: NDArray[Any]) -> FloatArray:
+        """Tensions, (..., M), with every neuron recruited up to `n`, whole numbers, (..., M)."""
+        last = np.clip(n, 0, np.diff(self.starts) - 1).astype(np.int64)
+        tensions: FloatArray = self.recruitment[self.starts[:-1] + last]
+        return tensions
+
 
 def pack_muscles(muscles: Sequence[Muscle]) -> PackedMuscles:
     """Pack M muscles, at least one, in their order."""
     tables = [muscle.pool.recruitment for muscle in muscles]
-    starts = np.cumsum([0, *map(len, tables)])
     strengths = np.array([muscle.strength for muscle in muscles])
-    return PackedMuscles(np.concatenate(tables), starts.astype(np.int64), strengths)
+    return PackedMuscles(np.concatenate(tables), np.cumsum([0, *map(len, tables)]), strengths)
 
 
 def whole_numbers(name: str, value: ArrayLike) -> IntArray:
@@ -213,23 +212,16 @@ def whole_numbers(name: str, value: ArrayLike) -> IntArray:
     try:
         array = np.asarray(value)
     except ValueError:  # rows of unequal length
-        raise ValueError(f"{name} must be whole numbers, got {value!r}") from None
+        array = np.empty(0)
     if array.dtype.kind not in "iu":
         raise ValueError(f"{name} must be whole numbers within 64 bits, got {value!r}")
     if array.dtype == np.uint64:
         array = np.minimum(array, np.uint64(np.iinfo(np.int64).max))
-    return np.array(array, dtype=np.int64, order="C")
+    return array.astype(np.int64)
 
 
 # ------------------------------------------------------------------ kernels
 # A motor pool stands here as its recruitment table, see `MotorPool`.
-
-
-@kernel
-def tension_of(recruitment: FloatArray, n: int) -> float:
-    """Tension at which a pool recruits every neuron up to index `n`, which is clamped to it."""
-    tension: float = recruitment[min(max(n, 0), len(recruitment) - 1)]
-    return tension
 
 
 @kernel
@@ -247,30 +239,6 @@ def recruited(recruitment: FloatArray, tension: float) -> int:
         else:
             high = middle
     return low
-
-
-@kernel
-def activate(
-    recruitment: FloatArray,
-    starts: IntArray | FloatArray,
-    strengths: FloatArray,
-    n: IntArray | FloatArray,
-    tension: FloatArray,
-    force: FloatArray,
-) -> None:
-    """Activate M muscles: write their tensions and forces (M,).
-
-    Parameters
-    ----------
-    recruitment, starts, strengths
-        The muscles, see `PackedMuscles`.
-    n
-        Whole numbers, (M,): recruit every neuron up to this index. They and `starts` may be of
-        float64, which is all that a model of MuJoCo carries.
-    """
-    for i in range(len(strengths)):
-        tension[i] = tension_of(recruitment[int(starts[i]) : int(starts[i + 1])], int(n[i]))
-        force[i] = strengths[i] * tension[i]
 
 
 @kernel

@@ -19,8 +19,8 @@ from flyrl.anatomy import LEGS
 from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.worm import DEMONSTRATION, WormConfig, build_worm
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.muscles import load_creature
-from flyrl.muscles.attachment import STEP, Moment, recruit_stepwise
+from flyrl.muscles import load_creature, movement
+from flyrl.muscles.attachment import STEP, bend, last_neuron
 from flyrl.report.captions import clock_text, jpeg, tension_bars, titled, with_legend
 from flyrl.report.video import FLY_PACE, FPS, HOLD_FRAMES, encode, measured
 from flyrl.simulation.flies import FlyBatch
@@ -212,22 +212,23 @@ def film_worm(config: WormConfig = DEMONSTRATION, step: int = STEP, hold_s: floa
     spec = build_worm(config)
     add_surroundings(spec)
     creature = load_creature(spec, config.profile_path.parent)
+    model, data, last = creature.model, creature.data, last_neuron(creature)
+    move, camera = movement(creature), side_view(config)
     pictures: list[Picture] = []
     rows = []
-    with closing(Offscreen(creature.model, WIDTH, HEIGHT)) as offscreen:
-        camera = side_view(config)
-        for moment in recruit_stepwise(creature, step, hold_s, 1 / FPS):
-            mujoco.mj_camlight(creature.model, creature.data)
-            pictures.append(_annotated(offscreen.draw(creature.data, camera), moment))
-            if moment.is_last:
-                rows.append((moment.n, moment.tension[0], np.degrees(moment.bend)))
+    with closing(Offscreen(model, WIDTH, HEIGHT)) as offscreen:
+        for n in [*range(0, last, step), last]:
+            tension = move(np.full(len(creature.muscles), n))
+            for _ in range(round(hold_s * FPS)):
+                mujoco.mj_step(model, data, round(1 / FPS / model.opt.timestep))
+                # a step leaves the places of bodies as they were before it
+                mujoco.mj_kinematics(model, data)
+                mujoco.mj_camlight(model, data)
+                bend_deg = np.degrees(bend(creature))
+                picture = tension_bars(offscreen.draw(data, camera), tension)
+                text = f"tension {tension[0]:.2f}   bend {bend_deg:.0f}°   real time"
+                pictures.append(titled(picture, f"neurons up to {n}", text))
+            rows.append((n, tension[0], bend_deg))
     table = pd.DataFrame(rows, columns=["n", "tension", "bend_deg"])
     mp4 = encode(pictures + pictures[-1:] * HOLD_FRAMES)
     return Film(mp4, jpeg(pictures[-1]), table)
-
-
-def _annotated(picture: Picture, moment: Moment) -> Picture:
-    """Write what is recruited, the tension and the bend onto a picture, and draw the bar."""
-    text = f"tension {moment.tension[0]:.2f}   bend {np.degrees(moment.bend):.0f}°   real time"
-    picture = tension_bars(picture, moment.tension)
-    return titled(picture, f"neurons up to {moment.n}", text)

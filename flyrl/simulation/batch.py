@@ -12,7 +12,7 @@ from mujoco.batch import SimulationError
 from numpy.typing import ArrayLike, NDArray
 
 from flyrl.simulation.callback import install
-from flyrl.simulation.randomisation import Randomisation, Variation
+from flyrl.simulation.randomisation import Randomisation, show_legs, vary
 from flyrl.simulation.rendering import BodyRenderer
 from flyrl.simulation.scene import GroundLayer, Scene, SceneConfig
 from flyrl.terrains import NOWHERE, Ground
@@ -118,7 +118,7 @@ class Batch:
     def __init__(self, scene: Scene, num_sims: int = 1, num_threads: int = 0) -> None:
         self.num_sims = whole_number("num_sims", num_sims, 1, MOST_SIMS)
         whole_number("num_threads", num_threads, 0, MOST_THREADS)
-        self._callbacks = install()
+        install()
         self._batch = MujocoBatch(scene.model, self.num_sims, num_threads)
         self._process = os.getpid()
         if self.num_threads > 1:
@@ -140,7 +140,6 @@ class Batch:
         self._paths = {i: prop.path for i, prop in enumerate(self._props) if prop.path}
         self._commands = np.zeros((self.num_sims, 0))
         self._mocap_pos = self._batch.bind("mocap_pos")
-        self._variation = Variation(scene.model, self._batch)
 
     @property
     def num_threads(self) -> int:
@@ -163,7 +162,7 @@ class Batch:
             One each.
         """
         self._check_process()
-        self._variation.apply(ids, randomisations)
+        vary(self.scene.model, self._batch, ids, randomisations)
 
     def set_ground(self, ids: Ids, grounds: Sequence[Ground]) -> None:
         """Lay ground under simulations on random terrain, before a reset or `restore`.
@@ -273,7 +272,7 @@ class Batch:
         """
         if self.scene.config.terrain.random:
             self._layer.show(self.ground(sim), model)
-        self._variation.show(sim, model)
+        show_legs(self._batch, sim, model)
         data.qpos[:] = self._qpos[sim]
         data.qvel[:] = self._qvel[sim]
         data.time = self._time[sim]
@@ -301,5 +300,4 @@ class Batch:
                 f"threads, which are not in this one, {os.getpid()}: make it in the process that "
                 "uses it, or with num_threads=1"
             )
-        if any(get() is not function for get, function in self._callbacks):
-            install()
+        install()

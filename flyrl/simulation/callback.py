@@ -4,7 +4,7 @@ import contextlib
 import functools
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,7 +13,7 @@ from filelock import lock_descriptor
 from numba.core.event import Event, Listener, install_listener
 
 from flyrl.controllers.controller import advance_command
-from flyrl.muscles.muscle import activate
+from flyrl.muscles.muscle import move_by_muscles
 from flyrl.simulation.engine import layout
 from flyrl.simulation.native import control_callback, segment_of, sensor_callback
 
@@ -72,16 +72,12 @@ _ANNOUNCEMENT: Final = _Announcement()
 
 def cache_folders() -> list[Path]:
     """Folders in which compiled controllers are kept."""
-    kernels: tuple[Any, ...] = (advance_command, activate, segment_of)
+    kernels: tuple[Any, ...] = (advance_command, move_by_muscles, segment_of)
     return sorted({Path(kernel.stats.cache_path) for kernel in kernels})
 
 
-def install() -> list[tuple[Callable[[], Any], Any]]:
+def install() -> None:
     """Install the callbacks into this process where they are missing.
-
-    Returns
-    -------
-    By place, what reads it, and what is there now: None where flyrl has no callback.
 
     Raises
     ------
@@ -103,7 +99,6 @@ def install() -> list[tuple[Callable[[], Any], Any]]:
             get, put = _PLACES[name]
             if get() is None:
                 put(function)
-        return [(get, ours.get(name)) for name, (get, _) in _PLACES.items()]
 
 
 def _keep_out_of_the_users_folder() -> None:

@@ -151,87 +151,54 @@ class FlyBatch(Batch):
         self.userdata = self._userdata.view(scene.userdata)[:, 0]
         head = self.userdata["head"]
         self.controllers = self.userdata["controller"]
-        self.senses, self.output, self._clock = head["senses"], head["output"], head["clock"]
-        self._is_grounded = head["is_grounded"]
+        self.senses, self.output = head["senses"], head["output"]
         names = self.controllers.dtype.names or ()
         self._legs: dict[str, FloatArray] = {
             name: self.controllers[name] if name in names else np.zeros((n, 6)) for name in SHOWN
         }
         if scene.config.gait_places:
             self.gait_logs = self.userdata["gait_log"][:, 0]
-        self._ball = scene.config.terrain if isinstance(scene.config.terrain, Ball) else None
         self._start_pose = start_pose(scene.config.body)
         self._spawn_offset = spawn_offset(scene.config.body)
 
     def start(self, ids: Ids, episodes: Sequence[Any]) -> None:
-        """Put flies at rest where episodes start, with their oscillators and latencies."""
-        config = self.scene.config
-        self.reset(
-            ids,
-            np.array([episode.spawn_position_w for episode in episodes]),
-            np.array([episode.spawn_yaw for episode in episodes]),
-            [
-                config.controller.initial_state(
-                    episode.seed, episode.init_phases, episode.init_magnitudes
-                )
-                for episode in episodes
-            ],
-            [
-                round(episode.randomisation.drive_latency / config.physics.timestep)
-                for episode in episodes
-            ],
-        )
+        """Put flies at rest in the stretch pose where episodes start; the others are not touched.
 
-    def reset(
-        self,
-        ids: Ids,
-        positions_w: NDArray[np.float64],
-        yaws: NDArray[np.float64],
-        controllers: Sequence[np.void],
-        latency_steps: Sequence[int] | None = None,
-    ) -> None:
-        """Put flies at rest in the stretch pose; the others are not touched.
-
-        Parameters
-        ----------
-        ids
-            Simulations to reset, sorted, (k,).
-        positions_w
-            Where the fly is placed, mm, (k, 3): the point from which `bodies.spawn_offset` leads
-            to the thorax, as in the published packages.
-        yaws
-            Heading from +x, rad, (k,).
-        controllers
-            k leg controller states, from `Controller.initial_state`.
-        latency_steps
-            k numbers of physics steps from a command to its arrival at the legs; None: 0 each.
+        An episode's place is the point from which `bodies.spawn_offset` leads to the thorax, as in
+        the published packages.
 
         Raises
         ------
         ValueError
             If commands are to come with latency, for which the scene has no queue.
         """
-        if len(ids) == 0:
-            return
-        latencies = [0] * len(ids) if latency_steps is None else latency_steps
-        if any(latencies) and not self.scene.config.queue_places:
+        config, head = self.scene.config, self.userdata["head"]
+        latencies = [
+            round(episode.randomisation.drive_latency / config.physics.timestep)
+            for episode in episodes
+        ]
+        if any(latencies) and not config.queue_places:
             raise ValueError(
                 f"queue_places is 0; it must be > 0 for a latency of {max(latencies)} time steps"
             )
         self._clear(ids)
+        yaws = np.array([episode.spawn_yaw for episode in episodes])
         cos, sin = np.cos(yaws), np.sin(yaws)
         x, y, z = self._spawn_offset
         offsets = np.stack([cos * x - sin * y, sin * x + cos * y, np.full(len(ids), z)], axis=1)
-        self._qpos[ids, :3] = positions_w + offsets
+        self._qpos[ids, :3] = [episode.spawn_position_w for episode in episodes] + offsets
         self._qpos[ids, 3] = np.cos(yaws / 2)
         self._qpos[ids, 4:6] = 0.0
         self._qpos[ids, 6] = np.sin(yaws / 2)
         self._qpos[np.ix_(ids, self.scene.joint_qpos)] = self._start_pose
-        self.controllers[ids] = np.stack(controllers)
+        for sim, episode in zip(ids, episodes, strict=True):
+            self.controllers[sim] = config.controller.initial_state(
+                episode.seed, episode.init_phases, episode.init_magnitudes
+            )
         self.output["angles"][ids] = self.neutral_angles
         self.output["adhesion"][ids] = 1.0
-        self.userdata["head"]["last_time"][ids] = -1.0
-        self._clock["latency"][ids] = latencies
+        head["last_time"][ids] = -1.0
+        head["clock"]["latency"][ids] = latencies
         self._forward(ids)
 
     def set_command(self, command: ArrayLike, ids: Ids | slice = slice(None)) -> None:
@@ -277,7 +244,7 @@ class FlyBatch(Batch):
             # before its first step, a simulation has those of another that ran in the same thread
             actuator_torques=np.where(self._time[:, None] > 0.0, self._actuator_force[:, :42], 0.0),
             contact_forces_w=self.senses["contact_forces_w"].copy(),
-            is_grounded=self._is_grounded.copy(),
+            is_grounded=self.userdata["head"]["is_grounded"].copy(),
             end_effectors_w=self._xpos[:, self.end_effector_bodies],
             command=self.userdata["command"].copy(),
             **{name: values.copy() for name, values in self._legs.items()},
@@ -290,16 +257,16 @@ class FlyBatch(Batch):
     def _fictive_velocity(self, rotation_w: NDArray[np.float64]) -> NDArray[np.float64]:
         """How the ball turns back under flies, see `FlyState.fictive_velocity_b`."""
         velocity = np.zeros((self.num_sims, 3))
-        if self._ball is None:
+        ball, model = self.scene.config.terrain, self.scene.model
+        if not isinstance(ball, Ball):
             return velocity
-        model = self.scene.model
         dofs = model.joint(BALL).dofadr[0] + np.arange(3)
         ball_w = self._xmat[:, model.body(BALL).id].reshape(-1, 3, 3)
         x, y, z = (ball_w @ self._qvel[:, dofs, None])[:, :, 0].T
         cos, sin = rotation_w[:, 0, 0], rotation_w[:, 1, 0]
         # the top of the ball moves along (y, -x) times its radius
-        velocity[:, 0] = -self._ball.radius * (cos * y - sin * x)
-        velocity[:, 1] = self._ball.radius * (cos * x + sin * y)
+        velocity[:, 0] = -ball.radius * (cos * y - sin * x)
+        velocity[:, 1] = ball.radius * (cos * x + sin * y)
         velocity[:, 2] = -z
         return velocity
 

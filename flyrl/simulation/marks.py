@@ -205,18 +205,13 @@ class LegColours:
         self._model = model
         self._parts = []
         for state, segments in _SEGMENTS.items():
-            leg_of_body = {
-                model.body(f"{leg}{segment}").id: index
-                for index, leg in enumerate(LEGS)
-                for segment in segments
-            }
-            geoms = np.flatnonzero(np.isin(model.geom_bodyid, list(leg_of_body)))
-            legs = np.array([leg_of_body[body] for body in model.geom_bodyid[geoms]], dtype=int)
-            self._parts.append((state, geoms, legs, model.geom_rgba[geoms].copy()))
+            for leg, name in enumerate(LEGS):
+                bodies = [model.body(f"{name}{segment}").id for segment in segments]
+                geoms = np.flatnonzero(np.isin(model.geom_bodyid, bodies))
+                self._parts.append((state, leg, geoms, model.geom_rgba[geoms].copy()))
 
     def apply(self, states: Mapping[str, NDArray[np.bool_]]) -> None:
         """Colour legs whose state is on, (6,) by name; give the others their usual colour."""
-        for state, geoms, legs, usual in self._parts:
-            is_on = states[state][legs, np.newaxis]
+        for state, leg, geoms, usual in self._parts:
             colour = (*(_GLOW * np.array(LEG_COLOURS[state])), 1.0)
-            self._model.geom_rgba[geoms] = np.where(is_on, colour, usual)
+            self._model.geom_rgba[geoms] = colour if states[state][leg] else usual

@@ -132,7 +132,6 @@ def control_callback(at: Any) -> Any:
         head = carray(_as_head(userdata), (1,))[0]
         output = head.output
         time = _floats(data + at.time, 1)[0]
-        angles = _floats(_int64(data + at.actuator_length), NUM_JOINTS)
         # mj_forward at the same time must not advance the controller a second time
         if time != head.last_time:
             head.last_time = time
@@ -145,14 +144,7 @@ def control_callback(at: Any) -> Any:
                 _floats(arrived, size),
                 carray(queue, (int(engine.queue_places), 1 + size)),
             )
-            _sense(
-                engine,
-                head.senses,
-                _int64(data + at.xpos),
-                _int64(data + at.xmat),
-                angles,
-                _floats(_int64(data + at.actuator_velocity), NUM_JOINTS),
-            )
+            _sense(engine, head.senses, data, at)
             _call(  # type: ignore[call-arg]
                 int(engine.kernel),
                 address + engine_bytes,
@@ -169,7 +161,7 @@ def control_callback(at: Any) -> Any:
                 _floats(muscles, NUM_JOINTS),
                 carray(as_float64(strengths), (NUM_JOINTS, 2)),
                 _floats(strengths + 8 * NUM_MUSCLES, int(engine.num_neurons)),
-                angles,
+                _floats(_int64(data + at.actuator_length), NUM_JOINTS),
                 output.angles,
                 carray(as_float64(userdata + 8 * int(engine.tensions_at)), (NUM_JOINTS, 2)),
                 ctrl,
@@ -184,14 +176,16 @@ def control_callback(at: Any) -> Any:
 
 
 @kernel
-def _sense(engine, senses, positions, rotations, angles, velocities):  # type: ignore[no-untyped-def]
+def _sense(engine, senses, data, at):  # type: ignore[no-untyped-def]
     """Write what a controller senses, but for the contact forces, which the sensors sum up."""
+    angles = _floats(_int64(data + at.actuator_length), NUM_JOINTS)
+    velocities = _floats(_int64(data + at.actuator_velocity), NUM_JOINTS)
     thorax = int(engine.thorax_body)
-    rotation = carray(as_float64(rotations + 72 * thorax), (3, 3))
+    rotation = carray(as_float64(_int64(data + at.xmat) + 72 * thorax), (3, 3))
     for axis in range(3):
         senses.heading_w[axis] = rotation[axis, 0]
-    senses.thorax_z = _floats(positions + 24 * thorax, 3)[2]
-    _sense_tips(engine, senses.end_effectors_w, positions)
+    senses.thorax_z = _floats(_int64(data + at.xpos) + 24 * thorax, 3)[2]
+    _sense_tips(engine, senses.end_effectors_w, _int64(data + at.xpos))
     for leg in range(NUM_LEGS):
         # a leg that is not there is in no hole
         is_missing = engine.is_missing[leg] != 0.0
@@ -223,15 +217,24 @@ def segment_of(engine, body):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim, is_elliptic):  # type: ignore[no-untyped-def]
-    """Add one contact's force to the sums of the segments it touches.
+def _add_contact_force(engine, forces_w, model, data, contact, at):  # type: ignore[no-untyped-def]
+    """Add the force of the contact at an address to the sums of the segments that it touches.
 
-    `rows` are the contact's constraint forces: along normal and tangents for an elliptic friction
-    cone, along the cone's edges, normal ± friction · tangent, for a pyramidal one.
+    Its constraint forces are: along normal and tangents for an elliptic friction cone, along the
+    cone's edges, normal ± friction · tangent, for a pyramidal one.
     """
+    bodies = _int64(model + at.geom_bodyid)
+    segment1 = segment_of(engine, _int32(bodies + 4 * _int32(contact + at.geom1)))
+    segment2 = segment_of(engine, _int32(bodies + 4 * _int32(contact + at.geom2)))
+    row, dim = _int32(contact + at.efc_address), _int32(contact + at.dim)
+    if row < 0 or (segment1 < 0 and segment2 < 0):
+        return
+    rows = _floats(_int64(data + at.efc_force) + 8 * row, 10)
+    frame = carray(as_float64(contact + at.frame), (3, 3))
+    friction = _floats(contact + at.friction, 5)
     normal, tangent1, tangent2 = rows[0], 0.0, 0.0
     if dim > 1:
-        if is_elliptic:
+        if engine.is_elliptic != 0.0:
             tangent1, tangent2 = rows[1], rows[2]
         else:
             normal = 0.0
@@ -249,13 +252,14 @@ def _add_contact_force(forces_w, segment1, segment2, frame, rows, friction, dim,
 
 
 @kernel
-def _log_gait(engine, head, userdata, time, positions, torques, velocities):  # type: ignore[no-untyped-def]
+def _log_gait(engine, head, userdata, data, at):  # type: ignore[no-untyped-def]
     """Log this step, unless mj_forward comes to it a second time."""
     log = carray(_as_gait_log(userdata + 8 * int(engine.gait_log_at)), (1,))[0]
+    time = _floats(data + at.time, 1)[0]
     if log.num_steps > 0.0 and time == log.last_time:
         return
     log.last_time = time
-    _sense_tips(engine, head.senses.end_effectors_w, positions)
+    _sense_tips(engine, head.senses.end_effectors_w, _int64(data + at.xpos))
     log_gait(
         log,
         _floats(userdata + 8 * int(engine.gait_samples_at), int(engine.gait_places)),
@@ -263,8 +267,8 @@ def _log_gait(engine, head, userdata, time, positions, torques, velocities):  # 
         head,
         _floats(userdata + 8 * int(engine.retraction_at), NUM_LEGS),
         _floats(userdata + 8 * int(engine.stumbling_at), NUM_LEGS),
-        torques,
-        velocities,
+        _floats(_int64(data + at.actuator_force), NUM_JOINTS),
+        _floats(_int64(data + at.actuator_velocity), NUM_JOINTS),
     )
 
 
@@ -284,37 +288,13 @@ def sensor_callback(at: Any) -> Any:
         head = carray(_as_head(userdata), (1,))[0]
         forces_w = head.senses.contact_forces_w
         forces_w[:, :] = 0.0
-        bodies = _int64(model + at.geom_bodyid)
         contacts = _int64(data + at.contact)
-        constraint_forces = _int64(data + at.efc_force)
         for i in range(_int32(data + at.ncon)):
             contact = contacts + i * at.contact_size
-            row = _int32(contact + at.efc_address)
-            segment1 = segment_of(engine, _int32(bodies + 4 * _int32(contact + at.geom1)))
-            segment2 = segment_of(engine, _int32(bodies + 4 * _int32(contact + at.geom2)))
-            if row < 0 or (segment1 < 0 and segment2 < 0):
-                continue
-            _add_contact_force(
-                forces_w,
-                segment1,
-                segment2,
-                carray(as_float64(contact + at.frame), (3, 3)),
-                _floats(constraint_forces + 8 * row, 10),
-                _floats(contact + at.friction, 5),
-                _int32(contact + at.dim),
-                engine.is_elliptic != 0.0,
-            )
+            _add_contact_force(engine, forces_w, model, data, contact, at)
         grounded_legs(forces_w, head.is_grounded)
         if engine.gait_places != 0.0:
-            _log_gait(
-                engine,
-                head,
-                userdata,
-                _floats(data + at.time, 1)[0],
-                _int64(data + at.xpos),
-                _floats(_int64(data + at.actuator_force), NUM_JOINTS),
-                _floats(_int64(data + at.actuator_velocity), NUM_JOINTS),
-            )
+            _log_gait(engine, head, userdata, data, at)
         if engine.senses_contact == 0.0:
             forces_w[:, :] = 0.0
             head.is_grounded[:] = 0.0

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Final, Literal, NamedTuple
 
 import mujoco
@@ -41,13 +41,9 @@ _BALANCED_CONTACT: Final = ContactConfig(
         margin=0.02,
     ),
 )
-_FAST_CONTACT: Final = ContactConfig(
-    plane=SurfaceContact(
-        friction=(0.9, 0.005, 0.0001),
-        solref=(-1.05e4, -1.5e3),
-        solimp=(0.5, 0.99, 0.08, 0.5, 2.0),
-    ),
-    plane_segments=_BALANCED_CONTACT.plane_segments,
+_FAST_CONTACT: Final = replace(
+    _BALANCED_CONTACT,
+    plane=replace(_BALANCED_CONTACT.plane, friction=(0.9, 0.005, 0.0001), solref=(-1.05e4, -1.5e3)),
     plane_friction_across=1.25,
     # at this step even boxes have to let a foot slip at first, or the hybrid gets stuck too
     box=SurfaceContact(
@@ -129,13 +125,23 @@ FLY_PRESETS: Final = ("reference", "balanced", "fast")
 PRESET_VERSIONS: Final = {"reference": 1, "balanced": 3, "fast": 3, "worm": 1}
 """Version of each of `PHYSICS_PRESETS`: one more whenever its settings change."""
 
-# SHA-256 of the settings of presets as they were, by which records that name none are known
-_EARLIER: Final = {
+
+def _digest(settings: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
+
+
+_BY_DIGEST: Final = {
+    **{
+        _digest(asdict(PHYSICS_PRESETS[name])): (name, version)
+        for name, version in PRESET_VERSIONS.items()
+    },
     "7593c9fee681372a49e0f9cfbaaa22952736564e2bb8316002b2988a2947fbd6": ("balanced", 1),
     "8929ba6ba4e362fa5b697cc26c7295a9248f30469762d4de5a1213c4bb67f428": ("balanced", 2),
     "ed80341a32838259038b9bf496577daba9b5eba6882dcac4286b0cca16213686": ("fast", 1),
     "dc4c7277b1152e29c582bd097f56bb51113de58e79ef4c120706e47ee7baac5e": ("fast", 2),
 }
+"""By the SHA-256 of their settings, presets as they are and as they were: records that name no
+preset are known by it."""
 
 
 def preset_version(settings: Mapping[str, Any]) -> PresetVersion | None:
@@ -146,11 +152,8 @@ def preset_version(settings: Mapping[str, Any]) -> PresetVersion | None:
     settings
         Fields of a `PhysicsConfig`, as plain JSON values or as `dataclasses.asdict` gives them.
     """
-    digest = _digest(settings)
-    for name, preset in PHYSICS_PRESETS.items():
-        if _digest(asdict(preset)) == digest:
-            return PresetVersion(name, PRESET_VERSIONS[name])
-    return PresetVersion(*_EARLIER[digest]) if digest in _EARLIER else None
+    known = _BY_DIGEST.get(_digest(settings))
+    return known and PresetVersion(*known)
 
 
 def walks_alike_on_flat(settings: Mapping[str, Any]) -> bool:
@@ -171,10 +174,6 @@ def preset_record(physics: PhysicsConfig) -> dict[str, Any] | None:
     """Name and version of the preset that has these settings, as plain JSON values."""
     preset = preset_version(asdict(physics))
     return preset and preset._asdict()
-
-
-def _digest(settings: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
 
 def apply_physics(spec: mujoco.MjSpec, config: PhysicsConfig, terrain: Terrain) -> None:

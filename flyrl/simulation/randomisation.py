@@ -179,69 +179,71 @@ _NEVER: Final = -1e3
 """mm; margin of a pair of shapes that never touch: they would have to be as deep in each other."""
 
 
-class Variation:
-    """Changes the fields of a batch's model, simulation by simulation.
+def vary(
+    model: mujoco.MjModel,
+    batch: Batch,
+    ids: NDArray[np.intp],
+    randomisations: Sequence[Randomisation],
+) -> None:
+    """Give simulations `ids` of a batch their flies, always from the figures of its model's own.
 
     A field is shared by all simulations until the first one differs: flies that never do cost
     nothing.
     """
-
-    def __init__(self, model: mujoco.MjModel, batch: Batch) -> None:
-        self._model = model
-        self._batch = batch
-        self._varied: set[str] = set()
-
-    def apply(self, ids: NDArray[np.intp], randomisations: Sequence[Randomisation]) -> None:
-        """Give simulations `ids` their factors, always on the figures of the scene's own fly."""
-        if any(drawn.missing_leg for drawn in randomisations):
-            self._varied |= {"mass", "missing_leg"}
-        for quantity, fields in _SCALED.items():
-            factors = np.array([getattr(drawn, quantity) for drawn in randomisations])
-            if quantity not in self._varied and (factors == 1.0).all():
-                continue
-            self._varied.add(quantity)
-            for name, index in fields:
-                own = getattr(self._model, name)[index]
-                values = self._batch.expand(name)[(slice(None), *index)]
+    is_cut = any(drawn.missing_leg for drawn in randomisations) or _has_cut(batch)
+    for quantity, fields in _SCALED.items():
+        factors = np.array([getattr(drawn, quantity) for drawn in randomisations])
+        differs = (factors != 1.0).any() or (is_cut and quantity == "mass")
+        for name, index in fields:
+            if differs or batch.expanded(name) is not None:
+                own = getattr(model, name)[index]
+                values = batch.expand(name)[(slice(None), *index)]
                 values[ids] = own * factors.reshape(-1, *(1,) * own.ndim)
-        if "missing_leg" in self._varied:
-            for sim, drawn in zip(ids, randomisations, strict=True):
-                self._cut(sim, drawn)
-        if "mass" in self._varied:
-            # what MuJoCo derives from masses when it compiles a model
-            self._batch.set_const(ids)
+    if is_cut:
+        for sim, drawn in zip(ids, randomisations, strict=True):
+            _cut(model, batch, sim, drawn)
+    if batch.expanded("body_mass") is not None:
+        # what MuJoCo derives from masses when it compiles a model
+        batch.set_const(ids)
 
-    def _cut(self, sim: np.intp, drawn: Randomisation) -> None:
-        """Leave of the missing leg what `FlyConfig.missing_legs` leaves, and all of the others."""
-        model, fields = self._model, ("numeric_data", "geom_conaffinity", "pair_margin")
-        for name in fields:
-            self._batch.expand(name)[sim] = getattr(model, name)
-        leg, is_missing = drawn.missing_leg, self._is_missing(sim)
-        if leg is None or is_missing[LEGS.index(leg)]:
-            return
-        is_missing[LEGS.index(leg)] = 1.0
-        bodies = _bodies(model, leg)
-        geoms = np.isin(model.geom_bodyid, bodies)
-        for name in ("body_mass", "body_inertia"):
-            ghost = GHOST * getattr(model, name)[bodies]
-            self._batch.expand(name)[sim, bodies] = ghost * drawn.mass
-        self._batch.expand("geom_conaffinity")[sim, geoms] = 0
-        pairs = geoms[model.pair_geom1] | geoms[model.pair_geom2]
-        self._batch.expand("pair_margin")[sim, pairs] = _NEVER
 
-    def _is_missing(self, sim: np.intp | int) -> NDArray[np.float64]:
-        """Whether each leg is missing, as the callbacks read it: a live view, (6,)."""
-        engine = self._batch.expand("numeric_data")[sim, :ENGINE_SIZE].view(ENGINE)[0]
-        return np.asarray(engine["is_missing"])
+def _cut(model: mujoco.MjModel, batch: Batch, sim: np.intp, drawn: Randomisation) -> None:
+    """Leave of the missing leg what `FlyConfig.missing_legs` leaves, and all of the others."""
+    for name in ("numeric_data", "geom_conaffinity", "pair_margin"):
+        batch.expand(name)[sim] = getattr(model, name)
+    leg, is_missing = drawn.missing_leg, _is_missing(batch, sim)
+    if leg is None or is_missing[LEGS.index(leg)]:
+        return
+    is_missing[LEGS.index(leg)] = 1.0
+    bodies = _bodies(model, leg)
+    geoms = np.isin(model.geom_bodyid, bodies)
+    for name in ("body_mass", "body_inertia"):
+        ghost = GHOST * getattr(model, name)[bodies]
+        batch.expand(name)[sim, bodies] = ghost * drawn.mass
+    batch.expand("geom_conaffinity")[sim, geoms] = 0
+    pairs = geoms[model.pair_geom1] | geoms[model.pair_geom2]
+    batch.expand("pair_margin")[sim, pairs] = _NEVER
 
-    def show(self, sim: int, model: mujoco.MjModel) -> None:
-        """Hide the leg that a simulation lacks in a model that is drawn, and show the others."""
-        if "missing_leg" not in self._varied:
-            return
-        for leg, is_missing in zip(LEGS, self._is_missing(sim), strict=True):
-            is_drawn = np.isin(model.geom_group, (VISUAL_GROUP, HIDDEN_GROUP))
-            geoms = np.isin(model.geom_bodyid, _bodies(model, leg)) & is_drawn
-            model.geom_group[geoms] = HIDDEN_GROUP if is_missing else VISUAL_GROUP
+
+def show_legs(batch: Batch, sim: int, model: mujoco.MjModel) -> None:
+    """Hide the leg that a simulation lacks in a model that is drawn, and show the others."""
+    if not _has_cut(batch):
+        return
+    for leg, is_missing in zip(LEGS, _is_missing(batch, sim), strict=True):
+        is_drawn = np.isin(model.geom_group, (VISUAL_GROUP, HIDDEN_GROUP))
+        geoms = np.isin(model.geom_bodyid, _bodies(model, leg)) & is_drawn
+        model.geom_group[geoms] = HIDDEN_GROUP if is_missing else VISUAL_GROUP
+
+
+def _has_cut(batch: Batch) -> bool:
+    """Whether a simulation lacks a leg that the model has, or did."""
+    return batch.expanded("numeric_data") is not None
+
+
+def _is_missing(batch: Batch, sim: np.intp | int) -> NDArray[np.float64]:
+    """Whether each leg is missing, as the callbacks read it: a live view, (6,)."""
+    engine = batch.expand("numeric_data")[sim, :ENGINE_SIZE].view(ENGINE)[0]
+    return np.asarray(engine["is_missing"])
 
 
 def _bodies(model: mujoco.MjModel, leg: Leg) -> list[int]:

@@ -122,10 +122,6 @@ class BodyRenderer:
         """Point the camera at the body that is posed now; return where it is, mm, (3,)."""
         raise NotImplementedError
 
-    def _point(self, aim: tuple[float, float, float]) -> None:
-        """Set azimuth and elevation, degrees, and distance, mm, of the camera."""
-        self._camera.azimuth, self._camera.elevation, self._camera.distance = aim
-
     def _marks(self, batch: Any, sim: int) -> list[Mark]:
         """What is drawn into the scene."""
         return []
@@ -145,7 +141,8 @@ class FlyRenderer(BodyRenderer):
         self._leg_colours = LegColours(self._model) if self._overlay.leg_colours else None
         self._traces: dict[int, Trace] = {}
         self._feet = [self._model.body(name).id for name in END_EFFECTORS]
-        self._point(_CAMERAS[self._view])
+        camera = self._camera
+        camera.azimuth, camera.elevation, camera.distance = _CAMERAS[self._view]
         self._aim: tuple[tuple[float, ...], NDArray[np.float64], float] | None = None
 
     def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
@@ -291,14 +288,11 @@ def can_draw_in_threads() -> bool:
     return _is_without_screen() or name in ("mujoco.egl", "mujoco.osmesa")
 
 
-_CRAWLING: Final[dict[Camera, tuple[float, float, float]]] = {
+_WORM_CAMERAS: Final = {
     # azimuth and elevation in degrees, distance in lengths of the worm
-    "follow": (120.0, -38.0, 1.7),
-    "top": (90.0, -89.0, 2.6),
-}
-_HANGING: Final[dict[Camera, tuple[float, float, float]]] = {
+    "crawling": (120.0, -38.0, 1.7),
     # from the worm's side, so that it bends in the plane of the picture
-    "follow": (90.0, -6.0, 2.1),
+    "hanging": (90.0, -6.0, 2.1),
     "top": (90.0, -89.0, 2.6),
 }
 
@@ -324,10 +318,11 @@ class WormRenderer(BodyRenderer):
         body = self._config.body
         self._segments = [self._model.geom(f"Segment{i + 1}").id for i in range(body.segments)]
         length = body.segments * body.segment_length
-        self._crawls = body.mount == "crawling"
-        azimuth, elevation, lengths = (_CRAWLING if self._crawls else _HANGING)[self._view]
-        self._point((azimuth, elevation, lengths * length))
-        self._aside = length * np.array(_ASIDE) if self._view == "follow" else np.zeros(3)
+        self._crawls, is_top = body.mount == "crawling", self._view == "top"
+        camera = self._camera
+        azimuth, elevation, lengths = _WORM_CAMERAS["top" if is_top else body.mount]
+        camera.azimuth, camera.elevation, camera.distance = azimuth, elevation, lengths * length
+        self._aside = np.zeros(3) if is_top else length * np.array(_ASIDE)
 
     def _look(self, goal: tuple[float, ...]) -> NDArray[np.float64]:
         middle: NDArray[np.float64] = self._data.geom_xpos[self._segments].mean(axis=0)

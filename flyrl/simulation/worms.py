@@ -15,20 +15,13 @@ from flyrl.simulation.physics import PHYSICS_PRESETS, apply_physics
 from flyrl.simulation.rendering import WormRenderer
 from flyrl.simulation.scene import Scene, SceneConfig, pair_with_planes
 from flyrl.terrains import add_terrain
-from flyrl.validation import FloatArray, float_array, one_of
+from flyrl.terrains.geoms import add_sky
+from flyrl.validation import FloatArray, one_of
 
 
 def add_surroundings(spec: mujoco.MjSpec) -> None:
     """Add a sky, and what holds a worm's first segment, to its specification, in place."""
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.62, 0.69, 0.76),
-        rgb2=(0.88, 0.90, 0.92),
-        width=64,
-        height=64 * 6,
-    )
+    add_sky(spec, (0.62, 0.69, 0.76), (0.88, 0.90, 0.92), pixels=64)
     radius = spec.geom("Segment1").size[0]
     spec.worldbody.add_geom(
         name="holder",
@@ -173,7 +166,9 @@ class WormBatch(Batch):
         self._crawls = scene.config.body.mount == "crawling"
 
     def start(self, ids: Ids, episodes: Sequence[Any]) -> None:
-        """Put worms where episodes start, straight where these do not say how bent.
+        """Put worms at rest where episodes start, straight where these do not say how bent.
+
+        No more than the first neuron is recruited. The others are not touched.
 
         Raises
         ------
@@ -187,52 +182,26 @@ class WormBatch(Batch):
                     f"joint_angles of the episode must be {joints} angles, or none, got "
                     f"{len(episode.joint_angles)}"
                 )
-        self.reset(
-            ids,
-            np.array([episode.spawn_position_w[:2] for episode in episodes]),
-            np.array([episode.spawn_yaw for episode in episodes]),
-            np.array([episode.joint_angles or (0.0,) * joints for episode in episodes]),
-        )
-
-    def reset(
-        self, ids: Ids, positions_w: ArrayLike, yaws: ArrayLike, joint_angles: ArrayLike
-    ) -> None:
-        """Put worms at rest, with no more than the first neuron recruited; leave the others alone.
-
-        Parameters
-        ----------
-        ids
-            Simulations to reset, sorted, (k,).
-        positions_w
-            Where the mean of the segments' middles is, mm, (k, 2); of a hanging worm 0.
-        yaws
-            Direction from the last segment's middle to the first one's, rad, (k,); of a hanging
-            worm 0.
-        joint_angles
-            rad, (k, J).
-
-        Raises
-        ------
-        ValueError
-            If the shapes differ from these, or a hanging worm is to be anywhere else.
-        """
-        if len(ids) == 0:
-            return
-        scene, k = self.scene, len(ids)
-        places = float_array("positions_w", positions_w, (k, 2))
-        headings = float_array("yaws", yaws, (k,))
-        angles = float_array("joint_angles", joint_angles, (k, len(scene.joint_qpos)))
-        for name, given in (("spawn_position", places), ("spawn_yaw", headings)):
-            if not self._crawls and given.any():
-                raise ValueError(f"{name} of a hanging worm must be 0, got {given[given != 0][0]}")
+            asked = (
+                ("spawn_position", episode.spawn_position_w[:2]),
+                ("spawn_yaw", (episode.spawn_yaw,)),
+            )
+            for name, given in asked:
+                if not self._crawls and any(given):
+                    raise ValueError(
+                        f"{name} of a hanging worm must be 0, got {max(given, key=abs)}"
+                    )
         self._clear(ids)
-        self.set_command(np.zeros((k, len(scene.muscles))), ids)
-        self._qpos[np.ix_(ids, scene.joint_qpos)] = angles
+        self.set_command(np.zeros((len(ids), len(self.scene.muscles))), ids)
+        self._qpos[np.ix_(ids, self.scene.joint_qpos)] = [
+            episode.joint_angles or (0.0,) * joints for episode in episodes
+        ]
         self._forward(ids)
         if not self._crawls:
             return
         # its head is at x = y = yaw = 0 now: from there, turn it and move it
-        turns = headings - self._yaw()[ids]
+        places = np.array([episode.spawn_position_w for episode in episodes])
+        turns = [episode.spawn_yaw for episode in episodes] - self._yaw()[ids]
         x, y, _ = self._mean_middle()[ids].T
         cos, sin = np.cos(turns), np.sin(turns)
         self._qpos[ids, 0] = places[:, 0] - (cos * x - sin * y)
@@ -251,10 +220,8 @@ class WormBatch(Batch):
         ids
             Simulations, (k,).
         """
-        starts = self._pools.starts
         self._neurons[ids] = command
-        last = np.clip(self._neurons[ids], 0, np.diff(starts) - 1).astype(np.intp)
-        self._tensions[ids] = self._pools.recruitment[starts[:-1] + last]
+        self._tensions[ids] = self._pools.tensions(self._neurons[ids])
         self._ctrl[ids] = self._pools.strengths * self._tensions[ids]
 
     def state(self) -> WormState:

@@ -33,6 +33,8 @@ HEIGHT_FIELD: Final = "ground_heights"
 _WALKED_ON: Final = 0.01
 """mm; a plane that lies no lower than so below the base height is chequered, others are dark."""
 
+Colour = tuple[float, float, float]
+
 GROUND_GEOM: Final = {"conaffinity": 0, "group": 0, "friction": GROUND_FRICTION}
 """What all geoms of the ground have in common."""
 
@@ -44,15 +46,7 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     0: they touch what asks to be touched, and not each other. The boxes of `terrain.compiled` are
     `ground_0`, `ground_1`, … with consecutive ids.
     """
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.93, 0.95, 0.97),
-        rgb2=(0.62, 0.70, 0.78),
-        width=256,
-        height=1536,
-    )
+    add_sky(spec, (0.93, 0.95, 0.97), (0.62, 0.70, 0.78), pixels=256)
     ground, heights = terrain.compiled(), terrain.heights()
     has_boxes = len(ground.boxes.centres) > 0
     if has_boxes:
@@ -64,6 +58,19 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
         is_walked_on = ground.floor >= terrain.base_height - _WALKED_ON
         name = FLOOR if has_boxes or heights is not None else FLAT_GROUND
         _add_plane(spec, name, ground.floor, terrain.bounds, is_walked_on)
+
+
+def add_sky(spec: mujoco.MjSpec, top: Colour, bottom: Colour, pixels: int) -> None:
+    """Add a sky whose colour, red, green and blue, changes from top to bottom."""
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=top,
+        rgb2=bottom,
+        width=pixels,
+        height=6 * pixels,
+    )
 
 
 def box_colours(boxes: Boxes) -> FloatArray:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from flyrl.anatomy import JOINTS, RIGHT_LEG_MIRROR
-from flyrl.bodies.fly import FlyConfig, build_fly, spawn_offset, stretch_pose
+from flyrl.bodies.fly import FlyConfig, build_fly
 from flyrl.bodies.table import BodyName, body_table, symmetric_table
 
 pytestmark = pytest.mark.parametrize("name", get_args(BodyName))
@@ -15,18 +15,13 @@ pytestmark = pytest.mark.parametrize("name", get_args(BodyName))
 REFLECTION = np.diag([1.0, -1.0, 1.0])
 
 
-def posed(name, angles, symmetric=True):
-    config = FlyConfig(name, rigid_head=False, symmetric=symmetric)
-    model = build_fly(config, visual=False).compile()
+def posed(name, angles):
+    model = build_fly(FlyConfig(name, rigid_head=False), visual=False).compile()
     data = mujoco.MjData(model)
     for joint, angle in zip(JOINTS, angles, strict=True):
         data.joint(joint).qpos = angle
     mujoco.mj_forward(model, data)
     return model, data
-
-
-def mirrored(angles):
-    return (angles.reshape(2, 3, 7)[::-1] * RIGHT_LEG_MIRROR).ravel()
 
 
 def twin(model, body):
@@ -44,7 +39,7 @@ def test_mirrored_angles_give_the_mirror_image(name):
     """Masses, centres of mass, inertia tensors and places, in a pose drawn at random."""
     angles = np.random.default_rng(1).uniform(-1, 1, 42)
     model, data = posed(name, angles)
-    _, image = posed(name, mirrored(angles))
+    _, image = posed(name, (angles.reshape(2, 3, 7)[::-1] * RIGHT_LEG_MIRROR).ravel())
     for body in range(1, model.nbody):
         other = model.body(twin(model, model.body(body).name)).id
         assert model.body_mass[body] == model.body_mass[other]
@@ -72,19 +67,3 @@ def test_symmetry_moves_little(name):
             np.testing.assert_allclose(
                 sorted(row.inertia), sorted(before.inertia), rtol=0, atol=0.01 * max(row.inertia)
             )
-
-
-def test_a_symmetric_fly_is_placed_on_the_midline_in_a_symmetric_pose(name):
-    assert spawn_offset(FlyConfig(name))[1] == 0.0
-    np.testing.assert_allclose(mirrored(stretch_pose()), stretch_pose(), atol=1e-15)
-
-
-def test_joints_of_left_and_right_are_equally_stiff_and_damped(name):
-    rows = {row.name: row for row in symmetric_table(body_table(name)).bodies}
-    joints = {
-        row.name: [(joint.axis, joint.stiffness, joint.damping) for joint in row.joints]
-        for row in rows.values()
-    }
-    pairs = [(joints[left], joints[f"R{left[1:]}"]) for left in joints if left[0] == "L"]
-    assert len(pairs) > 24
-    assert all(left == right for left, right in pairs)

@@ -24,38 +24,20 @@ def on_the_ground(config):
     return load_creature(spec)
 
 
-def names(model, kind, count):
-    return [getattr(model, kind)(i).name for i in range(count)]
-
-
 # ------------------------------------------------------------------ the model
 
 
 def test_a_chain_of_segments_and_joints():
-    model = load_creature(build_worm(WormConfig(segments=4))).model
-    assert names(model, "body", model.nbody) == ["world", *(f"Segment{i}" for i in range(1, 5))]
-    assert names(model, "joint", model.njnt) == ["joint_1", "joint_2", "joint_3"]
-    assert [model.body(model.joint(f"joint_{i}").bodyid[0]).name for i in (1, 2, 3)] == [
-        "Segment2",
-        "Segment3",
-        "Segment4",
-    ]
-
-
-def test_a_segment_weighs_what_a_capsule_does():
-    """Cylinder of length 2 and radius 0.5, and a ball: 0.5 pi + pi / 6 mm³, of 3 g/mm³."""
-    config = WormConfig(segments=3, radius=0.5, segment_length=2.0, density=3.0)
-    model = build_worm(config).compile()
-    np.testing.assert_allclose(
-        model.body("Segment2").mass, 3 * (0.5 * math.pi + math.pi / 6), rtol=1e-12
-    )
-
-
-def test_joints_have_the_springs_dampers_ranges_and_axes_asked_for():
     config = WormConfig(
         segments=4, hinge_axes=("y", "z"), joint_stiffness=7, joint_damping=2, joint_range=0.5
     )
-    model = build_worm(config).compile()
+    model = load_creature(build_worm(config)).model
+    assert [model.body(i).name for i in range(5)] == [
+        "world",
+        *(f"Segment{i}" for i in (1, 2, 3, 4)),
+    ]
+    assert [model.joint(i).name for i in range(3)] == ["joint_1", "joint_2", "joint_3"]
+    assert model.jnt_bodyid.tolist() == [2, 3, 4]
     assert model.jnt_axis.tolist() == [[0, 1, 0], [0, 0, 1], [0, 1, 0]]
     assert model.jnt_stiffness.ravel()[:3].tolist() == [7, 7, 7]
     assert model.dof_damping.ravel()[:3].tolist() == [2, 2, 2]
@@ -63,18 +45,22 @@ def test_joints_have_the_springs_dampers_ranges_and_axes_asked_for():
     assert model.jnt_range.tolist() == [[-0.5, 0.5]] * 3
 
 
-def test_a_crawling_worm_can_neither_pitch_nor_roll():
-    model = load_creature(build_worm(WormConfig(segments=3, mount="crawling"))).model
-    assert names(model, "joint", model.njnt) == [*CRAWLING_ROOT, "joint_1", "joint_2"]
+def test_a_segment_weighs_what_a_capsule_does():
+    """Cylinder of length 2 and radius 0.5, and a ball: 0.5 pi + pi / 6 mm³, of 3 g/mm³."""
+    config = WormConfig(segments=3, radius=0.5, segment_length=2.0, density=3.0)
+    mass = build_worm(config).compile().body("Segment2").mass
+    np.testing.assert_allclose(mass, 3 * (0.5 * math.pi + math.pi / 6), rtol=1e-12)
+
+
+def test_a_crawling_worm_can_neither_pitch_nor_roll_and_touches_with_feet_without_weight():
+    config = WormConfig(segments=3, mount="crawling", radius=0.5)
+    model = build_worm(config).compile()
+    hanging = build_worm(replace(config, mount="hanging")).compile()
+    joints = [model.joint(i).name for i in range(model.njnt)]
+    assert joints == [*CRAWLING_ROOT, "joint_1", "joint_2"]
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     assert model.jnt_type[:4].tolist() == [slide, slide, slide, hinge]
     assert model.jnt_axis[:4].tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]]
-
-
-def test_feet_weigh_nothing_and_only_they_touch():
-    crawling = WormConfig(segments=3, mount="crawling", radius=0.5)
-    model = build_worm(crawling).compile()
-    hanging = build_worm(replace(crawling, mount="hanging")).compile()
     np.testing.assert_array_equal(model.body_mass, hanging.body_mass)
     np.testing.assert_array_equal(model.body_inertia, hanging.body_inertia)
     assert not hanging.geom_conaffinity.any()
@@ -146,19 +132,9 @@ def test_muscles_that_pull_at_random_do_not_explode_it(config):
     assert not creature.data.warning.number.any()
 
 
-# ------------------------------------------------------------------ errors
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"segments": 1}, "body.segments must be a whole number from 2 to 1000, got 1"),
-        ({"hinge_axes": ()}, "hinge_axes must name at least one axis"),
-    ],
-)
-def test_bad_settings(settings, message):
-    with pytest.raises(ValueError, match=message):
-        WormConfig(**settings)
+def test_a_worm_without_axes_is_refused():
+    with pytest.raises(ValueError, match="hinge_axes must name at least one axis"):
+        WormConfig(hinge_axes=())
 
 
 def test_the_demonstration_floats_upright_and_its_uppermost_segment_is_moved():

@@ -1,6 +1,6 @@
 import pytest
 
-from tests.muscles.images import save_profile
+from tests.muscles.creatures import save_profile
 
 
 @pytest.fixture

@@ -6,20 +6,18 @@ import pytest
 
 from flyrl.bodies.fly import build_fly
 from flyrl.muscles import attach_muscles, load_creature, movement
-from tests.muscles.creatures import CUSTOM, SITES, profile_of, specification
-from tests.muscles.images import save_profile
+from tests.muscles.creatures import CUSTOM, SITES, profile_of, save_profile, specification
 
 # ------------------------------------------------------------------ what is attached
 
 
 def test_muscles_come_in_the_order_of_their_sites(profiles):
     muscles = attach_muscles(specification(), profiles)
-    assert [(attached.name, attached.body) for attached in muscles] == [
-        ("M1", "low"),
-        ("M2", "arm"),
+    assert [(name, body, muscle.strength) for name, muscle, body in muscles] == [
+        ("M1", "low", 1.0),
+        ("M2", "arm", 5.0),
     ]
-    assert [attached.muscle.strength for attached in muscles] == [1.0, 5.0]
-    assert [attached.muscle.pool.forces.tolist() for attached in muscles] == [[0, 1, 3], [2, 2]]
+    assert [each.muscle.pool.forces.tolist() for each in muscles] == [[0, 1, 3], [2, 2]]
     names = [f"M{i}" for i in (5, 2, 9, 1)]
     sites = "".join(f'<site name="{name}"/>' for name in names)
     muscles = attach_muscles(specification(sites, profile_of(*names)), profiles)
@@ -68,16 +66,14 @@ def test_sites_keep_their_place_and_orientation_in_the_world(profiles):
             )
 
 
-def test_sensors_of_a_muscles_site_stay(profiles):
-    spec = specification(rest='<sensor> <framepos objtype="site" objname="M1"/> </sensor>')
-    model = load_creature(spec, profiles).model
-    assert model.site(model.sensor_objid[0]).name == "M1"
-
-
-def test_defaults_for_motors_do_not_bound_a_muscle(profiles):
-    rest = """<default> <motor ctrlrange="-0.1 0.1" forcerange="-0.1 0.1" gear="7"/> </default>"""
+def test_what_refers_to_a_site_and_defaults_for_motors_do_no_harm(profiles):
+    rest = """
+        <default> <motor ctrlrange="-0.1 0.1" forcerange="-0.1 0.1" gear="7"/> </default>
+        <sensor> <framepos objtype="site" objname="M1"/> </sensor>
+    """
     creature = pulling(specification(rest=rest), profiles, [2, 1])
     np.testing.assert_allclose(creature.data.actuator_force, [1.0, 5.0])
+    assert creature.model.site(creature.model.sensor_objid[0]).name == "M1"
 
 
 # ------------------------------------------------------------------ how it turns
@@ -141,8 +137,13 @@ def test_a_muscle_with_an_anchor_turns_the_joint_and_not_the_creature(profiles):
 # ------------------------------------------------------------------ what is wrong with a model
 
 
-def one_muscle(profile="steep.png", more=""):
-    return specification('<site name="M"/>', f'<text name="M/profile" data="{profile}"/>{more}')
+def one_muscle(profile="steep.png", more="", **model):
+    custom = f'<text name="M/profile" data="{profile}"/>{more}'
+    return specification('<site name="M"/>', custom, **model)
+
+
+def strong(data):
+    return one_muscle(more=f'<numeric name="M/strength" {data}/>')
 
 
 def nested():
@@ -151,10 +152,6 @@ def nested():
     spec.delete(spec.body("muscles"))
     spec.body("a").add_body(name="muscles").add_site(name="M")
     return spec
-
-
-def strong(data):
-    return one_muscle(more=f'<numeric name="M/strength" {data}/>')
 
 
 @pytest.mark.parametrize(
@@ -173,24 +170,22 @@ def strong(data):
             "muscle 'M1': an actuator has that name already",
         ),
         (lambda: specification('<site name="M"/>', ""), "'M' has no profile: .*'M/profile'"),
+        (
+            lambda: specification('<site name="M"/>', profile_of("M"), '<geom size="1"/>'),
+            "no body to",
+        ),
         (lambda: strong('data="-2"'), "'M': M/strength must be a finite .* at least 0, got -2.0"),
         (lambda: strong('data="1 2"'), r"M/strength must be one number, got \[1.0, 2.0\]"),
         (lambda: strong('size="3" data="1"'), "M/strength must be one number"),
+        (lambda: one_muscle("white.png"), r"muscle 'M': .*white\.png: its first row is all white"),
         (lambda: anchored("lwo"), "'M2': M2/anchor must be one of .* did you mean 'low'"),
         (lambda: anchored("arm"), "'M2' acts on body 'arm', its anchor: take another"),
     ],
 )
 def test_what_is_wrong_with_a_model_is_said(spec, message, profiles):
+    save_profile(profiles / "white.png", [0, 0])
     with pytest.raises(ValueError, match=message):
         attach_muscles(spec(), profiles)
-
-
-def test_a_profile_that_is_missing_or_useless(profiles):
-    with pytest.raises(FileNotFoundError, match=r"muscle 'M': .*none\.png: there is no such file"):
-        attach_muscles(one_muscle("none.png"), profiles)
-    save_profile(profiles / "white.png", [0, 0])
-    with pytest.raises(ValueError, match=r"muscle 'M': .*white\.png: its first row is all white"):
-        attach_muscles(one_muscle("white.png"), profiles)
 
 
 def test_no_profile_lies_elsewhere(profiles):
@@ -200,6 +195,8 @@ def test_no_profile_lies_elsewhere(profiles):
     for profile in ("../outside.png", str(outside), "link.png", ".", "../profiles"):
         with pytest.raises(ValueError, match="muscle 'M': its profile must be a file in "):
             attach_muscles(one_muscle(profile), profiles)
+    with pytest.raises(FileNotFoundError, match=r"muscle 'M': .*none\.png: there is no such file"):
+        attach_muscles(one_muscle("none.png"), profiles)
     (profiles / "legs").mkdir()
     save_profile(profiles / "legs" / "even.png", [1, 1])
     (attached,) = attach_muscles(one_muscle("legs/even.png"), profiles)

@@ -13,6 +13,10 @@ def bodies_of(profiles, bodies, pos="0 0 0"):
     return [attached.body for attached in attach_muscles(spec, profiles)]
 
 
+def ball(name, pos, radius):
+    return f'<body name="{name}" pos="{pos}"> <geom size="{radius}"/> </body>'
+
+
 FAR = """
     <body name="near" pos="0 0 3"> <geom size="0.5"/> </body>
     <body name="far" pos="90 0 0"> <geom size="1"/> <geom size="1" pos="-88 0 0"/> </body>
@@ -24,32 +28,17 @@ FAR = """
     ("nearest", "pos", "bodies"),
     [
         # a large ball, 3 - 2.5 = 0.5 off; a small one whose centre is nearer, 2 - 0.1 = 1.9 off
-        (
-            "large",
-            "0 0 0",
-            """<body name="small" pos="2 0 0"> <geom size="0.1"/> </body>
-               <body name="large" pos="-3 0 0"> <geom size="2.5"/> </body>""",
-        ),
+        ("b", "0 0 0", ball("a", "2 0 0", 0.1) + ball("b", "-3 0 0", 2.5)),
         # the second geom of a body is nearest; its own frame is far away. So is a box's middle
         ("far", "0 0 0", FAR),
         ("box", "0 3 -1", FAR),
         # 0.2 inside of one ball, 0.7 inside of the other
-        (
-            "deep",
-            "0 0 0",
-            """<body name="shallow" pos="0.8 0 0"> <geom size="1"/> </body>
-               <body name="deep" pos="-1.3 0 0"> <geom size="2"/> </body>""",
-        ),
-        # the world does not count
-        (
-            "far",
-            "0 0 1",
-            '<geom size="1"/> <body name="far" pos="50 0 0"> <geom size="1"/> </body>',
-        ),
+        ("b", "0 0 0", ball("a", "0.8 0 0", 1) + ball("b", "-1.3 0 0", 2)),
     ],
 )
 def test_the_nearest_surface_counts(nearest, pos, bodies, profiles):
-    assert bodies_of(profiles, bodies, pos) == [nearest]
+    """The world, which is at the muscle, does not."""
+    assert bodies_of(profiles, f'<geom pos="{pos}" size="1"/> {bodies}', pos) == [nearest]
 
 
 @pytest.mark.parametrize("order", [("left", "right"), ("right", "left")])
@@ -73,8 +62,3 @@ def test_the_initial_pose_counts(profiles):
     spec = specification('<site name="M" pos="0 3 0"/>', profile_of("M"), bodies)
     spec.add_key(name="home", qpos=[np.pi / 2])
     assert [attached.body for attached in attach_muscles(spec, profiles)] == ["post"]
-
-
-def test_without_any_body(profiles):
-    with pytest.raises(ValueError, match="muscle 'M' has no body to act on"):
-        bodies_of(profiles, '<geom size="1"/><body name="a"/>')

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from flyrl.report.gallery import GALLERY, muscle_plot
-from tests.muscles.images import save_profile
+from tests.muscles.creatures import save_profile
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "gallery.md").read_text()

@@ -61,10 +61,12 @@ def test_the_video_shows_the_bar_and_the_worm_that_bends(worm, tmp_path):
 
 
 def test_the_table_holds_what_every_step_came_to(worm):
+    """The pool is human-like: its second half gives ten elevenths of the force."""
     assert worm.table["n"].tolist() == [0, 150, 300]
     assert worm.table["tension"].iloc[[0, 2]].tolist() == [0, 1]
-    assert worm.table["bend_deg"].iloc[0] == pytest.approx(0, abs=1e-6)
-    assert (np.diff(worm.table["bend_deg"]) > 0).all()
+    at_rest, half, whole = worm.table["bend_deg"]
+    assert at_rest == pytest.approx(0, abs=1e-6)
+    assert whole > 5 * half > 0
 
 
 def test_video_and_table_are_written(worm, tmp_path):

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 import threading
+from dataclasses import replace
+from itertools import zip_longest
 from typing import Any
 
 import mujoco
@@ -17,7 +19,10 @@ from flyrl.simulation import callback, engine, native
 from flyrl.simulation.engine import layout
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.physics import PhysicsConfig
+from flyrl.simulation.randomisation import Randomisation
 from flyrl.simulation.scene import SceneConfig, build_scene
+from flyrl.tasks import Episode
+from flyrl.tasks.episode import draw_oscillators
 from flyrl.terrains import TERRAINS, Prop
 
 FINE = PhysicsConfig(timestep=2e-4, contact=ContactConfig())
@@ -45,46 +50,41 @@ def make_batch(
         props=props,
     )
     batch = FlyBatch(build_scene(config), num_sims, num_threads=1)
-    reset(batch)
+    start(batch)
     return batch
 
 
-def reset(batch: FlyBatch, states: list[np.void] | None = None, latencies: Any = None) -> None:
-    n = batch.num_sims
-    config = batch.scene.config
-    places = np.tile([0.0, 0.0, config.terrain.base_height + 0.5], (n, 1))
-    states = states or [config.controller.initial_state(3 + i) for i in range(n)]
-    batch.reset(np.arange(n), places, np.zeros(n), states, latencies)
+def start(batch: FlyBatch, *changes: dict[str, Any]) -> None:
+    """Put flies at rest at the origin; with changes, fly by fly, of their episodes."""
+    z = batch.scene.config.terrain.base_height + 0.5
+    seeds = range(3, 3 + batch.num_sims)
+    usual = [Episode(seed, (0.0, 0.0, z), 0.0, (), *draw_oscillators(seed)) for seed in seeds]
+    changed = zip_longest(usual, changes, fillvalue={})
+    batch.start(np.arange(len(usual)), [replace(each, **given) for each, given in changed])
 
 
-def test_with_latency_a_fly_moves_as_one_that_is_told_so_much_later() -> None:
-    """To the bit, with several drives on their way, and with none in a fly without latency."""
-    late, timely = make_batch(num_sims=2, queue_places=3), make_batch()
-    reset(late, [timely.scene.config.controller.initial_state(3)] * 2, [137, 0])
-    for drive in ([1.0, 0.4], [0.3, 1.2], [1.5, 1.5]):
-        late.set_command(np.array([drive, drive]))
-        late.step(60)
-    late.step(30)
-    timely.step(137)
-    for drive in ([1.0, 0.4], [0.3, 1.2]):
-        timely.set_command(np.array([drive]))
-        timely.step(60 if drive[0] == 1.0 else 13)
-    np.testing.assert_array_equal(late._qpos[0], timely._qpos[0])
-    np.testing.assert_array_equal(late.userdata["arrived"], [[0.3, 1.2], [1.5, 1.5]])
-    np.testing.assert_array_equal(late.state().command, [[1.5, 1.5]] * 2)
+def walk(batch: FlyBatch, steps: int = 150) -> np.ndarray:
+    """Integration state after a walk in a curve."""
+    batch.set_command(np.tile([1.2, 0.4], (batch.num_sims, 1)))
+    batch.step(steps)
+    return batch.integration_state()
+
+
+def late(steps: int) -> dict[str, Any]:
+    """Change of an episode: latency of the drive, physics steps of `FINE`."""
+    return {"randomisation": Randomisation(drive_latency=steps * FINE.timestep)}
 
 
 def test_latency_without_a_queue_is_refused() -> None:
     with pytest.raises(ValueError, match="queue_places is 0"):
-        reset(make_batch(), latencies=[1])
+        start(make_batch(), late(1))
 
 
 @pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
 def test_contact_forces_equal_mujocos(cone: mujoco.mjtCone) -> None:
     """Segment by segment, against mj_contactForce on the same state."""
     batch = make_batch(terrain="blocks")
-    batch.set_command(np.array([[1.0, 0.7]]))
-    batch.step(1000)
+    walk(batch, 1000)
     model = batch._batch.get_model(0)
     model.opt.cone = cone
     is_elliptic = engine.ENGINE.fields["is_elliptic"][1] // 8
@@ -157,14 +157,10 @@ def test_somebody_elses_callback_is_an_error_and_is_not_overwritten(place, momen
 @pytest.mark.parametrize("place", ["control", "sensor"])
 def test_a_callback_that_somebody_removed_is_put_back(place) -> None:
     """To the bit: the fly walks as one whose callbacks nobody touched."""
-    batch, twin = make_batch(), make_batch()
-    batch.set_command(np.ones((1, 2)))
-    twin.set_command(np.ones((1, 2)))
-    twin.step(200)
-    batch.step(100)
+    batch = make_batch()
+    walk(batch, 100)
     set_callback(place, None)
-    batch.step(100)
-    np.testing.assert_array_equal(batch.integration_state(), twin.integration_state())
+    np.testing.assert_array_equal(walk(batch, 100), walk(make_batch(), 200))
 
 
 def test_mujoco_writes_no_log_into_the_users_folder(tmp_path, monkeypatch) -> None:

@@ -32,19 +32,14 @@ def test_an_arrow_is_as_long_as_the_force_on_all_of_its_leg():
     np.testing.assert_allclose(arrow.end, np.add(foot, (0.0, 0.0, 1.5)))
 
 
-def heights(terrain, places):
-    trace = Trace(terrain)
-    for i, x in enumerate(places):
-        trace.add(0.1 * i, np.array([x, -19.35, 1.3]), terrain.draw(0))
-    marks = trace.marks()
-    return np.array([marks[0].start[2], *(mark.end[2] for mark in marks)])
-
-
 def test_a_trace_lies_on_the_ground_and_spans_gaps():
     # a low block, a high one, a gap, and the slab beyond it
-    found = heights(Mixed(), [-2.05, -0.75, 0.55, 1.0])
-    np.testing.assert_allclose(found - found[0], [0.0, 0.35, 0.35, 0.35])
-    assert 0 < found[1] < 0.05
+    trace = Trace(Mixed())
+    for i, x in enumerate([-2.05, -0.75, 0.55, 1.0]):
+        trace.add(0.1 * i, np.array([x, -19.35, 1.3]), Mixed().draw(0))
+    ends = np.array([mark.end[2] for mark in trace.marks()])
+    np.testing.assert_allclose(ends - trace.marks()[0].start[2], [0.35, 0.35, 0.35])
+    assert 0 < ends[0] < 0.05
 
 
 def test_a_trace_starts_anew_with_an_episode():
@@ -92,39 +87,24 @@ def coloured(model: mujoco.MjModel, usual: np.ndarray) -> dict[str, tuple[float,
     }
 
 
-@pytest.fixture(scope="module")
-def model() -> mujoco.MjModel:
-    return build_scene(SceneConfig(), visual=True).model
-
-
 @pytest.mark.parametrize(
     ("field", "segments"),
     [("grips", TARSI), ("retracts", ("Tibia",)), ("stumbles", ("Femur",))],
 )
-def test_each_state_colours_its_segments_of_its_leg(
-    model: mujoco.MjModel, field: str, segments: tuple[str, ...]
-) -> None:
-    usual = model.geom_rgba.copy()
-    legs = LegColours(model)
-    legs.apply(states(**{field: "RM"}))
-    found = coloured(model, usual)
-    assert set(found) == {f"RM{segment}" for segment in segments}
-    for red, green, blue, opacity in found.values():
-        # of the hue that the legend names, and opaque
-        shares = np.array([red, green, blue]) / max(red, green, blue)
-        expected = np.array(LEG_COLOURS[field]) / max(LEG_COLOURS[field])
-        np.testing.assert_allclose(shares, expected, atol=1e-6)
-        assert opacity == 1.0
-    legs.apply(states())
-    np.testing.assert_array_equal(model.geom_rgba, usual)
-
-
-def test_a_missing_leg_has_nothing_to_colour() -> None:
+def test_each_state_colours_its_segments_of_its_leg(field, segments) -> None:
+    """As the legend says, and opaque; a leg that is missing has nothing to colour."""
     config = SceneConfig(body=FlyConfig(missing_legs=("LM",)))
     model = build_scene(config, visual=True).model
     usual = model.geom_rgba.copy()
     legs = LegColours(model)
-    legs.apply(states(grips="LM", retracts="LM", stumbles="LM"))
+    legs.apply(states(**{field: "LM"}))
     np.testing.assert_array_equal(model.geom_rgba, usual)
-    legs.apply(states(grips="LF"))
-    assert set(coloured(model, usual)) == {f"LF{segment}" for segment in TARSI}
+    legs.apply(states(**{field: "RM"}))
+    found = coloured(model, usual)
+    assert set(found) == {f"RM{segment}" for segment in segments}
+    for *colour, opacity in found.values():
+        hue = np.array(LEG_COLOURS[field]) / max(LEG_COLOURS[field])
+        np.testing.assert_allclose(np.array(colour) / max(colour), hue, atol=1e-6)
+        assert opacity == 1.0
+    legs.apply(states())
+    np.testing.assert_array_equal(model.geom_rgba, usual)

@@ -24,13 +24,18 @@ def fly_on(terrain):
     return spec
 
 
-def contacts_of(spec, height):
-    """Contacts of a fly in its zero pose, sorted by place."""
+def posed(spec, height):
+    """A fly in its zero pose."""
     model = spec.compile()
     data = mujoco.MjData(model)
     data.joint("root").qpos[2] = height
     mujoco.mj_forward(model, data)
-    return sorted(data.contact, key=lambda contact: tuple(contact.pos))
+    return model, data
+
+
+def contacts_of(spec, height):
+    """Sorted by place."""
+    return sorted(posed(spec, height)[1].contact, key=lambda contact: tuple(contact.pos))
 
 
 @pytest.mark.parametrize(
@@ -58,26 +63,17 @@ def test_pairs_give_the_contacts_that_contact_bits_give(terrain, height):
             np.testing.assert_array_equal(getattr(ours, figure), getattr(theirs, figure), figure)
 
 
-def test_every_plane_is_left_to_pairs():
+def test_every_plane_is_left_to_pairs_with_friction_across_along_the_second_tangent():
     spec = fly_on("flat")
     ledge = {"name": "ledge", "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (1, 1, 1)}
     spec.worldbody.add_geom(**ledge, contype=1, conaffinity=0)
-    pair_with_planes(spec)
-    assert len(spec.pairs) == 2 * 48
-    assert spec.geom("ground").contype == 0
-    assert {geom.conaffinity for geom in spec.geoms} == {0, 2}
-
-
-def test_friction_across_a_foot_is_that_of_the_contacts_second_tangent():
-    spec = fly_on("flat")
     pair_with_planes(spec, friction_across=0.4)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.joint("root").qpos[2] = 0.5
-    mujoco.mj_forward(model, data)
+    assert len(spec.pairs) == 2 * 48
+    assert {spec.geom(name).contype for name in ("ground", "ledge")} == {0}
+    assert {geom.conaffinity for geom in spec.geoms} == {0, 2}
+    _, data = posed(spec, 0.5)
     assert data.ncon > 0
     for contact in data.contact:
         np.testing.assert_array_equal(contact.friction, [0.7, 0.4, 0.01, 0.001, 0.001])
         axis = data.geom_xmat[contact.geom2].reshape(3, 3)[:, 2]
-        second_tangent = contact.frame.reshape(3, 3)[2]
-        assert abs(second_tangent @ axis) < 1e-12
+        assert abs(contact.frame.reshape(3, 3)[2] @ axis) < 1e-12

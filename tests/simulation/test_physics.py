@@ -8,7 +8,6 @@ from flyrl.simulation.physics import (
     PHYSICS_PRESETS,
     PRESET_VERSIONS,
     PhysicsConfig,
-    PresetVersion,
     preset_version,
 )
 
@@ -33,21 +32,19 @@ BALANCED_1 = replace(
 )
 
 
-@pytest.mark.parametrize("name", PHYSICS_PRESETS)
-def test_settings_tell_the_preset_and_its_version(name):
-    settings = asdict(PHYSICS_PRESETS[name])
-    expected = PresetVersion(name, PRESET_VERSIONS[name])
-    assert preset_version(settings) == expected
-    assert preset_version(json.loads(json.dumps(settings))) == expected
-
-
-@pytest.mark.parametrize(("settings", "version"), [(BALANCED_1, 1), (BALANCED_2, 2)])
-def test_an_earlier_version_is_known_by_its_settings(settings, version):
-    assert preset_version(asdict(settings)) == PresetVersion("balanced", version)
-
-
 @pytest.mark.parametrize(
-    "settings", [asdict(replace(PhysicsConfig(), timestep=2e-4)), {}, {"timestep": "balanced"}]
+    ("settings", "expected"),
+    [
+        *((PHYSICS_PRESETS[name], (name, PRESET_VERSIONS[name])) for name in PHYSICS_PRESETS),
+        (BALANCED_1, ("balanced", 1)),
+        (BALANCED_2, ("balanced", 2)),
+        (PhysicsConfig(timestep=2e-4), None),
+    ],
 )
-def test_other_settings_are_no_preset(settings):
-    assert preset_version(settings) is None
+def test_settings_tell_the_preset_and_its_version(settings, expected):
+    assert preset_version(asdict(settings)) == expected
+    assert preset_version(json.loads(json.dumps(asdict(settings)))) == expected
+
+
+def test_what_are_no_settings_is_no_preset():
+    assert preset_version({"timestep": "balanced"}) is None

@@ -15,6 +15,7 @@ from flyrl.simulation.rendering import (
     can_draw_in_threads,
 )
 from flyrl.simulation.scene import SceneConfig
+from flyrl.tasks import Episode
 from flyrl.terrains import TARGET_MARKER
 from tests.pictures import drawing
 from tests.simulation.test_callback import make_batch as make_flies
@@ -97,7 +98,7 @@ def test_the_worm_is_in_the_middle_third_and_all_of_it_in_the_picture(scene, cam
     """The only red thing; a crawling worm lies 60 mm off the middle of the ground."""
     batch = make_batch(scene)
     if scene is CRAWLING:
-        batch.reset(np.array([0]), [[60.0, 0.0]], np.ones(1), np.zeros((1, 5)))
+        batch.start(np.array([0]), [Episode(0, (60.0, 0.0, 0.0), 1.0, ())])
     is_worm = np.subtract(*np.moveaxis(drawn_worm(batch, camera), -1, 0)[:2]) > 30
     rows, columns = np.nonzero(is_worm)
     assert HEIGHT / 3 < rows.mean() < 2 * HEIGHT / 3

@@ -10,6 +10,7 @@ from flyrl.bodies.worm import CRAWLER, HANGER
 from flyrl.controllers import Hybrid
 from flyrl.simulation.scene import SceneConfig, build_scene
 from flyrl.simulation.worms import WormBatch
+from flyrl.tasks import Episode
 from flyrl.terrains import Prop
 
 CRAWLING = build_scene(SceneConfig(CRAWLER))
@@ -20,8 +21,7 @@ SCENES = pytest.mark.parametrize("scene", [CRAWLING, HANGING], ids=["crawling", 
 def make_batch(scene=CRAWLING, num_sims=1):
     """Straight worms at rest."""
     batch = WormBatch(scene, num_sims, num_threads=1)
-    angles = np.zeros((num_sims, len(scene.joint_qpos)))
-    batch.reset(np.arange(num_sims), np.zeros((num_sims, 2)), np.zeros(num_sims), angles)
+    batch.start(np.arange(num_sims), [Episode(0, (0.0, 0.0, 0.0), 0.0, ())] * num_sims)
     return batch
 
 
@@ -44,7 +44,8 @@ def test_a_command_gives_the_tensions_and_forces_of_the_class(scene):
     """Also beyond the pool of 16 neurons, on both sides."""
     neurons = np.random.default_rng(0).integers(-3, 20, (4, len(scene.muscles)))
     batch = make_batch(scene, num_sims=4)
-    batch.set_command(neurons)
+    for ids in ([1, 3], [0, 2]):
+        batch.set_command(neurons[ids], np.array(ids))
     batch.step()
     state = batch.state()
     ctrl = batch._batch.bind("ctrl")
@@ -62,12 +63,6 @@ def test_a_model_has_its_own_pools_and_strengths():
     batch.step()
     np.testing.assert_allclose(batch.state().tensions, 150 * 151 / (300 * 301), rtol=2e-3)
     np.testing.assert_array_equal(batch._batch.bind("ctrl"), 7.0 * batch.state().tensions)
-
-
-def test_neurons_can_be_set_for_some_worms_alone():
-    batch = make_batch(num_sims=3)
-    batch.set_command(np.full((1, 10), 5), np.array([1]))
-    assert batch.state().neurons[:, 0].tolist() == [0, 5, 0]
 
 
 # ------------------------------------------------------------------ motion
@@ -88,12 +83,9 @@ def crawled(body, strength=1.0, seconds=1.0):
     return batch.state().position_w[0, 0]
 
 
-def test_a_wave_of_tensions_crawls_and_resting_muscles_do_not():
+def test_a_wave_of_tensions_crawls_where_feet_slip_more_easily_along_than_across():
     assert crawled(CRAWLER) > 8.0
     assert abs(crawled(CRAWLER, strength=0.0, seconds=0.3)) < 1e-9
-
-
-def test_without_more_friction_across_than_along_it_does_not_get_far():
     assert abs(crawled(replace(CRAWLER, friction_along=1.0))) < 1.0
 
 
@@ -142,17 +134,17 @@ def test_the_velocity_is_that_of_the_centre_of_mass(scene):
         assert np.linalg.norm(state.velocity_w[sim]) > 0.1
 
 
-def test_reset_places_turns_and_bends_a_worm_and_leaves_the_others_alone():
+def test_an_episode_places_turns_and_bends_a_worm_and_leaves_the_others_alone():
     batch = make_batch(num_sims=3)
     wriggle(batch)
     before = batch.integration_state()
-    angles = np.array([[0.3, -0.2, 0.1, 0.5, 0.0]])
-    batch.reset(np.array([1]), [[4.0, -7.0]], [2.5], angles)
+    angles = (0.3, -0.2, 0.1, 0.5, 0.0)
+    batch.start(np.array([1]), [Episode(0, (4.0, -7.0, 0.0), 2.5, (), joint_angles=angles)])
     np.testing.assert_array_equal(batch.integration_state()[[0, 2]], before[[0, 2]])
     state = batch.state()
     np.testing.assert_allclose(state.position_w[1], (4.0, -7.0, 1.0), atol=1e-12)
     assert state.yaw[1] == pytest.approx(2.5)
-    np.testing.assert_array_equal(state.joint_angles[1], angles[0])
+    np.testing.assert_array_equal(state.joint_angles[1], angles)
     assert state.bend[1] == pytest.approx(0.7)
     at_zero = (state.time, state.velocity_w, state.neurons, state.tensions)
     assert not any(value[1].any() for value in at_zero)
@@ -182,20 +174,3 @@ def test_a_picture_has_the_same_pose(scene):
 def test_scenes_that_worms_do_not_have(settings, message):
     with pytest.raises(ValueError, match=message):
         SceneConfig(**{"body": CRAWLER, **settings})
-
-
-@pytest.mark.parametrize(
-    ("scene", "position", "yaw", "joints", "message"),
-    [
-        (CRAWLING, (0.0, 0.0, 1.0), 0.0, 5, r"positions_w must have shape \(1, 2\)"),
-        (CRAWLING, (0.0, 0.0), 0.0, 4, r"joint_angles must have shape \(1, 5\)"),
-        (HANGING, (0.0, 1.0), 0.0, 4, "hanging worm must be 0"),
-        (HANGING, (0.0, 0.0), 0.1, 4, "hanging worm must be 0"),
-    ],
-)
-def test_resets_that_cannot_be(scene, position, yaw, joints, message):
-    batch = make_batch(scene)
-    before = batch.integration_state()
-    with pytest.raises(ValueError, match=message):
-        batch.reset(np.array([0]), [position], np.ravel(yaw), np.full((1, joints), 0.1))
-    np.testing.assert_array_equal(batch.integration_state(), before)

@@ -38,11 +38,10 @@ def test_kinds_are_equally_likely():
 @pytest.mark.parametrize("kind", ANY.kinds)
 def test_a_ground_is_that_of_its_kinds_own_terrain(kind):
     (seed,) = seeds_of(kind, 1)
-    own, ground = ANY.parts[kind].draw(seed + 2**32, 0.7), ANY.draw(seed + 2**32, 0.7)
+    own, ground = (each.draw(seed + 2**32, 0.7) for each in (ANY.parts[kind], ANY))
+    height = ANY.parts[kind].base_height
     np.testing.assert_array_equal(own.boxes.half_sizes, ground.boxes.half_sizes)
-    np.testing.assert_allclose(
-        own.boxes.tops - ANY.parts[kind].base_height, ground.boxes.tops, atol=1e-12
-    )
+    np.testing.assert_allclose(own.boxes.tops - height, ground.boxes.tops, atol=1e-12)
     assert own.down == ground.down
     assert ground.shift == (own.shift if kind == "hills" else None)
 
@@ -60,9 +59,8 @@ def test_a_fly_walks_as_on_the_terrain_of_its_kind(env, kind, tolerance):
     alone = BatchedEnv(EnvConfig("target", terrain=part), FLIES, 1)
     episodes = []
     for episode in env.episodes:
-        x, y, z = episode.spawn_position_w
+        raised = np.add(episode.spawn_position_w, (0.0, 0.0, part.base_height))
         ground = episode.ground_seed if part.random else None
-        raised = (x, y, z + part.base_height)
         episodes.append(dataclasses.replace(episode, spawn_position_w=raised, ground=ground))
     alone.reset(episodes=episodes)
     for _ in range(4):
@@ -87,9 +85,8 @@ def test_targets_lie_all_around_on_every_kind():
     bounds = ANY.bounds
     assert (bounds.x_min, bounds.x_max, bounds.y_min, bounds.y_max) == (-20, 23, -20, 20)
     goals = [TASKS["target"]().sample_episode(ANY, seed).goal for seed in range(300)]
-    low, high = np.min(goals, axis=0), np.max(goals, axis=0)
-    assert (low < -13).all()
-    assert (high > 13).all()
+    assert (np.min(goals, axis=0) < -13).all()
+    assert (np.max(goals, axis=0) > 13).all()
     for kind in ("gapped", "blocks", "mixed"):
         boxes = dataclasses.replace(ANY, kinds=(kind,)).hull()
         assert (boxes.centres - boxes.half_sizes)[:, 0].min() <= -20

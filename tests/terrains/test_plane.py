@@ -5,19 +5,17 @@ import numpy as np
 import pytest
 
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.terrains import Air, Flat, Gapped, Mixed, Slope
+from flyrl.terrains import Air, Flat, Mixed, Slope
 from tests.terrains.test_rough import compiled
 
 
 def test_flat_is_one_plane_at_zero_chequered_in_squares_of_a_millimetre():
     model = compiled(Flat())
-    assert model.ngeom == 1
-    assert model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
-    np.testing.assert_array_equal(model.geom_pos[0], 0)
-    material = model.geom_matid[0]
+    assert model.geom_type.tolist() == [mujoco.mjtGeom.mjGEOM_PLANE]
+    np.testing.assert_array_equal(model.geom_pos, 0)
     # A picture of 2 x 2 squares; MuJoCo lays half as many pictures per mm as it is told.
-    assert model.mat_texuniform[material] == 1
-    np.testing.assert_array_equal(model.mat_texrepeat[material], [1.0, 1.0])
+    material = model.mat(model.geom_matid[0])
+    assert (material.texuniform, *material.texrepeat) == (1, 1.0, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +24,6 @@ def test_flat_is_one_plane_at_zero_chequered_in_squares_of_a_millimetre():
         (Flat, r"terrain\.random: got True, but flat has nothing to draw"),
         (Air, "but air has nothing to draw"),
         (Slope, "angle_range_deg or uphill_range_deg is a single value"),
-        (Gapped, "as long as gap_range is a single value"),
         (Mixed, "height_range or gap_range is a single value"),
     ],
 )
@@ -55,12 +52,6 @@ def test_random_slopes_are_drawn_from_their_range():
     assert 45 < max(angles) <= 50
 
 
-def test_gravity_pulls_down_the_slope():
-    env = BatchedEnv(EnvConfig("hybrid_turning", terrain=Slope(angle_range_deg=(30, 30))), 1, 1)
-    gravity = env.scene.model.opt.gravity
-    np.testing.assert_allclose(gravity, 9810 * np.array([-0.5, 0, -math.sqrt(0.75)]))
-
-
 def walked(terrain, drive=1.0):
     """Outcomes of four flies during 0.5 s, and how far they come, mm, (4,) each."""
     env = BatchedEnv(EnvConfig("hybrid_turning", terrain=terrain, decision_interval=0.02), 4, 1)
@@ -85,6 +76,8 @@ def test_a_fly_walks_over_hills():
 
 
 def test_every_fly_has_a_slope_of_its_own():
+    """To the bit that of a scene that is compiled with it, down which gravity pulls."""
+
     def made(num_envs, **settings):
         terrain = Slope(angle_range_deg=(0, 60), **settings)
         return BatchedEnv(EnvConfig("hybrid_turning", terrain=terrain), num_envs, 1)
@@ -95,6 +88,8 @@ def test_every_fly_has_a_slope_of_its_own():
     both.step(np.ones((2, 2)))
     for expected, episode in zip(both.flies.integration_state(), episodes, strict=True):
         single = made(1, seed=episode.ground_seed)
+        down = both.config.scene.terrain.draw(episode.ground_seed).down
+        np.testing.assert_allclose(single.scene.model.opt.gravity, 9810 * np.array(down))
         single.reset(episodes=[episode])
         single.step(np.ones((1, 2)))
         np.testing.assert_array_equal(single.flies.integration_state()[0], expected)

@@ -48,20 +48,23 @@ def test_labels_are_the_names():
     assert terrain_label("my_lab:Stairs", True) == "random_Stairs"
 
 
-@pytest.mark.parametrize("name", list(KINDS))
-def test_what_is_on_record_makes_the_same_terrain(name):
-    assert terrain_from(dataclasses.asdict(TERRAINS[name])) == TERRAINS[name]
-
-
-def test_a_record_may_name_random_ground():
-    assert terrain_from({"name": "random_blocks", "seed": 3}) == dataclasses.replace(
-        TERRAINS["random_blocks"], seed=3
-    )
-
-
-def test_records_of_0_1_held_the_settings_of_all_terrains():
-    record = {"name": "gapped", "seed": 3, "height_range": [0.35, 0.35], "gap_range": [0.1, 0.2]}
-    assert terrain_from(record) == Gapped(seed=3, gap_range=(0.1, 0.2))
+@pytest.mark.parametrize(
+    ("record", "terrain"),
+    [
+        *((dataclasses.asdict(TERRAINS[name]), TERRAINS[name]) for name in KINDS),
+        (
+            {"name": "random_blocks", "seed": 3},
+            dataclasses.replace(TERRAINS["random_blocks"], seed=3),
+        ),
+        # records of 0.1 held the settings of all terrains
+        (
+            {"name": "gapped", "seed": 3, "height_range": [0.35, 0.35], "gap_range": [0.1, 0.2]},
+            Gapped(seed=3, gap_range=(0.1, 0.2)),
+        ),
+    ],
+)
+def test_what_is_on_record_makes_the_same_terrain(record, terrain):
+    assert terrain_from(record) == terrain
 
 
 @pytest.mark.parametrize(
