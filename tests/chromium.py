@@ -12,7 +12,7 @@ BROWSER_VARIABLE = "FLYRL_BROWSER"
 
 
 @contextmanager
-def chromium():
+def chromium(*options):
     """Start the system's Chromium, or the one that the environment names; without one, skip."""
     path = find_browser()
     if path is None:
@@ -21,7 +21,7 @@ def chromium():
             f"or name the program in {BROWSER_VARIABLE}"
         )
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path)
+        browser = playwright.chromium.launch(executable_path=path, args=[*options])
         yield browser
         browser.close()
 

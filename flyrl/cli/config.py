@@ -1,13 +1,12 @@
 """From the composed config to the dataclasses that the rest of flyrl takes."""
 
 from collections.abc import Mapping
-from dataclasses import MISSING, fields
-from typing import Any, Final, get_args
+from dataclasses import MISSING, asdict, fields
+from typing import Any, Final
 
 from flyrl.envs.config import EnvConfig
 from flyrl.evaluation import EvaluationConfig
-from flyrl.evaluation.config import ENV_GROUPS
-from flyrl.simulation.rendering import Camera
+from flyrl.evaluation.config import ENV_GROUPS, ReportConfig
 from flyrl.training.algorithms import ALGORITHMS, AlgorithmConfig
 from flyrl.training.config import LARGEST_SEED, ScheduleConfig, TrainingConfig
 from flyrl.training.loggers import LOGGERS, LoggerConfig
@@ -91,18 +90,8 @@ def _logger_config(config: Mapping[str, Any]) -> LoggerConfig | None:
     return logger
 
 
-_OPTIONS: Final[Mapping[str, Any]] = {
-    "progress_bar": True,
-    "videos": True,
-    "camera": "goal",
-    "close_ups": True,
-    "drive_map": True,
-    "folder": None,
-}
+_OPTIONS: Final = {"progress_bar": True, "folder": None, **asdict(ReportConfig())}
 """Settings of an evaluation beside those of its EvaluationConfig: see docs/evaluation.md."""
-
-SHOWN: Final = ("videos", "camera", "close_ups", "drive_map")
-"""Those of them that say what the report shows: `flyrl.front.results.Shown`."""
 
 _OF_EVALUATION: Final = tuple(
     each.name
@@ -142,12 +131,16 @@ def evaluation_settings(config: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(own.get(key), str | int | float | Mapping) and not is_word:
             own[key] = [own[key]]
     options = {name: own.pop(name, default) for name, default in _OPTIONS.items()}
-    for name in ("progress_bar", "videos", "close_ups", "drive_map"):
-        one_of(name, options[name], (False, True))
-    one_of("camera", options["camera"], get_args(Camera))
+    one_of("progress_bar", options["progress_bar"], (False, True))
+    report_config(options)
     if options["folder"] is not None:
         file_path("folder", options["folder"])
     return {**own, **options}
+
+
+def report_config(settings: Mapping[str, Any]) -> ReportConfig:
+    """Parts of a report, from settings as `evaluation_settings` returns them."""
+    return ReportConfig(**{each.name: settings[each.name] for each in fields(ReportConfig)})
 
 
 def _varied(given: Any) -> dict[str, tuple[Any, ...]]:

@@ -6,6 +6,7 @@ import datetime
 import shlex
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,7 @@ def run(record: dict[str, Any], start: Start) -> None:
     SystemExit
         With status 1 if an entrant crashed, unless this is a job of a sweep.
     """
-    from flyrl.cli.config import SHOWN, evaluation_settings  # noqa: PLC0415
+    from flyrl.cli.config import evaluation_settings, report_config  # noqa: PLC0415
 
     settings = evaluation_settings(record)
     config, entrants = comparison(record, settings, start.command)
@@ -59,7 +60,7 @@ def run(record: dict[str, Any], start: Start) -> None:
         folder = results_folder(settings["folder"])
     try:
         results = compare(config, folder, entrants)
-        report = results.write(folder, **{name: settings[name] for name in SHOWN})
+        report = results.write(folder, **asdict(report_config(settings)))
         print(f"report: {report}")
     except KeyboardInterrupt:
         print(f"resume with: folder={folder}", file=sys.stderr)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,9 +45,9 @@ def run(record: dict[str, Any], start: Start) -> None:
     """
     # Imported here so that a mistyped key is reported at once, before torch and MuJoCo load.
     from flyrl.cli.config import (  # noqa: PLC0415
-        SHOWN,
         evaluation_settings,
         group,
+        report_config,
         training_config,
     )
     from flyrl.cli.evaluate import comparison  # noqa: PLC0415
@@ -98,7 +99,7 @@ def run(record: dict[str, Any], start: Start) -> None:
             folder = Path(settings["folder"] or run / "evaluation")
             with_policy, entrants = comparison(record, with_run, start.command)
             results = compare(with_policy, folder, entrants)
-            report = results.write(folder, **{name: settings[name] for name in SHOWN})
+            report = results.write(folder, **asdict(report_config(settings)))
             is_complete = results.is_complete
     if report is not None:
         print(f"report: {report}")

@@ -15,6 +15,7 @@ from flyrl.evaluation.studies import STUDIES
 from flyrl.simulation.batch import MOST_SIMS, MOST_THREADS
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import RandomisationConfig
+from flyrl.simulation.rendering import Camera
 from flyrl.tasks import Episode, Task, TaskSettings, with_time_limit
 from flyrl.terrains import Terrain, terrain_from
 from flyrl.validation import Within, check_fields, distinct, not_negative, one_of, within
@@ -225,3 +226,33 @@ class EvaluationConfig:
         """Episodes on `terrain` under a condition, the same ones for every entrant."""
         env = condition.env(self.env(terrain))
         return [condition.episode(env.sample_episode(seed)) for seed in self.seeds()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportConfig:
+    """Parts of a report beside its tables and figures; all of them, unless they are turned off.
+
+    Attributes
+    ----------
+    videos
+        Whether to film everyone, where a GL library can be used.
+    camera
+        From where they are filmed: "goal" (from the start towards it), "follow" or "top".
+    close_ups
+        Whether to show gait diagrams, curves over time, and what drives do.
+    drive_map
+        Whether these close-ups hold what each drive makes of a fly.
+
+    Raises
+    ------
+    ValueError
+        A value that is not allowed.
+    """
+
+    videos: bool = True
+    camera: Camera = "goal"
+    close_ups: bool = True
+    drive_map: bool = True
+
+    def __post_init__(self) -> None:
+        check_fields(self)

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
+import scipy  # whose `stats` takes a second to import: it is loaded where it is used
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 CONFIDENCE: Final = 0.95
 MIN_PAIRS: Final = 5
@@ -53,7 +53,7 @@ def success_rate(successes: int, n: int) -> Interval:
     """Success rate with its score interval (Wilson 1927, doi 10.1080/01621459.1927.10502953)."""
     if n == 0:
         return Interval(None, None, None, 0, "no episodes")
-    bounds = stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="wilson")
+    bounds = scipy.stats.binomtest(successes, n).proportion_ci(CONFIDENCE, method="wilson")
     return Interval(successes / n, float(bounds.low), float(bounds.high), n)
 
 
@@ -92,7 +92,7 @@ def paired_difference(differences: ArrayLike, rng: np.random.Generator) -> Inter
     with warnings.catch_warnings():
         # Reported below as a missing interval instead.
         warnings.simplefilter("ignore")
-        bounds = stats.bootstrap(
+        bounds = scipy.stats.bootstrap(
             (values,),
             np.mean,
             n_resamples=RESAMPLES,
@@ -122,7 +122,7 @@ def _mean(values: NDArray[np.float64], least: int, things: str, equal: str) -> I
 
 def _students(values: NDArray[np.float64]) -> tuple[float, float]:
     """Bounds of Student's t interval."""
-    bounds = stats.ttest_1samp(values, 0.0).confidence_interval(CONFIDENCE)
+    bounds = scipy.stats.ttest_1samp(values, 0.0).confidence_interval(CONFIDENCE)
     return float(bounds.low), float(bounds.high)
 
 
@@ -173,8 +173,8 @@ def p_value(differences: ArrayLike, rng: np.random.Generator) -> float | None:
         with warnings.catch_warnings():
             # that all differ by the same is no accident
             warnings.simplefilter("ignore")
-            return float(stats.ttest_1samp(values, 0.0).pvalue)
-    test = stats.permutation_test(
+            return float(scipy.stats.ttest_1samp(values, 0.0).pvalue)
+    test = scipy.stats.permutation_test(
         (values,),
         np.mean,
         permutation_type="samples",
@@ -196,7 +196,7 @@ def adjusted(p_values: Sequence[float | None]) -> list[float | None]:
     Benjamini & Hochberg 1995, doi 10.1111/j.2517-6161.1995.tb02031.x.
     """
     given = [p for p in p_values if p is not None]
-    corrected = iter(stats.false_discovery_control(given) if given else ())
+    corrected = iter(scipy.stats.false_discovery_control(given) if given else ())
     return [None if p is None else float(next(corrected)) for p in p_values]
 
 
@@ -233,7 +233,7 @@ def interquartile_mean(scores: ArrayLike, rng: np.random.Generator) -> Interval:
     -----
     Agarwal et al. 2021, https://arxiv.org/abs/2108.13264.
     """
-    return _over_runs(scores, lambda values: stats.trim_mean(values, 0.25, axis=-1), rng)
+    return _over_runs(scores, lambda values: scipy.stats.trim_mean(values, 0.25, axis=-1), rng)
 
 
 def performance_profile(
@@ -263,7 +263,7 @@ def _over_runs(scores: ArrayLike, statistic: Any, rng: np.random.Generator) -> I
         return Interval(value, None, None, runs, f"{runs} runs: an interval needs {MIN_RUNS}")
     if (np.ptp(table, axis=0) == 0).all():
         return Interval(value, None, None, runs, "all runs are equal")
-    bounds = stats.bootstrap(
+    bounds = scipy.stats.bootstrap(
         tuple(table.T),
         lambda *places, axis: statistic(np.concatenate(places, axis=axis)),
         n_resamples=RESAMPLES,

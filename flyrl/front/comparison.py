@@ -54,19 +54,30 @@ def group_runs(runs: Sequence[RunSummary]) -> list[Group]:
     for these, one counts. What follows from the task, terrain, algorithm, body or leg controller
     (the learning rate that is SAC's default, say) is not named beside it.
     """
-    chosen: dict[str, tuple[Settings, RunSummary]] = {}
-    for run in sorted(runs, key=lambda run: run.state != "finished"):
-        own = _settings(run)
-        chosen.setdefault(repr(sorted(own.items())), (own, run))
-    keys = [key for key in _differing([own for own, _ in chosen.values()]) if key != "seed"]
-    groups: dict[str, tuple[Settings, list[RunSummary]]] = {}
-    for own, run in chosen.values():
-        settings = {key: own.get(key) for key in keys}
-        groups.setdefault(repr(settings), (settings, []))[1].append(run)
+    runs = sorted(runs, key=lambda run: run.state != "finished")
+    settings = [_settings(run) for run in runs]
+    table = pd.DataFrame([{key: repr(value) for key, value in own.items()} for own in settings])
+    table = table.fillna(repr(None)).drop_duplicates()
+    keys = [key for key in map(str, table) if key != "seed" and _differs(table, key)]
+    groups: dict[tuple[str, ...], list[int]] = {}
+    for row in table.index:
+        groups.setdefault(tuple(table.loc[row, keys]), []).append(row)
     return [
-        Group(settings, len(members), tuple(run for run in members if run.state == "finished"))
-        for settings, members in groups.values()
+        Group(
+            {key: settings[rows[0]].get(key) for key in keys},
+            len(rows),
+            tuple(runs[row] for row in rows if runs[row].state == "finished"),
+        )
+        for rows in groups.values()
     ]
+
+
+def _differs(table: pd.DataFrame, key: str) -> bool:
+    """Whether a column has several values, also where the section of its key has the same name."""
+    section = key.partition(".")[0]
+    is_within = section != key and section in table
+    same = table[section] if is_within else pd.Series("", table.index)
+    return bool((table[key].groupby(same).nunique() > 1).any())
 
 
 def _settings(run: RunSummary) -> Settings:
@@ -84,20 +95,6 @@ def with_effect(settings: Settings, but: Sequence[str] = ()) -> Settings:
         for key, value in flat(settings).items()
         if not key.startswith(WITHOUT_EFFECT) or f"{key}.".startswith(tuple(f"{k}." for k in but))
     }
-
-
-def _differing(settings: Sequence[Settings]) -> list[str]:
-    """Keys whose values differ, also where the section of the key has the same name."""
-    texts = [{key: repr(value) for key, value in own.items()} for own in settings]
-    table = pd.DataFrame(texts).fillna(repr(None))
-
-    def differs(key: str) -> bool:
-        section = key.partition(".")[0]
-        is_within = section != key and section in table
-        same = table[section] if is_within else pd.Series("", table.index)
-        return bool((table[key].groupby(same).nunique() > 1).any())
-
-    return [*filter(differs, map(str, table))]
 
 
 def figures_of(groups: Sequence[Group]) -> dict[str, Figure]:

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Final, TypedDict, Unpack
+from typing import Any, Final
 
 from flyrl.controllers import Controller
 from flyrl.entry_points import is_entry_point, load_module
@@ -26,7 +26,7 @@ from flyrl.evaluation import (
     write_results,
 )
 from flyrl.evaluation import evaluate as walk_episodes
-from flyrl.evaluation.config import ENV_GROUPS
+from flyrl.evaluation.config import ENV_GROUPS, ReportConfig
 from flyrl.evaluation.episodes import drop_parts, episodes_digest
 from flyrl.evaluation.results import RESULTS_FILES
 from flyrl.files import OutputFolder, usable_folder, write_text
@@ -36,7 +36,6 @@ from flyrl.progress import progress_bar as make_bar
 from flyrl.report import read_origin, record_videos, write_report
 from flyrl.report.html import REPORT_FILE, Additions, format_report
 from flyrl.report.video import FILMED
-from flyrl.simulation.rendering import Camera
 from flyrl.tasks import Task, TaskSettings
 from flyrl.terrains import Flat, Terrain
 from flyrl.training.runs import is_run, read_run
@@ -44,27 +43,6 @@ from flyrl.validation import plain
 
 _MAX_LISTED: Final = 5
 """Episodes that differ from a report's which are listed one by one."""
-
-
-class Shown(TypedDict, total=False):
-    """Parts of a report beside its tables and figures; all of them, unless they are turned off.
-
-    Attributes
-    ----------
-    videos
-        Whether to film everyone, where a GL library can be used.
-    camera
-        From where they are filmed: "goal" (from the start towards it), "follow" or "top".
-    close_ups
-        Whether to show gait diagrams, curves over time, and what drives do.
-    drive_map
-        Whether these close-ups hold what each drive makes of a fly.
-    """
-
-    videos: bool
-    camera: Camera
-    close_ups: bool
-    drive_map: bool
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +65,7 @@ class Comparison(Results):
         """Whether everyone is in it: who crashed on a terrain is excluded there."""
         return not self.protocol["crashes"]
 
-    def report(self, path: str | Path = "report.html", **shown: Unpack[Shown]) -> Path:
+    def report(self, path: str | Path = "report.html", **shown: Any) -> Path:
         """Write the report to one HTML file that needs no other; return its path.
 
         Parameters
@@ -95,21 +73,21 @@ class Comparison(Results):
         path
             Of the file; its folder is made if missing.
         shown
-            See `Shown`.
+            Settings of `ReportConfig`: `videos`, `camera`, `close_ups`, `drive_map`.
 
         Raises
         ------
-        ValueError
-            There is no such camera.
+        TypeError, ValueError
+            There is no such setting, or value of one.
         OSError
             The file cannot be written.
         """
         path = Path(path)
         usable_folder(path.parent)  # before what takes long
-        write_text(path, format_report(self, **self._additions(**shown)))
+        write_text(path, format_report(self, **self._additions(ReportConfig(**shown))))
         return path
 
-    def write(self, folder: str | Path, **shown: Unpack[Shown]) -> Path:
+    def write(self, folder: str | Path, **shown: Any) -> Path:
         """Write all that `python evaluate.py` writes to a folder; return the report's path.
 
         That is results.json, episodes.csv and trajectories.npz, report.html, and the report's
@@ -120,7 +98,7 @@ class Comparison(Results):
         folder
             Made if missing.
         shown
-            See `Shown`.
+            Settings of `ReportConfig`: `videos`, `camera`, `close_ups`, `drive_map`.
 
         Raises
         ------
@@ -131,30 +109,23 @@ class Comparison(Results):
         OutputFolder(folder).check_free(REPORT_FILE)
         write_results(self, folder)
         drop_parts(folder)
-        return write_report(self, folder, **self._additions(**shown))
+        return write_report(self, folder, **self._additions(ReportConfig(**shown)))
 
-    def _additions(
-        self,
-        *,
-        videos: bool = True,
-        camera: Camera = "goal",
-        close_ups: bool = True,
-        drive_map: bool = True,
-    ) -> Additions:
+    def _additions(self, parts: ReportConfig) -> Additions:
         """Make what the report shows beside the results."""
         config, entrants = self.config, self.entrants
         missing = {(crash["controller"], crash["terrain"]) for crash in self.protocol["crashes"]}
-        view = replace(FILMED, camera=camera)
+        view = replace(FILMED, camera=parts.camera)
         has_walks = not config.vary  # a report of doses has no place for single walks
-        has_films = videos and has_walks
+        has_films = parts.videos and has_walks
         chosen = self.protocol.get("film")
         films = (config, entrants, missing, view, chosen)
         filmed, note = record_videos(*films) if has_films else ([], None)
         examples = []
         with make_bar(1, is_shown=config.progress, unit=" parts", description="reporting") as bar:
             terrain = config.terrain_configs[0]
-            has_map = close_ups and drive_map and config.legs is not None
-            if close_ups and has_walks:
+            has_map = parts.close_ups and parts.drive_map and config.legs is not None
+            if parts.close_ups and has_walks:
                 examples = walk_examples(config, entrants, self.examples, chosen)
             additions = Additions(
                 videos=filmed,
@@ -163,7 +134,7 @@ class Comparison(Results):
                 drive_map=measure_drive_map(config, Flat() if terrain.random else terrain)
                 if has_map
                 else None,
-                steering=measure_steering(config, entrants, terrain) if close_ups else None,
+                steering=measure_steering(config, entrants, terrain) if parts.close_ups else None,
                 curves=training_evaluations(self.protocol["entrants"]),
                 note=note,
             )

@@ -1,7 +1,6 @@
 """Errors of the user's end in one message; errors of ours keep their traceback."""
 
 import errno
-import subprocess
 import sys
 import warnings
 from pathlib import Path
@@ -9,9 +8,8 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
+from flyrl.cli.main import main
 from flyrl.cli.terminal import Failure, reported
-
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(
@@ -60,16 +58,11 @@ def test_output_that_was_closed_is_no_error(monkeypatch, stream):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
-@pytest.mark.parametrize("arguments", [("runs", "docs"), ("train", "--cfg", "all")])
-def test_output_that_is_full_is_an_error_in_one_line(arguments):
+@pytest.mark.parametrize("arguments", [["runs", "."], ["train", "--cfg", "all"]])
+def test_output_that_is_full_is_an_error_in_one_line(arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["flyrl"])
     with Path("/dev/full").open("w") as full:
-        ended = subprocess.run(
-            [sys.executable, "-m", "flyrl", *arguments],
-            cwd=ROOT,
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
-    assert ended.returncode == 2
-    assert ended.stderr == "error: [Errno 28] No space left on device\n"
+        monkeypatch.setattr(sys, "stdout", full)
+        assert main(arguments) == 2
+    assert capsys.readouterr().err == "error: [Errno 28] No space left on device\n"

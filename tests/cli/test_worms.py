@@ -1,4 +1,4 @@
-"""Worms from the command line: trained, gone on with, evaluated and reported."""
+"""Worms from the command line: trained, resumed, evaluated and reported."""
 
 import re
 import signal
@@ -19,15 +19,12 @@ TINY = (
 SHORT = ("task.time_limit=0.2", "episodes=2", "num_threads=1", "progress_bar=false", "folder=out")
 
 
-def walked(folder):
-    return load_results(folder).episodes["controller"].tolist()
-
-
 @pytest.mark.slow
-def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkeypatch):
+def test_a_worm_is_trained_resumed_and_compared_afterwards(tmp_path, run_here, monkeypatch):
     with monkeypatch.context() as patch:
         InterruptedAt(patch, decision=3)
-        interrupted = run_here("train.py", "task=worm_hang", *TINY)
+        given = ("task=worm_hang", *TINY, "training.progress_bar=true")
+        interrupted = run_here("train.py", *given)
     assert interrupted.returncode == 128 + signal.SIGTERM
     run = interrupted.stdout.splitlines()[-1].removeprefix("run: ")
     assert f"interrupted; resume with: resume={run}" in interrupted.stderr
@@ -35,7 +32,10 @@ def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkey
     assert (tmp_path / run / "learning_curve.svg").is_file()
     before = load_policy(tmp_path / run / "last.safetensors").bundle.training["decisions"]
     assert 32 <= before < 64
-    resumed = run_here("train.py", f"resume={run}", "video_after=false")
+
+    short = ("evaluation.episodes=2", "evaluation.videos=false", "evaluation.close_ups=false")
+    asked = (f"resume={run}", "video_after=false", "evaluate_after=true", *short)
+    resumed = run_here("train.py", *asked)
     assert resumed.returncode == 0, resumed.stderr
     bundle = load_policy(tmp_path / run / "last.safetensors").bundle
     assert bundle.squashing == "argmax"
@@ -43,25 +43,10 @@ def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkey
     assert bundle.training["decisions"] == 64
     assert bundle.env["controller"] is None
     assert read_run(tmp_path / run).state == "finished"
-
-    asked = (f"policies=[{run}]", "task=worm_hang", "videos=false", "close_ups=false", *SHORT)
-    compared = run_here("evaluate.py", *asked)
-    assert compared.returncode == 0, compared.stderr
-    assert walked(tmp_path / "out") == ["ppo"] * 2 + ["worm_reflex"] * 2 + ["relaxed"] * 2
-
-
-@pytest.mark.slow
-def test_the_continuous_variant_is_trained_and_compared_afterwards(tmp_path, run_here):
-    tiny = [item for item in TINY if not item.startswith("algo")]
-    own = ("algo=sac", "algo.learning_starts=16", "algo.batch_size=16", *tiny)
-    own += ("training.progress_bar=true",)
-    short = ("evaluation.episodes=2", "evaluation.videos=false", "evaluation.close_ups=false")
-    trained = run_here("train.py", "task=worm_crawl_box", *own, "evaluate_after=true", *short)
-    assert trained.returncode == 0, trained.stderr
-    run = tmp_path / trained.stdout.splitlines()[-1].removeprefix("run: ")
-    assert set(walked(run / "evaluation")) == {"sac", "worm_cpg", "relaxed"}
+    episodes = load_results(tmp_path / run / "evaluation").episodes
+    assert episodes["controller"].tolist() == ["ppo"] * 2 + ["worm_reflex"] * 2 + ["relaxed"] * 2
     # one bar for all of it
-    states = [state.strip() for state in trained.stderr.split("\r") if "%|" in state]
+    states = [state.strip() for state in resumed.stderr.split("\r") if "%|" in state]
     assert {state.split()[0] for state in states[1:]} == {"training", "evaluating", "reporting"}
     assert re.match(r"reporting +100%\|.*\[.*<00:00, .* parts/s\]", states[-1])
 

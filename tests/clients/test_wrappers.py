@@ -91,7 +91,7 @@ def film_one(folder):
 
 
 def film_many(folder):
-    env = make_vec(render_mode="rgb_array")
+    env = make_vec(render_mode="rgb_array", width=160, height=120)
     film(vector.RecordVideo(env, str(folder), video_aspect_ratio=(4, 1)))
 
 
@@ -112,7 +112,7 @@ def film_for_sb3(folder):
     ("record", "expected"),
     [
         (film_one, (5, 480, 640)),
-        (film_many, (5, 480, 1920)),
+        (film_many, (5, 120, 480)),
         (film_for_sb3, (4, 240, 160)),
     ],
 )

@@ -105,57 +105,25 @@ class Mine(CPG):
         output.angles[0] += {shift}
 """
 RUN = (
-    "import sys, numpy as np, gymnasium, flyrl\n"
-    "for name in sys.argv[1:]:\n"
-    "    env = gymnasium.make('flyrl/HybridTurning-v0', controller=name)\n"
-    "    env.reset(seed=0)\n"
-    "    env.step(np.ones(2, np.float32))\n"
+    "import numpy as np, gymnasium, flyrl\n"
+    "env = gymnasium.make('flyrl/HybridTurning-v0', controller='mine:Mine')\n"
+    "env.reset(seed=0)\n"
+    "env.step(np.ones(2, np.float32))\n"
     "print(env.unwrapped.core.flies.output['angles'][0, 0])\n"
 )
 
 
-@pytest.fixture(scope="module")
-def python(tmp_path_factory):
-    """Run Python in a folder with a cache of its own; `flyrl compile` has filled it."""
-    folder = tmp_path_factory.mktemp("own")
-    paths = {
-        "NUMBA_CACHE_DIR": str(folder / "cache"),
-        "PYTHONPATH": str(Path(flyrl.__file__).parents[1]),
-    }
-
-    def python(*arguments):
-        return subprocess.run(
-            [sys.executable, *arguments],
-            cwd=folder,
-            env=os.environ | paths,
+def test_a_kernel_is_compiled_once_and_again_when_its_file_changes(tmp_path) -> None:
+    def run(shift):
+        (tmp_path / "mine.py").write_text(COPY.format(shift=shift))
+        done = subprocess.run(
+            [sys.executable, "-c", RUN],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(Path(flyrl.__file__).parents[1])},
             capture_output=True,
             text=True,
             check=True,
         )
-
-    python.folder = folder
-    python.compiled = python("-m", "flyrl", "compile")
-    return python
-
-
-def test_that_something_is_compiled_is_said_once_per_process(python) -> None:
-    assert python.compiled.stderr.count("flyrl: compiling the controllers once") == 1
-
-
-def test_flyrl_compile_leaves_nothing_to_compile(python) -> None:
-    def compiled():
-        return sorted(python.folder.rglob("*.nbc"))
-
-    before = compiled()
-    assert python("-c", RUN, "cpg", "rule_based", "hybrid").stderr == ""
-    assert len(before) > 20
-    assert compiled() == before
-
-
-def test_a_kernel_is_compiled_once_and_again_when_its_file_changes(python) -> None:
-    def run(shift):
-        (python.folder / "mine.py").write_text(COPY.format(shift=shift))
-        done = python("-c", RUN, "mine:Mine")
         return float(done.stdout), "compiling" in done.stderr
 
     first, is_compiled = run(0.25)

@@ -1,4 +1,4 @@
-"""Blocks of the documentation: Python runs, a page in one namespace, of episodes one.
+"""Blocks of the documentation: Python runs, a page in one namespace, of episodes one short one.
 
 Settings, models and what programs print are read; for commands see test_commands.
 """
@@ -24,6 +24,10 @@ def test_every_block_is_of_a_language_that_is_run_or_checked(page):
     assert len(blocks(page, *LANGUAGES)) == len(found)
 
 
+RECIPES = r"flyrl\.(train|evaluate)\([^()]*progress_bar=False"
+"""Trainings and evaluations of tasks whose episodes are long, up to an argument."""
+
+
 @pytest.mark.parametrize("page", pages_with("python"))
 def test_the_python_of_a_page_runs(page, folder_of):
     folder_of(page)
@@ -33,6 +37,7 @@ def test_the_python_of_a_page_runs(page, folder_of):
     for example in examples:
         given = example.parsed
         shorter = re.sub(r"episodes=\d+", "episodes=1", given)
+        shorter = re.sub(RECIPES, r"\g<0>, time_limit=0.4", shorter)
         example.parsed = Lexeme(shorter, given.offset, given.line_offset)
         evaluate(example)
 

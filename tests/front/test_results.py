@@ -36,18 +36,19 @@ def results():
     [
         (
             {"entrants": ["cpg", "target-flat"], "terrains": ["flat", "blocks"], **SHORT},
-            "policies=[target-flat] controllers=[cpg] terrains=[flat,blocks] task.time_limit=0.4",
+            "policies=[target-flat] controllers=[cpg] terrains=[flat,blocks] episodes=2 "
+            "task.time_limit=0.4",
         ),
         # without a time limit of its own, the task ends after the same time
         (
-            {**SHORT, "entrants": "zero", "task": "hybrid_turning"},
-            "task=hybrid_turning controllers=[zero]",
+            {**SHORT, "entrants": "zero", "task": "hybrid_turning", "episodes": 1},
+            "task=hybrid_turning controllers=[zero] episodes=1",
         ),
     ],
 )
 def test_python_and_command_line_walk_the_same_bits(run_here, tmp_path, given, arguments):
     ours = flyrl.evaluate(**given)
-    short = "physics=fast episodes=2 progress_bar=false num_threads=1 folder=there"
+    short = "physics=fast progress_bar=false num_threads=1 folder=there"
     plain = ("videos=false", "close_ups=false")
     done = run_here("evaluate.py", *arguments.split(), *short.split(), *plain)
     assert done.returncode == 0, done.stderr

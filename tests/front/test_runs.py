@@ -1,9 +1,6 @@
 """Trainings from Python: the settings and the bits of the command line, and what a run gives."""
 
-import os
 import signal
-import threading
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +18,7 @@ from flyrl.training.config import config_from_keywords, training_record
 from flyrl.training.run_folder import checkpoint_file, create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
+from tests.training.test_resume import InterruptedAt
 
 SHORT_TARGET = replace(TASKS["target"](), time_limit_s=0.2)
 TINY = {
@@ -97,27 +95,21 @@ def test_a_run_has_its_learning_curve_as_a_table_and_loads_its_policy(run):
         run.policy("first")
 
 
-def test_ctrl_c_ends_a_training_in_order_and_it_is_resumed_to_the_same_bits(tmp_path):
-    longer = TINY | {"total_timesteps": 512, "evaluation_interval": 512}
-
-    def interrupt():
-        while not any((tmp_path / "part").glob("*/checkpoints/[!.]*.pt")):
-            time.sleep(0.01)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    threading.Thread(target=interrupt, daemon=True).start()
-    with pytest.raises(TrainingInterrupted) as caught:
-        flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "part", **longer)
-    run = caught.value.run
+def test_ctrl_c_ends_a_training_in_order_and_it_is_resumed_to_the_same_bits(
+    run, tmp_path, monkeypatch
+):
+    with monkeypatch.context() as patch, pytest.raises(TrainingInterrupted) as caught:
+        InterruptedAt(patch, decision=3, number=signal.SIGINT)
+        flyrl.train(SHORT_TARGET, runs_folder=tmp_path, **TINY)
+    part = caught.value.run
     assert isinstance(caught.value, KeyboardInterrupt)
-    assert run.interrupted_by == signal.SIGINT
-    assert 0 < run.policy("last").bundle.training["decisions"] < 512
+    assert part.interrupted_by == signal.SIGINT
+    assert 32 <= part.policy("last").bundle.training["decisions"] < 64
     with pytest.raises(ValueError, match=r"seed is 0 in its config\.yaml, not 1"):
-        flyrl.train(SHORT_TARGET, resume=run, **longer | {"seed": 1})
-    resumed = flyrl.train(SHORT_TARGET, resume=run, **longer)
-    whole = flyrl.train(SHORT_TARGET, runs_folder=tmp_path / "whole", **longer)
-    assert resumed.folder == run.folder
-    ours, theirs = (load_file(each.folder / "last.safetensors") for each in (resumed, whole))
+        flyrl.train(SHORT_TARGET, resume=part, **TINY | {"seed": 1})
+    resumed = flyrl.train(SHORT_TARGET, resume=part, **TINY)
+    assert resumed.folder == part.folder
+    ours, theirs = (load_file(each.folder / "last.safetensors") for each in (resumed, run))
     for name, values in theirs.items():
         np.testing.assert_array_equal(ours[name], values)
 

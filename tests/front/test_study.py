@@ -113,8 +113,7 @@ def test_a_study_with_other_settings_is_another(study, capsys):
         assert told in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("is_killed", [False, True])
-def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, capsys, is_killed):
+def test_a_study_that_was_interrupted_and_killed_ends_as_one_that_was_not(study, tmp_path, capsys):
     folder = tmp_path / "studies" / "two"
 
     def interrupt():
@@ -133,22 +132,22 @@ def test_a_study_that_was_interrupted_ends_as_one_that_was_not(study, tmp_path, 
     assert "interrupted; resume with the same command" in capsys.readouterr().out
     (run,) = find_runs(folder)
     assert read_run(run).state == "interrupted"
-    if is_killed:  # what a kill after the checkpoint leaves: a trial that runs, and a run
-        left = _load(tmp_path, "two")
-        left.ask(left.trials[0].distributions)
-        (run / "status.json").unlink()
+    # what a kill after the checkpoint leaves, as it is resumed: a trial that runs, and a run
+    left = _load(tmp_path, "two")
+    left.ask(left.trials[0].distributions)
+    (run / "status.json").unlink()
     assert _tune(tmp_path, "--name", "two", "--trials", "2") == 0
     assert _drawn(_rows(tmp_path, "two")) == _drawn(_rows(study, "two"))
     assert len(find_runs(tmp_path)) == 2
 
 
-def test_a_trial_that_falls_behind_is_pruned(tmp_path):
-    assert _tune(tmp_path, "--name", "a", "--trials", "1") == 0
-    study = _load(tmp_path, "a")
-    (first,) = study.get_trials()
+def test_a_trial_that_falls_behind_is_pruned(study, tmp_path):
+    folder = shutil.copytree(study, tmp_path / "runs")
+    before = _load(folder, "two")
+    first = before.trials[0]
     far_better = {1: 50.0, 2: 50.0, 3: 50.0}
     for _ in range(2):
-        study.add_trial(
+        before.add_trial(
             optuna.trial.create_trial(
                 params=first.params,
                 distributions=first.distributions,
@@ -156,14 +155,15 @@ def test_a_trial_that_falls_behind_is_pruned(tmp_path):
                 intermediate_values=far_better,
             )
         )
-    assert _tune(tmp_path, "--name", "a", "--trials", "4", "--prune-after", "3") == 0
-    last = _rows(tmp_path, "a")[3]
-    run = read_run(tmp_path / "studies" / "a" / last["user_attrs_run"])
+    longer = ("--name", "two", "--trials")
+    assert _tune(tmp_path, *longer, "5", "--prune-after", "4", runs=folder) == 0
+    last = _rows(folder, "two")[4]
+    run = read_run(folder / "studies" / "two" / last["user_attrs_run"])
     assert last["state"] == "PRUNED"
     assert [row["decisions"] for row in run.evaluations] == [32, 64]
     assert '"interrupted_by": "pruning"' in (run.path / "status.json").read_text()
-    assert _tune(tmp_path, "--name", "a", "--trials", "5", "--no-pruning") == 0
-    assert _rows(tmp_path, "a")[4]["state"] == "COMPLETE"
+    assert _tune(tmp_path, *longer, "6", "--no-pruning", runs=folder) == 0
+    assert _rows(folder, "two")[5]["state"] == "COMPLETE"
 
 
 def test_a_trial_that_is_refused_fails_and_the_others_go_on(tmp_path, capsys):

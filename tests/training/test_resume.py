@@ -64,12 +64,12 @@ RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
 class InterruptedAt:
     """Sends a signal to this process when a run's n-th decision is reported."""
 
-    def __init__(self, monkeypatch, decision):
+    def __init__(self, monkeypatch, decision, number=signal.SIGTERM):
         report = RunCallback._on_step
 
         def on_step(callback):
             if callback.n_calls == decision:
-                os.kill(os.getpid(), signal.SIGTERM)
+                os.kill(os.getpid(), number)
             return report(callback)
 
         monkeypatch.setattr(RunCallback, "_on_step", on_step)
