@@ -10,7 +10,8 @@ import time
 
 import numpy as np
 
-from benchmarks.fidelity.reference import PACKAGES, TIMESTEP_S, start
+from benchmarks.fidelity.peers import TIMESTEP_S
+from benchmarks.fidelity.reference import PACKAGES, start
 from benchmarks.machine import machine
 
 
