@@ -45,7 +45,7 @@ docs: $(INSTALLED_DEV)
 
 bench: $(INSTALLED)
 	$(BIN)/python -m benchmarks.speed $(ARGS)
-	$(BIN)/python benchmarks/walking.py
+	$(BIN)/python -m benchmarks.walking
 
 format: $(INSTALLED_DEV)
 	$(BIN)/ruff check --fix

@@ -148,7 +148,7 @@ def known_keys(name: str, given: Iterable[str], known: Iterable[str]) -> None:
             )
 
 
-def plain_record(name: str, value: object) -> None:
+def plain_record(name: str, value: Any) -> None:
     """Raise ValueError unless `value`, read from a file of JSON or YAML, can be shown and counted.
 
     That is: mappings, lists, printable text of at most 10,000 characters, finite numbers below
@@ -171,7 +171,9 @@ def plain_record(name: str, value: object) -> None:
             raise ValueError(
                 f"{name} must be printable text, at most 10,000 long, got {value!a:.60}"
             )
-    elif not (value is None or isinstance(value, bool) or (_is_number(value) and _is_sane(value))):
+    elif not (value is None or isinstance(value, bool)) and not (
+        _is_number(value) and -(2**64) < value < 2**64  # neither NaN nor an infinity is
+    ):
         raise ValueError(f"{name} must be a finite number below 2**64, got {value!r:.60}")
 
 
@@ -310,18 +312,15 @@ def checked(  # noqa: PLR0911
         kinds = tuple(option for option in options if option is not types.NoneType)
         if len(kinds) == 1:
             return checked(name, value, kinds[0], within)
-        tuples = [kind for kind in kinds if get_origin(kind) is tuple]
-        if tuples:  # a number, or one for each
-            others = [kind for kind in kinds if kind not in tuples]
-            chosen = tuples if isinstance(value, list | tuple | np.ndarray) else others
-            return checked(name, value, chosen[0], within)
+        is_tuple = [get_origin(kind) is tuple for kind in kinds]
+        if any(is_tuple):  # a number, or one for each
+            chosen = is_tuple.index(isinstance(value, list | tuple | np.ndarray))
+            return checked(name, value, kinds[chosen], within)
         return _one_of_kinds(name, value, kinds)
     if origin is Literal:
         return one_of(name, value, options)
     if origin is tuple:
         return _checked_tuple(name, value, options, within)
-    if origin is Mapping:
-        return _one_of_kinds(name, value, (Mapping,))
     if hint in _NUMBERS:
         low, high = within or (-sys.float_info.max, sys.float_info.max)
         is_number = isinstance(value, _NUMBERS[hint]) and not isinstance(value, bool)
@@ -357,10 +356,6 @@ def _checked_tuple(
         checked(f"{name}[{i}]", item, hint, within)
         for i, (item, hint) in enumerate(zip(value, hints, strict=True))
     )
-
-
-def _is_sane(number: Any) -> bool:
-    return bool(-(2**64) < number < 2**64)  # neither NaN nor an infinity is
 
 
 def _is_number(value: Any) -> bool:

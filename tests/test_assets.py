@@ -11,10 +11,6 @@ from flyrl.resources import assets_folder
 ASSETS = assets_folder()
 
 
-def steps(name):
-    return np.load(ASSETS / "steps" / f"{name}.npz", allow_pickle=False)
-
-
 def test_assets_are_small_and_hold_no_pickle():
     files = [path for path in ASSETS.rglob("*") if path.is_file()]
     assert sum(path.stat().st_size for path in files) < 3e6
@@ -33,27 +29,24 @@ def test_assets_say_where_they_come_from():
 
 
 @pytest.mark.parametrize(
-    ("name", "samples", "timestep", "duration"),
-    [("tethered", 1278, 1e-4, 0.1278), ("untethered", 45, 3e-3, 0.135)],
+    ("name", "samples", "timestep", "duration", "swing", "stance", "neutral"),
+    [
+        (
+            *("tethered", 1278, 1e-4, 0.1278),
+            *((0.0098, 0.0012, 0.0012), (0.0408, 0.0318, 0.0272), 0.0),
+        ),
+        (*("untethered", 45, 3e-3, 0.135), (0.0, 0.0, 0.0), (0.051, 0.048, 0.042), np.pi),
+    ],
 )
-def test_recorded_steps_have_the_published_length_and_close(name, samples, timestep, duration):
-    data = steps(name)
+def test_recorded_steps_close_and_begin_as_published(
+    name, samples, timestep, duration, swing, stance, neutral
+):
+    data = np.load(ASSETS / "steps" / f"{name}.npz", allow_pickle=False)
     np.testing.assert_array_equal(data["angles"][..., 0], data["angles"][..., -1])
     assert data["angles"].shape == (6, 7, samples)
     assert data["timestep"].shape == ()
     assert float(data["timestep"]) == timestep
     assert samples * float(data["timestep"]) == pytest.approx(duration)
-
-
-@pytest.mark.parametrize(
-    ("name", "swing", "stance", "neutral"),
-    [
-        ("tethered", (0.0098, 0.0012, 0.0012), (0.0408, 0.0318, 0.0272), 0.0),
-        ("untethered", (0.0, 0.0, 0.0), (0.051, 0.048, 0.042), np.pi),
-    ],
-)
-def test_swing_and_stance_start_as_published(name, swing, stance, neutral):
-    data = steps(name)
     # front, middle, hind; the same on both sides
     np.testing.assert_allclose(data["swing_start_s"], swing * 2, atol=1e-12)
     np.testing.assert_allclose(data["stance_start_s"], stance * 2, atol=1e-12)

@@ -19,13 +19,6 @@ def test_a_log_file_gets_fewer_lines_than_a_terminal(monkeypatch, stream, interv
         assert bar.mininterval == interval_s
 
 
-def test_nothing_is_drawn_unless_asked_for(monkeypatch):
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with progress_bar(3, is_shown=False, unit=" jobs") as bar:
-        bar.update(3)
-    assert sys.stderr.getvalue() == ""
-
-
 def _lines():
     """What stood on the line, one state after the other."""
     return [line.strip() for line in sys.stderr.getvalue().split("\r") if line.strip()]
@@ -48,11 +41,11 @@ def test_the_bars_of_a_job_are_one_bar(monkeypatch):
     assert all(line.startswith(("0%", "walking", "filming")) for line in _lines())
 
 
-def test_a_bar_that_is_no_part_of_the_job_is_its_own(monkeypatch):
+def test_a_bar_that_is_no_part_of_the_job_is_its_own_and_one_that_is_not_shown_none(monkeypatch):
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with (
-        whole_job({}),
-        progress_bar(4, is_shown=True, unit=" steps", description="walking") as bar,
-    ):
-        bar.update(4)
+    with whole_job({}):
+        for is_shown in (False, True):
+            assert _lines() == []
+            with progress_bar(4, is_shown=is_shown, unit=" steps", description="walking") as bar:
+                bar.update(4)
     assert "walking: 100%" in _lines()[-1]

@@ -91,13 +91,6 @@ def test_a_record_starts_where_its_episode_spawns(records):
     np.testing.assert_allclose(records[1].drive[1:], 1.0, atol=1e-6)  # the one that was held
 
 
-def test_an_episode_gives_the_same_record_in_any_batch(records):
-    (alone,) = run_episodes(make_env(1), WALK, [countdown(3)])
-    np.testing.assert_array_equal(alone.position_w, records[0].position_w)
-    np.testing.assert_array_equal(alone.yaw, records[0].yaw)
-    assert alone.return_ == records[0].return_
-
-
 def test_memory_lasts_for_an_episode_and_no_longer():
     # the third episode starts a new batch
     episodes = [countdown(n) for n in (99, 2, 99)]
@@ -109,13 +102,15 @@ def test_memory_lasts_for_an_episode_and_no_longer():
         np.testing.assert_allclose(record.drive[1:], drives[:decisions], atol=1e-6)
 
 
-def test_what_has_ended_stands_still_and_earns_nothing():
+def test_an_episode_gives_the_same_record_in_any_batch_and_stands_still_once_it_has_ended():
     env = make_env(2)
     short, long = run_episodes(env, WALK, [countdown(1), countdown(99)])
     assert env.state.time == pytest.approx([0.02, 0.1])
-    (alone,) = run_episodes(make_env(1), WALK, [countdown(1)])
-    assert short.return_ == alone.return_
-    assert long.outcome == "timeout"
+    alone = run_episodes(make_env(1), WALK, [countdown(1), countdown(99)])
+    for one, other in zip((short, long), alone, strict=True):
+        np.testing.assert_array_equal(one.position_w, other.position_w)
+        np.testing.assert_array_equal(one.yaw, other.yaw)
+        assert (one.return_, one.outcome) == (other.return_, other.outcome)
 
 
 def test_progress_adds_up_whatever_ends_early(env):
@@ -172,23 +167,18 @@ def test_the_time_after_a_failure_counts_as_the_worst_error(outcome, expected):
     assert errors == pytest.approx([expected, 60])
 
 
-def test_gait_is_recorded_to_the_end_of_each_episode():
-    env = make_env(2, log_gait=True)
-    early, late = run_episodes(env, WALK, [countdown(2), countdown(9)])
+def test_gait_is_recorded_to_the_end_of_each_episode_the_same_in_any_batch():
+    episodes = [countdown(2), countdown(9), countdown(4)]
+    one_by_one, together = (
+        run_episodes(make_env(n, log_gait=True), WALK, episodes) for n in (1, 3)
+    )
+    np.testing.assert_equal(*([vars(each.gait) for each in own] for own in (one_by_one, together)))
+    early, late, _ = together
     assert early.gait.interval_s == pytest.approx(8e-4)  # two physics steps
     assert len(early.gait.stance) == 50
     assert len(late.gait.adhesion) == 125
     assert 0 < early.gait.work_nj < late.gait.work_nj
     assert late.gait.stance.any() and not late.gait.stance.all()
-
-
-def test_gait_is_the_same_in_any_batch():
-    episodes = [countdown(9), countdown(3), countdown(4)]
-    one_by_one, together = (
-        [vars(each.gait) for each in run_episodes(make_env(n, log_gait=True), WALK, episodes)]
-        for n in (1, 3)
-    )
-    np.testing.assert_equal(one_by_one, together)
 
 
 @pytest.mark.parametrize("outcome", [*OUTCOMES[1:], "slipped"])  # the last one is a user's own

@@ -5,22 +5,80 @@ From the root of the repository:
 """
 
 import argparse
-import sys
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.fidelity import classic, results, stability, steering, steering_table, turning
+from benchmarks.fidelity import classic, comparison, results, stability, steering, turning
 from benchmarks.fidelity.calibration import CHOOSING_SEEDS
-from benchmarks.fidelity.comparison import table, verdict
-from benchmarks.fidelity.flyrl_runs import config, rows
-from benchmarks.fidelity.statistics import STATISTICS
+from benchmarks.fidelity.flyrl_runs import rows
+from benchmarks.fidelity.results import Row
+from benchmarks.fidelity.steering_table import table
 from benchmarks.machine import machine
 from flyrl.simulation.physics import FLY_PRESETS
 
 JUDGING_SEED = CHOOSING_SEEDS.stop
 """Presets are chosen with seeds below, and judged with those from here on."""
+
+
+class Study(NamedTuple):
+    """A study beside stored runs of a published package.
+
+    Attributes
+    ----------
+    about
+        What is done.
+    reference
+        File of the package's runs.
+    to_row, place
+        As `results.collect` takes them.
+    measure
+        Rows of a physics, terrain and kind: of controllers, or of drives.
+    text
+        Tables of the reference's rows and flyrl's.
+    terrains, option, kinds
+        Which there are, and the option that chooses among the kinds.
+    starts, seconds
+        How many there are usually, and how long a run is.
+    """
+
+    about: str
+    reference: Path
+    to_row: Callable[..., Row]
+    place: Callable[[Row], tuple[int, ...]]
+    measure: Callable[..., list[Row]]
+    text: Callable[[Sequence[Row], Sequence[Row]], str]
+    terrains: Sequence[str]
+    option: str
+    kinds: Sequence[str]
+    starts: int
+    seconds: float
+
+
+# fmt: off
+STUDIES: Final = {
+    "walking": Study(
+        "straight ahead, beside flygym-gymnasium", results.REFERENCE, results.row, results.place,
+        rows, comparison.text,
+        results.TERRAINS, "--controllers", results.CONTROLLERS, 20, 1.5,
+    ),
+    "classic": Study(
+        "the classic body, beside flygym 0.2.5", classic.REFERENCE, classic.row, results.place,
+        partial(rows, settings=classic.classic_config, to_row=classic.row), classic.tables,
+        results.TERRAINS, "--controllers", classic.CONTROLLERS, 20, 1.0,
+    ),
+    "steering": Study(
+        "falls and tilt while steered", steering.REFERENCE, steering.reference_row, steering.place,
+        steering.steer, table,
+        steering.TERRAINS, "--drives", steering.ALL_KINDS, 200, steering.SECONDS,
+    ),
+}
+# fmt: on
 
 
 def _arguments() -> argparse.Namespace:
@@ -29,98 +87,60 @@ def _arguments() -> argparse.Namespace:
     )
     studies = parser.add_subparsers(dest="study", required=True)
 
-    def study(name: str, about: str) -> argparse.ArgumentParser:
-        added = studies.add_parser(name, help=about)
-        added.add_argument("--physics", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS))
-        added.add_argument("--threads", type=int, default=0, help="0 takes one per CPU")
-        return added
+    def study(name: str, about: str, seconds: float, terrains: Sequence[str] = ()) -> Any:
+        add = studies.add_parser(name, help=about).add_argument
+        add("--physics", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS))
+        add("--threads", type=int, default=0, help="0 takes one per CPU")
+        add("--seconds", type=float, default=seconds, help="simulated time of a run")
+        if terrains:
+            add("--terrains", nargs="+", choices=terrains, default=terrains)
+        return add
 
-    def choice(added: argparse.ArgumentParser, option: str, allowed: tuple[str, ...]) -> None:
-        added.add_argument(option, nargs="+", choices=allowed, default=allowed)
-
-    def starts(added: argparse.ArgumentParser, conditions: int, meaning: str) -> None:
-        added.add_argument("--conditions", type=int, default=conditions, help=meaning)
-        added.add_argument(
-            "--first-seed", type=int, default=JUDGING_SEED,
+    def starts(add: Any, count: int, meaning: str) -> None:
+        add("--conditions", type=int, default=count, help=meaning)
+        add("--first-seed", type=int, default=JUDGING_SEED,
             help=f"seed of the first; the presets were chosen with seeds below {JUDGING_SEED}",
         )  # fmt: skip
 
-    def stored(added: argparse.ArgumentParser, name: str) -> None:
-        added.add_argument(
-            "--output", type=Path, default=Path(f"runs/{name}.json"), help="where the runs go"
-        )
-        added.add_argument(
-            "--collect", type=Path, metavar="FOLDER",
+    for name, each in STUDIES.items():
+        add = study(name, each.about, each.seconds, each.terrains)
+        add(each.option, dest="kinds", nargs="+", choices=each.kinds, default=each.kinds)
+        starts(add, each.starts, "starts, a seed each")
+        add("--output", type=Path, default=Path(f"runs/{name}.json"), help="where the runs go")
+        add("--show", type=Path, nargs="*", metavar="FILE",
+            help="run nothing, print what these hold, or what is in --output")  # fmt: skip
+        add("--collect", type=Path, metavar="FOLDER",
             help="run nothing, add the reference's runs in FOLDER to those that are stored",
         )  # fmt: skip
-
-    walking = study("walking", "straight ahead, beside flygym-gymnasium")
-    tutorials = study("classic", "the classic body, beside flygym 0.2.5")
-    for added, name, controllers, seconds in (
-        (walking, "fidelity", results.CONTROLLERS, 1.5),
-        (tutorials, "classic", classic.CONTROLLERS, 1.0),
-    ):
-        choice(added, "--terrains", results.TERRAINS)
-        choice(added, "--controllers", controllers)
-        starts(added, 20, "starts, a seed each")
-        added.add_argument("--seconds", type=float, default=seconds, help="simulated time of a run")
-        stored(added, name)
-        added.add_argument(
-            "--show", action="store_true", help="run nothing, print what is in --output"
-        )
-
-    turn = study("turning", "yaw rate over a grid of drives; the first preset is 1")
-    turn.add_argument("--size", type=int, default=9, help="levels of drive of each side")
-    starts(turn, 8, "flies per pair of drives")
-    turn.add_argument("--seconds", type=float, default=1.3, help="simulated time, 0.3 s to settle")
-
-    steered = study("steering", "falls and tilt while steered")
-    choice(steered, "--terrains", steering.TERRAINS)
-    choice(steered, "--drives", steering.ALL_KINDS)
-    starts(steered, 200, "starts, a seed each")
-    stored(steered, "steering")
-    steered.add_argument(
-        "--show", type=Path, nargs="+", metavar="FILE", help="run nothing, print what these hold"
-    )
-
-    stable = study("stability", "random drives until a fall or time is up")
-    choice(stable, "--terrains", results.TERRAINS)
-    stable.add_argument("--episodes", type=int, default=500, help="per preset and terrain")
-    stable.add_argument("--seconds", type=float, default=3.0, help="simulated time of an episode")
+    add = study("turning", "yaw rate over a grid of drives; the first preset is 1", 1.3)
+    add("--size", type=int, default=9, help="levels of drive of each side")
+    starts(add, 8, "flies per pair of drives")
+    add = study("stability", "random drives until a fall or time is up", 3.0, results.TERRAINS)
+    add("--episodes", type=int, default=500, help="per preset and terrain")
     return parser.parse_args()
 
 
-def _walk(chosen: argparse.Namespace) -> None:
-    is_classic = chosen.study == "classic"
-    path = classic.REFERENCE if is_classic else results.REFERENCE
-    settings = classic.classic_config if is_classic else config
-    to_row = classic.row if is_classic else results.row
-    reference = results.read(path)
+def _compare(chosen: argparse.Namespace, study: Study) -> None:
+    reference = results.read(study.reference)
     if chosen.collect is not None:
-        results.write(path, results.collect(chosen.collect, reference, to_row))
+        collected = results.collect(chosen.collect, reference, study.to_row, study.place)
+        results.write(study.reference, collected)
         return
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.conditions)
-    found: list[results.Row] = []
-    cells = product(chosen.physics, chosen.terrains, chosen.controllers)
-    for physics, terrain, controller in () if chosen.show else cells:
-        print(f"{physics} {terrain} {controller}", file=sys.stderr)
-        about = {"terrain": terrain, "controller": controller, "physics": physics}
-        walked = settings(controller, terrain, physics)
-        found += rows(walked, seeds, chosen.seconds, chosen.threads, to_row, **about)
-        results.write(chosen.output, {"machines": [machine()], "runs": found})
-    found = results.read(chosen.output)["runs"]
-    if is_classic:
-        print(classic.tables(reference["runs"], found))
-        return
-    print(table(reference["runs"], found))
-    for name, meaning in STATISTICS.items():
-        print(f"  {name:16} {meaning}")
-    print(verdict(reference["runs"], found))
+    found: list[Row] = []
+    if chosen.show is None:
+        seeds = range(chosen.first_seed, chosen.first_seed + chosen.conditions)
+        for cell in product(chosen.physics, chosen.terrains, chosen.kinds):
+            found += study.measure(*cell, seeds, chosen.threads, chosen.seconds)
+            results.write(chosen.output, {"machines": [machine()], "runs": found})
+    else:
+        for path in chosen.show or [chosen.output]:
+            found += results.read(path)["runs"]
+    print(study.text(reference["runs"], found))
 
 
 def _turn(chosen: argparse.Namespace) -> None:
     first = None
-    levels = turning.drives(chosen.size)
+    levels = turning.levels(chosen.size).round(2)
     for physics in chosen.physics:
         rates, falls = turning.yaw_rates(
             physics,
@@ -131,9 +151,7 @@ def _turn(chosen: argparse.Namespace) -> None:
             chosen.first_seed,
         )
         print(f"{physics}: yaw rate (deg/s); rows: left drive, columns: right drive")
-        print("        " + "".join(f"{level:8.2f}" for level in levels))
-        for level, row in zip(levels, rates, strict=True):
-            print(f"{level:8.2f}" + "".join(f"{rate:8.0f}" for rate in row))
+        print(pd.DataFrame(rates.round(), levels, levels).to_string())
         print(f"  largest share of falls {falls.max():.2f}")
         if first is None:
             first = rates
@@ -144,25 +162,6 @@ def _turn(chosen: argparse.Namespace) -> None:
             f"  against {chosen.physics[0]}: rms difference {difference:.3f} of its rms, slope "
             f"{turning.slope(rates, first):.3f}, largest difference {worst:.0f} deg/s"
         )
-
-
-def _steer(chosen: argparse.Namespace) -> None:
-    reference = results.read(steering.REFERENCE)
-    if chosen.collect is not None:
-        collected = results.collect(
-            chosen.collect, reference, steering.reference_row, steering.place
-        )
-        results.write(steering.REFERENCE, collected)
-        return
-    seeds = range(chosen.first_seed, chosen.first_seed + chosen.conditions)
-    found: list[steering.Row] = []
-    cells = product(chosen.terrains, chosen.drives, chosen.physics)
-    for terrain, kind, physics in () if chosen.show else cells:
-        found += steering.steer(physics, terrain, kind, seeds, chosen.threads)
-        results.write(chosen.output, {"machines": [machine()], "runs": found})
-    for path in chosen.show or ():
-        found += results.read(path)["runs"]
-    print(steering_table.table(found, reference["runs"]))
 
 
 def _stay_stable(chosen: argparse.Namespace) -> None:
@@ -177,14 +176,12 @@ def _stay_stable(chosen: argparse.Namespace) -> None:
 def main() -> None:
     """Run a study, or read it, and print it."""
     chosen = _arguments()
-    studies = {
-        "walking": _walk,
-        "classic": _walk,
-        "turning": _turn,
-        "steering": _steer,
-        "stability": _stay_stable,
-    }
-    studies[chosen.study](chosen)
+    if chosen.study in STUDIES:
+        _compare(chosen, STUDIES[chosen.study])
+    elif chosen.study == "turning":
+        _turn(chosen)
+    else:
+        _stay_stable(chosen)
 
 
 if __name__ == "__main__":

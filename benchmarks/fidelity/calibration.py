@@ -104,7 +104,7 @@ class Yardstick:
             for terrain in STEERED_ON
             for kind in kinds
         }
-        self._published = published_speeds()
+        self._published = results.read(results.REFERENCE)["runs"]
 
     def measure(self, physics: PhysicsConfig) -> tuple[Figures, float]:
         """All figures of a candidate, and simulated seconds per second of the CPU."""
@@ -113,25 +113,33 @@ class Yardstick:
             figures["turning, rms"] = relative_difference(self._turn(physics), self._rates)
         for (terrain, kind), reference in self._steered.items():
             rows = self._steer(physics, terrain, kind)
-            where = f"{terrain} {kind}"
-            if kind == steering.PURSUIT:
-                difference = paired_falls(rows, reference).value
-                figures[f"pursuit, falls - reference: {terrain}"] = difference
-            else:
-                figures[f"abrupt, falls / reference: {terrain}"] = fall_ratio(rows, reference).value
-            figures[f"tilt 95 % / reference: {where}"] = tilt_ratio(rows, reference).value
+            name, compared = (
+                ("pursuit, falls - reference", paired_falls)
+                if kind == steering.PURSUIT
+                else ("abrupt, falls / reference", fall_ratio)
+            )
+            figures[f"{name}: {terrain}"] = compared(rows, reference).value
+            figures[f"tilt 95 % / reference: {terrain} {kind}"] = tilt_ratio(rows, reference).value
         return {**figures, "creep, mm": creep(physics), "asymmetry, mm": asymmetry(physics)}, pace
 
     def _straight(self, physics: PhysicsConfig) -> tuple[Figures, float]:
         figures: Figures = {}
         began = time.process_time()
         for terrain in results.TERRAINS:
-            speeds = {
-                name: straight_speed(physics, terrain, name, self.walks, self.num_threads)
-                for name in results.CONTROLLERS
-            }
-            for name, own in speeds.items():
-                ratio = own / self._published[terrain, name]
+            speeds = {}
+            for name in results.CONTROLLERS:
+                positions, _ = walk(
+                    (1, 1),
+                    steering.SECONDS,
+                    self.walks,
+                    magnitude=0.0,
+                    num_threads=self.num_threads,
+                    physics=physics,
+                    terrain=terrain,
+                    controller=name,
+                )
+                speeds[name] = float(np.median(speed(positions, steering.SECONDS)))
+                ratio = speeds[name] / reference_speed(self._published, terrain, name)
                 figures[f"speed over flygym's: {terrain} {name}"] = ratio
             if terrain != "flat":
                 hybrid, cpg, rules = (speeds[name] for name in ("hybrid", "cpg", "rule_based"))
@@ -152,33 +160,6 @@ class Yardstick:
         return steering.steer(physics, terrain, kind, seeds, self.num_threads)
 
 
-def published_speeds() -> dict[tuple[str, str], float]:
-    """Median speed of flygym-gymnasium straight ahead by terrain and controller, mm/s."""
-    runs = results.read(results.REFERENCE)["runs"]
-    return {
-        (terrain, controller): reference_speed(runs, terrain, controller)
-        for terrain in results.TERRAINS
-        for controller in results.CONTROLLERS
-    }
-
-
-def straight_speed(
-    physics: PhysicsConfig, terrain: str, controller: str, walks: int, num_threads: int = 0
-) -> float:
-    """Median over the starts of the distance from start to end over time, drive (1, 1), mm/s."""
-    positions, _ = walk(
-        (1, 1),
-        steering.SECONDS,
-        walks,
-        magnitude=0.0,
-        num_threads=num_threads,
-        physics=physics,
-        terrain=terrain,
-        controller=controller,
-    )
-    return float(np.median(speed(positions, steering.SECONDS)))
-
-
 def creep(physics: PhysicsConfig) -> float:
     """Median way in `CREEP_S` of flies that should stand, after 0.2 s to settle, mm."""
     positions, _ = walk(
@@ -191,9 +172,11 @@ def asymmetry(physics: PhysicsConfig) -> float:
     """Largest distance between a turn to the left and its mirror image over 0.1 s, mm."""
     config = EnvConfig(task="hybrid_turning", physics=physics, decision_interval=HOLD_S)
     env = BatchedEnv(config, 2, 1)
-    episode = env.draw_episode(0, 0)
     episode = replace(
-        episode, spawn_position_w=(0.0, 0.0, 0.5), spawn_yaw=0.0, init_magnitudes=(0.0,) * 6
+        config.sample_episode(0),
+        spawn_position_w=(0.0, 0.0, 0.5),
+        spawn_yaw=0.0,
+        init_magnitudes=(0.0,) * 6,
     )
     phases = episode.init_phases
     twins = [episode, replace(episode, init_phases=(*phases[3:], *phases[:3]))]

@@ -1,11 +1,14 @@
 """The classic body with the tutorials' step and reflexes, beside flygym 0.2.5."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.fidelity import results
 from benchmarks.fidelity.comparison import MIN_RUNS, by_seed, hybrid_over, interval_text
@@ -62,51 +65,41 @@ def classic_config(controller: str, terrain: str, physics: str) -> EnvConfig:
 
 
 def tables(reference: Sequence[Row], runs: Sequence[Row]) -> str:
-    """Final x, then hybrid - CPG with falls, per source and ground, in Markdown."""
-    started_alike = [run for run in reference if not run.get("tutorial")]
-    sources = {"flygym 0.2.5, tutorial": [run for run in reference if run.get("tutorial")]}
-    sources |= {"flygym 0.2.5": started_alike}
-    for physics in dict.fromkeys(run["physics"] for run in runs):
-        sources[physics] = [run for run in runs if run["physics"] == physics]
-    lines = [f"x after {FINAL_S} s, mm: median (quartiles)", ""]
-    lines += _head("source", "controller", *GROUNDS)
-    for source, found in sources.items():
-        for controller in CONTROLLERS:
-            cells = [_final(found, terrain, controller) for terrain in GROUNDS]
-            lines.append(f"| {source} | {controller} | {' | '.join(cells)} |")
-    lines += ["", "hybrid - CPG: mean and its 95 % interval over paired starts, mm/s", ""]
-    lines += _head("source", "ground", "starts", "CPG", "hybrid", "hybrid - CPG", "falls")
-    for source, found in sources.items():
-        compared = [_difference(source, found, terrain) for terrain in GROUNDS]
-        lines += [line for line in compared if line is not None]
-    return "\n".join(lines)
-
-
-def _head(*names: str) -> list[str]:
-    return [f"| {' | '.join(names)} |", "|" + "---|" * len(names)]
-
-
-def _final(found: Sequence[Row], terrain: str, controller: str) -> str:
-    values = [
-        run["final_x"]
-        for run in found
-        if (run["terrain"], run["controller"]) == (terrain, controller)
-        and run["final_x"] is not None
-    ]
-    if len(values) < 2:
-        return f"{values[0]:.2f}" if values else "-"
-    low, middle, high = np.percentile(values, [25, 50, 75])
-    return f"{middle:.2f} ({low:.2f}, {high:.2f})"
-
-
-def _difference(source: str, found: Sequence[Row], terrain: str) -> str | None:
-    """A row of the second table; None below `MIN_RUNS` starts that both have walked."""
-    speeds = by_seed(found, terrain).reindex(columns=CONTROLLERS).dropna()
-    if len(speeds) < MIN_RUNS:
-        return None
-    cpg, hybrid = speeds.mean()
-    falls = by_seed(found, terrain, "fall").loc[speeds.index, [*CONTROLLERS]].sum()
-    return (
-        f"| {source} | {terrain} | {len(speeds)} | {cpg:.1f} | {hybrid:.1f} "
-        f"| {interval_text(hybrid_over(speeds, 'cpg'))} | {', '.join(f'{n:.0f}' for n in falls)} |"
+    """Final x, then hybrid - CPG with falls, per source and ground, as text."""
+    flygym = "flygym 0.2.5"
+    found = results.frame(
+        [
+            *({**run, "source": f"{flygym}, tutorial"} for run in reference if run.get("tutorial")),
+            *({**run, "source": flygym} for run in reference if not run.get("tutorial")),
+            *({**run, "source": run["physics"]} for run in runs),
+        ]
     )
+    final = found.groupby(["source", "controller", "terrain"], sort=False)["final_x"]
+    lines = []
+    for (source, terrain), walked in found.groupby(["source", "terrain"], sort=False):
+        speeds = by_seed(walked).reindex(columns=CONTROLLERS).dropna()
+        if len(speeds) < MIN_RUNS:
+            continue
+        falls = by_seed(walked, "fall").loc[speeds.index, [*CONTROLLERS]].sum()
+        lines.append(
+            {
+                "source": source,
+                "ground": terrain,
+                "starts": len(speeds),
+                **{name: round(speeds[name].mean(), 1) for name in CONTROLLERS},
+                "hybrid - cpg": interval_text(hybrid_over(speeds, "cpg")),
+                "falls": ", ".join(f"{count:.0f}" for count in falls),
+            }
+        )
+    parts = (
+        f"x after {FINAL_S} s, mm: median (quartiles)",
+        final.agg(_quartiles).unstack(fill_value="-").to_string(),
+        "hybrid - CPG: mean and its 95 % interval over paired starts, mm/s",
+        pd.DataFrame(lines).to_string(index=False),
+    )
+    return "\n\n".join(parts)
+
+
+def _quartiles(values: pd.Series[float]) -> str:
+    low, middle, high = values.quantile([0.25, 0.5, 0.75])
+    return f"{middle:.2f} ({low:.2f}, {high:.2f})"

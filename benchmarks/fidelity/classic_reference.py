@@ -15,10 +15,6 @@ as in the package's tutorial: at the origin, 0.2 mm up, phases and magnitudes dr
 (there 0, for 0.5 s).
 """
 
-import argparse
-import json
-import os
-from pathlib import Path
 from typing import Any, Final
 
 import mujoco
@@ -31,7 +27,17 @@ from flygym.mujoco.examples.cpg_controller import CPGNetwork, run_cpg_simulation
 from flygym.mujoco.preprogrammed import all_leg_dofs
 from numpy.typing import NDArray
 
-from benchmarks.machine import machine
+from benchmarks.fidelity.peers import (
+    SAMPLING_S,
+    SENSED,
+    TIMESTEP_S,
+    TRIPOD,
+    in_contact,
+    keep,
+    parser,
+    phases,
+    spawn,
+)
 
 TERRAINS: Final[dict[str, type[BaseArena]]] = {
     "flat": FlatTerrain,
@@ -42,12 +48,6 @@ TERRAINS: Final[dict[str, type[BaseArena]]] = {
 CONTROLLERS: Final = ("cpg", "hybrid")
 PACKAGES: Final = ("flygym", "mujoco", "dm_control", "numpy", "scipy", "gymnasium")
 
-TIMESTEP_S: Final = 1e-4
-SAMPLING_S: Final = 1e-3
-CONTACT_THRESHOLD: Final = 1.0
-"""µN; as flyrl's."""
-
-SENSED: Final = ("Tibia", "Tarsus1", "Tarsus2", "Tarsus3", "Tarsus4", "Tarsus5")
 LEGS: Final = PreprogrammedSteps.legs
 STEPS: Final = PreprogrammedSteps()
 
@@ -72,8 +72,6 @@ class Walker:
     ----------
     samples
         What is kept of each moment; as `statistics.Trajectory` has it.
-    final_x
-        x of the thorax's centre of mass, which is what the package calls the fly's position, mm.
     """
 
     def __init__(self, terrain: str, height: float) -> None:
@@ -147,44 +145,30 @@ class Walker:
     def _sample(self) -> dict[str, Any]:
         data = self.data
         rotation = data.xmat[self.thorax].reshape(3, 3)
-        leg_forces = data.cfrc_ext[self.sensed, 3:].reshape(6, len(SENSED), 3).sum(axis=1)
         power = data.actuator_force[self.servos] * data.qvel[self.dofs]
         return {
             "position_w": data.xpos[self.thorax].copy(),
             "yaw": np.arctan2(rotation[1, 0], rotation[0, 0]),
             "upright": rotation[2, 2],
             "end_effectors_w": data.xpos[self.tips].copy(),
-            "contact": np.linalg.norm(leg_forces, axis=1) > CONTACT_THRESHOLD,
+            "contact": in_contact(data.cfrc_ext[self.sensed, 3:]),
             "power": np.maximum(power, 0.0).sum(),
-            "centre_x": data.xipos[self.thorax, 0],
         }
 
 
-def network(seed: int, *, as_in_tutorial: bool) -> CPGNetwork:
-    """The tutorials' CPG; the tutorial also draws the magnitudes, others start at 0."""
-    legs = np.arange(6)
-    differs = (legs[:, None] + legs) % 2 == 1
-    start = {
-        "init_phases": np.random.RandomState(seed).uniform(0.0, 2 * np.pi, size=6),
-        "init_magnitudes": np.zeros(6),
-    }
-    return CPGNetwork(
-        timestep=TIMESTEP_S,
-        intrinsic_freqs=np.full(6, 12.0),
-        intrinsic_amps=np.ones(6),
-        coupling_weights=10 * differs,
-        phase_biases=np.pi * differs,
-        convergence_coefs=np.full(6, 20.0),
-        seed=seed,
-        **({} if as_in_tutorial else start),
-    )
+def run(
+    walker: Walker, controller: str, seed: int, seconds: float, *, as_in_tutorial: bool
+) -> dict[str, Any]:
+    """Walk for some seconds; how it went.
 
-
-def run(walker: Walker, controller: str, seed: int, seconds: float, *, as_in_tutorial: bool) -> str:
-    """Walk for some seconds; "timeout", or "unstable" if the physics blew up."""
-    oscillators = network(seed, as_in_tutorial=as_in_tutorial)
+    The tutorial also draws the magnitudes of the oscillators; others start at 0.
+    """
+    start: dict[str, Any] = {}
     if not as_in_tutorial:
-        walker.spawn = tuple(np.random.default_rng(seed).uniform(-2.0, 2.0, size=2))
+        start = {"init_phases": phases(seed), "init_magnitudes": np.zeros(6)}
+        walker.spawn = tuple(spawn(seed))
+    oscillators = CPGNetwork(**TRIPOD, seed=seed, **start)
+    outcome = "timeout"
     try:
         if controller == "cpg":
             run_cpg_simulation(walker, oscillators, STEPS, seconds)
@@ -195,51 +179,25 @@ def run(walker: Walker, controller: str, seed: int, seconds: float, *, as_in_tut
                 walker, oscillators, STEPS, VECTORS, RATES, STUMBLING_FORCE, seconds
             )
     except UnstableError:
-        return "unstable"
-    return "timeout"
+        outcome = "unstable"
+    tutorial = {"tutorial": True} if as_in_tutorial else {}
+    return {"controller": controller, "outcome": outcome, **tutorial}
 
 
 def main() -> None:
     """Run what is not there yet, seed by seed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folder", type=Path, help="where the runs are kept")
-    parser.add_argument("--terrains", nargs="+", choices=TERRAINS, default=list(TERRAINS))
-    parser.add_argument("--controllers", nargs="+", choices=CONTROLLERS, default=CONTROLLERS)
-    parser.add_argument("--seeds", nargs="+", type=int, default=list(range(1000, 1020)))
-    parser.add_argument("--seconds", type=float, default=1.0, help="simulated time of a run")
-    parser.add_argument("--tutorial", action="store_true", help="start as in the tutorial")
-    chosen = parser.parse_args()
-    chosen.folder.mkdir(parents=True, exist_ok=True)
+    command = parser(__doc__, TERRAINS, CONTROLLERS, list(range(1000, 1020)), 1.0)
+    command.add_argument("--tutorial", action="store_true", help="start as in the tutorial")
+    chosen = command.parse_args()
     height = 0.2 if chosen.tutorial else 0.5
     walkers = {terrain: Walker(terrain, height) for terrain in chosen.terrains}
-    for seed in chosen.seeds:
-        for terrain, walker in walkers.items():
-            for controller in chosen.controllers:
-                path = chosen.folder / f"{terrain}-{controller}-{seed}.npz"
-                if path.exists():
-                    continue
-                outcome = run(
-                    walker, controller, seed, chosen.seconds, as_in_tutorial=chosen.tutorial
-                )
-                samples = walker.samples
-                series: dict[str, Any] = {
-                    name: np.array([each[name] for each in samples]) for name in samples[0]
-                }
-                centre_x = series.pop("centre_x")
-                about = {
-                    "terrain": terrain,
-                    "controller": controller,
-                    "seed": seed,
-                    "outcome": outcome,
-                    **({"tutorial": True} if chosen.tutorial else {}),
-                    "machine": machine(PACKAGES),
-                }
-                partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
-                times = SAMPLING_S * np.arange(len(samples))
-                np.savez_compressed(partial, time=times, about=json.dumps(about), **series)
-                partial.replace(path)
-                halfway = centre_x[min(len(centre_x) - 1, round(0.5 / SAMPLING_S))]
-                print(f"{path.stem}: x {halfway:.4f} mm at 0.5 s", flush=True)
+
+    def walk(terrain: str, controller: str, seed: int) -> Any:
+        walker = walkers[terrain]
+        about = run(walker, controller, seed, chosen.seconds, as_in_tutorial=chosen.tutorial)
+        return walker.samples, about
+
+    keep(chosen, chosen.controllers, PACKAGES, walk)
 
 
 if __name__ == "__main__":

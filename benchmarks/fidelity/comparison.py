@@ -1,7 +1,7 @@
 """flyrl beside flygym-gymnasium: medians of all statistics, and paired differences of speed."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -20,6 +20,12 @@ They count in the reference's median beside the runs in `reference.json`."""
 
 MIN_RUNS: Final = 5
 """Of each controller, from which on they are compared."""
+
+
+def text(reference: Sequence[Row], runs: Sequence[Row]) -> str:
+    """Table, what its columns mean, and the verdict."""
+    meanings = [f"  {name:16} {meaning}" for name, meaning in STATISTICS.items()]
+    return "\n".join([table(reference, runs), *meanings, verdict(reference, runs)])
 
 
 def table(reference: Sequence[Row], runs: Sequence[Row]) -> str:
@@ -50,17 +56,17 @@ def table(reference: Sequence[Row], runs: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def by_seed(runs: Sequence[Row], terrain: str, statistic: str = "speed") -> pd.DataFrame:
-    """A statistic by seed, in rows, and controller, in columns; NaN where a run blew up."""
-    found = frame(runs)
-    found = found[(found["terrain"] == terrain) & (found["outcome"] != UNSTABLE)]
-    return found.pivot(index="seed", columns="controller", values=statistic).astype(float)
+def by_seed(runs: pd.DataFrame, statistic: str = "speed") -> pd.DataFrame:
+    """A statistic on one terrain by seed, in rows, and controller; of runs that did not blow up."""
+    sound = runs[runs["outcome"] != UNSTABLE]
+    return sound.pivot(index="seed", columns="controller", values=statistic).astype(float)
 
 
 def reference_speed(reference: Sequence[Row], terrain: str, controller: str) -> float:
     """Median speed of the reference's runs, the earlier ones included, mm/s."""
     earlier = EARLIER_SPEEDS.get((terrain, controller), ())
-    return float(np.median([*earlier, *by_seed(reference, terrain)[controller].dropna()]))
+    walked = frame(run for run in reference if run["terrain"] == terrain)
+    return float(np.median([*earlier, *by_seed(walked)[controller].dropna()]))
 
 
 def hybrid_over(speeds: pd.DataFrame, other: str) -> Interval:
@@ -69,37 +75,29 @@ def hybrid_over(speeds: pd.DataFrame, other: str) -> Interval:
     return paired_difference(difference, np.random.default_rng(0))
 
 
-def interval_text(found: Interval) -> str:
-    """The value and, where there is one, its interval."""
-    bounds = "" if found.low is None else f" [{found.low:.2f}, {found.high:.2f}]"
-    return f"{found.value:.2f}{bounds}"
+def interval_text(found: Any, form: str = ".2f") -> str:
+    """The `value` of an estimate and, where it has one, its interval from `low` to `high`."""
+    bounds = "" if found.low is None else f" [{found.low:{form}}, {found.high:{form}}]"
+    return f"{found.value:{form}}{bounds}"
 
 
 def verdict(reference: Sequence[Row], runs: Sequence[Row]) -> str:
-    """A line per physics and terrain, as text: medians, ratios to the reference, paired intervals.
+    """Medians of speed, mm/s (over the reference's), and hybrid - others with its 95 % interval.
 
     Only terrains that all three controllers have walked, with `MIN_RUNS` runs or more, have a line.
     """
-    lines = ["median speed (mm/s), over the reference's; hybrid - other: mean and 95 % interval"]
-    for physics in dict.fromkeys(run["physics"] for run in runs):
-        of_physics = [run for run in runs if run["physics"] == physics]
-        for terrain in dict.fromkeys(run["terrain"] for run in of_physics):
-            speeds = by_seed(of_physics, terrain).reindex(columns=CONTROLLERS)
-            if speeds.count().min() < MIN_RUNS:
-                continue
-            medians = speeds.median()
-            ratios = [
-                f"{name} {medians[name]:5.2f} "
-                f"({medians[name] / reference_speed(reference, terrain, name):4.2f})"
-                for name in CONTROLLERS
-            ]
-            differences = [
-                f"hybrid-{other} {interval_text(hybrid_over(speeds, other))}"
-                for other in ("cpg", "rule_based")
-            ]
-            cpg_over_hybrid = medians["cpg"] / medians["hybrid"]
-            lines.append(
-                f"{physics:9} {terrain:7} {'  '.join(ratios)}  cpg/hybrid {cpg_over_hybrid:4.2f}  "
-                f"{'  '.join(differences)}"
-            )
-    return "\n".join(lines)
+    lines = []
+    for (physics, terrain), walked in frame(runs).groupby(["physics", "terrain"], sort=False):
+        speeds = by_seed(walked).reindex(columns=CONTROLLERS)
+        if speeds.count().min() < MIN_RUNS:
+            continue
+        line = {"physics": physics, "terrain": terrain}
+        medians = speeds.median()
+        for name in CONTROLLERS:
+            ratio = medians[name] / reference_speed(reference, str(terrain), name)
+            line[name] = f"{medians[name]:.2f} ({ratio:.2f})"
+        line["cpg/hybrid"] = f"{medians['cpg'] / medians['hybrid']:.2f}"
+        for other in ("cpg", "rule_based"):
+            line[f"hybrid - {other}"] = interval_text(hybrid_over(speeds, other))
+        lines.append(line)
+    return pd.DataFrame(lines).to_string(index=False)

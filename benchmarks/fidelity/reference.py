@@ -14,11 +14,7 @@ sequences of `drives.py` (`TERRAIN-DRIVES-SEED.npz`), and `python -m benchmarks.
 --collect` adds a folder of those alone to `reference_steering.json`.
 """
 
-import argparse
-import json
-import os
 import time
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -41,7 +37,17 @@ from flygym_gymnasium.examples.locomotion.rule_based_controller import construct
 from numpy.typing import NDArray
 
 from benchmarks.fidelity.drives import HOLD_S, KINDS, sequence
-from benchmarks.machine import machine
+from benchmarks.fidelity.peers import (
+    SAMPLING_S,
+    SENSED,
+    TIMESTEP_S,
+    TRIPOD,
+    in_contact,
+    keep,
+    parser,
+    phases,
+    spawn,
+)
 
 TERRAINS: Final[dict[str, type[BaseArena]]] = {
     "flat": FlatTerrain,
@@ -51,11 +57,6 @@ TERRAINS: Final[dict[str, type[BaseArena]]] = {
 }
 CONTROLLERS: Final = ("cpg", "rule_based", "hybrid")
 PACKAGES: Final = ("flygym-gymnasium", "mujoco", "dm_control", "numpy", "scipy", "gymnasium")
-
-TIMESTEP_S: Final = 1e-4
-SAMPLING_S: Final = 1e-3
-CONTACT_THRESHOLD: Final = 1.0
-"""µN; as flyrl's."""
 
 STRAIGHT: Final = np.ones((1, 2))
 """Drives (left, right) straight ahead, one pair that is held on."""
@@ -68,7 +69,6 @@ RULE_WEIGHTS: Final = {
     "rule3_ipsi": 3.0,
     "rule3_contra": 2.0,
 }
-SENSED: Final = ("Tibia", "Tarsus1", "Tarsus2", "Tarsus3", "Tarsus4", "Tarsus5")
 
 
 class Cpg:
@@ -76,17 +76,7 @@ class Cpg:
 
     def __init__(self, phases: NDArray[np.float64]) -> None:
         self.steps = PreprogrammedSteps()
-        legs = np.arange(6)
-        differs = (legs[:, None] + legs) % 2 == 1
-        self.network = CPGNetwork(
-            timestep=TIMESTEP_S,
-            intrinsic_freqs=np.full(6, 12.0),
-            intrinsic_amps=np.ones(6),
-            coupling_weights=10.0 * differs,
-            phase_biases=np.pi * differs,
-            convergence_coefs=np.full(6, 20.0),
-            init_phases=phases.copy(),
-        )
+        self.network = CPGNetwork(**TRIPOD, init_phases=phases)
 
     def action(self) -> dict[str, NDArray[Any]]:
         """Advance by one time step; target angles and adhesion."""
@@ -159,10 +149,8 @@ def start(
     -------
     Simulation, what gives its actions, and its first observation.
     """
-    x, y = np.random.default_rng(seed).uniform(-2.0, 2.0, size=2)
-    phases = np.random.RandomState(seed).uniform(0.0, 2 * np.pi, size=6)
     fly = Fly(
-        spawn_pos=(x, y, 0.5),
+        spawn_pos=(*spawn(seed), 0.5),
         contact_sensor_placements=[
             f"{leg}{segment}" for leg in PreprogrammedSteps.legs for segment in SENSED
         ],
@@ -171,11 +159,11 @@ def start(
     world = {"fly": fly, "cameras": [], "arena": TERRAINS[terrain](), "timestep": TIMESTEP_S}
     if controller == "hybrid":
         hybrid = HybridTurningController(**world)
-        observation, _ = hybrid.reset(seed=seed, init_phases=phases.copy())
+        observation, _ = hybrid.reset(seed=seed, init_phases=phases(seed))
         return hybrid, Driven(drives), observation
     sim = SingleFlySimulation(**world)
     observation, _ = sim.reset(seed=seed)
-    driver = Cpg(phases) if controller == "cpg" else RuleBased(seed)
+    driver = Cpg(phases(seed)) if controller == "cpg" else RuleBased(seed)
     return sim, driver, observation
 
 
@@ -183,7 +171,6 @@ def sample(sim: Any, observation: dict[str, NDArray[np.float32]]) -> dict[str, A
     """What is kept of one moment; as `statistics.Trajectory` has it."""
     # 3 torques, then 3 forces; by contact alone, the grip of adhesion included, as in flyrl
     forces = sim.physics.named.data.cfrc_ext[sim.fly.contact_sensor_placements][:, 3:]
-    leg_forces = forces.reshape(6, len(SENSED), 3).sum(axis=1)
     _, velocities, torques = observation["joints"].astype(float)
     heading = observation["fly_orientation"]
     return {
@@ -191,7 +178,7 @@ def sample(sim: Any, observation: dict[str, NDArray[np.float32]]) -> dict[str, A
         "yaw": np.arctan2(heading[1], heading[0]),
         "upright": observation["cardinal_vectors"][2, 2],
         "end_effectors_w": observation["end_effectors"],
-        "contact": np.linalg.norm(leg_forces, axis=1) > CONTACT_THRESHOLD,
+        "contact": in_contact(forces),
         # the package gives N·m for what it calls mm and g; in µN·mm, as ours
         "power": np.maximum(torques * 1e9 * velocities, 0.0).sum(),
     }
@@ -199,8 +186,8 @@ def sample(sim: Any, observation: dict[str, NDArray[np.float32]]) -> dict[str, A
 
 def run(
     terrain: str, controller: str, seed: int, seconds: float, drives: str | None = None
-) -> dict[str, Any]:
-    """Walk for some seconds, straight or with drives; samples by name, and how it went."""
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Walk for some seconds, straight or with drives; samples, and how it went."""
     driven = STRAIGHT if drives is None else sequence(drives, seed, seconds)
     sim, driver, observation = start(terrain, controller, seed, driven)
     samples = [sample(sim, observation)]
@@ -214,45 +201,26 @@ def run(
                 samples.append(sample(sim, observation))
     except PhysicsError:
         outcome = "unstable"
-    about = {
-        "terrain": terrain,
-        "controller": controller,
-        **({"drives": drives} if drives else {}),
-        "seed": seed,
-        "outcome": outcome,
-        "wall_s": round(time.perf_counter() - began, 1),
-    }
-    series = {name: np.array([each[name] for each in samples]) for name in samples[0]}
-    return {"time": SAMPLING_S * np.arange(len(samples)), **series, "about": about}
+    about = {"controller": controller, "outcome": outcome, **({"drives": drives} if drives else {})}
+    return samples, {**about, "wall_s": round(time.perf_counter() - began, 1)}
 
 
 def main() -> None:
     """Run what is not there yet, seed by seed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("folder", type=Path, help="where the runs are kept")
-    parser.add_argument("--terrains", nargs="+", choices=TERRAINS, default=list(TERRAINS))
-    parser.add_argument("--controllers", nargs="+", choices=CONTROLLERS, default=CONTROLLERS)
-    parser.add_argument("--seeds", nargs="+", type=int, default=[0, 1, 2, 3])
-    parser.add_argument(
+    command = parser(__doc__, TERRAINS, CONTROLLERS, [0, 1, 2, 3], 1.5)
+    command.add_argument(
         "--drives", nargs="+", choices=KINDS, help="steer the hybrid controller, and no other"
     )
-    parser.add_argument("--seconds", type=float, default=1.5, help="simulated time of a run")
-    chosen = parser.parse_args()
-    chosen.folder.mkdir(parents=True, exist_ok=True)
-    for seed in chosen.seeds:
-        for terrain in chosen.terrains:
-            for name in chosen.drives or chosen.controllers:
-                path = chosen.folder / f"{terrain}-{name}-{seed}.npz"
-                if path.exists():
-                    continue
-                how = ("hybrid", name) if chosen.drives else (name, None)
-                result = run(terrain, how[0], seed, chosen.seconds, how[1])
-                result["about"] = json.dumps(result["about"] | {"machine": machine(PACKAGES)})
-                partial = path.with_name(f".partial-{os.getpid()}-{path.name}")
-                np.savez_compressed(partial, **result)
-                partial.replace(path)
-                way = np.linalg.norm((result["position_w"][-1] - result["position_w"][0])[:2])
-                print(f"{path.stem}: {way / result['time'][-1]:.2f} mm/s", flush=True)
+    chosen = command.parse_args()
+
+    def steered(terrain: str, drives: str, seed: int) -> Any:
+        return run(terrain, "hybrid", seed, chosen.seconds, drives)
+
+    def straight(terrain: str, controller: str, seed: int) -> Any:
+        return run(terrain, controller, seed, chosen.seconds)
+
+    how = steered if chosen.drives else straight
+    keep(chosen, chosen.drives or chosen.controllers, PACKAGES, how)
 
 
 if __name__ == "__main__":

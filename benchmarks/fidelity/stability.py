@@ -7,6 +7,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.fidelity.drives import ABRUPT_S, HIGH, LOW
+from benchmarks.fidelity.flyrl_runs import drive
 from flyrl.envs.core import BatchedEnv, EnvConfig
 
 
@@ -22,28 +23,17 @@ def outcomes(
     config = EnvConfig(
         task="hybrid_turning", physics=physics, terrain=terrain, decision_interval=ABRUPT_S
     )
-    env = BatchedEnv(config, min(episodes, 100), threads)
     ended: Counter[str] = Counter()
     warned: Counter[str] = Counter()
-    with tqdm(total=episodes, desc=f"{physics} {terrain}", unit="episode") as progress:
-        for first in range(0, episodes, env.num_envs):
-            count = min(env.num_envs, episodes - first)
-            rng = np.random.default_rng(first)
-            env.reset(seeds=list(range(first, first + env.num_envs)))
-            going = np.arange(count)
-            for _ in range(round(seconds / ABRUPT_S)):
-                action = rng.uniform(LOW, HIGH, size=(env.num_envs, 2))
-                transition = env.step(action, ids=going)
-                ends = transition.terminated[going]
-                ended.update(transition.outcome[going[ends]].tolist())
-                going = going[~ends]
-                if not len(going):
-                    break
-            ended["timeout"] += len(going)
-            numbers = env.flies.warnings()[:count].sum(axis=0)
-            for kind in range(int(mujoco.mjtWarning.mjNWARNING)):
-                if numbers[kind]:
-                    name = mujoco.mjtWarning(kind).name.removeprefix("mjWARN_").lower()
-                    warned[name] += int(numbers[kind])
-            progress.update(count)
+    for first in tqdm(range(0, episodes, 100), desc=f"{physics} {terrain}", unit="100 episodes"):
+        seeds = range(first, min(first + 100, episodes))
+        env = BatchedEnv(config, len(seeds), threads)
+        shape = (round(seconds / ABRUPT_S), len(seeds), 2)
+        actions = np.random.default_rng(first).uniform(LOW, HIGH, shape)
+        _, _, how = drive(env, seeds, actions.__getitem__, len(actions), magnitude=None)
+        ended.update(how.tolist())
+        for kind, number in enumerate(env.flies.warnings().sum(axis=0)):
+            if number:
+                name = mujoco.mjtWarning(kind).name.removeprefix("mjWARN_").lower()
+                warned[name] += int(number)
     return ended, warned

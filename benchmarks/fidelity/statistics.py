@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
+from flyrl.evaluation.metrics import path_length_mm
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SETTLING_S: Final = 0.2
 """s from the start that count for neither gait, slip nor energy: the fly drops and gets going."""
-
-PATH_SAMPLING_S: Final = 0.1
-"""s between the points of a path, more than a stride; finer, its sway would count as distance."""
 
 MIN_PROTRACTION: Final = 0.2
 """mm; a foot that comes forward by less, from the thorax, has made no step."""
@@ -95,46 +94,30 @@ def walking_statistics(walk: Trajectory) -> dict[str, float | None]:
     """All of `STATISTICS` for one episode, in that order."""
     seconds = float(walk.time[-1] - walk.time[0])
     displacement = float(np.linalg.norm(walk.position_w[-1, :2] - walk.position_w[0, :2]))
-    path = path_length(walk)
+    path = _path_length(walk)
+    turned = np.unwrap(walk.yaw)
     gait = walk.after(SETTLING_S)
-    way = path_length(gait) if len(gait.time) > 1 else 0.0
+    way = _path_length(gait) if len(gait.time) > 1 else 0.0
+    work = float((gait.power[1:] * np.diff(gait.time)).sum())  # by the rectangle rule
     lengths, durations, contacts = find_strides(gait)
     has_strides = lengths.size > 0
     return {
         "speed": displacement / seconds if seconds > 0 else None,
         "straightness": min(1.0, displacement / path) if path >= MIN_WAY else None,
-        "yaw_drift": yaw_drift(walk) if seconds > 0 else None,
+        "yaw_drift": float(np.rad2deg(turned[-1] - turned[0]) / seconds) if seconds > 0 else None,
         "stride_length": float(lengths.mean()) if has_strides else None,
         "stride_frequency": float(1.0 / durations.mean()) if has_strides else None,
         "duty_factor": float(contacts.sum() / durations.sum()) if has_strides else None,
         "tripod": tripod_strength(gait),
         "slip": foot_way(gait) / way if way >= MIN_WAY else None,
-        "fall": float(has_fallen(walk)),
-        "energy": work(gait) / way if way >= MIN_WAY else None,
+        "fall": float((walk.upright < np.cos(FALL_TILT)).any()),
+        "energy": work / way if way >= MIN_WAY else None,
     }
 
 
-def path_length(walk: Trajectory) -> float:
-    """Horizontal length of the path through points every `PATH_SAMPLING_S`, and its end, mm."""
-    due = np.arange(walk.time[0], walk.time[-1], PATH_SAMPLING_S)
-    kept = np.append(np.searchsorted(walk.time, due - 1e-9), len(walk.time) - 1)
-    return float(np.linalg.norm(np.diff(walk.position_w[kept, :2], axis=0), axis=1).sum())
-
-
-def yaw_drift(walk: Trajectory) -> float:
-    """Change of yaw per time, deg/s."""
-    turned = np.unwrap(walk.yaw)
-    return float(np.rad2deg(turned[-1] - turned[0]) / (walk.time[-1] - walk.time[0]))
-
-
-def has_fallen(walk: Trajectory) -> bool:
-    """Whether the thorax was ever tilted further than `FALL_TILT`."""
-    return bool((walk.upright < np.cos(FALL_TILT)).any())
-
-
-def work(walk: Trajectory) -> float:
-    """Positive work of the servos by the rectangle rule, nJ."""
-    return float((walk.power[1:] * np.diff(walk.time)).sum())
+def _path_length(walk: Trajectory) -> float:
+    """Horizontal length of the path through points every 0.1 s, and its end, mm."""
+    return path_length_mm(walk.position_w[:, :2], walk.time - walk.time[0])
 
 
 def foot_way(walk: Trajectory) -> float:
@@ -156,16 +139,15 @@ def steps(walk: Trajectory) -> list[NDArray[np.intp]]:
     offset_w = walk.end_effectors_w[:, :, :2] - walk.position_w[:, None, :2]
     forward = np.stack([np.cos(walk.yaw), np.sin(walk.yaw)], axis=1)
     along = np.einsum("tli,ti->tl", offset_w, forward)
-    return [_steps_of(position) for position in along.T]
-
-
-def _steps_of(along: Array) -> NDArray[np.intp]:
-    anterior, _ = find_peaks(along, prominence=MIN_PROTRACTION)
-    rows = [
-        (start, start + along[start:end].argmin(), end)
-        for start, end in pairwise(anterior.tolist())
-    ]
-    return np.array(rows, dtype=np.intp).reshape(-1, 3)
+    found = []
+    for position in along.T:
+        anterior, _ = find_peaks(position, prominence=MIN_PROTRACTION)
+        rows = [
+            (start, start + position[start:end].argmin(), end)
+            for start, end in pairwise(anterior.tolist())
+        ]
+        found.append(np.array(rows, dtype=np.intp).reshape(-1, 3))
+    return found
 
 
 def find_strides(walk: Trajectory) -> tuple[Array, Array, Array]:

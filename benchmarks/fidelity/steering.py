@@ -5,7 +5,6 @@ reference walks too, or the law `pursuit` in the task `target`.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,11 +13,13 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from benchmarks.fidelity.drives import HOLD_S, KINDS, sequence
-from benchmarks.fidelity.statistics import FALL_TILT, PATH_SAMPLING_S, Trajectory
+from benchmarks.fidelity.flyrl_runs import Series, drive
+from benchmarks.fidelity.statistics import FALL_TILT, Trajectory
 from flyrl.envs.core import BatchedEnv, EnvConfig
+from flyrl.evaluation.metrics import PATH_SAMPLING_S
 from flyrl.policies.laws import fixed_policy
 from flyrl.simulation.physics import PhysicsConfig
-from flyrl.tasks import RUNNING, TIMEOUT
+from flyrl.tasks import TIMEOUT
 from flyrl.tasks.task import FALL
 
 Array = NDArray[np.float64]
@@ -88,48 +89,29 @@ def walk(
     task = "target" if drives is None else "hybrid_turning"
     config = EnvConfig(task=task, physics=physics, terrain=terrain, decision_interval=HOLD_S)
     env = BatchedEnv(config, len(seeds), num_threads)
-    episodes = [env.draw_episode(i, seed) for i, seed in enumerate(seeds)]
     if drives is None:
         policy = fixed_policy(PURSUIT, env.task)
         count = round((env.task.time_limit_s or SECONDS) / HOLD_S)
+        driven = drive(
+            env, seeds, lambda k: policy.predict(env.observe())[0], count, magnitude=None
+        )
     else:
         actions = env.task.actions.of(drives)
-        count = drives.shape[1]
-        episodes = [replace(episode, init_magnitudes=(0.0,) * 6) for episode in episodes]
-    env.reset(episodes=episodes)
-    outcomes = np.full(len(seeds), RUNNING, dtype="U32")
-    samples = [_sample(env)]
-    ends = np.zeros(len(seeds), dtype=np.intp)
-    for k in range(count):
-        going = np.flatnonzero(outcomes == RUNNING)
-        if not len(going):
-            break
-        action = policy.predict(env.observe())[0] if drives is None else actions[:, k]
-        transition = env.step(action, ids=going)
-        samples.append(_sample(env))
-        ends[going] = k + 1
-        outcomes[going] = np.where(transition.done, transition.outcome, RUNNING)[going]
-    outcomes[outcomes == RUNNING] = TIMEOUT
-    series = {name: np.array([each[name] for each in samples]) for name in samples[0]}
+        driven = drive(env, seeds, lambda k: actions[:, k], drives.shape[1])
+    series, ends, outcomes = driven
     return [
         figures({name: values[: end + 1, i] for name, values in series.items()}, outcome)
         for i, (end, outcome) in enumerate(zip(ends, outcomes.tolist(), strict=True))
     ]
 
 
-def _sample(env: BatchedEnv) -> dict[str, Array]:
-    fly = env.flies.state()
-    return {"position_w": fly.position_w, "yaw": fly.yaw, "upright": fly.up_b[:, 2]}
-
-
-def figures(series: dict[str, Array], outcome: str) -> Row:
+def figures(series: Series, outcome: str) -> Row:
     """What is kept of a run.
 
     Parameters
     ----------
     series
-        Position of the thorax "position_w", mm, (t, 3), "yaw", rad, (t,), and "upright", the
-        world's up direction along the thorax's, (t,); one sample per `HOLD_S` from the start on.
+        `flyrl_runs.pose` of one fly; one sample per `HOLD_S` from the start on.
     outcome
         How it ended.
 

@@ -1,11 +1,14 @@
-"""What steered runs come to: a table per ground and kind of drives, presets beside `reference`."""
+"""What steered runs come to: a row per ground, kind of drives and preset, beside `reference`."""
 
 from collections.abc import Callable, Iterable, Sequence
+from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from benchmarks.fidelity.comparison import interval_text
 from benchmarks.fidelity.steering import ALL_KINDS, TERRAINS, Row
 from flyrl.tasks import UNSTABLE
 from flyrl.tasks.task import FALL
@@ -58,15 +61,15 @@ def fall_ratio(rows: Sequence[Row], others: Sequence[Row]) -> Estimate:
     return _bootstrap(falls(rows), falls(others), _ratio)
 
 
-def tilt_ratio(rows: Sequence[Row], others: Sequence[Row], percent: float = 95) -> Estimate:
-    """Percentile of the tilt over that of the others, from the same starts.
+def tilt_ratio(rows: Sequence[Row], others: Sequence[Row]) -> Estimate:
+    """95th percentile of the tilt over that of the others, from the same starts.
 
     Tilts are whole degrees, so the ratio moves in steps of a few percent.
     """
     return _bootstrap(
         tilt_counts(rows),
         tilt_counts(others),
-        lambda a, b: _ratio(percentile(a, percent), percentile(b, percent)),
+        lambda a, b: _ratio(percentile(a, 95), percentile(b, 95)),
     )
 
 
@@ -82,17 +85,16 @@ def _bootstrap(a: Array, b: Array, statistic: Callable[[Array, Array], Array]) -
     a, b
         One row per run, (n,) or (n, k).
     statistic
-        Of means (…,) or (…, k).
+        Of means (…,) or (…, k); NaN where there is none.
     """
     rng = np.random.default_rng(0)
     weights = rng.multinomial(len(a), np.full(len(a), 1 / len(a)), size=RESAMPLES) / len(a)
-    value = statistic(a.mean(axis=0), b.mean(axis=0))
+    value = float(statistic(a.mean(axis=0), b.mean(axis=0)))
     drawn = np.asarray(statistic(weights @ a, weights @ b))
-    drawn = drawn[np.isfinite(drawn)]
-    if not len(drawn):
-        return Estimate(float(value), float("nan"), float("nan"))
-    low, high = np.percentile(drawn, (2.5, 97.5))
-    return Estimate(float(value), float(low), float(high))
+    if not np.isfinite(drawn).any():
+        return Estimate(value, np.nan, np.nan)
+    low, high = np.nanpercentile(drawn, (2.5, 97.5))
+    return Estimate(value, float(low), float(high))
 
 
 def pairs(rows: Iterable[Row], others: Iterable[Row]) -> tuple[list[Row], list[Row]]:
@@ -102,64 +104,58 @@ def pairs(rows: Iterable[Row], others: Iterable[Row]) -> tuple[list[Row], list[R
     return [first[seed] for seed in seeds], [second[seed] for seed in seeds]
 
 
-def table(rows: Sequence[Row], flygym: Sequence[Row] = ()) -> str:
+def table(flygym: Sequence[Row], rows: Sequence[Row]) -> str:
     """Figures per ground, kind of drives and physics, as text.
 
     Parameters
     ----------
-    rows
-        Of `steer`.
     flygym
         Of `collect`; beside them `reference` stands once more, on the same seeds alone.
+    rows
+        Of `steer`.
     """
-    lines = [
-        f"{'terrain':8}{'drives':9}{'physics':11}{'n':>5} {'falls':>6} {'falls/s':>8} "
-        f"{'tilt 5, 50, 95 %':>17} {'mm/s':>6} {'|deg/s|':>8}   falls - reference      "
-        "falls / reference     tilt 95 % / reference"
-    ]
-    for terrain in TERRAINS:
-        for kind in ALL_KINDS:
-            cells = _by_physics(rows, terrain, kind)
-            reference = cells.get("reference", [])
-            lines += [_line(name, own, reference) for name, own in cells.items()]
-            published = _by_physics(flygym, terrain, kind).get("flygym", [])
-            shared, same = pairs(reference, published)
-            if shared:
-                lines.append(_line("(reference)", shared, []))
-                lines.append(_line("flygym", same, shared))
-    unstable = [row for row in rows if row["outcome"] == UNSTABLE]
-    lines += [
+    lines = []
+    for terrain, kind in product(TERRAINS, ALL_KINDS):
+        own, published = (
+            [row for row in each if (row["terrain"], row["kind"]) == (terrain, kind)]
+            for each in (rows, flygym)
+        )
+        by_physics = {
+            name: [row for row in own if row["physics"] == name]
+            for name in dict.fromkeys(row["physics"] for row in own)
+        }
+        reference = by_physics.get("reference", [])
+        for name, found in by_physics.items():
+            lines.append(_line(name, found, [] if name == "reference" else reference))
+        shared, same = pairs(reference, published)
+        if shared:
+            lines += [_line("(reference)", shared, []), _line("flygym", same, shared)]
+    unstable = [
         f"blew up: {row['terrain']} {row['kind']} {row['physics']}, seed {row['seed']}"
-        for row in unstable
+        for row in rows
+        if row["outcome"] == UNSTABLE
     ]
-    return "\n".join(lines)
+    return "\n".join([pd.DataFrame(lines).to_string(index=False, na_rep=""), *unstable])
 
 
-def _by_physics(rows: Iterable[Row], terrain: str, kind: str) -> dict[str, list[Row]]:
-    cells: dict[str, list[Row]] = {}
-    for row in rows:
-        if (row["terrain"], row["kind"]) == (terrain, kind):
-            cells.setdefault(row["physics"], []).append(row)
-    return cells
-
-
-def _line(name: str, rows: Sequence[Row], reference: Sequence[Row]) -> str:
+def _line(name: str, rows: Sequence[Row], reference: Sequence[Row]) -> Row:
     counts = tilt_counts(rows).sum(axis=0)
-    tilts = [float(percentile(counts, percent)) for percent in PERCENTILES]
-    speeds = [row["speed"] for row in rows if row["speed"] is not None]
-    rates = [abs(row["yaw_deg"]) / row["seconds"] for row in rows if row["seconds"]]
-    text = (
-        f"{rows[0]['terrain']:8}{rows[0]['kind']:9}{name:11}{len(rows):>5} "
-        f"{falls(rows).mean():>6.1%} {fall_rate(rows):>8.3f} "
-        f"{', '.join(f'{tilt:.0f}' for tilt in tilts):>17} {np.median(speeds):>6.1f} "
-        f"{np.median(rates):>8.0f}"
-    )
+    line = {
+        "terrain": rows[0]["terrain"],
+        "drives": rows[0]["kind"],
+        "physics": name,
+        "n": len(rows),
+        "falls": f"{falls(rows).mean():.1%}",
+        "falls/s": f"{fall_rate(rows):.3f}",
+        "tilt 5, 50, 95 %": ", ".join(f"{percentile(counts, each):.0f}" for each in PERCENTILES),
+        "mm/s": f"{np.median([row['speed'] for row in rows if row['speed'] is not None]):.1f}",
+        "|deg/s|": "{:.0f}".format(
+            np.median([abs(row["yaw_deg"]) / row["seconds"] for row in rows if row["seconds"]])
+        ),
+    }
     own, same = pairs(rows, reference)
-    if not own or name == "reference":
-        return text
-    difference, ratio, tilt = paired_falls(own, same), fall_ratio(own, same), tilt_ratio(own, same)
-    return (
-        f"{text}   {difference.value:+.1%} [{difference.low:+.1%}, {difference.high:+.1%}]"
-        f"   {ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
-        f"   {tilt.value:.2f} [{tilt.low:.2f}, {tilt.high:.2f}]"
-    )
+    if own:
+        line["falls - reference"] = interval_text(paired_falls(own, same), "+.1%")
+        line["falls / reference"] = interval_text(fall_ratio(own, same))
+        line["tilt 95 % / reference"] = interval_text(tilt_ratio(own, same))
+    return line

@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.machine import machine
-from benchmarks.speed import engine, layers, overhead, peers, rendering, results, scale
+from benchmarks.speed import engine, overhead, peers, rendering, results
 from benchmarks.speed.results import PARTS, Row
 from flyrl.simulation.physics import FLY_PRESETS
 from flyrl.terrains import LITERATURE
-from flyrl.validation import one_of
 
-_PACKAGES: Final = ("mujoco", "numpy", "numba", "torch", "stable-baselines3")
 _RECORDED: Final = ("presets", "terrains", "threads", "batches", "cell_seconds")
 """Options that change measured values."""
 
@@ -26,11 +24,12 @@ def _parser() -> argparse.ArgumentParser:
         prog="python -m benchmarks.speed", description=(__doc__ or "").splitlines()[0]
     )
     add = parser.add_argument
-    add("parts", nargs="*", metavar="PART", help=f"among {', '.join(PARTS)} (default: all)")
-    add("--presets", nargs="+", metavar="NAME", help="for engine, overhead, single (default: all)")
-    add("--terrains", nargs="+", metavar="NAME",
-        help="for engine, overhead, rendering, peers (default: all)")  # fmt: skip
-    add("--threads", nargs="+", type=int, default=[1, 2], help="for engine, environment")
+    add("parts", nargs="*", choices=(*PARTS, "all"), default="all")
+    add("--presets", nargs="+", choices=FLY_PRESETS, default=list(FLY_PRESETS),
+        help="for engine, overhead")  # fmt: skip
+    add("--terrains", nargs="+", choices=LITERATURE, default=list(LITERATURE),
+        help="for engine, overhead, rendering, peers")  # fmt: skip
+    add("--threads", nargs="+", type=int, default=[1, 2], help="for engine")
     add("--batches", nargs="+", type=int, default=[1, 16, 64, 256, 1024],
         help="numbers of flies, for engine")  # fmt: skip
     add("--cell-seconds", type=float, default=1.5, help="wall time of a cell, for engine, worm")
@@ -38,28 +37,20 @@ def _parser() -> argparse.ArgumentParser:
         add(f"--{key}", metavar="PYTHON",
             help=f"interpreter that has {package}{needed}, for peers")  # fmt: skip
     add("--output", type=Path, default=Path("runs/speed.json"), metavar="FILE",
-        help="file of results (default: runs/speed.json); parts that are not measured stay as they "
-        "are")  # fmt: skip
+        help="file of results; parts that are not measured stay as they are")  # fmt: skip
     add("--show", action="store_true", help="measure nothing, print what is in --output")
     return parser
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Measure, or read, then print the tables."""
-    parser = _parser()
-    chosen = parser.parse_args(arguments)
-    try:
-        parts = [one_of("part", part, PARTS) for part in chosen.parts] or list(PARTS)
-        for key, names in (("presets", FLY_PRESETS), ("terrains", LITERATURE)):
-            given = getattr(chosen, key) or names
-            setattr(chosen, key, [one_of(f"--{key}", name, names) for name in given])
-    except ValueError as error:
-        parser.error(str(error))
+    chosen = _parser().parse_args(arguments)
+    parts = PARTS if "all" in chosen.parts else chosen.parts
     stored = results.read(chosen.output)
     settings = {key: vars(chosen)[key] for key in _RECORDED}
     for part in () if chosen.show else parts:  # written one by one: an interruption costs one part
         rows = _measures(chosen)[part]()
-        stored[part] = {"machine": machine(_PACKAGES), "settings": settings, "rows": rows}
+        stored[part] = {"machine": machine(), "settings": settings, "rows": rows}
         results.write(chosen.output, stored)
     print(results.table(stored))
 
@@ -71,10 +62,6 @@ def _measures(chosen: argparse.Namespace) -> dict[str, Callable[[], list[Row]]]:
             chosen.presets, chosen.terrains, chosen.threads, chosen.batches, chosen.cell_seconds
         ),
         "overhead": lambda: overhead.measure(chosen.presets, chosen.terrains),
-        "environment": lambda: layers.measure_environment(chosen.threads),
-        "scale": scale.measure,
-        "single": lambda: layers.measure_single(chosen.presets),
-        "ppo": layers.measure_ppo,
         "worm": lambda: engine.measure_worms(chosen.cell_seconds),
         "rendering": lambda: rendering.measure(chosen.terrains),
         "peers": lambda: peers.measure(interpreters, chosen.terrains),

@@ -27,7 +27,8 @@ they walk off the terrain."""
 MAX_SETTLED: Final = 64
 """Flies that are settled, at most; a larger batch repeats them."""
 
-MIN_STEPS: Final = 3
+BLOCK: Final = 50
+"""Steps at a time, of which a window is a whole number in every preset."""
 
 WORM_DECISION_S: Final = 0.05
 """s of simulated time for which muscles hold."""
@@ -69,20 +70,16 @@ def steps_per_second(flies: FlyBatch, start: States, seconds: float) -> float:
     start
         States that a window of walking begins with.
     seconds
-        Wall time to spend, s. At least one window of `MIN_STEPS` is measured.
+        Wall time to spend, s.
     """
-    most = round(WINDOW_S / flies.scene.config.physics.timestep)
-    steps = MIN_STEPS
-    pace = walking_time(flies, start, steps) / steps
-    while pace * steps < 0.05 * seconds and steps < most:
-        steps = min(2 * steps, most)
-        pace = walking_time(flies, start, steps) / steps
-    steps = min(max(round(seconds / pace), MIN_STEPS), most)
-    taken, windows = walking_time(flies, start, steps), 1
+    per_window = round(WINDOW_S / flies.scene.config.physics.timestep)
+    taken, steps = 0.0, 0
     while taken < seconds:
-        taken += walking_time(flies, start, steps)
-        windows += 1
-    return flies.num_sims * steps * windows / taken
+        if steps % per_window == 0:
+            flies.restore(start)
+        taken += _time(flies, BLOCK)
+        steps += BLOCK
+    return flies.num_sims * steps / taken
 
 
 def measure(
@@ -116,8 +113,12 @@ def measure(
 def walking_time(flies: FlyBatch, start: States, steps: int) -> float:
     """Wall time of some steps of all flies, from the start on, s."""
     flies.restore(start)
+    return _time(flies, steps)
+
+
+def _time(bodies: FlyBatch | WormBatch, steps: int) -> float:
     began = time.perf_counter()
-    flies.step(steps)
+    bodies.step(steps)
     return time.perf_counter() - began
 
 
@@ -141,10 +142,9 @@ def measure_worms(seconds: float, worms: int = 32) -> list[Row]:
         taken, decisions = 0.0, -WORM_WARM_UP
         while decisions < 1 or taken < seconds:
             batch.set_command(rng.integers(0, pools, (worms, len(pools))))
-            began = time.perf_counter()
-            batch.step(steps)
+            spent = _time(batch, steps)
             if decisions >= 0:
-                taken += time.perf_counter() - began
+                taken += spent
             decisions += 1
         speed = worms * steps * decisions / taken
         rows.append(

@@ -6,8 +6,8 @@ Runs in the interpreter of `--flygym2`, in which flyrl is not installed:
     /tmp/flygym2/bin/pip install 'flygym>=2'
 """
 
-import argparse
 import json
+import sys
 import time
 from typing import Any, Final
 
@@ -84,24 +84,12 @@ def measure(terrain: str, warm_up: int, steps: int) -> list[dict[str, Any]]:
     if not np.allclose(sim.mj_data.qpos, end, rtol=0, atol=1e-6):
         raise RuntimeError("the replay left the recorded trajectory")
     return [
-        {"terrain": terrain, "what": what, "steps_per_s": speed, "real_time": speed * timestep}
+        {"what": what, "steps_per_s": speed, "real_time": speed * timestep}
         for what, speed in (("hybrid", with_controller), ("replay", alone))
     ]
 
 
-def main() -> None:
-    """Print two rows per terrain, as JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--terrains", nargs="+", choices=WORLDS, default=list(WORLDS))
-    parser.add_argument("--steps", type=int, default=300)
-    parser.add_argument("--warm-up", type=int, default=50)
-    chosen = parser.parse_args()
-    rows = []
-    for terrain in chosen.terrains:
-        rows += measure(terrain, chosen.warm_up, chosen.steps)
+if __name__ == "__main__":
+    rows = measure(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))
     packages = ("flygym", "mujoco", "numpy", "numba")
     print(json.dumps({"versions": machine(packages)["versions"], "rows": rows}))
-
-
-if __name__ == "__main__":
-    main()

@@ -4,43 +4,30 @@ Runs in the interpreter of `--flygym`, in which flyrl is not installed; how to m
 `benchmarks/fidelity/reference.py`.
 """
 
-import argparse
 import json
+import sys
 import time
 
 import numpy as np
 
-from benchmarks.fidelity.reference import PACKAGES, TERRAINS, TIMESTEP_S, start
+from benchmarks.fidelity.peers import TIMESTEP_S
+from benchmarks.fidelity.reference import PACKAGES, start
 from benchmarks.machine import machine
 
 
-def main() -> None:
-    """Print one row per terrain, as JSON."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--terrains", nargs="+", choices=TERRAINS, default=list(TERRAINS))
-    parser.add_argument("--steps", type=int, default=300)
-    parser.add_argument("--warm-up", type=int, default=50)
-    chosen = parser.parse_args()
-    rows = []
-    for terrain in chosen.terrains:
-        sim, _, _ = start(terrain, "hybrid", seed=0)
-        drive = np.ones(2)
-        for _ in range(chosen.warm_up):
-            sim.step(drive)
-        began = time.perf_counter()
-        for _ in range(chosen.steps):
-            sim.step(drive)
-        speed = chosen.steps / (time.perf_counter() - began)
-        rows.append(
-            {
-                "terrain": terrain,
-                "what": "hybrid",
-                "steps_per_s": speed,
-                "real_time": speed * TIMESTEP_S,
-            }
-        )
-    print(json.dumps({"versions": machine(PACKAGES)["versions"], "rows": rows}))
+def main(terrain: str, warm_up: int, steps: int) -> None:
+    """Print a row for the terrain, as JSON."""
+    sim, _, _ = start(terrain, "hybrid", seed=0)
+    drive = np.ones(2)
+    for _ in range(warm_up):
+        sim.step(drive)
+    began = time.perf_counter()
+    for _ in range(steps):
+        sim.step(drive)
+    speed = steps / (time.perf_counter() - began)
+    row = {"what": "hybrid", "steps_per_s": speed, "real_time": speed * TIMESTEP_S}
+    print(json.dumps({"versions": machine(PACKAGES)["versions"], "rows": [row]}))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))

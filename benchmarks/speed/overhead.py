@@ -5,9 +5,9 @@ that take turns, so that a drift of the machine's speed cancels.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Final
 
 import mujoco
@@ -54,17 +54,10 @@ def measure(
 ) -> list[Row]:
     """One row per preset and terrain, on one thread; `seconds` of simulated time per repeat."""
     rows = []
-    cells = [(physics, terrain) for physics in presets for terrain in terrains]
-    for physics, terrain in tqdm(cells, unit="cell", desc="overhead"):
-        config = EnvConfig(task="target", physics=physics, terrain=terrain)
-        rows.append(
-            {
-                "physics": physics,
-                "terrain": terrain,
-                "flies": flies,
-                **_ratios(BatchedEnv(config, flies, num_threads=1), seconds, repeats),
-            }
-        )
+    for physics, terrain in tqdm(list(product(presets, terrains)), desc="overhead"):
+        env = BatchedEnv(EnvConfig("target", physics=physics, terrain=terrain), flies, 1)
+        about = {"physics": physics, "terrain": terrain, "flies": flies}
+        rows.append({**about, **_ratios(env, seconds, repeats)})
     return rows
 
 
@@ -117,10 +110,14 @@ def replay(bare: Batch, scene: Scene, recording: Recording) -> float:
         If it ends elsewhere.
     """
     bare.state[:] = recording.start
-    with _without_callbacks():
+    mujoco.set_mjcb_control(None)
+    mujoco.set_mjcb_sensor(None)
+    try:
         began = time.perf_counter()
         bare.rollout(recording.controls.shape[1], recording.controls, record=())
         taken = time.perf_counter() - began
+    finally:
+        callback.install()
     qpos = bare.bind("qpos")
     end = np.concatenate([qpos[:, :3], qpos[:, scene.joint_qpos]], axis=1)
     _check(end, recording, "the bare replay")
@@ -145,13 +142,3 @@ def _pose(env: BatchedEnv) -> NDArray[np.float64]:
 def _check(found: NDArray[np.float64], recording: Recording, what: str) -> None:
     if not np.allclose(found, recording.end, rtol=0, atol=SAME):
         raise RuntimeError(f"{what} left the recorded trajectory")
-
-
-@contextmanager
-def _without_callbacks() -> Iterator[None]:
-    mujoco.set_mjcb_control(None)
-    mujoco.set_mjcb_sensor(None)
-    try:
-        yield
-    finally:
-        callback.install()

@@ -44,6 +44,11 @@ def measure(
         the flies have walked and on what they touch there. It begins at `SETTLING_S`.
     """
     rows: list[Row] = []
+
+    def add(simulator: str, terrain: str, found: Row) -> None:
+        figures = {name: significant(found[name]) for name in found if name != "what"}
+        rows.append({"simulator": simulator, "terrain": terrain, "what": found["what"], **figures})
+
     for terrain in tqdm(terrains, desc="peers"):
         for physics in FLYRL_PRESETS:
             scene, start = settled_scene(physics, terrain, FLIES)
@@ -51,30 +56,15 @@ def measure(
             steps = round(seconds / timestep)
             speed = FLIES * steps / walking_time(FlyBatch(scene, FLIES, 1), start, steps)
             own = speed * timestep
-            rows.append(
-                {
-                    "simulator": f"flyrl {physics}",
-                    "terrain": terrain,
-                    "what": "hybrid",
-                    "steps_per_s": significant(speed),
-                    "real_time": significant(own),
-                }
-            )
+            measured = {"what": "hybrid", "steps_per_s": speed, "real_time": own}
+            add(f"flyrl {physics}", terrain, measured)
         # `own` is now that of the default preset, the last
         for key, python in interpreters.items():
             package, _, module = PEERS[key]
             found = _run(python, module, terrain, seconds)
-            rows += [
-                {
-                    "simulator": f"{package} {found['versions'][package]}",
-                    "terrain": each["terrain"],
-                    "what": each["what"],
-                    "steps_per_s": significant(each["steps_per_s"]),
-                    "real_time": significant(each["real_time"]),
-                    "ratio": significant(own / each["real_time"]),
-                }
-                for each in found["rows"]
-            ]
+            for each in found["rows"]:
+                measured = {**each, "ratio": own / each["real_time"]}
+                add(f"{package} {found['versions'][package]}", terrain, measured)
     rows += [
         {"simulator": package + needed, "note": f"not measured: pass --{key} PYTHON"}
         for key, (package, needed, _) in PEERS.items()
@@ -86,8 +76,7 @@ def measure(
 def _run(python: str, module: str, terrain: str, seconds: float) -> dict[str, Any]:
     """What the module prints, run by another interpreter on one thread."""
     warm_up, steps = round(SETTLING_S / PEER_TIMESTEP_S), round(seconds / PEER_TIMESTEP_S)
-    command = [python, "-m", module, "--terrains", terrain]
-    command += ["--warm-up", str(warm_up), "--steps", str(steps)]
+    command = [python, "-m", module, terrain, str(warm_up), str(steps)]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     environment |= dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
     root = Path(__file__).parents[2]

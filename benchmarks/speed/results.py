@@ -17,10 +17,6 @@ Results = dict[str, Part]
 PARTS: Final[dict[str, str]] = {
     "engine": "physics steps/s of all flies together (simulated s per wall s), hybrid controller",
     "overhead": "speed with controller, and with environment too, over bare MuJoCo's; one thread",
-    "environment": "where a step of the vector environment spends its time",
-    "scale": "many flies",
-    "single": "one fly from Python, one physics step per step",
-    "ppo": "where PPO's training spends its time",
     "worm": "physics steps/s of all worms together (simulated s per wall s), one thread",
     "rendering": "pictures/s of 640 x 480 of a fly, everything on",
     "peers": "simulated s per wall s on one core, beside other simulators of the fly",

@@ -102,17 +102,6 @@ def free_name(name: str, taken: Collection[str]) -> str:
     return next(f"{name}-{i}" for i in range(2, len(taken) + 3) if f"{name}-{i}" not in taken)
 
 
-def controller_names(config: EvaluationConfig) -> tuple[Any, ...]:
-    """Fixed entrants: those that were asked for, or the names of the usual ones that can."""
-    if config.controllers is not None:
-        return config.controllers
-    return tuple(
-        name
-        for name, fixed in FIXED.items()
-        if fixed.is_usual and fixed.goes_with(config.resolved_task)
-    )
-
-
 def make_entrants(config: EvaluationConfig) -> list[Entrant]:
     """All entrants of an evaluation: learned policies first, then the fixed controllers.
 
@@ -122,8 +111,14 @@ def make_entrants(config: EvaluationConfig) -> list[Entrant]:
         An unknown or repeated name, a policy file that cannot be used, a reference that is not
         among the entrants, or one whose decisions do not fit the physics.
     """
+    task = config.resolved_task
+    names: tuple[Any, ...] | None = config.controllers
+    if names is None:
+        names = tuple(
+            name for name in FIXED if FIXED[name].is_usual and FIXED[name].goes_with(task)
+        )
     # Fixed first: a misspelt name shows before any file is read.
-    fixed = [make_fixed(each, config) for each in controller_names(config)]
+    fixed = [make_fixed(each, config) for each in names]
     taken = [entrant.name for entrant in fixed]
     distinct("controllers", taken)
     learned: list[Entrant] = []

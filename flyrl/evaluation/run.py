@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import itertools
-import json
 import platform
 import traceback
 from collections.abc import Sequence
@@ -216,7 +215,7 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
     """Settings that determine the results, but for versions."""
     env, task = config.env(config.terrains[0]), config.resolved_task
     record = task_record(task)
-    protocol: Json = {
+    protocol = {
         "seed": config.seed,
         "task": task.name,
         "parameters": {name: record[name] for name in task.parameters},
@@ -227,26 +226,24 @@ def _protocol(config: EvaluationConfig, entrants: Sequence[Entrant]) -> Json:
         "decisive": decisive_metrics(task),
         "compared": compared_metrics(task),
         "table": task_table(task),
-        "outcomes": list(task.outcomes[1:]),
+        "outcomes": task.outcomes[1:],
         "horizon_s": config.horizon_s,
         "episodes_per_terrain": config.episodes,
         "reference": config.reference,
         "smallest_effects": {**smallest_effects(task), **config.smallest_effects},
-        "entrants": [dict(entrant.record) for entrant in entrants],
+        "entrants": [entrant.record for entrant in entrants],
         "terrains": [
-            {"name": terrain.label, "config": dataclasses.asdict(terrain)}
-            for terrain in config.terrain_configs
+            {"name": terrain.label, "config": terrain} for terrain in config.terrain_configs
         ],
         "study": config.study,
-        "vary": {name: list(values) for name, values in config.vary.items()},
-        "body": dataclasses.asdict(env.scene.body),
-        "physics": dataclasses.asdict(env.scene.physics),
+        "vary": config.vary,
+        "body": env.scene.body,
+        "physics": env.scene.physics,
         "physics_preset": preset_record(env.scene.physics),
-        "randomisation": dataclasses.asdict(env.resolved_randomisation),
+        "randomisation": env.resolved_randomisation,
     }
-    # As the file holds it: lists, not tuples.
-    plain: Json = json.loads(json.dumps(protocol))
-    return plain
+    recorded: Json = plain(protocol)  # as the file holds it
+    return recorded
 
 
 def _versions() -> dict[str, str]:

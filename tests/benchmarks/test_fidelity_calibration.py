@@ -11,7 +11,6 @@ from benchmarks.fidelity.calibration import (
     creep,
     distance,
     objective,
-    published_speeds,
 )
 from flyrl.simulation.physics import PHYSICS_PRESETS
 
@@ -57,13 +56,6 @@ def test_a_candidate_has_what_it_names() -> None:
     assert contact.box.solref == pytest.approx((-125_000.0, -2500.0))
     assert contact.box.solimp == (0.8, 0.999, 0.002, 0.5, 2.0)
     assert (contact.box.margin, contact.plane_friction_across) == (0.003, 1.4)
-
-
-def test_published_speeds_are_those_of_the_stored_runs() -> None:
-    """With the four runs of which only the speed is left."""
-    speeds = published_speeds()
-    assert len(speeds) == 12
-    assert speeds["gapped", "hybrid"] == pytest.approx(12.13, abs=0.05)
 
 
 def test_flies_stand_still_and_left_mirrors_right() -> None:

@@ -57,11 +57,11 @@ def test_ratio_of_tilts() -> None:
 
 def test_the_table_sets_presets_and_the_published_package_beside_reference() -> None:
     reference, published = hundred(20, physics="reference"), hundred(20, physics="flygym")[:14]
-    _, first, second, third, fourth = table([*reference, *FELL], published).splitlines()
+    _, first, second, third, fourth = table(published, [*reference, *FELL]).splitlines()
     assert first.split()[:5] == ["blocks", "turn", "reference", "100", "20.0%"]
     assert second.split()[:5] == ["blocks", "turn", "balanced", "100", "30.0%"]
     assert "+10.0% [+" in second and "1.50 [1." in second and "1.00 [1.00, 1.00]" in second
     assert third.split()[2:5] == ["(reference)", "14", "100.0%"]
     assert fourth.split()[2:5] == ["flygym", "14", "100.0%"]
-    lost = table([run(0), run(1, "unstable")])
+    lost = table([], [run(0), run(1, "unstable")])
     assert lost.splitlines()[-1] == "blew up: blocks turn balanced, seed 1"

@@ -60,15 +60,15 @@ def success(**wins):
 def test_the_table_has_the_room_above_the_better_law_and_the_share_that_a_policy_closes():
     row = success(published=[1, 0, 0, 0], tuned=[1, 1, 0, 0], bound=[1, 1, 1, 1])
     rates, room, found = (
-        table({"blocks": row}).splitlines()[-1].split("|")[i].strip() for i in (5, 6, 7)
+        table({"blocks": row}).splitlines()[2].split("|")[i].strip() for i in (5, 6, 7)
     )
-    assert (rates.split()[0], room, found) == ("100", "50", "room")
+    assert (rates.split()[0], room, found) == ("100%", "50%", "room")
     row["learned"] = success(
         published=[1, 1, 1, 0, 0, 0], tuned=[0, 1, 0, 0, 0, 0], policy=[1, 1, 1, 1, 0, 0]
     )
     *_, law, policy, gain, share, _ = table({"blocks": row}).splitlines()[-1].split("|")
     # 1 / 6 of 1 / 2
-    assert [each.split()[0] for each in (law, policy, gain, share)] == ["50", "67", "+17", "33"]
+    assert [each.split()[0] for each in (law, policy, gain, share)] == ["50%", "67%", "+17%", "33%"]
 
 
 HALF = [True] * 10 + [False] * 10

@@ -8,7 +8,6 @@ import pytest
 
 from benchmarks.speed import engine, overhead, results
 from benchmarks.speed.__main__ import main
-from benchmarks.speed.layers import Stopwatch
 from benchmarks.speed.results import part_table
 from flyrl.bodies.worm import WORMS
 from flyrl.envs.core import BatchedEnv, EnvConfig
@@ -52,33 +51,13 @@ def test_what_is_stored_is_printed_in_order_with_the_machine_where_it_changes(
     main(["--show", "--output", str(path)])
     assert capsys.readouterr().out == "nothing measured yet\n"
     later = {**part(physics="fast", steps_per_s=1234.0), "machine": MACHINE | {"cpu": "quipu"}}
-    results.write(path, {"scale": later, "single": later, "engine": part(**cell(1, 5.0))})
+    results.write(path, {"worm": later, "overhead": later, "engine": part(**cell(1, 5.0))})
     main(["--show", "--output", str(path)])
     shown = capsys.readouterr().out
-    places = [shown.index(text) for text in ("abacus", "engine:", "quipu", "scale:", "single:")]
+    places = [shown.index(text) for text in ("abacus", "engine:", "quipu", "overhead:", "worm:")]
     assert places == sorted(places)
     assert shown.count("quipu, cores: 3, mujoco 4.0") == 1
     assert shown.count("1,234") == 2
-
-
-def test_stopwatch_counts_inner_time_for_itself_alone() -> None:
-    """Outer runs from 0 to 10, and from 3 to 7 in it, inner."""
-    times = iter([0.0, 3.0, 7.0, 10.0])
-    watch = Stopwatch(clock=lambda: next(times))
-
-    class Worker:
-        def inner(self, x: int) -> int:
-            return x + 1
-
-        def outer(self) -> int:
-            return self.inner(1)
-
-    worker = Worker()
-    watch.wrap(worker, "inner", "inner")
-    watch.wrap(worker, "outer", "outer")
-    assert worker.outer() == 2
-    assert watch.seconds == {"outer": 6.0, "inner": 4.0}
-    assert watch.shares() == {"outer": 0.6, "inner": 0.4}
 
 
 def test_a_larger_batch_repeats_the_settled_flies() -> None:

@@ -54,8 +54,6 @@ def test_episodes_that_are_chosen_differ_between_terrains():
         ({"film": (4, 4)}, "film must"),
         ({"film": "contrats"}, "film must be one of 'contrast'.*; did you mean 'contrast'"),
         ({"num_envs": 10**9}, "num_envs"),
-        ({"num_threads": 10**9}, "num_threads"),
-        ({"policies": (5,)}, r"policies\[0\] must be text"),
         ({"terrains": (5,)}, r"terrains\[0\] must be text or a Terrain"),
         ({"vary": ["push"]}, "vary must be a Mapping"),
         ({"vary": {"fricton": (1.0,)}}, "did you mean 'friction'"),

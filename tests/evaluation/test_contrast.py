@@ -5,7 +5,7 @@ import pytest
 from flyrl.evaluation.contrast import contrasts
 from flyrl.evaluation.episodes import episode_table
 from tests.evaluation.test_summary import timed
-from tests.synthetic import TASK, judged_by, make_results
+from tests.synthetic import TASK, judged_by
 
 KINDS = {"mine": "learned", "other": "learned", "own": "own", "law": "fixed", "cpg": "fixed"}
 
@@ -84,13 +84,3 @@ LOSS, WIN = [None] * 3, [1.0] * 3
 def test_whose_episode_it_is(walked, expected):
     found = chosen(*walked)["flat"]
     assert (found.get("controller"), found["episode"]) == expected
-
-
-def test_it_follows_from_the_rows_alone():
-    results = make_results(terrains=("flat", "gapped"), reference="pursuit")
-    found = contrasts(results.episodes, results.protocol)
-    for terrain, own in results.episodes.groupby("terrain", observed=True):
-        ends = own.pivot(index="episode", columns="controller", values="success")
-        alone = ends["target-ppo"] & ~ends["pursuit"]
-        assert (found[terrain]["episode"], found[terrain]["metric"]) == (alone.idxmax(), "success")
-    assert len({choice["episode"] for choice in found.values()}) == 2

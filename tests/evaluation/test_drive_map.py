@@ -8,22 +8,15 @@ from flyrl.evaluation.drive_map import mean_and_error
 from flyrl.tasks import TASKS
 
 
-@pytest.fixture(scope="module")
-def drive_map():
+def test_equal_drives_walk_straight_and_the_stronger_side_turns_the_fly_to_the_other():
     config = EvaluationConfig(physics="fast", num_threads=1)
-    return measure_drive_map(config, config.terrain_configs[0], size=3, starts=2)
-
-
-def test_equal_drives_walk_straight_the_faster_the_stronger(drive_map):
-    np.testing.assert_allclose(drive_map.drives, [-0.5, 0.5, 1.5])
-    assert np.abs(np.diag(drive_map.yaw_rate_deg_s)).max() < 20
-    speeds = np.diag(drive_map.speed_mm_s)
+    found = measure_drive_map(config, config.terrain_configs[0], size=3, starts=2)
+    np.testing.assert_allclose(found.drives, [-0.5, 0.5, 1.5])
+    assert np.abs(np.diag(found.yaw_rate_deg_s)).max() < 20
+    speeds = np.diag(found.speed_mm_s)
     assert speeds[2] > 2 * speeds[1] > 4
-    assert (drive_map.speed_error_mm_s > 0).all()  # starts differ in their phases
-
-
-def test_the_stronger_side_turns_the_fly_to_the_other(drive_map):
-    left_stronger, right_stronger = drive_map.yaw_rate_deg_s[2, 1], drive_map.yaw_rate_deg_s[1, 2]
+    assert (found.speed_error_mm_s > 0).all()  # starts differ in their phases
+    left_stronger, right_stronger = found.yaw_rate_deg_s[2, 1], found.yaw_rate_deg_s[1, 2]
     assert left_stronger < -50 < 50 < right_stronger
     assert right_stronger == pytest.approx(-left_stronger, rel=0.2)
 
@@ -44,26 +37,16 @@ def steering_of(config):
     return measure_steering(config, make_entrants(config), config.terrain_configs[0])
 
 
-@pytest.fixture(scope="module")
-def steering():
-    return steering_of(config(policies=("target-flat",), controllers=("pursuit", "cpg")))
-
-
-def test_those_are_asked_that_see_the_bearing(steering):
+def test_those_are_asked_that_see_the_bearing_and_drive_the_far_legs_more():
+    asked = config(policies=("target-flat",), controllers=("pursuit", "cpg"))
+    steering = steering_of(asked)
     assert list(steering.drives) == ["target-flat", "pursuit"]  # cpg sees nothing
-    assert steering.drives["pursuit"].shape == (2, len(steering.bearings_deg), 2)
-
-
-@pytest.mark.parametrize("policy", ["target-flat", "pursuit"])
-def test_the_far_legs_are_driven_more(steering, policy):
-    left, right = steering.drives[policy].mean(axis=0).T
-    to_left = steering.bearings_deg == 60
-    to_right = steering.bearings_deg == -60
-    assert right[to_left] > left[to_left] + 0.1
-    assert left[to_right] > right[to_right] + 0.1
-
-
-def test_pursuit_turns_as_its_rule_says(steering):
+    for drives in steering.drives.values():
+        assert drives.shape == (2, len(steering.bearings_deg), 2)
+        left, right = drives.mean(axis=0).T
+        to_left, to_right = steering.bearings_deg == 60, steering.bearings_deg == -60
+        assert right[to_left] > left[to_left] + 0.1
+        assert left[to_right] > right[to_right] + 0.1
     # straight ahead: full drive of the quick setting to both
     ahead = steering.drives["pursuit"][:, steering.bearings_deg == 0]
     np.testing.assert_allclose(ahead, 1.5, atol=1e-6)

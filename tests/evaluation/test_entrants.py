@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from flyrl.controllers import CPG, Hybrid
-from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import EvaluationConfig, make_entrants
 from flyrl.evaluation.entrants import NAME_LENGTH, free_name
-from flyrl.policies import PolicyFileError, export_sb3, load_bundle, observation_layout
+from flyrl.policies import export_sb3, load_bundle, observation_layout
 from flyrl.policies.bundle import TermLayout, save_bundle
 from flyrl.policies.laws import FIXED
 from flyrl.tasks import TASKS
@@ -61,27 +60,22 @@ def test_learned_policies_come_first_and_namesakes_are_numbered(tmp_path):
     assert names(entrants) == ["ppo", "mine", "ppo-2", "cpg", "zero"]
 
 
-@pytest.mark.parametrize(
-    ("terrain", "text"),
-    [({"name": "mixed"}, "mixed"), ({"name": "blocks", "random": True}, "random_blocks")],
-)
-def test_the_record_says_how_a_policy_was_learned_and_from_which_file(tmp_path, terrain, text):
-    path = save_policy(tmp_path / "a.safetensors", env={"terrain": terrain})
-    (entrant,) = made(policies=(path,))
-    assert entrant.record["policy"] == f"learned with ppo on {text}"
-    assert entrant.record["source"] == path
-    assert entrant.record["sha256"] == hashlib.sha256(Path(path).read_bytes()).hexdigest()
-
-
-def test_a_learned_policy_brings_its_legs_and_its_decision_interval(tmp_path):
+def test_a_learned_policy_brings_its_legs_its_decision_interval_and_its_record(tmp_path):
     legs = CPG(frequency_hz=10.0)
-    env = {"controller": dataclasses.asdict(legs), "task": {"decision_interval": 0.05}}
+    env = {
+        "controller": dataclasses.asdict(legs),
+        "task": {"decision_interval": 0.05},
+        "terrain": {"name": "blocks", "random": True},
+    }
     path = save_policy(tmp_path / "a.safetensors", env=env)
     config = EvaluationConfig(policies=(path,), controllers=())
     (entrant,) = make_entrants(config)
     env_config = entrant.env(config, config.terrain_configs[0])
     assert env_config.scene.controller == dataclasses.replace(legs, steps="untethered")
     assert env_config.decision_interval_s == pytest.approx(0.05)
+    assert entrant.record["policy"] == "learned with ppo on random_blocks"
+    assert entrant.record["source"] == path
+    assert entrant.record["sha256"] == hashlib.sha256(Path(path).read_bytes()).hexdigest()
 
 
 def test_what_steers_can_be_put_on_other_legs(tmp_path):
@@ -115,25 +109,19 @@ def test_legs_with_settings_are_entrants_at_the_drive_of_the_usual_ones():
                 "env": {"task": {"name": "target", "terms": ["no_such_module:HEIGHT"]}},
                 "observation": (*observation_layout(TARGET), TermLayout("height", 1)),
             },
-            r"does not show: height \(1 values\), here it is missing; it was "
+            r": .*does not show: height \(1 values\), here it is missing; it was "
             r"trained with task\.terms=\[no_such_module:HEIGHT\], here it is task\.terms=\[\]",
         ),
-        ({"env": {"controller": {"wheels": 4}}}, "leg controller"),
-        ({"env": {"controller": {"name": "wheels"}}}, "its leg controller.*'wheels'"),
-        ({"env": {"controller": []}}, "leg controller"),
-        ({"env": {"controller": {"name": "rule_based"}}}, "'rule_based', ignores the drive"),
+        ({"env": {"controller": {"name": "wheels"}}}, ": its leg controller.*'wheels'"),
+        ({"env": {"controller": []}}, ": its leg controller"),
+        ({"env": {"controller": {"name": "rule_based"}}}, ".*'rule_based', ignores the drive"),
+        # no whole number of the physics' steps
+        ({"env": {"task": {"decision_interval": 0.00025}}}, " cannot walk here: decision_interval"),
     ],
 )
 def test_a_policy_file_that_cannot_be_used_here(tmp_path, fields, message):
     path = save_policy(tmp_path / "a.safetensors", **fields)
-    with pytest.raises(PolicyFileError, match=rf"a\.safetensors: .*{message}"):
-        made(policies=(path,))
-
-
-def test_a_policy_whose_decisions_do_not_fit_the_physics(tmp_path):
-    env = {"task": {"decision_interval": 0.00025}}
-    path = save_policy(tmp_path / "a.safetensors", env=env)
-    with pytest.raises(ValueError, match=r"a\.safetensors cannot walk here: decision_interval is"):
+    with pytest.raises(ValueError, match=rf"a\.safetensors{message}"):
         made(policies=(path,), physics="fast")
 
 
@@ -145,18 +133,6 @@ def test_constant_drives(name, drive):
     assert entrant.controller.name == ("cpg" if name == "cpg" else "hybrid")
     action, _ = entrant.policy.predict(zeros(TARGET, 3))
     np.testing.assert_allclose(TARGET.actions.commands(action), [drive] * 3, atol=1e-6)
-
-
-def test_pursuit_drives_alike_whether_it_sees_the_direction_or_goals():
-    actions = []
-    for task in ("target", "target_goal"):
-        config = EvaluationConfig(task=task, controllers=("pursuit",))
-        (entrant,) = make_entrants(config)
-        env = BatchedEnv(entrant.env(config, config.terrain_configs[0]), 32)
-        observation = env.reset(episodes=[env.config.sample_episode(seed) for seed in range(32)])
-        actions.append(entrant.policy.predict(observation)[0])
-    np.testing.assert_allclose(*actions, atol=1e-5)
-    assert len(np.unique(actions[0], axis=0)) > 4
 
 
 @pytest.mark.parametrize(
@@ -200,9 +176,7 @@ def own_policies(own_module):
         "def nothing(task):\n"
         "    return 3\n"
         "def law(time_s, observation):\n"
-        "    return 0.5 + time_s, 1\n"
-        "def many(a, b, c):\n"
-        "    return 1, 1\n",
+        "    return 0.5 + time_s, 1\n",
     )
 
 
@@ -256,17 +230,13 @@ def test_a_model_of_stable_baselines3_takes_part(sb3_model):
     ("settings", "message"),
     [
         ({"controllers": ("cpg", "rule_basd")}, "rule_based.*'rule_basd'.*mean 'rule_based'"),
-        ({"controllers": ("cpg", "hybrid", "cpg")}, "'cpg' twice"),
-        ({"controllers": (CPG(), "cpg")}, "controllers must not hold 'cpg' twice"),
+        ({"controllers": (CPG(), "hybrid", "cpg")}, "controllers must not hold 'cpg' twice"),
         ({"controllers": ("open_loop",)}, "'open_loop' needs a task for flies that shows command"),
         ({"controllers": ("cpg",), "reference": "hybrid"}, "reference"),
-        ({"controllers": ("constant(1.2, fast)",)}, "two numbers"),
         ({"controllers": ("constant(9, 0)",)}, "drive of 'constant"),
         ({"controllers": ("constant(1)",)}, r"constant\(left, right\)"),
-        ({"controllers": ("pursuit@rule_based",)}, "pursuit@rule_based: .*, got 'rule_based'"),
         ({"controllers": ("pursuit@joints",)}, "pursuit@joints: legs after @ must .* 'joints'"),
         ({"policies": ("/nowhere/at/all",)}, "nowhere"),
-        ({"policies": ("own_policies:many",)}, r"a function of \(time_s, observation\)"),
         ({"policies": ("own_policies:stedy",)}, "did you mean 'steady'"),
         ({"policies": ("own_policies:broken",)}, "raised KeyError: 'nothing'"),
         ({"policies": ("own_policies:nothing",)}, "must return a policy with predict"),

@@ -35,32 +35,19 @@ def test_a_swing_that_does_not_carry_the_body_on_is_no_step():
 
 
 def test_a_swing_goes_from_lift_off_to_touchdown_and_only_whole_ones_count():
-    found = gait.swings(raster("..##...#..##.."))
-    assert found == [[(4, 7), (8, 10)]] * 6
+    assert gait.swings(raster("..##...#..##..")) == [[(4, 7), (8, 10)]] * 6
 
 
-@pytest.mark.parametrize(
-    ("rows", "frequency_hz"),
-    [
-        # touchdowns at 2, 7 and 12: 2 strides in 10 samples of 10 ms
-        (["..###..###..###"], 20),
-        # 20 Hz, and 50 Hz: the mean over the legs that stepped
-        (["..###..###..###", ".#.#.#.#.#.#.#.", *["#" * 15] * 4], 35),
-    ],
-)
-def test_strides_go_from_touchdown_to_touchdown(rows, frequency_hz):
-    assert gait.stride_frequency_hz(raster(*rows), 0.01) == pytest.approx(frequency_hz)
-
-
-def test_one_touchdown_is_no_stride():
-    drawn = raster("####...####")
-    assert gait.stride_frequency_hz(drawn, 0.01) is None
-    assert gait.duty_factor(drawn) is None
-
-
-def test_the_duty_factor_counts_whole_strides():
+def test_strides_go_from_touchdown_to_touchdown():
+    # touchdowns at 2, 7 and 12: 2 strides in 10 samples of 10 ms
+    assert gait.stride_frequency_hz(raster("..###..###..###"), 0.01) == pytest.approx(20)
+    # with one at 50 Hz: the mean over the legs that stepped
+    rows = "..###..###..###", ".#.#.#.#.#.#.#.", *["#" * 15] * 4
+    assert gait.stride_frequency_hz(raster(*rows), 0.01) == pytest.approx(35)
     # from 2 to 12: 6 of 10 samples in stance; the long start and end do not count
     assert gait.duty_factor(raster("..###..###..########")) == pytest.approx(0.6)
+    once = raster("####...####")
+    assert gait.stride_frequency_hz(once, 0.01) is gait.duty_factor(once) is None
 
 
 STANDS = dict.fromkeys(LEGS, "#" * 16)

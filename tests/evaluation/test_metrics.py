@@ -149,11 +149,6 @@ def test_work_and_slip_are_per_way_of_a_body_that_walks(way_mm, work, slip):
     assert metrics["stride_length_mm"] is None
 
 
-def test_two_corrected_legs_of_six():
-    metrics = episode_metrics(make_record(LINE, gait=make_gait("####", retraction=2)))
-    assert metrics["reflex_activity"] == pytest.approx(1 / 3)
-
-
 def test_without_a_log_there_is_no_gait():
     metrics = episode_metrics(make_record(LINE))
     assert {metrics[name] for name, metric in METRICS.items() if metric.needs_gait} == {None}

@@ -124,11 +124,6 @@ def load_changed(folder, change):
     load_results(folder)
 
 
-def test_results_are_read_without_paths(folder):
-    (folder / TRAJECTORIES_FILE).unlink()
-    assert load_results(folder).trajectories == {}
-
-
 @pytest.mark.parametrize("name", [EPISODES_FILE, TRAJECTORIES_FILE])
 def test_a_file_that_was_changed_does_not_belong_to_the_others(folder, name):
     path = folder / name
@@ -137,11 +132,13 @@ def test_a_file_that_was_changed_does_not_belong_to_the_others(folder, name):
         load_results(folder)
 
 
-@pytest.mark.parametrize("name", [RESULTS_FILE, EPISODES_FILE])
-def test_no_file(folder, name):
-    (folder / name).unlink()
-    with pytest.raises(ResultsError, match=f"{name}: no such file"):
-        load_results(folder)
+def test_a_file_that_is_missing_is_named_but_for_the_paths(folder):
+    (folder / TRAJECTORIES_FILE).unlink()
+    assert load_results(folder).trajectories == {}
+    for name in (EPISODES_FILE, RESULTS_FILE):
+        (folder / name).unlink()
+        with pytest.raises(ResultsError, match=f"{name}: no such file"):
+            load_results(folder)
 
 
 @pytest.mark.parametrize(

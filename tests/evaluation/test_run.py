@@ -1,7 +1,5 @@
 import dataclasses
 import json
-import sys
-import types
 
 import numpy as np
 import pytest
@@ -33,76 +31,61 @@ def results():
     return evaluate(CONFIG)
 
 
-def test_everyone_walks_the_same_episodes_from_the_same_place(results):
+def test_everyone_walks_the_same_episodes_and_the_protocol_says_what_was_asked_for(results):
     numbers = results.episodes.groupby("controller")[["episode", "seed"]]
     for _, own in numbers:
         assert list(own.itertuples(index=False)) == list(enumerate(CONFIG.seeds()))
     starts = np.array([path.position_w[0] for path in results.trajectories.values()])
     np.testing.assert_array_equal(starts[:3], starts[3:])
-
-
-def test_the_protocol_says_what_was_asked_for(results):
-    expected = {"name": "fast", "version": PRESET_VERSIONS["fast"]}
-    assert results.protocol["physics_preset"] == expected
-    assert results.protocol["command"] == "flyrl-evaluate episodes=3"
-    # the best is cpg
-    assert results.protocol["reference"] == "zero"
-    compared = {row["controller"]: row["paired"] for row in results.summaries}
-    assert compared["zero"] is None
-    assert compared["cpg"]["reference"] == "zero"
-
-
-def test_the_results_hold_the_episodes_as_they_were_drawn(results):
     drawn = CONFIG.draw_episodes(CONFIG.terrain_configs[0])
     assert list(results.drawn["flat"]) == [
         json.loads(json.dumps(dataclasses.asdict(episode))) for episode in drawn
     ]
+    protocol = results.protocol
+    assert protocol["physics_preset"] == {"name": "fast", "version": PRESET_VERSIONS["fast"]}
+    assert protocol["command"] == "flyrl-evaluate episodes=3"
+    # the reference is the one that was named, though cpg is better
+    cpg, zero = results.summaries
+    assert (protocol["reference"], zero["paired"]) == ("zero", None)
+    assert cpg["paired"]["reference"] == "zero"
+    assert cpg["metrics"]["path_length_mm"]["median"] > 1.0
+    assert zero["metrics"]["path_length_mm"]["median"] < 0.5
 
 
-def test_random_ground_is_the_same_for_everybody_and_in_any_batch():
-    changes = {"terrains": ("random_blocks",), "reference": "hybrid"}
-    config = dataclasses.replace(CONFIG, controllers=("cpg", "hybrid"), **changes)
+def test_random_ground_and_flies_are_the_same_for_everybody_and_in_any_batch():
+    config = dataclasses.replace(
+        CONFIG,
+        controllers=("cpg", "hybrid"),
+        terrains=("random_blocks",),
+        reference="hybrid",
+        randomisation=RandomisationConfig(mass=(0.5, 1.5)),
+    )
     together = evaluate(config)
-    assert set(together.episodes["terrain"]) == {"random_blocks"}
     (terrain,) = together.protocol["terrains"]
     assert (terrain["name"], terrain["config"]["random"]) == ("random_blocks", True)
+    assert together.protocol["randomisation"]["mass"] == [0.5, 1.5]
+    masses = [episode["randomisation"]["mass"] for episode in together.drawn["random_blocks"]]
+    env = config.env("random_blocks")
+    assert masses == [env.sample_episode(seed).randomisation.mass for seed in config.seeds()]
+    assert len(set(masses)) == 3
     one_by_one = evaluate(dataclasses.replace(config, num_envs=1, controllers=("hybrid",)))
     np.testing.assert_array_equal(
         [path.position_w[-1] for path in list(together.trajectories.values())[3:]],
         [path.position_w[-1] for path in one_by_one.trajectories.values()],
     )
-
-
-def test_randomised_flies_are_the_same_for_everyone_and_on_record():
-    config = dataclasses.replace(CONFIG, randomisation=RandomisationConfig(mass=(0.5, 1.5)))
-    results = evaluate(config)
-    assert results.protocol["randomisation"]["mass"] == [0.5, 1.5]
-    masses = [episode["randomisation"]["mass"] for episode in results.drawn["flat"]]
-    assert masses == [
-        config.env("flat").sample_episode(seed).randomisation.mass for seed in config.seeds()
-    ]
-    assert len(set(masses)) == 3
-    report = format_report(results)
+    report = format_report(together)
     assert "<pre>mass=[0.5, 1.5]</pre>" in report
     assert "same randomisation, drawn anew for every episode" in report
 
 
-def test_walking_beats_standing(results):
-    cpg, zero = results.summaries
-    assert cpg["metrics"]["path_length_mm"]["median"] > 1.0
-    assert zero["metrics"]["path_length_mm"]["median"] < 0.5
-
-
-def test_batches_and_threads_do_not_change_the_result(results):
-    other = evaluate(dataclasses.replace(CONFIG, num_envs=2, num_threads=2))
-    assert_frame_equal(other.episodes, results.episodes)
-    assert other.summaries == results.summaries
-
-
-@pytest.mark.parametrize("num_envs", [1, 64])
-def test_as_many_paths_are_kept_as_asked_for(results, num_envs):
-    few = evaluate(dataclasses.replace(CONFIG, paths=2, num_envs=num_envs))
-    assert list(few.trajectories) == [0, 1, 3, 4]
+@pytest.mark.parametrize("num_envs", [2, 64])
+def test_batches_and_threads_change_nothing_and_as_many_paths_are_kept_as_asked_for(
+    results, num_envs
+):
+    few = evaluate(dataclasses.replace(CONFIG, paths=1, num_envs=num_envs, num_threads=2))
+    assert_frame_equal(few.episodes, results.episodes)
+    assert few.summaries == results.summaries
+    assert list(few.trajectories) == [0, 3]
     for row, path in few.trajectories.items():
         np.testing.assert_array_equal(path.position_w, results.trajectories[row].position_w)
 
@@ -124,22 +107,16 @@ class EndsAfter:
         return np.full((len(observation), 2), -1 / 3, np.float32), state
 
 
-@pytest.fixture
-def factory(monkeypatch):
-    """A module of a user's own whose factory makes what is put there."""
-    module = types.ModuleType("own_policy")
-    module.make = lambda task: module.policy
-    monkeypatch.setitem(sys.modules, "own_policy", module)
-    return module
+def with_policy(*policy, **changes):
+    return dataclasses.replace(CONFIG, policies=(EndsAfter(*policy),), **changes)
 
 
-def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(factory, results, tmp_path):
-    factory.policy = EndsAfter(4, RuntimeError("the policy's own\x1b[2J\n" + 2000 * "!"))
-    config = dataclasses.replace(CONFIG, policies=("own_policy:make",), reference="make")
-    with_crash = evaluate(config)
+def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(results, tmp_path):
+    error = RuntimeError("the policy's own\x1b[2J\n" + 2000 * "!")
+    with_crash = evaluate(with_policy(4, error, reference="EndsAfter"))
     assert_frame_equal(with_crash.episodes, results.episodes)
     (crash,) = with_crash.protocol["crashes"]
-    assert (crash["controller"], crash["terrain"]) == ("make", "flat")
+    assert (crash["controller"], crash["terrain"]) == ("EndsAfter", "flat")
     assert crash["error"].startswith("RuntimeError: the policy's own?[2J !!!")
     assert len(crash["error"]) < 1100
     assert "in predict" in crash["traceback"]
@@ -149,24 +126,19 @@ def test_an_entrant_that_crashes_is_on_record_and_the_rest_go_on(factory, result
     assert load_results(tmp_path).protocol == with_crash.protocol
 
 
-def test_without_anybody_left_there_are_no_results(factory):
-    factory.policy = EndsAfter(0, KeyError("nothing"))
-    alone = {"policies": ("own_policy:make",), "controllers": (), "reference": None}
+def test_without_anybody_left_there_are_no_results():
     with pytest.raises(ValueError, match="every entrant raised an error; the first: KeyError"):
-        evaluate(dataclasses.replace(CONFIG, **alone))
+        evaluate(with_policy(0, KeyError("nothing"), controllers=(), reference=None))
 
 
-def test_an_interrupted_evaluation_goes_on_where_it_was(factory, tmp_path):
-    config = dataclasses.replace(CONFIG, policies=("own_policy:make",), num_envs=1, reference=None)
-    factory.policy = EndsAfter(10_000, None)
-    whole = evaluate(config)
+def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path):
+    changes = {"num_envs": 1, "reference": None}
+    whole = evaluate(with_policy(10_000, None, **changes))
     # ten decisions an episode: in the third and last one
-    factory.policy = EndsAfter(25, Ended())
     with pytest.raises(Ended):
-        evaluate(config, tmp_path)
+        evaluate(with_policy(25, Ended(), **changes), tmp_path)
     assert len(list(tmp_path.glob("parts/*"))) == 2
-    factory.policy = EndsAfter(10, Ended())  # enough for that one alone
-    resumed = evaluate(config, tmp_path)
+    resumed = evaluate(with_policy(10, Ended(), **changes), tmp_path)  # enough for that one alone
     assert_frame_equal(resumed.episodes, whole.episodes, check_exact=True)
     assert resumed.summaries == whole.summaries
     paths = [

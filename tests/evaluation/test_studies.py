@@ -48,9 +48,6 @@ def test_it_is_the_same_the_other_way_round():
     assert verdict(FURTHER, summary(0.5, 2.0, reference="hybrid")) == "does not hold"
 
 
-def test_without_the_terrain_a_claim_is_not_tested():
+def test_another_ground_and_a_fly_that_was_changed_say_nothing():
     assert verdict(Claim("hybrid", "cpg", "blocks"), summary(1.0, 2.0)) == "not tested"
-
-
-def test_a_fly_that_was_changed_says_nothing():
     assert verdict(FURTHER, summary(1.0, 2.0, condition="friction=0.5")) == "not tested"
