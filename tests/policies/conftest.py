@@ -33,16 +33,26 @@ def random_network(sizes, activation="tanh", lstm_sizes=()):
     }
 
 
-def same_weights(one: PolicyBundle, other: PolicyBundle) -> bool:
-    """Whether networks and memories have the same weights to the bit."""
-    first, second = (
-        {name: values.tobytes() for name, values in bundle.weights.items()}
-        for bundle in (one, other)
-    )
-    return first == second
+def observed(task, count=1, **terms):
+    """Observations (n, k) with these values of some terms; all others are 9."""
+    observations = np.full((count, sum(term.size for term in task.observation)), 9.0)
+    for name, values in terms.items():
+        observations[:, task.slices()[name]] = values
+    return observations
 
 
-def small_bundle() -> PolicyBundle:
+def walked(policy, observations, starts=None):
+    """Actions (T, ...) on one observation after the other, and the last state."""
+    state, actions = None, []
+    for i, observation in enumerate(observations):
+        start = None if starts is None else starts[i]
+        action, state = policy.predict(observation, state, start)
+        actions.append(action)
+    return np.array(actions), state
+
+
+@pytest.fixture
+def bundle() -> PolicyBundle:
     """Three inputs, two hidden units, two outputs, with weights that are easy to follow by hand."""
     weights = {
         "0.weight": [[1, 0, 0], [0, 2, 0]],
@@ -61,12 +71,6 @@ def small_bundle() -> PolicyBundle:
         env={"task": "target"},
         training={"decisions": 7},
     )
-
-
-@pytest.fixture
-def bundle() -> PolicyBundle:
-    """The same, in a test of its own."""
-    return small_bundle()
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from flyrl.policies import PolicyFileError, load_policy, named_policies, save_bu
 from flyrl.policies.bundle import policy_name
 from flyrl.policies.laws import FIXED
 from flyrl.tasks import TASKS
+from tests.policies.conftest import observed
 
 
 def test_an_unknown_name_lists_what_there_is():
@@ -21,7 +22,7 @@ def test_an_unknown_name_lists_what_there_is():
 def test_a_fixed_law_is_loaded_by_name_for_the_first_task_that_shows_what_it_needs(name):
     env = EnvConfig(next(task for task in TASKS if FIXED[name].goes_with(TASKS[task]())))
     task = env.resolved_task
-    observations = np.zeros((3, sum(term.size for term in task.observation)), np.float32)
+    observations = observed(task, 3)
     actions, _ = load_policy(name).predict(observations)
     assert actions.shape == (3, task.actions.size)
     np.testing.assert_array_equal(actions, load_policy(name, task.name).predict(observations)[0])
@@ -29,9 +30,8 @@ def test_a_fixed_law_is_loaded_by_name_for_the_first_task_that_shows_what_it_nee
 
 def test_a_fixed_law_is_made_for_the_task():
     pursuit, constant = load_policy("pursuit", "path"), load_policy("constant(1.2, 0.4)")
-    observation = np.zeros((1, sum(term.size for term in TASKS["path"]().observation)))
-    observation[0, TASKS["path"]().slices()["target_direction"]] = (0, 1)  # to the left
-    observation[0, TASKS["path"]().slices()["target_distance"]] = 1.0  # too far away to brake
+    # to the left, too far away to brake
+    observation = observed(TASKS["path"](), target_direction=(0, 1), target_distance=1.0)
     drive = TASKS["path"]().actions.commands(pursuit.predict(observation)[0])
     np.testing.assert_allclose(drive, [[0.0, 1.5]], atol=1e-6)
     drive = TASKS["target"]().actions.commands(constant.predict(observation)[0])
@@ -42,10 +42,7 @@ def test_a_fixed_law_is_made_for_the_task():
 @pytest.mark.parametrize("name", ["stop", "path"])
 def test_pursuit_brakes_where_the_fly_is_to_stop(name, distance, share):
     task = TASKS[name]()
-    places = task.slices()
-    observation = np.zeros((1, max(place.stop for place in places.values())))
-    observation[0, places["target_direction"]] = (1, 0)
-    observation[0, places["target_distance"]] = distance / 15
+    observation = observed(task, target_direction=(1, 0), target_distance=distance / 15)
     drive = task.actions.commands(load_policy("pursuit", name).predict(observation)[0])
     np.testing.assert_allclose(drive, [[1.5 * share] * 2], atol=1e-6)
 

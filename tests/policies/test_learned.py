@@ -6,6 +6,7 @@ import pytest
 from flyrl.policies import LearnedPolicy, PolicyFileError
 from flyrl.policies.networks import Normaliser
 from flyrl.tasks import TASKS, Drives, Neurons, ObservationTerm, Task
+from tests.policies.conftest import walked
 
 STRETCHED = {"squashing": "tanh", "action_low": (-0.5, -0.5), "action_high": (1.5, 1.5)}
 TANH_OUTPUTS = np.tanh(0.25) + np.array([0.5, -np.tanh(1.2)])
@@ -37,38 +38,11 @@ def test_action_by_hand(kind, changes, observation, expected, request):
     assert state == "kept"
 
 
-@pytest.mark.parametrize("kind", ["bundle", "choosing"])
-def test_single_and_batch_give_the_same_bits(kind, request):
-    policy = LearnedPolicy(request.getfixturevalue(kind))
-    observations = np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32)
-    batch, _ = policy.predict(observations)
-    singles = [policy.predict(observation)[0] for observation in observations]
-    assert batch.shape == (50, 2)
-    assert (batch.min(axis=0) < batch.max(axis=0)).all()
-    np.testing.assert_array_equal(batch, singles)
-
-
-def _walk(policy, observations):
-    state, actions = None, []
-    for rows in observations:
-        action, state = policy.predict(rows, state)
-        actions.append(action)
-    return np.array(actions), state
-
-
-def test_memory_in_a_batch_is_that_of_each_alone(recurrent):
-    policy = LearnedPolicy(recurrent)
-    observations = np.random.default_rng(0).normal(size=(10, 7, 3)).astype(np.float32)
-    together, state = _walk(policy, observations)
-    assert state[0].shape == state[1].shape == (2, 7, 3)
-    for i in range(7):
-        np.testing.assert_array_equal(_walk(policy, observations[:, i])[0], together[:, i])
-
-
 def test_an_episode_starts_without_memory(recurrent):
     policy = LearnedPolicy(recurrent)
     observations = np.random.default_rng(0).normal(size=(3, 2, 3))
-    _, state = _walk(policy, observations)
+    _, state = walked(policy, observations)
+    assert state[0].shape == state[1].shape == (2, 2, 3)
     before = [part.copy() for part in state]
     fresh, _ = policy.predict(observations[0])
     kept, _ = policy.predict(observations[0], state)

@@ -1,5 +1,6 @@
 """Networks against torch, and themselves in other batches; by hand: see test_learned."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -8,8 +9,9 @@ import torch
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import nn
 
-from flyrl.policies.networks import LSTM_PARTS, Normaliser, lstm_step, mlp
-from tests.policies.conftest import Bandit, random_network
+from flyrl.policies import LearnedPolicy, TermLayout
+from flyrl.policies.networks import LSTM_PARTS, Normaliser, lstm_step
+from tests.policies.conftest import Bandit, random_network, walked
 
 
 def test_an_lstm_is_that_of_torch():
@@ -30,20 +32,29 @@ def test_an_lstm_is_that_of_torch():
     np.testing.assert_allclose(cell, last_cell.detach(), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("n", [1, 2, 7, 32])
-def test_a_row_does_not_depend_on_the_rows_beside_it(n):
-    rng = np.random.default_rng(0)
-    weights = random_network((37, 64, 64, 2), lstm_sizes=(37, 30, 30))["weights"]
-    inputs, *memory = (rng.normal(size=size) for size in ((33, 37), (2, 33, 30), (2, 33, 30)))
-    remembered = lstm_step(weights, inputs, *memory)
-    outputs = {name: mlp(weights, 3, name, inputs) for name in ("tanh", "relu")}
-    for start in range(0, 33 - n, n):
-        rows = slice(start, start + n)
-        for activation, together in outputs.items():
-            alone = mlp(weights, 3, activation, inputs[rows])
-            np.testing.assert_array_equal(alone, together[rows])
-        alone = lstm_step(weights, inputs[rows], *(part[:, rows] for part in memory))
-        np.testing.assert_array_equal(alone, [part[:, rows] for part in remembered])
+CHOICES = {"squashing": "argmax", "action_low": (0.0, -1.0), "action_high": (2.0, 0.0)}
+
+
+@pytest.mark.parametrize("n", [None, 1, 2, 7, 32])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        random_network((37, 64, 64, 2)),
+        random_network((37, 64, 64, 2), "relu"),
+        random_network((37, 64, 64, 5)) | CHOICES,
+        random_network((30, 64, 2), lstm_sizes=(37, 30, 30)),
+    ],
+    ids=["tanh", "relu", "argmax", "lstm"],
+)
+def test_a_row_does_not_depend_on_the_rows_beside_it(n, changes, bundle):
+    policy = LearnedPolicy(replace(bundle, **changes, observation=(TermLayout("all", 37),)))
+    steps = np.random.default_rng(0).normal(scale=0.3, size=(4, 33, 37)).astype(np.float32)
+    actions, _ = walked(policy, steps)
+    assert (actions.min(axis=(0, 1)) < actions.max(axis=(0, 1))).all()
+    for start in range(0, 33, n or 1):
+        rows = start if n is None else slice(start, start + n)
+        alone, _ = walked(policy, steps[:, rows])
+        np.testing.assert_array_equal(alone, actions[:, rows])
 
 
 def test_normalised_to_the_same_bits_as_in_training():
@@ -56,5 +67,3 @@ def test_normalised_to_the_same_bits_as_in_training():
     observations = np.random.default_rng(0).normal(0, 20, size=(50, 7)).astype(np.float32)
     normalised = normaliser.apply(observations.astype(np.float64))
     np.testing.assert_array_equal(normalised, env.normalize_obs(observations))
-    for row, values in zip(observations, normalised, strict=True):
-        np.testing.assert_array_equal(normaliser.apply(row[None].astype(np.float64))[0], values)
