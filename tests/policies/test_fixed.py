@@ -59,8 +59,8 @@ UNITS = np.array([20.0, 10.0])
             },
             [(1 - TURN, 1.2), (1.2, 1 - TURN), (1.0, 1.0)],
         ),
-        # of 3 s, 0.6 are kept for turns, and a drive of 1 brings the fly ahead by 8 mm/s: 17.8 mm from
-        # being reached, 8 mm, and 8 mm that lie to the left; then 8 mm in 1 s, and in 0.6
+        # of 3 s, 0.6 are kept for turns, and a drive of 1 brings the fly ahead by 8 mm/s: 17.8 mm
+        # from being reached, 8 mm, and 8 mm that lie to the left; then 8 mm in 1 s, and in 0.6
         (
             UnhurriedPursuit,
             {},
