@@ -9,7 +9,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flyrl.cli.tune import compose_training
+from flyrl.cli.groups import composed
 from flyrl.training.learn import train as train_here
 from flyrl.training.runs import flat
 from tests.tiny import TINY, TINY_ARGUMENTS
@@ -46,12 +46,7 @@ WHOLE_VALUES = st.one_of(
 
 def keys(program):
     """Every dotted key of a command's settings, and some that do not exist."""
-    if program == "train.py":
-        known = [*flat(compose_training(())), "task", "terrain", "algo", "body", "controller"]
-    else:
-        known = ["policies", "controllers", "terrains", "episodes", "seed", "num_envs", "vary"]
-        known += ["num_threads", "film", "study", "reference", "smallest_effects", "paths", "task"]
-        known += ["task.time_limit", "physics", "physics.timestep", "body", "body.adhesion_gain"]
+    known = [*flat(composed(program.removesuffix(".py"))), "task", "terrain", "algo", "body"]
     return st.sampled_from([*known, "terain", "hydra.run.dir", "~seed", "+new", "", "a b", "+"])
 
 

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 from flyrl.cli.main import main
-from flyrl.policies.bundle import PolicyBundle, TermLayout, weight_shapes
+from flyrl.policies.bundle import TermLayout, weight_shapes
 from flyrl.policies.networks import Normaliser
 from flyrl.training.learn import train
 from flyrl.training.loggers import MlflowConfig
 from flyrl.training.provenance import compare, difference
 from flyrl.training.runs import read_run
+from tests.bundles import target_bundle
 from tests.tiny import TINY
 from tests.training.folders import COMMIT, make_run
 
@@ -34,35 +35,14 @@ def test_a_run_is_repeated_to_the_bit_and_the_repeat_told_to_no_service(
     assert len(client.search_runs([client.get_experiment_by_name("flyrl").experiment_id])) == 1
 
 
-NORMALISER = Normaliser(np.zeros(2), np.ones(2), 1e-8, 10.0)
-
-
-def _bundle(recurrent=1.0, **changes):
-    weights = {
-        name: np.ones(shape, np.float32) for name, shape in weight_shapes((3, 2), (2, 3)).items()
-    }
-    weights["lstm.0.recurrent_weight"][7, 1] = recurrent
-    bundle = PolicyBundle(
-        weights,
-        (3, 2),
-        "tanh",
-        "clip",
-        (TermLayout("a", 2),),
-        (0.0, 0.0),
-        (1.0, 1.0),
-        {},
-        {},
-        NORMALISER,
-        (2, 3),
-    )
-    return replace(bundle, **changes)
-
-
-WITHOUT_MEMORY = {
-    "weights": {name: _bundle().weights[name] for name in ("0.weight", "0.bias")},
-    "lstm_sizes": (),
-    "observation": (TermLayout("a", 3),),
-    "normaliser": Normaliser(np.zeros(3), np.ones(3), 1e-8, 10.0),
+NORMALISER = Normaliser(np.zeros(46), np.ones(46), 1e-8, 10.0)
+BUNDLE = target_bundle(normaliser=NORMALISER)
+WITH_MEMORY = {
+    "sizes": (3, 2),
+    "lstm_sizes": (46, 3),
+    "weights": {
+        name: np.zeros(shape, np.float32) for name, shape in weight_shapes((3, 2), (46, 3)).items()
+    },
 }
 
 
@@ -72,19 +52,22 @@ WITHOUT_MEMORY = {
         ({"squashing": "tanh"}, "squashing clip, in the repeat tanh"),
         ({"normaliser": None}, r"normaliser \(1e-08, 10.0\), in the repeat None"),
         ({"action_high": (1.0, 2.0)}, r"action\.high"),
-        ({"observation": (TermLayout("b", 2),)}, "observation"),
-        (WITHOUT_MEMORY, r"kind lstm, in the repeat mlp"),
-        # 2 * 3 + 2 of the layer, 12 * 2 + 12 * 3 + 12 + 12 of the memory
-        ({"recurrent": 1.5}, "^1 of 92 parameters differ, by at most 0.5$"),
+        ({"observation": (TermLayout("b", 46),)}, "observation"),
+        (WITH_MEMORY, "kind mlp, in the repeat lstm"),
+        # 46 * 2 + 2
         (
-            {"normaliser": replace(NORMALISER, mean=[0.0, 2.0**-60])},
-            "^1 of 4 statistics of the normaliser differ, by at most 8.67e-19$",
+            {"weights": {**BUNDLE.weights, "0.bias": np.array([0.5, 0.0], np.float32)}},
+            "^1 of 94 parameters differ, by at most 0.5$",
+        ),
+        (
+            {"normaliser": replace(NORMALISER, mean=np.append(np.zeros(45), 2.0**-60))},
+            "^1 of 92 statistics of the normaliser differ, by at most 8.67e-19$",
         ),
     ],
 )
 def test_another_policy_is_told(changes, told):
-    assert difference(_bundle(), _bundle()) is None
-    assert re.search(told, difference(_bundle(), _bundle(**changes)))
+    assert difference(BUNDLE, replace(BUNDLE)) is None
+    assert re.search(told, difference(BUNDLE, replace(BUNDLE, **changes)))
 
 
 @pytest.fixture
