@@ -9,17 +9,15 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flyrl.entry_points import is_entry_point
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.statistics import (
     MIN_RUNS,
-    Interval,
     interquartile_mean,
     performance_profile,
     success_rate,
@@ -31,42 +29,10 @@ PROFILE_AT: Final = tuple(np.round(np.linspace(0.0, 1.0, 21), 2).tolist())
 """Success rates that performance profiles are taken at."""
 
 
-@dataclass(frozen=True, eq=False)
-class SeedGroup:
-    """Policies of one training with several seeds.
-
-    Attributes
-    ----------
-    label
-        How they were trained.
-    names
-        Of the entrants.
-    terrains
-        Where they were evaluated.
-    scores
-        Success rates, shape (runs, terrains).
-    """
-
-    label: str
-    names: tuple[str, ...]
-    terrains: tuple[str, ...]
-    scores: NDArray[np.float64]
-
-    def on_each(self, rng: np.random.Generator) -> list[Interval]:
-        """Interquartile mean over the runs, terrain by terrain."""
-        return [interquartile_mean(self.scores[:, [i]], rng) for i in range(len(self.terrains))]
-
-    def overall(self, rng: np.random.Generator) -> Interval:
-        """Interquartile mean over runs and terrains."""
-        return interquartile_mean(self.scores, rng)
-
-    def profile(self, rng: np.random.Generator) -> list[Interval]:
-        """Share of runs and terrains with at least each success rate of `PROFILE_AT`."""
-        return performance_profile(self.scores, PROFILE_AT, rng)
-
-
-def seed_groups(entrants: Sequence[Json], summary: Sequence[Json]) -> list[SeedGroup]:
-    """Learned entrants by their training, in order of appearance.
+def over_seeds(
+    entrants: Sequence[Json], summary: Sequence[Json], rng: np.random.Generator
+) -> Json | None:
+    """Success of trainings over their seeds; None without a training of several seeds.
 
     Parameters
     ----------
@@ -74,18 +40,38 @@ def seed_groups(entrants: Sequence[Json], summary: Sequence[Json]) -> list[SeedG
         Of a protocol.
     summary
         Rows of one condition. An entrant that is missing on a terrain is left out.
+    rng
+        Source of the resampling.
+
+    Returns
+    -------
+    `terrains` of the evaluation; `rows`, one per training, with its `label`, the `names` of its
+    entrants, `cells`, the interquartile mean of their success rates on each terrain, and that
+    `overall`; and `profiles`, label -> share of runs and terrains that reach each of `PROFILE_AT`.
     """
-    rates: dict[str, dict[str, float]] = {}
-    for row in summary:
-        rates.setdefault(row["controller"], {})[row["terrain"]] = row["success_rate"]["value"]
-    terrains = tuple(dict.fromkeys(row["terrain"] for row in summary))
-    groups = []
+    rates = {(row["controller"], row["terrain"]): row["success_rate"]["value"] for row in summary}
+    terrains = list(dict.fromkeys(row["terrain"] for row in summary))
+    groups = {}
     for label, members in trainings(entrants).items():
-        names = tuple(name for name in members if len(rates.get(name, ())) == len(terrains))
+        names = [name for name in members if all((name, place) in rates for place in terrains)]
         if names:
-            scores = np.array([[rates[name][terrain] for terrain in terrains] for name in names])
-            groups.append(SeedGroup(label, names, terrains, scores))
-    return groups
+            scores = np.array([[rates[name, place] for place in terrains] for name in names])
+            groups[label] = names, scores
+    if not any(len(names) > 1 for names, _ in groups.values()):
+        return None
+    rows = [
+        {
+            "label": label,
+            "names": names,
+            "cells": [interquartile_mean(column[:, None], rng) for column in scores.T],
+            "overall": interquartile_mean(scores, rng),
+        }
+        for label, (names, scores) in groups.items()
+    ]
+    profiles = {
+        label: performance_profile(scores, PROFILE_AT, rng) for label, (_, scores) in groups.items()
+    }
+    return {"terrains": terrains, "rows": rows, "profiles": profiles}
 
 
 def trainings(entrants: Sequence[Json]) -> dict[str, tuple[str, ...]]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import io
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, cast
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,19 +18,7 @@ from flyrl.anatomy import JOINTS, LEGS
 from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.gait import without_blips
 from flyrl.evaluation.metrics import counted_stance
-from flyrl.report.style import (
-    INK,
-    LEG_SHADES,
-    LINE,
-    LIST_STYLE,
-    MUTED,
-    SHADES,
-    STYLE,
-    WIDTH_IN,
-    add_legend,
-    colours,
-    panels,
-)
+from flyrl.report import style
 from flyrl.rollouts import BoolArray, EpisodeRecord
 from flyrl.validation import FloatArray, one_of
 
@@ -58,15 +45,15 @@ def gait_figure(records: Sequence[EpisodeRecord]) -> Figure:
     records
         Of episodes with a log of the gait.
     """
-    shade = colours(record.controller for record in records)
+    shade = style.colours(record.controller for record in records)
     height = 0.35 + 1.25 * len(records)
-    with panels(len(records), 1, height, LIST_STYLE, sharex=True) as (figure, every):
+    with style.panels(len(records), 1, height, style.LIST_STYLE, sharex=True) as (figure, every):
         for axes, record in zip(every, records, strict=True):
             gait = record.gait
             assert gait is not None
             leg_bars(axes, counted_stance(record), gait.interval_s, shade[record.controller])
-            leg_bars(axes, gait.retraction, gait.interval_s, MUTED, (0.36, 0.14))
-            leg_bars(axes, gait.stumbling, gait.interval_s, INK, (-0.5, 0.14))
+            leg_bars(axes, gait.retraction, gait.interval_s, style.MUTED, (0.36, 0.14))
+            leg_bars(axes, gait.stumbling, gait.interval_s, style.INK, (-0.5, 0.14))
             axes.set(title=record.controller, xlim=(0, min(SHOWN_S, record.duration_s)))
             axes.grid(visible=False)
         every[-1].set_xlabel("time (s)")
@@ -116,38 +103,38 @@ def drive_map_figure(
     visited
         Drives (T, 2) by name of the controller.
     """
-    drives, shade = drive_map.drives, colours(visited)
+    drives, shade = drive_map.drives, style.colours(visited)
     turning = drive_map.yaw_rate_deg_s, drive_map.yaw_rate_error_deg_s
     shown = {
         "speed (mm/s)": (drive_map.speed_mm_s, drive_map.speed_error_mm_s),
         "yaw rate (deg/s), left positive": turning,
     }
-    with panels(1, 2, 4.2) as (figure, every):
+    with style.panels(1, 2, 4.2) as (figure, every):
         for axes, (title, (values, errors)) in zip(every, shown.items(), strict=True):
             levels = MaxNLocator(9).tick_values(np.nanmin(values), np.nanmax(values))
             is_noise = False if errors is None else errors > np.diff(levels).min()
             sure = np.ma.masked_where(is_noise | np.isnan(values), values)
-            lines = axes.contour(drives, drives, sure, levels, colors=MUTED, linewidths=1.1)
+            lines = axes.contour(drives, drives, sure, levels, colors=style.MUTED, linewidths=1.1)
             axes.clabel(lines, fontsize=8, fmt="%g")
             left, right = np.nonzero(np.isnan(values))
-            axes.plot(drives[right], drives[left], "x", color=INK)
+            axes.plot(drives[right], drives[left], "x", color=style.INK)
             for controller, chosen in visited.items():
                 left, right = chosen[:: max(1, len(chosen) // MAX_VISITED)].T
                 look: Any = {"color": shade[controller], "s": 5, "alpha": 0.35, "linewidths": 0}
                 axes.scatter(right, left, label=controller, **look)
             axes.set(title=title, xlabel="right drive", ylabel="left drive", aspect="equal")
-        add_legend(figure, markerscale=3)
+        style.add_legend(figure, markerscale=3)
     return figure
 
 
 def steering_figure(steering: Steering) -> Figure:
     """Left and right drive over the bearing, a panel per policy: mean and range over the starts."""
     shown = list(steering.drives.items())[:MAX_STEERING]
-    shade, bearings = colours(steering.drives), steering.bearings_deg
+    shade, bearings = style.colours(steering.drives), steering.bearings_deg
     columns = min(max(len(shown), 2), _STEERING_COLUMNS)
     rows = -(-len(shown) // columns)
     height = 0.5 + 2.4 * rows
-    with panels(rows, columns, height, sharex=True, sharey=True) as (figure, every):
+    with style.panels(rows, columns, height, sharex=True, sharey=True) as (figure, every):
         for axes, (policy, drives) in zip(every, shown, strict=False):
             for side, (text, line) in enumerate({"left legs": "-", "right legs": "--"}.items()):
                 values, colour = drives[..., side], shade[policy]
@@ -159,8 +146,8 @@ def steering_figure(steering: Steering) -> Figure:
         for axes in every[len(shown) :]:
             axes.set_axis_off()
         every[0].set_ylabel("drive")
-        figure.supxlabel("bearing (deg), left positive", fontsize=10, color=MUTED)
-        add_legend(figure, ncols=2)
+        figure.supxlabel("bearing (deg), left positive", fontsize=10, color=style.MUTED)
+        style.add_legend(figure, ncols=2)
     return figure
 
 
@@ -176,19 +163,20 @@ def time_figure(records: Sequence[EpisodeRecord], until_s: float) -> Figure:
     until_s
         Time at the right end of each panel, s; at the left it is 0.
     """
-    shade = colours(record.controller for record in records)
-    with panels(2, 2, 3.9, sharex=True) as (figure, every):
+    shade = style.colours(record.controller for record in records)
+    with style.panels(2, 2, 3.9, sharex=True) as (figure, every):
         every[3].sharey(every[2])  # the drives
-        styles = ["default", "default", "steps-pre", "steps-pre"]
+        drawstyles = ["default", "default", "steps-pre", "steps-pre"]
         for record in records:
-            drawn = zip(every, courses(record).items(), styles, strict=True)
-            for axes, (title, values), style in drawn:
-                _line(axes, record, values, until_s, shade[record.controller], style)
+            drawn = zip(every, courses(record).items(), drawstyles, strict=True)
+            for axes, (title, values), drawstyle in drawn:
+                colour = shade[record.controller]
+                _line(axes, record, values, until_s, color=colour, drawstyle=drawstyle)
                 axes.set_title(title)
         every[0].set_xlim(0, until_s)
         for axes in every[2:]:
             axes.set_xlabel("simulated time (s)")
-        add_legend(figure)
+        style.add_legend(figure)
     return figure
 
 
@@ -215,16 +203,15 @@ def courses(record: EpisodeRecord) -> dict[str, FloatArray]:
 
 
 def _line(
-    axes: Axes, record: EpisodeRecord, values: FloatArray, until_s: float, shade: str, style: str
+    axes: Axes, record: EpisodeRecord, values: FloatArray, until_s: float, **look: Any
 ) -> None:
     # up to the first sample that is not shown, so that the line reaches the edge
     shown = int(np.searchsorted(record.time_s, until_s)) + 1
-    look: Any = {"color": shade, "linewidth": 1.4, "drawstyle": style, "label": record.controller}
-    axes.plot(record.time_s[:shown], values[:shown], **look)
+    line = axes.plot(record.time_s[:shown], values[:shown], label=record.controller, lw=1.4, **look)
     drawn = np.flatnonzero(np.isfinite(values))
     if record.duration_s <= until_s + 1e-9 and drawn.size:
         end = record.time_s[drawn[-1:]], values[drawn[-1:]]
-        axes.plot(*end, "o", color=shade, markersize=4, clip_on=False)
+        axes.plot(*end, "o", color=line[0].get_color(), markersize=4, clip_on=False)
 
 
 def speed_mm_s(record: EpisodeRecord) -> FloatArray:
@@ -284,29 +271,30 @@ def walk_figure(table: pd.DataFrame, joints: Sequence[str] = SHOWN_JOINTS) -> Wa
     time_s = table.time_s.to_numpy()
     interval_s = float(np.mean(np.diff(time_s))) if len(time_s) > 1 else 1e-3
     heights = [1.0, 1.4, 1.0] if joints else [1.0, 1.0]
-    size = WIDTH_IN, 0.6 + 1.4 * sum(heights)
-    with mpl.rc_context(STYLE):
-        figure = WalkFigure(figsize=size, layout="constrained")
-        speed, *angles, gait = figure.subplots(len(heights), sharex=True, height_ratios=heights)
+    size: Any = {"height": 0.6 + 1.4 * sum(heights), "height_ratios": heights}
+    with style.panels(len(heights), 1, **size, kind=WalkFigure, sharex=True) as (figure, every):
+        speed, *angles, gait = every
         _draw_speed(speed, table, interval_s)
         for axes in angles:
             for joint, dashes in zip(joints, itertools.cycle(_DASHES), strict=False):
                 label = joint.removeprefix("joint_")
-                axes.plot(time_s, np.degrees(table[joint]), dashes, color=INK, lw=1.1, label=label)
+                axes.plot(
+                    time_s, np.degrees(table[joint]), dashes, color=style.INK, lw=1.1, label=label
+                )
             axes.set_ylabel("joint angle (°)")
             axes.legend(loc="lower right", bbox_to_anchor=(1, 0.98), ncols=4, fontsize=7)
         _draw_gait(gait, table, interval_s)
         gait.set_xlim(time_s[0], max(time_s[-1], time_s[0] + 1e-3))
-    return figure
+    return cast(WalkFigure, figure)
 
 
 def _draw_speed(axes: Axes, table: pd.DataFrame, interval_s: float) -> None:
     """Speed over the ground, at every moment and of the mean velocity over a stride."""
     velocity = table[["vx_mm_s", "vy_mm_s"]]
-    axes.plot(table.time_s, np.linalg.norm(velocity, axis=1), color=LINE, lw=0.8)
+    axes.plot(table.time_s, np.linalg.norm(velocity, axis=1), color=style.LINE, lw=0.8)
     window = max(1, round(STRIDE_S / interval_s))
     mean = velocity.rolling(window, center=True, min_periods=1).mean()
-    axes.plot(table.time_s, np.linalg.norm(mean, axis=1), color=SHADES[0], lw=1.6)
+    axes.plot(table.time_s, np.linalg.norm(mean, axis=1), color=style.SHADES[0], lw=1.6)
     axes.set(ylabel=f"speed (mm/s),\nover {STRIDE_S:g} s", ylim=(0.0, None))
 
 
@@ -320,8 +308,8 @@ def _draw_gait(axes: Axes, table: pd.DataFrame, interval_s: float) -> None:
         for name in ("stance", "retracts", "stumbles")
     )
     start_s, corrects = float(table.time_s.iloc[0]), retracts | stumbles
-    leg_bars(axes, without_blips(stands, interval_s), interval_s, LEG_SHADES, start_s=start_s)
-    leg_bars(axes, corrects, interval_s, INK, (-0.1, 0.2), start_s)
+    leg_bars(axes, without_blips(stands, interval_s), interval_s, style.LEG_SHADES, start_s=start_s)
+    leg_bars(axes, corrects, interval_s, style.INK, (-0.1, 0.2), start_s)
     note = "; dark: a reflex corrects it" if corrects.any() else ""
     axes.set_xlabel(f"time (s); bars: the leg stands{note}")
     axes.grid(visible=False)

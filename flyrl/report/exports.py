@@ -6,7 +6,7 @@ The LaTeX files hold a `tabular` each, which needs nothing but `\usepackage{book
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import pandas as pd
@@ -106,7 +106,7 @@ def _printed_differences(results: Results) -> pd.DataFrame:
         {
             **place_of(row),
             "metric": metric_label(metric),
-            f"less {row['paired']['reference']}": _interval(difference),
+            f"less {row['paired']['reference']}": _with_ends(difference, "value", "low", "high"),
             "p": _p(difference["p_value"]),
             "p corrected": _p(difference["p_adjusted"]),
             "better in (%)": _share(difference["improvement"]),
@@ -116,26 +116,24 @@ def _printed_differences(results: Results) -> pd.DataFrame:
     )
 
 
-def _interval(
-    interval: Mapping[str, Any],
-    keys: tuple[str, str, str] = ("value", "low", "high"),
-    text: Callable[[float | None], str] = format_number,
-) -> str:
-    """A value, and the ends of its interval where it has one."""
-    value, low, high = (interval[key] for key in keys)
-    return text(value) if low is None else f"{text(value)} [{text(low)}, {text(high)}]"
-
-
 def _share(interval: Mapping[str, Any]) -> str:
     """A share in percent, with its interval."""
-    return _interval(interval, text=percent)
+    return _with_ends(interval, "value", "low", "high", percent)
 
 
 def _spread(distribution: Mapping[str, Any]) -> str:
     """A mean with its quartiles; of one episode alone they say nothing."""
     if distribution["n"] < 2:
         return format_number(distribution["mean"])
-    return _interval(distribution, ("mean", "q1", "q3"))
+    return _with_ends(distribution, "mean", "q1", "q3")
+
+
+def _with_ends(
+    found: Mapping[str, Any], value: str, low: str, high: str, text: Any = format_number
+) -> str:
+    """A value, and the ends of its interval where it has one."""
+    middle = text(found[value])
+    return middle if found[low] is None else f"{middle} [{text(found[low])}, {text(found[high])}]"
 
 
 def _p(value: float | None) -> str:

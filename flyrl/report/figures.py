@@ -19,18 +19,7 @@ from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.statistics import Interval
 from flyrl.evaluation.summary import metric_values, paired_values
-from flyrl.report.style import (
-    INK,
-    LINE,
-    LIST_STYLE,
-    MUTED,
-    SHADES,
-    add_legend,
-    colours,
-    episode_url,
-    outcome_dot,
-    panels,
-)
+from flyrl.report import style
 from flyrl.rollouts import BoolArray
 from flyrl.tasks import SUCCESS
 from flyrl.validation import FloatArray
@@ -63,7 +52,7 @@ def success_figure(summary: Sequence[Json], condition: str = "") -> Figure:
     condition
         Its name, as a title; empty where nothing is varied.
     """
-    shade = colours(row["controller"] for row in summary)
+    shade = style.colours(row["controller"] for row in summary)
     places = {name: place for place, name in enumerate(shade)}
     terrains = list(dict.fromkeys(row["terrain"] for row in summary))
     with lists(list(shade), len(terrains)) as (figure, every):
@@ -75,7 +64,7 @@ def success_figure(summary: Sequence[Json], condition: str = "") -> Figure:
             ticks = [0, 25, 50, 75, 100]
             axes.set(title=terrain, xlim=(-3, 103), xticks=ticks, xlabel="success (%)")
         if condition:
-            figure.suptitle(condition, x=0, ha="left", fontsize=10, color=MUTED)
+            figure.suptitle(condition, x=0, ha="left", fontsize=10, color=style.MUTED)
     return figure
 
 
@@ -92,7 +81,7 @@ def _success(axes: Axes, row: Json, place: int, colour: str) -> None:
         xytext=(10, 0),
         textcoords="offset points",
         va="center",
-        color=MUTED,
+        color=style.MUTED,
     )
 
 
@@ -106,7 +95,7 @@ def distributions_figure(
     An episode without success has no time to goal: its dot stands at the horizon, and the mean
     and quartiles count it there.
     """
-    shade = colours(rows["controller"].unique())
+    shade = style.colours(rows["controller"].unique())
     owns = [_of(rows, terrain, name) for name in shade]
     with lists(list(shade), len(metrics)) as (figure, every):
         for axes, metric in zip(every, metrics, strict=True):
@@ -114,7 +103,7 @@ def distributions_figure(
             draw_episodes(axes, values, owns, list(shade.values()))
             axes.set_xlabel(metric_label(metric))
             if metric == "time_to_goal_s":
-                axes.axvline(horizon_s, color=LINE, linewidth=1)
+                axes.axvline(horizon_s, color=style.LINE, linewidth=1)
                 axes.set_xlim(left=0)
     return figure
 
@@ -126,13 +115,13 @@ def paired_figure(
     compared = [row for row in summary if row["terrain"] == terrain and row["paired"]]
     if not compared:
         return None
-    shade = colours(row["controller"] for row in summary)
+    shade = style.colours(row["controller"] for row in summary)
     other = _of(rows, terrain, compared[0]["paired"]["reference"])
     owns = [_of(rows, terrain, row["controller"]) for row in compared]
     metrics = list(compared[0]["paired"]["differences"])
     with lists([row["controller"] for row in compared], len(metrics)) as (figure, every):
         for axes, metric in zip(every, metrics, strict=True):
-            axes.axvline(0, color=MUTED, linewidth=1)
+            axes.axvline(0, color=style.MUTED, linewidth=1)
             drawn = [paired_values(own, other, metric, horizon_s) for own in owns]
             edges = _edges(drawn)
             for place, (row, own, values) in enumerate(zip(compared, owns, drawn, strict=True)):
@@ -144,8 +133,8 @@ def paired_figure(
                 # what is None is not drawn
                 ends = np.array([difference["low"], difference["high"]], dtype=np.float64)
                 middle = np.array([difference["value"]], dtype=np.float64)
-                axes.plot(ends, [place, place], color=INK, linewidth=2, zorder=4)
-                dot: Any = {"color": colour, "markeredgecolor": INK, "markersize": 6}
+                axes.plot(ends, [place, place], color=style.INK, linewidth=2, zorder=4)
+                dot: Any = {"color": colour, "markeredgecolor": style.INK, "markersize": 6}
                 axes.plot(middle, [place], "o", zorder=5, **dot)
             if metric == "success":
                 axes.set_xlim(-1.05, 1.05)
@@ -173,12 +162,12 @@ def doses_figure(
         "success" and others.
     """
     rows = [row for row in summary if row["terrain"] == terrain and row["condition"] in labels]
-    shade = colours(row["controller"] for row in rows)
+    shade = style.colours(row["controller"] for row in rows)
     values = [label.partition("=")[2] for label in labels]
     places, is_ordered = _places(values)
     at = dict(zip(labels, places, strict=True))
     lines = math.ceil(len(metrics) / DOSE_PANELS)
-    with panels(lines, DOSE_PANELS, 2.9 * lines) as (figure, every):
+    with style.panels(lines, DOSE_PANELS, 2.9 * lines) as (figure, every):
         for axes in every[len(metrics) :]:
             axes.set_axis_off()
         for axes, metric in zip(every, metrics, strict=False):
@@ -192,8 +181,8 @@ def doses_figure(
                 else:
                     x += 0.14 * (i - (len(shade) - 1) / 2)
                     axes.vlines(x, low, high, color=colour, alpha=0.35, linewidth=4)
-                style = "o-" if is_ordered else "o"
-                axes.plot(x, middle, style, color=colour, markersize=4.5, label=name)
+                marks = "o-" if is_ordered else "o"
+                axes.plot(x, middle, marks, color=colour, markersize=4.5, label=name)
             title = "success (%)" if metric == "success" else metric_label(metric)
             axes.set(title=title, xlabel=quantity.replace("_", " "))
             if not is_ordered:
@@ -201,16 +190,16 @@ def doses_figure(
                 axes.grid(visible=False, axis="x")
                 if max(map(len, values)) * len(values) > MAX_DOSE_LETTERS:
                     axes.tick_params(axis="x", labelrotation=20)
-        add_legend(figure)
+        style.add_legend(figure)
     return figure
 
 
 def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[float]) -> Figure:
     """Share of runs that reach at least each success rate, a line per training, with intervals."""
-    with panels(1, 1, 3.4) as (figure, (axes,)):
+    with style.panels(1, 1, 3.4) as (figure, (axes,)):
         percent = 100 * np.array(at)
         for i, (name, points) in enumerate(profiles.items()):
-            colour = SHADES[i % len(SHADES)]
+            colour = style.SHADES[i % len(style.SHADES)]
             triples = [(point.low, point.value, point.high) for point in points]
             low, values, high = 100 * np.array(triples, dtype=np.float64).T
             band: Any = {"color": colour, "alpha": 0.15, "linewidth": 0}
@@ -218,7 +207,7 @@ def profiles_figure(profiles: Mapping[str, Sequence[Interval]], at: Sequence[flo
             axes.step(percent, values, where="post", color=colour, label=name)
         axes.set(xlabel="success of at least (%)", ylabel="runs (%)")
         axes.set(xlim=(-1, 101), ylim=(-3, 103))
-        add_legend(figure, ncols=2)
+        style.add_legend(figure, ncols=2)
     return figure
 
 
@@ -244,8 +233,8 @@ def lists(
     names: Sequence[str], columns: int, *, sharex: bool = False
 ) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure with panels side by side that share a row per name, first on top."""
-    size: Any = {"height": _ROW_HEIGHT * len(names) + 0.75, "style": LIST_STYLE}
-    with panels(1, columns, **size, sharex=sharex, sharey=True) as (figure, every):
+    size: Any = {"height": _ROW_HEIGHT * len(names) + 0.75, "style": style.LIST_STYLE}
+    with style.panels(1, columns, **size, sharex=sharex, sharey=True) as (figure, every):
         every[0].set_yticks(range(len(names)), names)
         every[0].set_ylim(len(names) - 0.45, -0.55)
         yield figure, every
@@ -296,10 +285,10 @@ def _episodes(
         heights = place + swarm(values)
         for outcome in rows["outcome"].unique():
             chosen = (rows["outcome"] == outcome).to_numpy()
-            look = outcome_dot(outcome, colour)
+            look = style.outcome_dot(outcome, colour)
             dots = axes.scatter(values[chosen], heights[chosen], alpha=alpha, zorder=3, **look)
             places = zip(rows["terrain"][chosen], rows["episode"][chosen], strict=True)
-            dots.set_urls([episode_url(terrain, episode) for terrain, episode in places])
+            dots.set_urls([style.episode_url(terrain, episode) for terrain, episode in places])
         return
     is_success = (rows["outcome"] == SUCCESS).to_numpy()
     look = {"facecolor": colour, "edgecolor": colour, "linewidth": 0.8, "fill": True, "zorder": 3}
@@ -337,23 +326,19 @@ def outlines(values: FloatArray, is_success: BoolArray, edges: FloatArray) -> Fl
 def _quartiles(axes: Axes, values: FloatArray, place: float) -> None:
     low, high = np.quantile(values, (0.25, 0.75))
     mean = values.mean()
-    style: dict[str, Any] = {"color": INK, "zorder": 4, "solid_capstyle": "butt"}
-    axes.plot([low, high], [place, place], linewidth=1.6, **style)
-    axes.plot([mean, mean], [place - 0.32, place + 0.32], linewidth=2.2, **style)
+    look: dict[str, Any] = {"color": style.INK, "zorder": 4, "solid_capstyle": "butt"}
+    axes.plot([low, high], [place, place], linewidth=1.6, **look)
+    axes.plot([mean, mean], [place - 0.32, place + 0.32], linewidth=2.2, **look)
 
 
 def swarm(values: FloatArray, bins: int = 60) -> FloatArray:
     """Offsets (n,) up to `_REACH` that spread values close to one another, without chance."""
-    spread = np.ptp(values)
-    cell = np.zeros(len(values), dtype=int)
-    if spread > 0:
-        cell = ((values - values.min()) / spread * (bins - 1)).round().astype(int)
-    offsets = np.zeros(len(values))
-    step = min(0.09, 2 * _REACH / max(int(np.bincount(cell).max()), 1))
-    for index in np.unique(cell):
-        members = np.flatnonzero(cell == index)
-        offsets[members] = (np.arange(len(members)) - (len(members) - 1) / 2) * step
-    return offsets
+    spread = np.ptp(values) or 1.0
+    cell = pd.Series(((values - values.min()) / spread * (bins - 1)).round())
+    neighbours = cell.groupby(cell)
+    count = neighbours.transform("size").to_numpy()
+    place = neighbours.cumcount().to_numpy() - (count - 1) / 2
+    return np.asarray(place * min(0.09, 2 * _REACH / count.max()))
 
 
 def _of(rows: pd.DataFrame, terrain: str, name: str) -> pd.DataFrame:

@@ -23,7 +23,7 @@ from flyrl.evaluation.drive_map import DriveMap, Steering
 from flyrl.evaluation.episodes import Json, episodes_digest
 from flyrl.evaluation.metrics import descriptions, metric_label, metric_named
 from flyrl.evaluation.results import Results
-from flyrl.evaluation.trainings import PROFILE_AT, generalisation, trainings
+from flyrl.evaluation.trainings import PROFILE_AT, generalisation, over_seeds, trainings
 from flyrl.files import OutputFolder
 from flyrl.report import close_up, figures, sections, style, wording
 from flyrl.report.curves import Evaluations, learning_curves
@@ -162,7 +162,7 @@ def draw_figures(
     Parameters
     ----------
     terrains, seeds
-        See `flyrl.report.sections.terrain_section` and `seeds_section`.
+        See `flyrl.report.sections.terrain_section` and `flyrl.evaluation.trainings.over_seeds`.
 
     Returns
     -------
@@ -175,15 +175,15 @@ def draw_figures(
     success = figures.success_figure(usual, wording.usual_condition(protocol))
     drawn: dict[str, Figure | None] = {"success": success}
     grounds = {}
+    present = sections.present_metrics(results)
+    had = ["success", *(metric for metric in metrics if metric in present)]
     for terrain, section in zip(protocol["terrains"], terrains, strict=True):
         at = terrain["name"]
-        for quantity, values in protocol["vary"].items():
-            labels = [Condition(quantity, value).label for value in values]
-            present = sections.present_metrics(results)
-            had = ["success", *(metric for metric in metrics if metric in present)]
-            doses = figures.doses_figure(summary, at, quantity, labels, had)
-            drawn[f"doses-{at}-{quantity}"] = doses
         if protocol["vary"]:
+            for quantity, values in protocol["vary"].items():
+                labels = [Condition(quantity, value).label for value in values]
+                doses = figures.doses_figure(summary, at, quantity, labels, had)
+                drawn[f"doses-{at}-{quantity}"] = doses
             continue
         drawn[f"distributions-{at}"] = figures.distributions_figure(rows, at, horizon_s, metrics)
         drawn[f"differences-{at}"] = figures.paired_figure(rows, summary, at, horizon_s)
@@ -214,8 +214,7 @@ def draw_figures(
 def _learned_drives(results: Results) -> dict[str, NDArray[np.float32]]:
     """Drives (T, 2) that each learned policy chose, as far as its paths were kept."""
     names = results.episodes["controller"]
-    entrants = results.protocol["entrants"]
-    learned = [each["name"] for each in entrants if each.get("kind") in ("learned", "own")]
+    learned = {each["name"] for each in results.protocol["entrants"] if wording.is_taught(each)}
     drives: dict[str, list[NDArray[np.float32]]] = {}
     for row, path in results.trajectories.items():
         if names[row] in learned:
@@ -240,11 +239,10 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     leaders = sections.all_leaders(results)
     usual_leaders = [each for each in leaders if each.condition == usual[0]["condition"]]
     table = protocol.get("table")
-    decisive = protocol["decisive"]
     present = sections.present_metrics(results)
     measured = summary[0]["metrics"]
     labels = {metric: metric_label(metric) for metric in ("success", *measured)}
-    effects = wording.effects_text(decisive, labels, protocol)
+    effects = wording.effects_text(protocol)
     if (table or {}).get("actions") == "neurons":
         labels["drive_variation"] = "change of tensions (1/s)"
     outcomes = [
@@ -255,22 +253,24 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
     controllers = len({row["controller"] for row in usual})
     notes = [wording.training_note(protocol)]
     if controllers > 1:
-        notes[:0] = [wording.changes_text(leaders, usual_leaders), wording.level_text(effects)]
+        level = effects and f"Differences under {effects} count as none."
+        notes[:0] = [wording.changes_text(leaders, usual_leaders), level]
     shown = [*sections.spread_metrics(protocol), "path_efficiency"]
     metrics = {key: text for key, text in descriptions(protocol).items() if key in present}
     of_gait = [key for key in measured if metric_named(key).needs_gait or key == "drive_variation"]
     gait_metrics = [key for key in of_gait if key in present]
-    seeds = sections.seeds_section(results)
+    seed = protocol["seed"]
+    seeds = over_seeds(protocol["entrants"], usual, np.random.default_rng(seed))
     svgs, grounds = draw_figures(results, terrains, seeds, additions)
     return {
         "title": f"{protocol['task']} on {walked_on}",
         "headline": wording.headline(usual_leaders, controllers, condition),
         "notes": list(filter(None, notes)),
         "condition": condition,
-        "shared": wording.shared_text(protocol, results.drawn),
+        "shared": wording.shared_text(results.drawn),
         "held_out": wording.held_out_text(protocol),
         "effects": effects,
-        "detail": wording.rates(usual, protocol) if decisive[0] == "success" else "",
+        "detail": wording.rates(usual, protocol) if protocol["decisive"][0] == "success" else "",
         "leaders": [(leader, wording.leader_cells(leader)) for leader in usual_leaders],
         "all_leaders": leaders,
         "leaders_by_condition": wording.leaders_by_condition(leaders),
@@ -289,7 +289,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "episodes": sections.episodes_section(results, shown),
         "filmed": sorted({f"{video.terrain}/{video.episode}" for video in videos}),
         "terrains": terrains,
-        "lead": leading and sections.player(leading[0].terrain, leading, ()),
+        "lead": leading and sections.player(leading, ()),
         "lead_text": leading and wording.contrast_text(protocol, leading[0].terrain),
         "note": additions.get("note"),
         "drive_map": drive_map,
@@ -304,7 +304,7 @@ def report_context(results: Results, **additions: Unpack[Additions]) -> dict[str
         "gait_titles": {labels[metric]: metrics[metric] for metric in gait_metrics},
         "study": sections.study_section(results),
         "seeds": seeds,
-        "generalisation": generalisation(protocol, usual, np.random.default_rng(protocol["seed"])),
+        "generalisation": generalisation(protocol, usual, np.random.default_rng(seed)),
         "origin": Markup(origin_json(results)),
         "physics": json.dumps(protocol["physics"], indent=1),
         "randomisation": randomisation_text(protocol.get("randomisation")),
@@ -343,9 +343,8 @@ def read_origin(path: Path) -> Json:
     if not isinstance(origin, dict) or origin.get("schema") != ORIGIN_SCHEMA:
         raise ValueError(f"{path} is no report of this version of flyrl")
     plain_record("the origin", origin)
-    for key in ("settings", "versions", "policies"):
-        if not isinstance(origin.get(key), dict):
-            raise ValueError(f"{path}: {key!r} must be an object, got {origin.get(key)!r:.60}")
-    if not isinstance(digest := origin.get("episodes_sha256"), str):
-        raise ValueError(f"{path}: 'episodes_sha256' must be text, got {digest!r:.60}")
+    objects = dict.fromkeys(("settings", "versions", "policies"), (dict, "an object"))
+    for key, (kind, name) in {**objects, "episodes_sha256": (str, "text")}.items():
+        if not isinstance(origin.get(key), kind):
+            raise ValueError(f"{path}: {key!r} must be {name}, got {origin.get(key)!r:.60}")
     return origin

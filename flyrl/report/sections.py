@@ -20,7 +20,6 @@ from flyrl.evaluation.metrics import metric_label
 from flyrl.evaluation.results import Results, paired
 from flyrl.evaluation.studies import STUDIES, judge
 from flyrl.evaluation.summary import Leader, find_leaders
-from flyrl.evaluation.trainings import seed_groups
 from flyrl.report.figures import MAX_DOTS
 from flyrl.report.paths import Walk, Walks, walk_of
 from flyrl.report.video import FLY_PACE, FPS, Video
@@ -117,8 +116,10 @@ def terrain_section(
     summary = [row for row in results.summaries if row["terrain"] == name]
     walked = results.episodes[results.episodes["terrain"] == name]
     of_usual = walked[walked["condition"] == usual]
-    walks = gait_examples(examples, name)
-    logs = [record.gait for record in walks if record.gait]
+    filmed = [video for video in videos if video.terrain == name]
+    records = [record for record in examples if record.terrain == name]
+    gaits = [(record, record.gait) for record in records if record.gait]
+    gaits = [each for each in gaits if each[0].index == gaits[0][0].index]
     return {
         "name": name,
         "doses": {quantity: QUANTITIES[quantity].text for quantity in protocol["vary"]},
@@ -126,23 +127,24 @@ def terrain_section(
         "interactions": [row for row in summary if (row["paired"] or {}).get("interactions")],
         "edge": _edge(walked, terrain),
         "is_outlined": walked["controller"].value_counts().max() > MAX_DOTS,
-        "walks": walks,
-        "has_reflexes": any((log.retraction | log.stumbling).any() for log in logs),
+        "walks": [record for record, _ in gaits],
+        "has_reflexes": any((gait.retraction | gait.stumbling).any() for _, gait in gaits),
         "compared": [row for row in summary if row["paired"]],
         "reasons": _reasons(summary),
         "crossing": crossing(of_usual, protocol, np.random.default_rng(protocol["seed"])),
         "kinds": success_by_kind(of_usual, terrain["config"]),
         "chosen": contrast_text(protocol, name),
         "players": [
-            player(name, *shown, leading) for shown in by_episode(videos, examples, name).values()
+            player(
+                [video for video in filmed if video.episode == episode],
+                [record for record in records if record.index == episode],
+                leading,
+            )
+            for episode in sorted(
+                {video.episode for video in filmed} | {record.index for record in records}
+            )
         ],
     }
-
-
-def gait_examples(examples: Sequence[EpisodeRecord], terrain: str) -> list[EpisodeRecord]:
-    """Records of everyone on the first episode on a terrain that has a log of the gait."""
-    walked = [record for record in examples if record.terrain == terrain and record.gait]
-    return [record for record in walked if record.index == walked[0].index]
 
 
 def present_metrics(results: Results) -> set[str]:
@@ -218,23 +220,6 @@ def _reasons(summary: Sequence[Json]) -> list[str]:
     return [f"{text} ({', '.join(metrics)})" for text, metrics in missing.items()]
 
 
-def seeds_section(results: Results) -> Json | None:
-    """Success of trainings over their seeds; None without one that has several."""
-    groups = seed_groups(results.protocol["entrants"], usual_rows(results))
-    if not any(len(group.names) > 1 for group in groups):
-        return None
-    rng = np.random.default_rng(results.protocol["seed"])
-    return {
-        "terrains": groups[0].terrains,
-        "rows": [
-            {"label": each.label, "names": each.names, "cells": each.on_each(rng)}
-            | {"overall": each.overall(rng)}
-            for each in groups
-        ],
-        "profiles": {each.label: each.profile(rng) for each in groups},
-    }
-
-
 def trainings_section(entrants: Sequence[Json]) -> list[dict[str, str]]:
     """Algorithm, decisions, seed and settings of each learned entrant, as its file tells them."""
     rows = []
@@ -304,35 +289,19 @@ def packed(text: str) -> str:
     return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
-def by_episode(
-    videos: Sequence[Video], examples: Sequence[EpisodeRecord], terrain: str
-) -> dict[int, tuple[list[Video], list[EpisodeRecord]]]:
-    """Videos and walks of each episode on a terrain that was filmed, or walked again."""
-    found: dict[int, tuple[list[Video], list[EpisodeRecord]]] = {}
-    for video in videos:
-        if video.terrain == terrain:
-            found.setdefault(video.episode, ([], []))[0].append(video)
-    for record in examples:
-        if record.terrain == terrain:
-            found.setdefault(record.index, ([], []))[1].append(record)
-    return dict(sorted(found.items()))
-
-
 def player(
-    terrain: str,
-    videos: Sequence[Video],
-    walked: Sequence[EpisodeRecord],
-    leading: Sequence[Video] = (),
+    videos: Sequence[Video], walked: Sequence[EpisodeRecord], leading: Sequence[Video] = ()
 ) -> Json:
     """Videos of an episode, their common clock, and until when curves run along, s.
 
     Parameters
     ----------
     videos, walked
-        Of the episode, at least one of them.
+        Of the episode on a terrain, at least one of them.
     leading
         Videos that are shown elsewhere.
     """
+    terrain = (videos or walked)[0].terrain
     episode = videos[0].episode if videos else walked[0].index
     shown = [video for video in videos if video not in leading]
     frame_s = videos[0].frame_s if videos else FLY_PACE.frame_s

@@ -122,6 +122,7 @@ def panels(
     style: Any = STYLE,
     *,
     width: float = WIDTH_IN,
+    kind: type[Figure] = Figure,
     **options: Any,
 ) -> Iterator[tuple[Figure, list[Axes]]]:
     """A figure and its panels, row by row; it must be drawn on inside `with`.
@@ -134,11 +135,13 @@ def panels(
         Of the figure, inches.
     style
         Settings of matplotlib.
+    kind
+        Class of the figure.
     options
         As for `Figure.subplots`.
     """
     with mpl.rc_context(style):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = kind(figsize=(width, height), layout="constrained")
         yield figure, list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
 
 

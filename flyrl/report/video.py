@@ -21,14 +21,7 @@ from flyrl.envs.core import BatchedEnv
 from flyrl.evaluation import Entrant, EvaluationConfig
 from flyrl.evaluation.episodes import Json
 from flyrl.progress import progress_bar
-from flyrl.report.captions import (
-    clock_text,
-    ending_text,
-    jpeg,
-    tension_bars,
-    titled,
-    with_scale_bar,
-)
+from flyrl.report import captions
 from flyrl.simulation.batch import Batch
 from flyrl.simulation.marks import FORCE_PER_MM, Overlay
 from flyrl.simulation.rendering import Picture, RenderingUnavailableError, can_draw_in_threads
@@ -215,16 +208,16 @@ def record_video(
     pictures: list[Picture] = []
     with closing(make_renderer(env.config, view)) as renderer:
         for body, time_s, outcome in _walk(env, entrant, episode, pace.frame_s):
-            text = ending_text(outcome, time_s, pace.longest_s)
+            text = captions.ending_text(outcome, time_s, pace.longest_s)
             if time_s <= pace.longest_s + 1e-9:
                 picture = renderer.render(body, 0, episode.goal)
                 picture = measured(picture, renderer.pixels_per_mm, overlay)
                 if not body.has_legs:
                     tensions = body.state().actuation[0]
-                    picture = tension_bars(picture, tensions, BAR_WIDTH, BAR_HEIGHT)
-                shown = clock_text(time_s, pace.frame_s * FPS) if overlay.clock else ""
-                pictures.append(titled(picture, entrant.name, shown))
-    pictures += [titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
+                    picture = captions.tension_bars(picture, tensions, BAR_WIDTH, BAR_HEIGHT)
+                shown = captions.clock_text(time_s, pace.frame_s * FPS) if overlay.clock else ""
+                pictures.append(captions.titled(picture, entrant.name, shown))
+    pictures += [captions.titled(picture, entrant.name, text, is_end=True)] * HOLD_FRAMES
     return Video(
         entrant.name,
         terrain.label,
@@ -233,7 +226,7 @@ def record_video(
         len(pictures),
         pace.frame_s,
         encode(pictures, max_bytes=max_bytes),
-        jpeg(pictures[-1]),
+        captions.jpeg(pictures[-1]),
     )
 
 
@@ -248,7 +241,7 @@ def measured(picture: Picture, pixels_per_mm: float, overlay: Overlay) -> Pictur
     if not overlay.scale_bar:
         return picture
     note = f", force {FORCE_PER_MM:g} µN/mm" if overlay.forces else ""
-    return with_scale_bar(picture, pixels_per_mm, note)
+    return captions.with_scale_bar(picture, pixels_per_mm, note)
 
 
 def _walk(

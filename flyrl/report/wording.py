@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import pandas as pd
+
 from flyrl.evaluation.conditions import compared_conditions
 from flyrl.evaluation.episodes import Json
 from flyrl.evaluation.metrics import metric_label
@@ -18,8 +20,10 @@ NOTHING: Final = 1e-9
 _SHARED: Final = ("goal", "command", "pushes")
 """Fields of an episode that are named where they hold something."""
 
-_TAUGHT: Final = ("learned", "own")
-"""Kinds of entrants that may have been trained."""
+
+def is_taught(entrant: Json) -> bool:
+    """Whether an entrant may have been trained."""
+    return entrant.get("kind") in ("learned", "own")
 
 
 def headline(leaders: Sequence[Leader], controllers: int, condition: str = "") -> str:
@@ -77,9 +81,9 @@ def changes_text(leaders: Sequence[Leader], usual: Sequence[Leader]) -> str:
     same: dict[str, list[bool]] = {}
     best = {each.terrain: each for each in usual}
     for each in leaders:
-        if each.terrain in best and each.condition != best[each.terrain].condition:
-            is_same = set(each.names) == set(best[each.terrain].names)
-            same.setdefault(each.terrain, []).append(is_same)
+        known = best.get(each.terrain)
+        if known and each.condition != known.condition:
+            same.setdefault(each.terrain, []).append(set(each.names) == set(known.names))
     if not same:
         return ""
     counts = [f"{sum(found)} of {len(found)} on {terrain}" for terrain, found in same.items()]
@@ -103,16 +107,15 @@ def leaders_by_condition(leaders: Sequence[Leader]) -> dict[str, dict[str, tuple
     return table
 
 
-def effects_text(metrics: Sequence[str], labels: Mapping[str, str], protocol: Json) -> str:
-    """Smallest effects of interest of some metrics, in words; empty without any on record."""
-    effects = protocol["smallest_effects"]
+def effects_text(protocol: Json) -> str:
+    """Smallest effects of interest of the decisive metrics; empty without any on record."""
     parts = []
-    for metric in metrics:
-        if effects.get(metric):
-            scale, (name, unit) = 1, _name_and_unit(labels[metric])
+    for metric in protocol["decisive"]:
+        if effect := protocol["smallest_effects"].get(metric):
+            scale, (name, unit) = 1, _name_and_unit(metric_label(metric))
             if metric == "success":
                 scale, unit = 100, "%"
-            amount = f"{scale * effects[metric]:g}\u00a0{unit}".rstrip("\u00a0")
+            amount = f"{scale * effect:g}\u00a0{unit}".rstrip("\u00a0")
             parts.append(f"{amount} in {name}")
     return " or ".join(parts)
 
@@ -121,11 +124,6 @@ def _name_and_unit(label: str) -> tuple[str, str]:
     """`("speed", "mm/s")` of the label `speed (mm/s)`."""
     name, _, unit = label.partition(" (")
     return name, unit.removesuffix(")")
-
-
-def level_text(effects: str) -> str:
-    """Sentence on the smallest effects in force, from `effects_text`; empty without any."""
-    return effects and f"Differences under {effects} count as none."
 
 
 def training_note(protocol: Json) -> str:
@@ -163,12 +161,10 @@ def contrast_text(protocol: Json, terrain: str) -> str:
     return f"{start} one in which {_listed(names)} differ most in {difference}."
 
 
-def shared_text(protocol: Json, drawn: Mapping[str, Sequence[Json]]) -> str:
+def shared_text(drawn: Mapping[str, Sequence[Json]]) -> str:
     """Properties of an episode that all controllers share."""
     first = next((episodes[0] for episodes in drawn.values() if len(episodes)), {})
-    return ", ".join(
-        f"same {key}" for key in ("start", *_SHARED) if key == "start" or first.get(key)
-    )
+    return ", ".join(["same start", *(f"same {key}" for key in _SHARED if first.get(key))])
 
 
 def held_out_text(protocol: Json) -> str:
@@ -176,7 +172,7 @@ def held_out_text(protocol: Json) -> str:
 
     flyrl trains on seeds below those of evaluations; only its own trainings record their settings.
     """
-    learned = [each for each in protocol["entrants"] if each.get("kind") in _TAUGHT]
+    learned = [each for each in protocol["entrants"] if is_taught(each)]
     known = [each["name"] for each in learned if (each.get("training") or {}).get("settings")]
     unknown = [each["name"] for each in learned if each["name"] not in known]
     parts = []
@@ -192,17 +188,16 @@ def rates(summary: Sequence[Json], protocol: Json) -> str:
 
     Without a learned policy the best controller is spoken of first.
     """
-    names = list(dict.fromkeys(row["controller"] for row in summary))
-    kinds = {entrant["name"]: entrant.get("kind") for entrant in protocol["entrants"]}
-    learned = [name for name in names if kinds.get(name) == "learned"]
-    first = max(learned or names, key=lambda name: _share(summary, name))
-    others = [name for name in names if name != first and name not in learned]
-    rows = [row for row in summary if row["controller"] == first]
-    text = f"{first} succeeds in {_rates(rows)}."
-    if others:
-        best = max(others, key=lambda name: _share(summary, name))
-        text += f" Best of the others is {best}, in "
-        text += f"{_rates([row for row in summary if row['controller'] == best])}."
+    learned = [each["name"] for each in protocol["entrants"] if each.get("kind") == "learned"]
+    counts = pd.DataFrame(summary).groupby("controller", sort=False)[["successes", "episodes"]]
+    shares = counts.sum()["successes"] / counts.sum()["episodes"]
+    is_learned = shares.index.isin(learned)
+    first = str((shares[is_learned] if is_learned.any() else shares).idxmax())
+    text = f"{first} succeeds in {_rates(summary, first)}."
+    others = shares[~is_learned & (shares.index != first)]
+    if len(others):
+        best = str(others.idxmax())
+        text += f" Best of the others is {best}, in {_rates(summary, best)}."
     return text
 
 
@@ -227,25 +222,18 @@ def signed(value: float | None, scale: float = 1) -> str:
     return f"+{text}" if value > 0 and text != "0" else text
 
 
-def _share(summary: Sequence[Json], name: str) -> float:
-    rows = [row for row in summary if row["controller"] == name]
-    return float(sum(row["successes"] for row in rows) / sum(row["episodes"] for row in rows))
-
-
-def _rates(rows: Sequence[Json]) -> str:
-    return _listed(
-        [
-            f"{row['successes']} of {row['episodes']} episodes on {_place(row)} "
-            f"({percent(row['success_rate']['value'])}\u00a0%, 95\u00a0% interval "
-            f"{interval_text(row['success_rate'])}\u00a0%)"
-            for row in rows
-        ]
-    )
-
-
-def _place(row: Json) -> str:
-    """Terrain and condition, where there is one."""
-    return f"{row['terrain']} ({row['condition']})" if row["condition"] else str(row["terrain"])
+def _rates(summary: Sequence[Json], name: str) -> str:
+    parts = []
+    for row in summary:
+        if row["controller"] == name:
+            where = f" ({row['condition']})" if row["condition"] else ""
+            rate = row["success_rate"]
+            parts.append(
+                f"{row['successes']} of {row['episodes']} episodes on {row['terrain']}{where} "
+                f"({percent(rate['value'])}\u00a0%, "
+                f"95\u00a0% interval {interval_text(rate)}\u00a0%)"
+            )
+    return _listed(parts)
 
 
 def _listed(parts: Sequence[str]) -> str:

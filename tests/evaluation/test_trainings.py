@@ -5,7 +5,13 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from flyrl.evaluation.trainings import PROFILE_AT, generalisation, is_same_ground, seed_groups
+from flyrl.evaluation.trainings import (
+    PROFILE_AT,
+    generalisation,
+    is_same_ground,
+    over_seeds,
+    trainings,
+)
 from flyrl.terrains import TERRAINS, Blocks
 
 FLAT, BLOCKS = TERRAINS["flat"], TERRAINS["blocks"]
@@ -141,53 +147,52 @@ def member(name, seed, rate=1e-3, policy="learned with ppo on flat"):
     return entrant(name, FLAT, policy=policy, training=training)
 
 
-def groups_of(*entrants, rates, missing=()):
-    """Groups over flat and mixed ground, given the success rates on both by name."""
+def of_seeds(*entrants, rates, missing=()):
+    """Success over seeds on flat and mixed ground, given the success rates on both by name."""
     rows = [
         row(name, terrain, rate, episodes=1)
         for name, pair in rates.items()
         for terrain, rate in zip(("flat", "mixed"), pair, strict=True)
         if (name, terrain) != missing
     ]
-    return seed_groups(entrants, rows)
+    return over_seeds(entrants, rows, np.random.default_rng(0))
 
 
-RATES = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0)}
 A, B = member("a", 0), member("b", 1)
 
 
 def test_policies_of_one_training_are_a_group():
-    first, second = groups_of(A, B, member("c", 0, rate=1e-2), rates=RATES)
-    assert first.names == ("a", "b")
-    assert first.terrains == ("flat", "mixed")
-    np.testing.assert_array_equal(first.scores, [[1.0, 0.8], [0.6, 0.4]])
-    assert second.names == ("c",)
+    rates = {"a": (1.0, 0.8), "b": (0.6, 0.4), "c": (0.2, 0.0), "d": (0.0, 0.0)}
+    others = member("c", 0, rate=1e-2), member("d", 2)
+    found = of_seeds(A, B, *others, rates=rates, missing=("d", "mixed"))
+    assert found["terrains"] == ["flat", "mixed"]
     # who is missing on a terrain is left out
-    (group,) = groups_of(A, B, rates=RATES, missing=("b", "mixed"))
-    assert group.names == ("a",)
+    assert [each["names"] for each in found["rows"]] == [["a", "b"], ["c"]]
+    # the middle half of two is their mean, of four the middle two
+    first = found["rows"][0]
+    means = [cell.value for cell in (*first["cells"], first["overall"])]
+    assert means == pytest.approx([0.8, 0.6, 0.7])
+    assert of_seeds(A, rates=rates) is None  # one seed alone
 
 
-def test_groups_of_the_same_name_are_told_apart():
-    groups = groups_of(A, member("b", 1, 1e-2), member("c", 2, 0.1, "other"), rates=RATES)
-    labels = [group.label for group in groups]
-    assert labels == ["learned with ppo on flat (a)", "learned with ppo on flat (b)", "other"]
+def test_trainings_of_the_same_name_are_told_apart():
+    found = trainings([A, member("b", 1, 1e-2), member("c", 2, 0.1, "other")])
+    assert [*found] == ["learned with ppo on flat (a)", "learned with ppo on flat (b)", "other"]
 
 
 def test_fixed_controllers_and_policies_of_unknown_training_stand_alone():
     unknown = [{**each, "training": {"algo": "ppo"}} for each in (A, B)]
     fixed = {"name": "c", "kind": "fixed", "policy": "constant drive (1, 1)"}
-    groups = groups_of(*unknown, fixed, rates=RATES)
-    assert [group.names for group in groups] == [("a",), ("b",)]
+    assert [*trainings([*unknown, fixed]).values()] == [("a",), ("b",)]
 
 
 def test_figures_over_seeds():
     rates = {name: (0.1 * i, 0.2) for i, name in enumerate("abcdefgh")}
-    (group,) = groups_of(*(member(name, i) for i, name in enumerate(rates)), rates=rates)
-    flat, mixed = group.on_each(np.random.default_rng(0))
+    found = of_seeds(*(member(name, i) for i, name in enumerate(rates)), rates=rates)
+    flat, mixed = found["rows"][0]["cells"]
     # of 0 ... 0.7 the middle half
     assert flat.value == pytest.approx(0.35)
     assert flat.low < 0.35 < flat.high
     assert mixed.reason == "all runs are equal"
-    profile = group.profile(np.random.default_rng(0))
-    at_half = profile[PROFILE_AT.index(0.5)]
-    assert at_half.value == pytest.approx(3 / 16)
+    (profile,) = found["profiles"].values()
+    assert profile[PROFILE_AT.index(0.5)].value == pytest.approx(3 / 16)

@@ -16,12 +16,9 @@ from flyrl.report.captions import (
 GREY = np.full((360, 480, 3), 128, np.uint8)
 
 
-def test_the_clock_tells_time_and_speed():
+def test_the_clock_tells_time_and_speed_and_an_end_that_is_not_filmed():
     assert clock_text(1.239, 0.25) == "t = 1.24 s   0.25 \N{MULTIPLICATION SIGN} real time"
     assert clock_text(0.0, 1.0) == "t = 0.00 s   real time"
-
-
-def test_an_end_that_is_not_filmed_is_told_beside_the_time_of_the_picture():
     assert ending_text("left_arena", 1.5, 2.0) == "left arena at 1.50 s"
     assert ending_text("success", 2.31, 2.0) == "t = 2.00 s; success at 2.31 s"
 

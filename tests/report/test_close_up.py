@@ -86,6 +86,9 @@ def test_speed_is_not_drawn_where_its_window_leaves_the_episode():
     speed = speed_mm_s(straight())
     assert np.isnan(speed[[0, 1, 2, -3, -2, -1]]).all()
     np.testing.assert_allclose(speed[3:-3], 10.0)
+    alone = straight(1, duration_s=0.02)
+    assert np.isnan(speed_mm_s(alone)).all()
+    time_figure([alone], 0.02)
 
 
 def test_speed_is_that_over_a_stride():
@@ -96,16 +99,9 @@ def test_speed_is_that_over_a_stride():
     np.testing.assert_allclose(speed_mm_s(record)[6:14], [0, 2.5, 5, 5, 5, 5, 2.5, 0], atol=1e-9)
 
 
-def test_one_sample_alone_has_no_speed():
-    assert np.isnan(speed_mm_s(straight(1, duration_s=0.02))).all()
-    time_figure([straight(1, duration_s=0.02)], 0.02)
-
-
 def test_a_drive_is_held_from_the_start():
-    drive = [(0, 0), (1, 0.5), (0.2, 0.3)]
-    np.testing.assert_array_equal(
-        held_drive(straight(3, drive=drive)), [(1, 0.5), (1, 0.5), (0.2, 0.3)]
-    )
+    record = straight(3, drive=[(0, 0), (1, 0.5), (0.2, 0.3)])
+    np.testing.assert_array_equal(held_drive(record), [(1, 0.5), (1, 0.5), (0.2, 0.3)])
 
 
 def test_a_line_ends_at_its_time():
@@ -151,8 +147,5 @@ def test_a_leg_has_a_bar_while_it_stands_and_while_a_reflex_corrects_it(table):
     _, gait = walk_figure(table, joints=[]).axes
     expected = [[pytest.approx((0.0, 0.25))], *[[]] * 10, [pytest.approx((0.4, 0.5))]]
     assert bars(gait) == expected
-
-
-def test_a_joint_that_is_none_is_refused(table):
     with pytest.raises(ValueError, match="did you mean 'joint_LFTibia'"):
         walk_figure(table, joints=["joint_LFTibi"])

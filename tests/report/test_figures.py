@@ -8,11 +8,10 @@ from flyrl.report.figures import (
     distributions_figure,
     doses_figure,
     outlines,
-    paired_figure,
     success_figure,
     swarm,
 )
-from flyrl.report.style import THEME, colours, inline, stylesheet, svg_text, themed
+from flyrl.report.style import colours, inline, svg_text, themed
 from tests.report.conftest import NAMES, texts
 from tests.synthetic import HORIZON_S, make_results
 
@@ -101,11 +100,6 @@ def test_names_are_text_not_markup_nor_mathematics():
     assert "<b>$x_1$&" in texts(success_figure(results.summaries))
 
 
-def test_no_comparison_no_paired_figure():
-    results = make_results(("hybrid",), episodes=2)
-    assert paired_figure(results.episodes, results.summaries, "flat", HORIZON_S) is None
-
-
 def test_swarm_spreads_equal_values_evenly_and_leaves_lonely_ones():
     np.testing.assert_array_equal(swarm(np.array([0.0, 5.0, 10.0])), 0)
     offsets = swarm(np.array([2.0, 2.0, 2.0]))
@@ -118,11 +112,3 @@ def test_fixed_controllers_keep_their_colour_in_any_company():
     chosen = colours(["ppo", "sac", "cpg", "rule_based", "hybrid", "pursuit", "zero"])
     assert chosen["hybrid"] == colours(["hybrid"])["hybrid"]
     assert len(set(chosen.values())) == len(chosen)
-
-
-def test_colours_of_the_theme_become_variables_with_light_and_dark_values():
-    assert themed("stroke: #1d232b; fill: #ff0000") == "stroke: var(--ink, #1d232b); fill: #ff0000"
-    light, dark = stylesheet().split("prefers-color-scheme: dark", 1)
-    for name, values in THEME.items():
-        assert f"--{name}: {values[0]}" in light
-        assert f"--{name}: {values[1]}" in dark

@@ -14,24 +14,18 @@ DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "gallery.md").read_text()
 
 
-@pytest.mark.parametrize("name", GALLERY)
-def test_every_figure_is_on_the_page_with_the_command_that_draws_it(name):
-    assert f"`flyrl figures {name}`" in PAGE
-    shown = [path for path in named() if Path(path).stem == name]
-    assert {Path(path).suffix for path in shown} & {".svg", ".png", ".mp4"}
+SHOWN = re.findall(r"[(\"](?:\.\./)?(gallery/[\w.]+)[)\"]", PAGE)
+"""Files that the page shows or links to, as paths from docs/."""
 
 
-def named():
-    """Files that the page shows or links to, as paths from docs/."""
-    return re.findall(r"[(\"](?:\.\./)?(gallery/[\w.]+)[)\"]", PAGE)
-
-
-def test_what_the_page_shows_is_there_and_light():
-    assert len(named()) > 30
-    sizes = {path: (DOCS / path).stat().st_size for path in named()}
-    assert sum(sizes.values()) < 6e6
-    for video in {path.removesuffix(".mp4") for path in named() if path.endswith(".mp4")}:
-        assert {f"{video}.jpg", f"{video}.csv"} <= set(named())  # its poster and numbers
+def test_every_figure_is_on_the_page_with_the_command_that_draws_it_and_is_light():
+    for name in GALLERY:
+        assert f"`flyrl figures {name}`" in PAGE
+        kinds = {Path(path).suffix for path in SHOWN if Path(path).stem == name}
+        assert kinds & {".svg", ".png", ".mp4"}
+        # a video has its poster and numbers
+        assert ".mp4" not in kinds or {".jpg", ".csv"} < kinds
+    assert sum((DOCS / path).stat().st_size for path in {*SHOWN}) < 6e6
 
 
 @pytest.mark.parametrize("name", ["adhesion", "rules_graph", "muscle"])
@@ -70,8 +64,5 @@ def test_a_muscle_is_drawn_with_its_forces_and_what_they_add_up_to(tmp_path):
     assert strip.get_title(loc="left") == "pool.png: a pixel per motor neuron"
     assert forces.get_ylabel() == "255 - blue"
     np.testing.assert_allclose(curve.lines[0].get_ydata(), table["tension"])
-
-
-def test_a_profile_that_is_missing_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none\.png"):
         muscle_plot(tmp_path / "none.png")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl.report import Video
-from flyrl.report.sections import by_episode, player, terrain_section, trainings_section
+from flyrl.report.sections import player, terrain_section, trainings_section
 from flyrl.report.video import HOLD_FRAMES
 from tests.report.test_close_up import straight
 
@@ -15,47 +15,39 @@ def video(frames, controller="cpg", frame_s=0.01):
 
 def test_the_clock_and_the_curves_run_as_long_as_the_longest_video():
     films = [video(31), video(61, "hybrid")]
-    section = player("flat", films, [straight()])
+    section = player(films, [straight()])
     assert (section["videos"], section["frames"]) == (films, 61)
     # without the frames that stand still, 10 ms each
     assert section["end_s"] == section["until_s"] == pytest.approx((60 - HOLD_FRAMES) * 0.01)
-    led = player("flat", films, [straight()], leading=films[1:])
+    led = player(films, [straight()], leading=films[1:])
     assert (led["videos"], led["has_lead"], led["frames"]) == (films[:1], True, 31)
     assert led["until_s"] == section["until_s"]  # of the curves, which are of all
+    # without videos they show the whole episode
+    assert player([], [straight()])["until_s"] == pytest.approx(1.0)
 
 
-def test_without_videos_curves_show_the_whole_episode():
-    section = player("flat", [], [straight(index=1)])
-    assert (section["videos"], section["episode"]) == ([], 1)
-    assert section["until_s"] == pytest.approx(1.0)
-
-
-def test_curves_stand_with_the_video_of_their_episode():
-    elsewhere = dataclasses.replace(video(99), terrain="mixed")
-    walked = straight(index=1)
-    assert by_episode([video(61), elsewhere], [walked], "flat") == {
-        0: ([video(61)], []),
-        1: ([], [walked]),
-    }
+def test_curves_stand_with_the_video_of_their_episode(results):
+    films = [video(61), dataclasses.replace(video(99), terrain="mixed")]
+    walked = [straight(index=1)]
+    section = terrain_section(results, results.protocol["terrains"][0], films, walked)
+    shown = [(each["episode"], each["videos"], each["walked"]) for each in section["players"]]
+    assert shown == [(0, films[:1], []), (1, [], walked)]
 
 
 def test_a_worm_has_no_legs_whose_colours_mean_something_and_films_in_real_time():
     worm = dataclasses.replace(straight(), creature="worm", drive=np.zeros((51, 8)))
-    section = player("flat", [video(31, frame_s=0.04)], [worm])
+    section = player([video(31, frame_s=0.04)], [worm])
     assert section["legend"] == []
     assert section["slowdown"] == pytest.approx(1.0)
     assert section["end_s"] == pytest.approx((30 - HOLD_FRAMES) * 0.04)
 
 
-@pytest.mark.parametrize("training", [None, [], {"settings": 3}, {"settings": {"algo": "ppo"}}])
-def test_a_policy_file_without_settings_is_said_to_have_none(training):
-    (row,) = trainings_section([{"name": "a", "kind": "learned", "training": training}])
-    assert [*row.values()] == ["a", *["not recorded"] * 4]
-
-
-def test_long_settings_are_cut():
-    (row,) = trainings_section([{"name": "a", "kind": "learned", "training": {"algo": "x" * 9999}}])
-    assert len(row["algo"]) < 500
+def test_a_policy_file_is_said_to_record_what_it_does_as_far_as_that_fits():
+    given = [None, [], {"settings": 3}, {"settings": {"algo": "ppo"}}, {"algo": "x" * 9999}]
+    learned = [{"name": "a", "kind": "learned", "training": training} for training in given]
+    *without, long = trainings_section(learned)
+    assert [[*row.values()] for row in without] == [["a", *["not recorded"] * 4]] * 4
+    assert len(long["algo"]) < 500
 
 
 @pytest.mark.parametrize("left", [0, 3])

@@ -80,13 +80,9 @@ def video():
         return films.record_video(CONFIG, entrant, CONFIG.terrain_configs[0], 1)
 
 
-def test_a_video_shows_the_evaluated_episode(video):
-    row = evaluate(CONFIG).episodes.iloc[1]
+def test_a_video_shows_the_evaluated_episode_every_10_ms_and_holds_its_end(video, tmp_path):
     assert (video.controller, video.terrain, video.episode) == ("cpg", "flat", 1)
-    assert video.outcome == row["outcome"]
-
-
-def test_a_video_has_a_frame_every_10_ms_and_holds_the_end(video, tmp_path):
+    assert video.outcome == evaluate(CONFIG).episodes.iloc[1]["outcome"]
     _, frames = read(video.mp4, tmp_path)
     assert len(frames) == video.num_frames == 11 + HOLD_FRAMES
     assert video.shown_s == pytest.approx(0.1)
@@ -95,32 +91,22 @@ def test_a_video_has_a_frame_every_10_ms_and_holds_the_end(video, tmp_path):
     assert np.abs(first - last)[100:].mean() > 1  # something moves
 
 
-def test_a_film_shows_the_fly_on_its_own_ground():
+def test_a_randomised_fly_is_filmed_on_its_own_ground_between_decisions_as_it_walks():
     random = replace(TERRAINS["random_blocks"], height_range=(0.3, 0.5))
-    settings, episode, policy, pictures = walked(CONFIG, 0, random)
-    filmed = [flies.state().position_w[0] for flies, *_ in pictures]
-    fixed = replace(random, random=False, seed=episode.ground_seed)
-    env = BatchedEnv(replace(settings, terrain=fixed), 1, 1)
-    observation = env.reset(episodes=[episode])
-    positions = [env.state.position_w[0]]
-    for _ in range(5):
-        observation = env.step(policy.predict(observation)[0]).observation
-        positions.append(env.state.position_w[0])
-    np.testing.assert_array_equal(filmed[::2], positions)
-
-
-def test_a_randomised_fly_is_filmed_between_decisions_as_it_walks():
     drawn = RandomisationConfig(mass=(2.0, 2.0), drive_latency=(0.03, 0.03))
     # a filtered drive would change with every finer decision
     task = replace(CONFIG.task, drive_time_constant_s=0.0)
-    settings, episode, policy, pictures = walked(replace(CONFIG, task=task, randomisation=drawn), 1)
+    config = replace(CONFIG, task=task, randomisation=drawn)
+    settings, episode, policy, pictures = walked(config, 1, random)
     filmed = [flies.state().position_w[0] for flies, *_ in pictures]
-    finer = BatchedEnv(replace(settings, decision_interval=films.FLY_PACE.frame_s), 1, 1)
-    observation = finer.reset(episodes=[episode])
-    positions = [finer.state.position_w[0]]
+    fixed = replace(random, random=False, seed=episode.ground_seed)
+    finer = replace(settings, terrain=fixed, decision_interval=films.FLY_PACE.frame_s)
+    env = BatchedEnv(finer, 1, 1)
+    observation = env.reset(episodes=[episode])
+    positions = [env.state.position_w[0]]
     for _ in range(10):
-        finer.step(policy.predict(observation)[0])
-        positions.append(finer.state.position_w[0])
+        env.step(policy.predict(observation)[0])
+        positions.append(env.state.position_w[0])
     np.testing.assert_array_equal(filmed, positions)
 
 
