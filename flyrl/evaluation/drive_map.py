@@ -41,16 +41,16 @@ class DriveMap:
     starts
         Flies per drive, each from a start of its own; both arrays are their means.
     speed_error_mm_s, yaw_rate_error_deg_s
-        Standard errors of the means, shape (k, k); None of a single start.
+        Standard errors of the means, shape (k, k).
     """
 
     terrain: str
     drives: FloatArray
     speed_mm_s: FloatArray
     yaw_rate_deg_s: FloatArray
-    starts: int = 1
-    speed_error_mm_s: FloatArray | None = None
-    yaw_rate_error_deg_s: FloatArray | None = None
+    starts: int
+    speed_error_mm_s: FloatArray
+    yaw_rate_error_deg_s: FloatArray
 
 
 def measure_drive_map(

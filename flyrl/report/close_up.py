@@ -112,7 +112,7 @@ def drive_map_figure(
     with style.panels(1, 2, 4.2) as (figure, every):
         for axes, (title, (values, errors)) in zip(every, shown.items(), strict=True):
             levels = MaxNLocator(9).tick_values(np.nanmin(values), np.nanmax(values))
-            is_noise = False if errors is None else errors > np.diff(levels).min()
+            is_noise = errors > np.diff(levels).min()
             sure = np.ma.masked_where(is_noise | np.isnan(values), values)
             lines = axes.contour(drives, drives, sure, levels, colors=style.MUTED, linewidths=1.1)
             axes.clabel(lines, fontsize=8, fmt="%g")

@@ -100,51 +100,45 @@ def test_distance_and_progress_to_a_goal():
         assert metrics["goal_distance_mm"] == metrics["goal_progress_mm"] == expected
 
 
-def make_gait(stance, *, retraction=0, work_nj=0.0, slip_mm=0.0):
-    """Legs that all do the same, a sample every 10 ms, so many of them corrected."""
+def make_gait(stance, *, work_nj=0.0, slip_mm=0.0):
+    """Legs that all do the same, a sample every 10 ms, and none corrected."""
     rows = np.array([[mark == "#"] * 6 for mark in stance])
-    corrected = np.broadcast_to(np.arange(6) < retraction, rows.shape)
-    slips = np.full(6, slip_mm)
-    return Gait(0.01, rows, rows, corrected, np.zeros_like(rows), work_nj, slips)
+    never = np.zeros_like(rows)
+    return Gait(0.01, rows, rows, never, never, work_nj, np.full(6, slip_mm))
 
+
+TO_AND_FRO = [(0, 0), (1, 0)] * 2 + [(0, 0)]
+"""A body that sways: a path of 4 mm that leads nowhere."""
 
 # touchdowns every 100 ms
 STRIDES = make_gait("..######....######....######..")
 
 
-def test_strides_make_the_way():
-    # 6 mm in 0.3 s are 2 mm a stride
-    metrics = episode_metrics(make_record(LINE, interval_s=0.3, gait=STRIDES))
-    assert metrics["stride_frequency_hz"] == pytest.approx(10)
-    assert metrics["stride_length_mm"] == pytest.approx(2)
-    assert metrics["duty_factor"] == pytest.approx(0.6)
-    assert metrics["tripod_coordination"] == 1
+@pytest.mark.parametrize(
+    ("path", "yaw", "frequency", "length", "duty", "tripod"),
+    [
+        (LINE, [0, 0], 10, 2, 0.6, 1),  # 6 mm in 0.3 s are 2 mm a stride
+        ([(0, 0), (0, 0)], [0, 2.0], 10, None, 0.6, 1),  # a turn on the spot
+        # legs that lose the ground under a standing body: 0.2 mm in 3 strides
+        ([(0, 0), (0.2, 0)], [0, 0], None, None, None, None),
+        (TO_AND_FRO, [0] * 5, None, None, None, None),
+    ],
+)
+def test_strides_make_the_way(path, yaw, frequency, length, duty, tripod):
+    interval_s = 0.3 if len(path) == 2 else 0.1
+    metrics = episode_metrics(make_record(path, interval_s=interval_s, yaw=yaw, gait=STRIDES))
+    names = ("stride_frequency_hz", "stride_length_mm", "duty_factor", "tripod_coordination")
+    for name, expected in zip(names, (frequency, length, duty, tripod), strict=True):
+        assert metrics[name] == (expected if expected is None else pytest.approx(expected))
 
 
-def test_legs_that_lose_the_ground_under_a_standing_body_take_no_strides():
-    # 0.2 mm in 3 strides
-    metrics = episode_metrics(make_record([(0, 0), (0.2, 0)], interval_s=0.3, gait=STRIDES))
-    assert metrics["stride_frequency_hz"] is metrics["stride_length_mm"] is None
-    assert metrics["duty_factor"] is metrics["tripod_coordination"] is None
-
-
-def test_a_turn_on_the_spot_has_strides():
-    record = make_record([(0, 0), (0, 0)], interval_s=0.3, yaw=[0, 2.0], gait=STRIDES)
-    assert episode_metrics(record)["stride_frequency_hz"] == pytest.approx(10)
-
-
-def test_a_body_that_sways_takes_no_strides():
-    # a path of 4 mm that leads nowhere
-    record = make_record([(0, 0), (1, 0)] * 2 + [(0, 0)], interval_s=0.1, gait=STRIDES)
-    metrics = episode_metrics(record)
-    assert metrics["path_length_mm"] == 4
-    assert metrics["stride_frequency_hz"] is metrics["work_nj_per_mm"] is None
-
-
-@pytest.mark.parametrize(("way_mm", "work", "slip"), [(6, 100, 0.25), (0.5, None, None)])
-def test_work_and_slip_are_per_way_of_a_body_that_walks(way_mm, work, slip):
+@pytest.mark.parametrize(
+    ("path", "work", "slip"),
+    [(LINE, 100, 0.25), ([(0, 0), (0.5, 0)], None, None), (TO_AND_FRO, None, None)],
+)
+def test_work_and_slip_are_per_way_of_a_body_that_walks(path, work, slip):
     gait = make_gait("####", work_nj=600.0, slip_mm=1.5)
-    metrics = episode_metrics(make_record([(0, 0), (way_mm, 0)], gait=gait))
+    metrics = episode_metrics(make_record(path, interval_s=0.1, gait=gait))
     assert (metrics["work_nj_per_mm"], metrics["slip_share"]) == (work, slip)
     assert metrics["stride_length_mm"] is None
 

@@ -63,6 +63,10 @@ def test_a_row_per_training_and_a_column_per_terrain():
     # the terrain of the training is marked
     homes = [[cell["is_home"] for cell in each["cells"]] for each in found["rows"]]
     assert homes == [[False, True], [True, False]]
+    # trainings of a terrain stand together
+    third = entrant("c", BLOCKS, policy="another way", training={"algo": "sac", "settings": {}})
+    rows = matrix([*TWO, third], TWO_ROWS)["rows"]
+    assert [each["names"][0] for each in rows] == ["a", "c", "b"]
 
 
 def test_a_policy_on_other_legs_is_no_other_seed_of_its_training():
@@ -104,12 +108,6 @@ def test_where_success_says_little_there_is_a_second_figure():
     assert found["second"] == "advance_mm"
     assert [cell["second"] for cell in found["rows"][0]["cells"]] == [5.5, 2.0]
     assert matrix(pair, summary)["second"] is None
-
-
-def test_trainings_of_a_terrain_stand_together():
-    third = entrant("c", BLOCKS, policy="another way", training={"algo": "sac", "settings": {}})
-    found = matrix([*TWO, third], TWO_ROWS)
-    assert [each["names"][0] for each in found["rows"]] == ["a", "c", "b"]
 
 
 def test_one_terrain_is_nothing_to_compare():

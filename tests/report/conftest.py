@@ -102,7 +102,7 @@ def drive_map():
     left, right = np.meshgrid(drives, drives, indexing="ij")
     speed = 10 * (left + right) / 2
     speed[0, 4] = np.nan
-    return DriveMap("flat", drives, speed, 100 * (right - left))
+    return DriveMap("flat", drives, speed, 100 * (right - left), 8, 0 * left, 0 * left)
 
 
 def steering():
