@@ -165,7 +165,7 @@ class Batch:
         vary(self.scene.model, self._batch, ids, randomisations)
 
     def set_ground(self, ids: Ids, grounds: Sequence[Ground]) -> None:
-        """Lay ground under simulations on random terrain, before a reset or `restore`.
+        """Lay ground under simulations on random terrain, before `start` or `restore`.
 
         Parameters
         ----------
@@ -199,7 +199,7 @@ class Batch:
         starts: NDArray[np.float64],
         commands: NDArray[np.float64] | None = None,
     ) -> None:
-        """Put props where they start, mm, (k, props, 3): of simulations that are, or were, reset.
+        """Put props where they start, mm, (k, props, 3), after `start` or later.
 
         Where one moves, it is from now on where it is at the simulation's time; its path takes the
         commands, (k, size), of episodes. None leaves those as they are.
@@ -228,7 +228,7 @@ class Batch:
         ------
         RuntimeError
             If it has threads and was made before a fork, in another process; or if MuJoCo's
-            callbacks are somebody else's. So do reset and `restore`.
+            callbacks are somebody else's. So do `start` and `restore`.
         """
         self._move_props()
         self._check_process()

@@ -17,7 +17,7 @@ from flyrl.anatomy import JOINTS, LEGS, Leg
 from flyrl.bodies.fly import GHOST, is_of_legs
 from flyrl.bodies.surface import HIDDEN_GROUP, VISUAL_GROUP
 from flyrl.simulation.engine import ENGINE, ENGINE_SIZE
-from flyrl.validation import Within, check_fields, distinct
+from flyrl.validation import Within, check_fields, distinct, ordered
 
 MAX_LATENCY: Final = 0.05
 """s; longest delay between a decision and its arrival at the legs."""
@@ -121,8 +121,8 @@ class RandomisationConfig:
         distinct("randomisation.missing_leg", self.missing_leg or ())
         for name in _RANGES:
             given = getattr(self, name)
-            if given is not None and given[0] > given[1]:
-                raise ValueError(f"randomisation.{name} must be (least, greatest), got {given!r}")
+            if given is not None:
+                ordered(f"randomisation.{name}", given)
 
     @property
     def longest_latency(self) -> float:

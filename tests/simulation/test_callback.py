@@ -16,7 +16,7 @@ from flyrl.bodies.fly import FlyConfig
 from flyrl.bodies.surface import ContactConfig
 from flyrl.controllers import CONTROLLERS, Controller
 from flyrl.simulation import callback, engine, native
-from flyrl.simulation.engine import layout
+from flyrl.simulation.engine import Layout, check_layout, layout
 from flyrl.simulation.flies import FlyBatch
 from flyrl.simulation.physics import PhysicsConfig
 from flyrl.simulation.randomisation import Randomisation
@@ -176,6 +176,12 @@ def test_mujoco_writes_no_log_into_the_users_folder(tmp_path, monkeypatch) -> No
 def test_a_callback_is_compiled_once_and_then_read_from_the_disk(compiled) -> None:
     compiled(layout())
     assert compiled(layout()).cache_hits == 1
+
+
+@pytest.mark.parametrize("field", [name for name in Layout._fields if name != "contact_size"])
+def test_a_wrong_offset_is_noticed(field: str) -> None:
+    with pytest.raises(RuntimeError, match=f"'{field}'"):
+        check_layout(layout()._replace(**{field: 0 if getattr(layout(), field) else 8}))
 
 
 def test_one_process_compiles_while_the_others_wait() -> None:
