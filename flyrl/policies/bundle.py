@@ -121,15 +121,21 @@ class PolicyBundle:
     def __post_init__(self) -> None:
         check_fields(self)
         self._check_weights()
+        self._check_bounds()
         observed = sum(term.size for term in self.observation)
-        sizes = [("the observation terms", observed, self.num_inputs)]
-        sizes += [("the LSTM", units, self.sizes[0]) for units in self.lstm_sizes[1:]]
+        components = len(self.action_low)
+        outputs = sum(self.action_counts) if self.squashing == "argmax" else components
+        sizes = [
+            ("the observation terms", observed, self.num_inputs),
+            *[("the LSTM", units, self.sizes[0]) for units in self.lstm_sizes[1:]],
+            ("the upper action bounds", len(self.action_high), components),
+            ("the network's outputs", self.sizes[-1], outputs),
+        ]
         if self.normaliser is not None:
             sizes.append(("normaliser.mean", len(self.normaliser.mean), observed))
         for what, size, wanted in sizes:
             if size != wanted:
                 raise ValueError(f"{what}: {size} values, but {wanted} are taken")
-        self._check_bounds()
 
     def _check_weights(self) -> None:
         """Raise ValueError unless the weights are finite, and of the shapes that the sizes say."""
@@ -149,25 +155,17 @@ class PolicyBundle:
                 raise ValueError(f"tensor {name!r} is not of finite float32 values")
 
     def _check_bounds(self) -> None:
-        """Raise ValueError unless the bounds are such, and as many as the network's outputs."""
-        sizes = len(self.action_low), len(self.action_high)
+        """Raise ValueError unless the lower bounds lie below the upper ones, and are whole."""
         for low, high in zip(self.action_low, self.action_high, strict=False):
             if not low <= high:
                 raise ValueError(f"action bounds: {low} and {high}; allowed: low <= high")
-        needed = sizes[0]
-        if self.squashing == "argmax":
-            for bound in self.action_low + self.action_high:
-                if bound != round(bound) or abs(bound) > _LARGEST_WHOLE:
-                    raise ValueError(
-                        f"action bounds: {bound}; allowed with squashing 'argmax': whole numbers, "
-                        f"at most {_LARGEST_WHOLE} from 0"
-                    )
-            needed = sum(self.action_counts)
-        if sizes[0] != sizes[1] or needed != self.sizes[-1]:
-            raise ValueError(
-                f"action bounds of {sizes[0]} and {sizes[1]} values take {needed} outputs, the "
-                f"network gives {self.sizes[-1]}"
-            )
+        whole = self.action_low + self.action_high if self.squashing == "argmax" else ()
+        for bound in whole:
+            if bound != round(bound) or abs(bound) > _LARGEST_WHOLE:
+                raise ValueError(
+                    f"action bounds: {bound}; allowed with squashing 'argmax': whole numbers, "
+                    f"at most {_LARGEST_WHOLE} from 0"
+                )
 
     @property
     def action_counts(self) -> tuple[int, ...]:

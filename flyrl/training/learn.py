@@ -22,15 +22,7 @@ from flyrl.training.loggers import Outcome
 from flyrl.training.metrics import RemoteLog, metrics_logger
 from flyrl.training.models import build_model, restore_learner
 from flyrl.training.run_folder import create_folder, load_latest_checkpoint, note_resumption
-from flyrl.training.runs import (
-    CONFIG_FILE,
-    ResumeError,
-    flat,
-    held,
-    is_finished,
-    read_record,
-    read_run,
-)
+from flyrl.training.runs import CONFIG_FILE, ResumeError, flat, held, read_run
 from flyrl.validation import one_of
 
 
@@ -165,8 +157,8 @@ def resume(
     Raises
     ------
     ResumeError
-        There is no run in the folder, it has other settings, it is finished, or there is no
-        checkpoint that can be read.
+        There is no run in the folder, it has other settings, it is finished, a file of it is
+        damaged, or there is no checkpoint that can be read.
     ValueError
         The logger's package is missing.
     OSError
@@ -174,11 +166,14 @@ def resume(
         stays as it is.
     """
     folder = Path(folder)
+    run = read_run(folder)
     # before a lock is left where there is no run
-    _check_settings(config, folder, read_record(folder), CONFIG_FILE)
+    if run.problems:
+        raise ResumeError(f"cannot resume {folder}: {'; '.join(run.problems)}")
+    if run.state == "finished":
+        raise ResumeError(f"cannot resume {folder}: the run has already finished")
+    _check_settings(config, folder, run.settings, CONFIG_FILE)
     with held(folder):
-        if is_finished(folder):
-            raise ResumeError(f"cannot resume {folder}: the run has already finished")
         state = load_latest_checkpoint(folder)
         _check_settings(config, folder, state["settings"], "latest checkpoint", WITHOUT_EFFECT)
         model = _prepare(config)

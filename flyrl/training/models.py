@@ -3,9 +3,10 @@
 Also hindsight replay. Private names of Stable-Baselines3 are used in this module alone.
 """
 
+import inspect
 import random
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -26,23 +27,6 @@ from flyrl.policies.sb3 import ACTIVATION_MODULES, ALGORITHMS
 from flyrl.tasks import DECISIONS_LOST, IS_FAILURE
 from flyrl.training.algorithms import AlgorithmConfig
 from flyrl.training.runs import flat
-
-PRIVATE: Final[Mapping[type, tuple[str, ...]]] = {
-    # not among what `model.save` keeps, but needed to end with the same bits: counters (some
-    # algorithms update the policy at every n-th update only, some log at every n-th episode), and
-    # what the next decision is made on
-    BaseAlgorithm: (
-        "_n_updates",
-        "_episode_num",
-        "_last_obs",
-        "_last_original_obs",
-        "_last_episode_starts",
-    ),
-    RecurrentPPO: ("_last_lstm_states",),
-    # where the episodes in a replay buffer start that are not at their end
-    HerReplayBuffer: ("_current_ep_start", "_sample_goals", "_get_virtual_samples"),
-}
-"""Private names of Stable-Baselines3 that have no public counterpart."""
 
 
 class HindsightBuffer(HerReplayBuffer):
@@ -116,21 +100,6 @@ class _Infos:
         return {key: values[places] for key, values in self._arrays.items()}
 
 
-CLIP: Final = 10.0
-"""Normalised observations and rewards lie within this of 0."""
-
-_OF_POLICY: Final[tuple[str, ...]] = (
-    "enable_critic_lstm",
-    "log_std_init",
-    "lstm_hidden_size",
-    "n_critics",
-    "n_lstm_layers",
-    "n_quantiles",
-    "renorm_warmup_steps",
-)
-"""Settings that are arguments of the model's policy instead of the model."""
-
-
 def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
     """Stable-Baselines3 model, untrained, on the CPU.
 
@@ -149,20 +118,15 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         Stable-Baselines3 refuses a value.
     """
     settings = dict(algo.settings)
-    policy_kwargs = {name: settings.pop(name) for name in _OF_POLICY if name in settings}
-    policy_kwargs["net_arch"] = list(settings.pop("hidden_layers"))
-    policy_kwargs["activation_fn"] = ACTIVATION_MODULES[settings.pop("activation")]
+    policy_kwargs: dict[str, Any] = {
+        "net_arch": list(settings.pop("hidden_layers")),
+        "activation_fn": ACTIVATION_MODULES[settings.pop("activation")],
+    }
     norm_obs = settings.pop("normalize_observation")
     norm_reward = settings.pop("normalize_reward")
     if norm_obs or norm_reward:
-        env = VecNormalize(
-            env,
-            norm_obs=norm_obs,
-            norm_reward=norm_reward,
-            clip_obs=CLIP,
-            clip_reward=CLIP,
-            gamma=settings["gamma"],
-        )
+        gamma = settings["gamma"]
+        env = VecNormalize(env, norm_obs=norm_obs, norm_reward=norm_reward, gamma=gamma)
     if settings.pop("learning_rate_decay"):
         settings["learning_rate"] = LinearSchedule(settings["learning_rate"], 0.0, 1.0)
     if "initial_ent_coef" in settings:
@@ -176,10 +140,13 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         if settings.pop("her"):
             settings["replay_buffer_class"] = HindsightBuffer
             settings["replay_buffer_kwargs"] = of_buffer
+    algorithm = ALGORITHMS[algo.name]
+    of_policy = settings.keys() - inspect.signature(algorithm).parameters.keys()
+    policy_kwargs |= {name: settings.pop(name) for name in of_policy}
     inputs = "MultiInput" if isinstance(env.observation_space, spaces.Dict) else "Mlp"
     memory = "Lstm" if algo.name == "recurrent_ppo" else ""
     try:
-        return ALGORITHMS[algo.name](
+        return algorithm(
             policy=f"{inputs}{memory}Policy",
             env=env,
             policy_kwargs=policy_kwargs,
@@ -191,17 +158,15 @@ def build_model(algo: AlgorithmConfig, env: VecEnv, seed: int) -> BaseAlgorithm:
         raise ValueError(f"algo={algo.name}: Stable-Baselines3 refuses: {error}") from error
 
 
-_COUNTERS: Final = ("num_timesteps", *PRIVATE[BaseAlgorithm])
-_LOGGED: Final = ("name_to_value", "name_to_count", "name_to_excluded")
-_BUFFER_ARRAYS: Final = (
-    "observations",
-    "next_observations",
-    "actions",
-    "rewards",
-    "dones",
-    "timeouts",
+# not all among what `model.save` keeps, but needed to end with the same bits: counters (some
+# algorithms update the policy at every n-th update only, some log at every n-th episode), and what
+# the next decision is made on
+_COUNTERS: Final = (
+    "num_timesteps",
+    *("_n_updates", "_episode_num"),
+    *("_last_obs", "_last_original_obs", "_last_episode_starts"),
 )
-_HINDSIGHT_ARRAYS: Final = ("ep_start", "ep_length", "failures")
+_LOGGED: Final = ("name_to_value", "name_to_count", "name_to_excluded")
 
 
 def learner_state(model: BaseAlgorithm) -> dict[str, Any]:
@@ -248,7 +213,8 @@ def restore_learner(model: BaseAlgorithm, state: Mapping[str, Any]) -> None:
     for name, place in _attributes(model).items():
         setattr(*place, state["attributes"][name])
     if isinstance(model, RecurrentPPO):
-        actor, critic = map(_tensors, state["attributes"]["_last_lstm_states"])
+        memories = state["attributes"]["_last_lstm_states"]
+        actor, critic = (tuple(map(torch.as_tensor, memory)) for memory in memories)
         model._last_lstm_states = RNNStates(actor, critic)  # type: ignore[assignment] # declared as None
     episodes = state["episodes"]
     model.ep_info_buffer = deque(episodes["infos"], maxlen=episodes["window"])
@@ -281,7 +247,9 @@ def _attributes(model: BaseAlgorithm) -> dict[str, tuple[Any, str]]:
     if isinstance(model, RecurrentPPO):
         places["_last_lstm_states"] = model, "_last_lstm_states"
     if (buffer := _replay_buffer(model)) is not None:
-        names = ["pos", "full"] + ["_current_ep_start"] * isinstance(buffer, HindsightBuffer)
+        names = ["pos", "full"]
+        if isinstance(buffer, HindsightBuffer):
+            names.append("_current_ep_start")  # of the episodes that have not ended
         places |= {f"replay_buffer.{name}": (buffer, name) for name in names}
     if (normaliser := model.get_vec_normalize_env()) is not None:
         observation = normaliser.obs_rms if normaliser.norm_obs else {}
@@ -294,13 +262,11 @@ def _attributes(model: BaseAlgorithm) -> dict[str, tuple[Any, str]]:
 
 def _filled(buffer: ReplayBuffer) -> dict[str, NDArray[Any]]:
     """Filled rows of a replay buffer's arrays by name, a row per decision of all environments."""
-    is_hindsight = isinstance(buffer, HindsightBuffer)
-    names = _BUFFER_ARRAYS + (_HINDSIGHT_ARRAYS if is_hindsight else ())
-    arrays = flat({name: getattr(buffer, name) for name in names})
     rows = buffer.buffer_size if buffer.full else buffer.pos
-    return {name: values[:rows] for name, values in arrays.items()}
-
-
-def _tensors(arrays: Iterable[Any]) -> tuple[torch.Tensor, torch.Tensor]:
-    hidden, cell = map(torch.as_tensor, arrays)
-    return hidden, cell
+    return {
+        name: values[:rows]
+        for name, values in flat(vars(buffer)).items()
+        if isinstance(values, np.ndarray)
+        and values.shape[:2] == (buffer.buffer_size, buffer.n_envs)
+        and not name.startswith("_")
+    }

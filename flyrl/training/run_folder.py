@@ -154,7 +154,7 @@ def _note_command(folder: Path, command: Sequence[str]) -> None:
 
 _FORMAT: Final = 11
 
-_PARTS: Final = frozenset(("learner", "env", "run", "settings"))
+_PARTS: Final = ("learner", "env", "run", "settings")
 
 
 def save_checkpoint(path: Path, state: Mapping[str, Any]) -> None:
@@ -197,19 +197,18 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             record = torch.load(file, weights_only=True)
             if record["format"] != _FORMAT:
                 raise ResumeError(f"{path} has format {record['format']!r}, known is {_FORMAT}")
-            state: dict[str, Any] = record["state"]
-            parameters = state["learner"].pop("parameters")
-            if missing := _PARTS - state.keys():
-                raise ResumeError(f"{path} lacks {', '.join(sorted(missing))}")
+            parameters = record["state"]["learner"].pop("parameters")
+            state: dict[str, Any] = {
+                part: _map(record["state"][part], _to_array) for part in _PARTS
+            }
             int(state["run"]["decisions"])
         except ResumeError:
             raise
         except Exception as error:
             # torch names no common class for what a damaged file may raise: OSError, too
             raise ResumeError(f"{path} is damaged, or no checkpoint: {error}") from error
-    restored: dict[str, Any] = _map(state, _to_array)
-    restored["learner"]["parameters"] = parameters
-    return restored
+    state["learner"]["parameters"] = parameters
+    return state
 
 
 def checkpoint_file(folder: Path, decisions: int) -> Path:

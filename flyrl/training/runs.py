@@ -115,14 +115,10 @@ def read_record(path: Path) -> dict[str, Any]:
     ResumeError
         There is no run in the folder.
     """
-    file = path / CONFIG_FILE
     try:
-        record = load_yaml(file)
+        return _settings(path / CONFIG_FILE)
     except (OSError, ValueError) as error:
         raise ResumeError(f"{path} is not the folder of a run: {error}") from error
-    if not isinstance(record, dict):
-        raise ResumeError(f"{file} must hold the settings of a run, got {record!r:.60}")
-    return record
 
 
 def read_rows(path: Path) -> list[dict[str, str]]:
@@ -281,8 +277,6 @@ def read_run(path: Path) -> RunSummary:
         state = "finished" if status and status["interrupted_by"] is None else "interrupted"
     if state == "finished" and not (path / "last.safetensors").is_file():
         problems.append("last.safetensors is missing")
-    if state == "running":
-        status = {}  # of an interruption before
     decisions, wall_time = _how_far(progress, evaluations)
     return RunSummary(
         path,
@@ -296,13 +290,12 @@ def read_run(path: Path) -> RunSummary:
     )
 
 
-def _settings(path: Path) -> Mapping[str, Any]:
+def _settings(path: Path) -> dict[str, Any]:
     settings = load_yaml(path)
-    for key in ("task.name", "terrain.name", "algo.name"):
-        if not isinstance(nested(settings, key), str):
+    kinds = {"task.name": str, "terrain.name": str, "algo.name": str, "seed": int}
+    for key, kind in kinds.items():
+        if not isinstance(nested(settings, key), kind):
             raise ValueError(f"no {key}")
-    if not isinstance(settings.get("seed"), int):
-        raise ValueError("no seed")
     return dict(settings)
 
 
@@ -323,17 +316,6 @@ def _status(path: Path) -> Mapping[str, Any]:
         "wall_time_s": float(record["wall_time_s"]),
         "interrupted_by": record["interrupted_by"],
     }
-
-
-def is_finished(folder: Path) -> bool:
-    """Whether the run in `folder` came to its end; ResumeError if its status cannot be read."""
-    file = folder / STATUS_FILE
-    try:
-        return _status(file)["interrupted_by"] is None
-    except FileNotFoundError:
-        return False
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ResumeError(f"{file} cannot be read: {_one_line(error)}") from error
 
 
 def _evaluations(path: Path) -> list[dict[str, float]]:

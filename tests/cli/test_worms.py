@@ -9,7 +9,7 @@ from flyrl.evaluation import load_results
 from flyrl.policies import load_policy
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
-from tests.training.test_resume import InterruptedAt
+from tests.training.test_resume import interrupted_at
 
 TINY = (
     "physics=worm",
@@ -20,9 +20,8 @@ SHORT = ("task.time_limit=0.2", "episodes=2", "num_threads=1", "progress_bar=fal
 
 
 @pytest.mark.slow
-def test_a_worm_is_trained_resumed_and_compared_afterwards(tmp_path, run_here, monkeypatch):
-    with monkeypatch.context() as patch:
-        InterruptedAt(patch, decision=3)
+def test_a_worm_is_trained_resumed_and_compared_afterwards(tmp_path, run_here):
+    with interrupted_at(3):
         given = ("task=worm_hang", *TINY, "training.progress_bar=true")
         interrupted = run_here("train.py", *given)
     assert interrupted.returncode == 128 + signal.SIGTERM

@@ -18,7 +18,7 @@ from flyrl.training.config import config_from_keywords, training_record
 from flyrl.training.run_folder import checkpoint_file, create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
-from tests.training.test_resume import InterruptedAt
+from tests.training.test_resume import interrupted_at
 
 SHORT_TARGET = replace(TASKS["target"](), time_limit_s=0.2)
 TINY = {
@@ -95,11 +95,8 @@ def test_a_run_has_its_learning_curve_as_a_table_and_loads_its_policy(run):
         run.policy("first")
 
 
-def test_ctrl_c_ends_a_training_in_order_and_it_is_resumed_to_the_same_bits(
-    run, tmp_path, monkeypatch
-):
-    with monkeypatch.context() as patch, pytest.raises(TrainingInterrupted) as caught:
-        InterruptedAt(patch, decision=3, number=signal.SIGINT)
+def test_ctrl_c_ends_a_training_in_order_and_it_is_resumed_to_the_same_bits(run, tmp_path):
+    with interrupted_at(3, signal.SIGINT), pytest.raises(TrainingInterrupted) as caught:
         flyrl.train(SHORT_TARGET, runs_folder=tmp_path, **TINY)
     part = caught.value.run
     assert isinstance(caught.value, KeyboardInterrupt)

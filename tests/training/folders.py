@@ -1,12 +1,17 @@
-"""Run folders as training leaves them, without the training."""
+"""Run folders as training leaves them, without the training; and what happens during one."""
 
 import json
 import subprocess
+from contextlib import contextmanager
 
+import numpy as np
+import pytest
+import torch
 import yaml
 
 from flyrl.policies.bundle import save_bundle
 from flyrl.training.algorithms import AlgorithmConfig
+from flyrl.training.callback import RunCallback
 from flyrl.training.config import TrainingConfig, env_record, training_record
 from tests.bundles import target_bundle
 
@@ -38,6 +43,31 @@ def make_run(
     bundle = target_bundle((bias, bias), env=env_record(config.env), training={"algo": algo})
     save_bundle(bundle, folder / "last.safetensors")
     return folder
+
+
+@contextmanager
+def before(method, act):
+    """Inside the block, call `act` with a run's callback before a method of that."""
+    original = getattr(RunCallback, method)
+
+    def patched(callback):
+        act(callback)
+        return original(callback)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(RunCallback, method, patched)
+        yield
+
+
+def same(a, b):
+    """Whether nested states are equal to the bit."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list | tuple):
+        return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, torch.Tensor | np.ndarray | np.generic):
+        return type(a) is type(b) and a.dtype == b.dtype and np.array_equal(a, b)
+    return a == b
 
 
 def git(folder, *arguments):

@@ -8,19 +8,14 @@ from dataclasses import replace
 
 import pytest
 
-from flyrl.training.callback import RunCallback
 from flyrl.training.config import training_record
 from flyrl.training.learn import resume, train
-from flyrl.training.loggers import (
-    LoggerConfig,
-    LoggerError,
-    MlflowConfig,
-    WandbConfig,
-)
+from flyrl.training.loggers import LoggerConfig, LoggerError, MlflowConfig, WandbConfig
 from flyrl.training.metrics import RemoteLog
 from flyrl.training.run_folder import create_folder
 from flyrl.training.runs import flat, read_rows
 from tests import tiny
+from tests.training.folders import before
 
 DECISIONS = "time/total_timesteps"
 UPDATES = [32, 64, 96, 128]
@@ -48,19 +43,15 @@ def _logged(folder):
     return sorted(points, key=lambda point: point[:2])
 
 
-def _crash(logger, runs, monkeypatch):
+def _crash(logger, runs):
     """Train until a crash after 120 decisions, logged up to 96; the checkpoint is that at 64."""
-    report = RunCallback._on_step
 
-    def on_step(callback):
+    def crash(callback):
         if callback.num_timesteps == 120:
             raise RuntimeError("the crash")
-        return report(callback)
 
-    with monkeypatch.context() as patch:
-        patch.setattr(RunCallback, "_on_step", on_step)
-        with pytest.raises(RuntimeError, match="the crash"):
-            train(replace(TINY, logger=logger), runs)
+    with before("_on_step", crash), pytest.raises(RuntimeError, match="the crash"):
+        train(replace(TINY, logger=logger), runs)
     (folder,) = runs.iterdir()
     return folder
 
@@ -126,8 +117,8 @@ def _sent(logger):
     return sorted(points, key=lambda point: point[:2])
 
 
-def test_mlflow_gets_every_update_of_a_resumed_run_once(mlflow, tmp_path, monkeypatch, results):
-    folder = _crash(mlflow, tmp_path / "runs", monkeypatch)
+def test_mlflow_gets_every_update_of_a_resumed_run_once(mlflow, tmp_path, results):
+    folder = _crash(mlflow, tmp_path / "runs")
     crashed = _remote(mlflow)
     assert crashed.info.status == "FAILED"
     assert json.loads((folder / "logger.json").read_text())["run_id"] == crashed.info.run_id
@@ -250,8 +241,8 @@ def _offline_runs(folder):
 
 
 @pytest.mark.usefixtures("_offline")
-def test_wandb_gets_every_update_of_a_resumed_run_once(tmp_path, monkeypatch, results):
-    folder = _crash(WANDB, tmp_path / "runs", monkeypatch)
+def test_wandb_gets_every_update_of_a_resumed_run_once(tmp_path, results):
+    folder = _crash(WANDB, tmp_path / "runs")
     config = replace(TINY, logger=WANDB)
     resume(config, folder)
     (first, before), (second, after) = _offline_runs(folder)

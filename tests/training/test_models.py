@@ -19,15 +19,10 @@ from flyrl.policies import LearnedPolicy, TermLayout
 from flyrl.policies.sb3 import bundle_from_sb3
 from flyrl.tasks import TASKS
 from flyrl.training.algorithms import ALGORITHMS, ON_POLICY, AlgorithmConfig
-from flyrl.training.models import (
-    PRIVATE,
-    HindsightBuffer,
-    build_model,
-    learner_state,
-    restore_learner,
-)
+from flyrl.training.models import HindsightBuffer, build_model, learner_state, restore_learner
 from flyrl.training.run_folder import load_checkpoint, save_checkpoint
 from tests.tiny import TINY_ENV
+from tests.training.folders import same
 
 TRANSLATED = {
     "hidden_layers": (6, 7),
@@ -49,10 +44,8 @@ def _known(name, settings):
 
 @pytest.fixture(scope="module", autouse=True)
 def one_thread():
-    before = torch.get_num_threads()
+    """One thread of torch, as in a training."""
     torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +55,8 @@ def fly_envs():
 
 
 @pytest.fixture(scope="module")
-def env(fly_envs):
-    return fly_envs[0]
+def build(fly_envs):
+    return lambda name, **settings: build_model(AlgorithmConfig(name, **settings), fly_envs[0], 3)
 
 
 def _at_the_edge(terrain, seed, difficulty=1.0):
@@ -94,8 +87,8 @@ def test_settings_of_hindsight_reach_the_buffer(goal_envs):
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
-def test_settings_reach_the_model(name, env):
-    model = build_model(AlgorithmConfig(name, **TRANSLATED), env, seed=3)
+def test_settings_reach_the_model(name, build):
+    model = build(name, **TRANSLATED)
     assert model.policy_kwargs["net_arch"] == [6, 7]
     assert model.policy_kwargs["activation_fn"] is torch.nn.ReLU
     assert model.lr_schedule(0.5) == 1e-3
@@ -104,11 +97,6 @@ def test_settings_reach_the_model(name, env):
     for key in others:
         given = model.policy_kwargs.get(key, getattr(model, key, None))
         assert (given(1.0) if callable(given) else given) == ALGORITHMS[name][key], key
-
-
-@pytest.fixture(scope="module")
-def build(env):
-    return lambda name, **settings: build_model(AlgorithmConfig(name, **settings), env, seed=0)
 
 
 def test_settings_that_stable_baselines_takes_as_something_else(build):
@@ -142,16 +130,6 @@ def test_action_noise(build):
     assert draws.std(axis=0) == pytest.approx([0.3, 0.3], rel=0.1)
 
 
-def test_private_names_that_are_used_exist(build, goal_envs):
-    buffer = build_model(AlgorithmConfig("sac", her=True), goal_envs[0], 0).replay_buffer
-    things = [buffer, *map(build, ALGORITHMS)]
-    for kind, names in PRIVATE.items():
-        found = [thing for thing in things if isinstance(thing, kind)]
-        assert found
-        missing = [name for thing in found for name in names if not hasattr(thing, name)]
-        assert missing == []
-
-
 class _SaveAt(BaseCallback):
     """Saves a checkpoint between two updates, once so many decisions are made."""
 
@@ -166,17 +144,6 @@ class _SaveAt(BaseCallback):
         if self.num_timesteps == self.decisions:
             state = {"learner": learner_state(self.model), "env": self.fly_env.snapshot()}
             save_checkpoint(self.path, {**state, "run": {"decisions": 0}, "settings": {}})
-
-
-def _same(a, b):
-    """Whether nested states are equal to the bit."""
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
-    if isinstance(a, list | tuple):
-        return len(a) == len(b) and all(map(_same, a, b))
-    if isinstance(a, torch.Tensor | np.ndarray | np.generic):
-        return np.array_equal(np.asarray(a), np.asarray(b))
-    return a == b
 
 
 TINY = {
@@ -246,7 +213,7 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits(kind, name, changes, tmp
     # those hold wall-clock times
     for state in (end, again):
         del state["log"], state["episodes"]["infos"]
-    assert [key for key in end if not _same(end[key], again[key])] == []
+    assert [key for key in end if not same(end[key], again[key])] == []
     if "her" in changes:
         is_failure = end["replay_buffer"]["failures.is_failure"]
         assert 0 < is_failure.sum() < is_failure.size

@@ -1,7 +1,4 @@
 import hashlib
-import sys
-import types
-from pathlib import Path
 
 import pytest
 
@@ -41,18 +38,6 @@ def test_files_that_git_does_not_know_are_named(tmp_path, monkeypatch):
     # of no bytes, as FIPS 180 has it
     digest = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855"
     assert provenance()["git"]["untracked"] == {"flyrl/new.py": digest}
-
-
-def test_other_code_of_a_term_is_told(tmp_path, monkeypatch):
-    module = types.ModuleType("some_terms")
-    module.__file__ = str(tmp_path / "some_terms.py")
-    monkeypatch.setitem(sys.modules, "some_terms", module)
-    records = []
-    for code in ("a = 1", "a = 2"):
-        Path(module.__file__).write_text(code)
-        records.append(provenance(["some_terms:A", "some_terms:B"]))
-    (told,) = differences(*records, "now")
-    assert told.startswith("terms.some_terms: ")
 
 
 def test_what_differs_is_a_line_each_without_control_characters():

@@ -1,4 +1,3 @@
-import json
 import subprocess
 import sys
 
@@ -70,15 +69,20 @@ def test_a_run_that_a_process_holds_is_running_until_that_is_killed(tmp_path):
 @pytest.mark.parametrize(
     ("file", "contents", "problem"),
     [
-        ("config.yaml", "a: [", "config.yaml cannot be read: "),
-        ("config.yaml", "task: [1]", "config.yaml cannot be read: no task.name"),
+        *[("config.yaml", text, "config.yaml cannot be read: ") for text in ("a: [", "\x00")],
+        *[
+            ("config.yaml", text, "config.yaml cannot be read: no task.name")
+            for text in ("task: [1]", "task: 1", "", "a word", "- a")
+        ],
+        ("config.yaml", "a: &a [1]\nb: [*a]", "config.yaml cannot be read: "),
         ("config.yaml", "!!python/object/apply:os.getcwd []", "config.yaml cannot be read"),
-        ("status.json", "{", "status.json cannot be read"),
+        *[("status.json", text, "status.json cannot be read") for text in ("{", "[]", "[" * 10**5)],
         ("status.json", "{}", "status.json cannot be read: 'decisions'"),
         ("provenance.json", "[]", "provenance.json cannot be read: no JSON object"),
         ("evaluations.csv", "decisions\n1\n", "evaluations.csv cannot be read: 'success_rate'"),
         ("evaluations.csv", "decisions\nx\n", "evaluations.csv cannot be read: could not convert"),
         ("evaluations.csv", b"\xff\xfe", "evaluations.csv cannot be read"),
+        ("progress.csv", b"\xff\xfe", "progress.csv cannot be read: "),
     ],
 )
 def test_a_damaged_file_is_a_problem_not_an_error(tmp_path, file, contents, problem):
@@ -127,11 +131,3 @@ def test_dotted_keys():
     assert flat(tree) == {"a.b": 1, "a.c": [2], "d": 3}
     assert nested(tree, "a.b") == 1
     assert nested(tree, "a.b.c") is None
-
-
-def test_status_of_an_interruption_before_does_not_count_for_a_running_run(tmp_path):
-    folder = make_run(tmp_path / "a", interrupted_by="SIGINT", evaluations=[(300, 0.5, 1.0)])
-    status = json.loads((folder / "status.json").read_text())
-    (folder / "status.json").write_text(json.dumps({**status, "decisions": 100}))
-    with held(folder):
-        assert read_run(folder).decisions == 300
