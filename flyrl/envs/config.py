@@ -1,7 +1,7 @@
 """Settings of an environment, checked and resolved, and as a record."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, TypeVar, cast
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
-from flyrl.controllers.controller import Controller, controller_from, controller_named
+from flyrl.controllers.controller import Controller, controller_from
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
@@ -25,7 +25,7 @@ from flyrl.tasks import (
     task_record,
 )
 from flyrl.tasks.function import ALWAYS, task_function
-from flyrl.terrains import Terrain, terrain_from, terrain_named
+from flyrl.terrains import Terrain, terrain_from
 from flyrl.validation import did_you_mean, from_keys, one_of, plain, within
 
 BodyConfig = FlyConfig | WormConfig
@@ -110,12 +110,11 @@ class EnvConfig:
         controller = None
         if kind.has_legs:
             usual = "joints" if isinstance(task.actions, JointTargets) else "hybrid"
-            given = usual if self.controller is None else self.controller
-            controller = _found("controller", given, Controller, controller_named, controller_from)
+            controller = controller_from(usual if self.controller is None else self.controller)
             task = _fit_task(task, controller)
         else:
             self._check_legless(kind.creature, drawn_from)
-        terrain = _found("terrain", self.terrain, Terrain, terrain_named, terrain_from)
+        terrain = terrain_from(self.terrain)
         presets = {name: PHYSICS_PRESETS[name] for name in kind.presets}
         physics = kind.usual_physics if self.physics is None else self.physics
         physics = _named("physics", physics, presets)
@@ -295,23 +294,6 @@ def _fit_task(task: Task, controller: Controller) -> Task:
         for term in task.observation
     )
     return replace(task, actions=actions.of_command(command), observation=shown)
-
-
-def _found(
-    key: str,
-    given: Any,
-    kind: type[Config],
-    by_name: Callable[[str], Config],
-    from_fields: Callable[[Fields], Config],
-) -> Config:
-    """Settings as they are given, those of a mapping, or those that a name finds."""
-    if isinstance(given, str):
-        return by_name(given)
-    if isinstance(given, Mapping):
-        return from_fields(given)
-    if not isinstance(given, kind):
-        raise ValueError(f"{key} must be a {kind.__name__} or the name of one, got {given!r}")
-    return given
 
 
 def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:
