@@ -30,9 +30,9 @@ def joint_velocities(state: TaskState) -> FloatArray:
     return state.worm.joint_velocities / 5.0
 
 
-def has_crawled(state: TaskState, way: float) -> Mask:
-    """Whether the worm has come `way` mm along +x in this episode, (n,)."""
-    return np.asarray(state.totals["progress"] >= way)
+def has_crawled(state: TaskState, distance: float) -> Mask:
+    """Whether the worm has come `distance` mm along +x in this episode, (n,)."""
+    return np.asarray(state.totals["progress"] >= distance)
 
 
 def bend_error(state: TaskState) -> FloatArray:
@@ -215,7 +215,7 @@ def worm_crawl(
         If the worm cannot crawl, or there is no such profile of its muscles.
     """
     one_of("mount of a worm in the task 'worm_crawl'", worm.mount, ("crawling",))
-    way = lengths * worm.segments * worm.segment_length
+    distance = lengths * worm.segments * worm.segment_length
     actions = _muscles(worm)
     recruited = partial(recruited_share, pools=actions.pools)
     as_long = "twice" if lengths == 2.0 else f"{lengths:g} times"
@@ -239,8 +239,8 @@ def worm_crawl(
         sample_episode=partial(
             sample_episode, joints=worm.joints, start_angle=start_angle
         ),
-        succeeds_in_time=partial(has_crawled, way=way),
-        success=f"{way:g} mm along +x, {as_long} the worm's length",
+        succeeds_in_time=partial(has_crawled, distance=distance),
+        success=f"{distance:g} mm along +x, {as_long} the worm's length",
         errors=(error("recruited_share", 1.0, recruited),),
         decisive=("advance_mm",),
         compared=("advance_mm", "recruited_share"),

@@ -138,14 +138,11 @@ def python(tmp_path_factory):
     return python
 
 
-def test_that_something_is_compiled_is_said_once_per_process(python) -> None:
-    assert python.compiled.stderr.count("flyrl: compiling the controllers once") == 1
-
-
-def test_flyrl_compile_leaves_nothing_to_compile(python) -> None:
+def test_flyrl_compile_says_so_once_and_leaves_nothing_to_compile(python) -> None:
     def compiled():
         return sorted(python.folder.rglob("*.nbc"))
 
+    assert python.compiled.stderr.count("flyrl: compiling the controllers once") == 1
     before = compiled()
     assert python("-c", RUN, "cpg", "rule_based", "hybrid").stderr == ""
     assert len(before) > 20
