@@ -156,6 +156,7 @@ class TaskBatch:
         self._config = config
         limit = task.time_limit_s
         self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
+        self._limit = math.inf if self.max_decisions is None else float(self.max_decisions)
         self.goal = self.command = np.zeros((num_envs, 0))
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._totals = np.zeros((len(task.reward), num_envs))
@@ -181,10 +182,6 @@ class TaskBatch:
 
     def state(self, body: Any, previous: Any, props: FloatArray) -> TaskState:
         """State that the task's terms are computed from."""
-        if self.max_decisions is None:
-            decisions_left = np.full(len(self._decisions), np.inf)
-        else:
-            decisions_left = (self.max_decisions - self._decisions).astype(np.float64)
         return TaskState(
             body=body,
             previous=previous,
@@ -193,7 +190,7 @@ class TaskBatch:
             command=self.command,
             totals=self._total_of,
             means=self._means,
-            decisions_left=decisions_left,
+            decisions_left=self._limit - self._decisions.astype(np.float64),
             decision_interval_s=self._config.decision_interval_s,
             bounds=self._config.scene.terrain.bounds,
         )
@@ -224,13 +221,11 @@ class TaskBatch:
             outcome[ends] = code(termination.outcome)
             is_success[ends] = termination.is_success
             terminated |= ends
-        truncated = np.zeros(len(reward), dtype=bool)
-        if self.max_decisions is not None:
-            truncated = ~terminated & (self._decisions >= self.max_decisions)
-            outcome[truncated] = code(TIMEOUT)
-            if self._task.succeeds_in_time is not None and truncated.any():
-                is_success |= truncated & self._task.succeeds_in_time(state)
-                outcome[is_success] = code(SUCCESS)
+        truncated = ~terminated & (self._decisions >= self._limit)
+        outcome[truncated] = code(TIMEOUT)
+        if self._task.succeeds_in_time is not None and truncated.any():
+            is_success |= truncated & self._task.succeeds_in_time(state)
+            outcome[is_success] = code(SUCCESS)
         return Transition(
             self.observe(state), reward, terminated, truncated, outcome, is_success, self._outcomes
         )
