@@ -128,22 +128,23 @@ def name_of(settings: object, built_in: Mapping[str, type]) -> str:
     return next(names, f"{kind.__module__}:{kind.__qualname__}")
 
 
-def from_record(
+def settings_from(
     key: str,
-    record: object,
+    given: object,
     built_in: Mapping[str, type[T]],
     base: type[T],
     former: Collection[str],
     usual: Mapping[str, T],
 ) -> T:
-    """Settings of what `dataclasses.asdict` made of them.
+    """Settings as they are given, of a name, or of what `dataclasses.asdict` made of them.
 
     Parameters
     ----------
     key
         What the user set, for messages.
-    record
-        The fields by name; "name" is that of the class.
+    given
+        Settings derived from `base`, the name of their class, or the fields by name; "name" is that
+        of the class.
     built_in, base
         See `find`.
     former
@@ -154,15 +155,21 @@ def from_record(
     Raises
     ------
     ValueError
-        If the record has no name, or there is no such class, setting or value.
+        If there is no name, or no such class, setting or value.
     """
     from flyrl.validation import known_keys  # noqa: PLC0415 - completion does without NumPy
 
-    name = record.get("name") if isinstance(record, Mapping) else None
-    if not isinstance(record, Mapping) or not isinstance(name, str):
+    if isinstance(given, base):
+        return given
+    record = {"name": given} if isinstance(given, str) else given
+    if not isinstance(record, Mapping):
+        raise ValueError(f"{key} must be a {base.__name__} or the name of one, got {given!r}")
+    name = record.get("name")
+    if not isinstance(name, str):
         raise ValueError(f"{key}.name must be text, got {name!r}")
     own = usual.get(name)
-    kind: Any = find(f"{key}.name", name, built_in, base) if own is None else type(own)
+    kinds = {**{each: type(settings) for each, settings in usual.items()}, **built_in}
+    kind: Any = find(key if given == name else f"{key}.name", name, kinds, base)
     known = [each.name for each in fields(kind) if each.init]
     settings = {
         each: value

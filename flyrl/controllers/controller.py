@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from flyrl.anatomy import CONTACT_SEGMENTS, JOINTS, LEGS
 from flyrl.controllers.compilation import as_kernel, entry_point, kernel, why_not_compiled
-from flyrl.entry_points import find, from_record, name_of, takes
-from flyrl.validation import FloatArray, from_keys
+from flyrl.entry_points import name_of, settings_from, takes
+from flyrl.validation import FloatArray
 
 NUM_LEGS: Final = len(LEGS)
 NUM_JOINTS: Final = len(JOINTS)
@@ -132,29 +132,17 @@ CONTROLLERS: Final[dict[str, type[Controller]]] = {}
 """Built-in controllers by name; `flyrl.controllers` fills it."""
 
 
-def controller_named(name: str, **settings: Any) -> Controller:
-    """Controller of a name, built-in or module:attribute, with settings.
+def controller_from(given: str | Mapping[str, Any] | Controller) -> Controller:
+    """Controller of a name, built-in or module:attribute, or of what `dataclasses.asdict` made.
+
+    A controller stays as it is. Settings of other controllers, which old records hold, are ignored.
 
     Raises
     ------
     ValueError
-        If there is no such controller, or it has no such setting or value.
+        If there is no name, or no such controller, setting or value.
     """
-    kind = find("controller", name, CONTROLLERS, Controller)
-    return from_keys("controller", settings, kind)
-
-
-def controller_from(record: Mapping[str, Any]) -> Controller:
-    """Controller of what `dataclasses.asdict` made of it.
-
-    Settings of other controllers, which old records hold, are ignored.
-
-    Raises
-    ------
-    ValueError
-        As `controller_named`, or if there is no name.
-    """
-    return from_record("controller", record, CONTROLLERS, Controller, FORMER_FIELDS, {})
+    return settings_from("controller", given, CONTROLLERS, Controller, FORMER_FIELDS, {})
 
 
 def settings_text(controller: Controller) -> str:

@@ -33,12 +33,7 @@ from flyrl.controllers.cpg import (
     initial_oscillators,
     modulate,
 )
-from flyrl.controllers.steps import (
-    PreprogrammedSteps,
-    StepsName,
-    step_values,
-    take_steps,
-)
+from flyrl.controllers.steps import PreprogrammedSteps, StepsName, step_values, take_steps
 from flyrl.validation import FloatArray, Within, check_fields, positive, random_seed
 
 Gait = Literal["tripod", "tetrapod", "wave"]

@@ -9,7 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from flyrl.anatomy import SENSED_SEGMENTS
 from flyrl.controllers.compilation import kernel
+from flyrl.controllers.controller import NUM_JOINTS, NUM_LEGS
 from flyrl.validation import FloatArray
 
 CONTACT_THRESHOLD: Final = 1.0
@@ -25,9 +27,7 @@ reach 100, though not without brushing the ground: by contact alone, some would 
 SAMPLING_S: Final = 1e-3
 """Time from one sample of the legs to the next, s, as nearly as physics steps allow."""
 
-_NUM_LEGS: Final = 6
-_NUM_SERVOS: Final = 42
-_SEGMENTS_PER_LEG: Final = 6
+_SEGMENTS_PER_LEG: Final = len(SENSED_SEGMENTS)
 
 GAIT_LOG: Final = np.dtype(
     [
@@ -35,10 +35,14 @@ GAIT_LOG: Final = np.dtype(
         ("num_steps", "f8"),
         ("num_samples", "f8"),
         ("work", "f8"),  # nJ, done by the servos; what is done on them does not come back
-        ("slip", "f8", (_NUM_LEGS,)),  # mm, way of each leg's tip along the ground while it grips
-        ("is_grounded", "f8", (_NUM_LEGS,)),
-        ("tips_w", "f8", (_NUM_LEGS, 2)),  # mm, in the step before
-        ("sampled_tips_w", "f8", (_NUM_LEGS, 2)),  # mm, at the last sample
+        (
+            "slip",
+            "f8",
+            (NUM_LEGS,),
+        ),  # mm that each leg's tip moved on the ground while it gripped
+        ("is_grounded", "f8", (NUM_LEGS,)),
+        ("tips_w", "f8", (NUM_LEGS, 2)),  # mm, in the step before
+        ("sampled_tips_w", "f8", (NUM_LEGS, 2)),  # mm, at the last sample
     ],
     align=True,
 )
@@ -59,7 +63,7 @@ def grounded_legs(contact_forces_w: FloatArray, is_grounded: FloatArray) -> None
     is_grounded
         Shape (6,), written.
     """
-    for leg in range(_NUM_LEGS):
+    for leg in range(NUM_LEGS):
         square = 0.0
         for axis in range(3):
             force = 0.0
@@ -70,7 +74,7 @@ def grounded_legs(contact_forces_w: FloatArray, is_grounded: FloatArray) -> None
 
 
 @kernel
-def _way(start_w: FloatArray, end_w: FloatArray) -> float:
+def _distance(start_w: FloatArray, end_w: FloatArray) -> float:
     """Horizontal distance, mm."""
     dx, dy = end_w[0] - start_w[0], end_w[1] - start_w[1]
     return float(np.sqrt(dx * dx + dy * dy))
@@ -106,22 +110,22 @@ def log_gait(
     timestep, steps_per_sample = engine.timestep, int(engine.steps_per_gait_sample)
     adhesion, grounded = head.output.adhesion, head.is_grounded
     tips_w = head.senses.end_effectors_w
-    for servo in range(_NUM_SERVOS):
+    for servo in range(NUM_JOINTS):
         power = torques[servo] * velocities[servo]
         if power > 0.0:
             log.work += power * timestep
-    for leg in range(_NUM_LEGS):
+    for leg in range(NUM_LEGS):
         if grounded[leg] != 0.0 and log.is_grounded[leg] != 0.0 and adhesion[leg] != 0.0:
-            log.slip[leg] += _way(log.tips_w[leg], tips_w[leg])
+            log.slip[leg] += _distance(log.tips_w[leg], tips_w[leg])
         log.is_grounded[leg] = grounded[leg]
         log.tips_w[leg, 0] = tips_w[leg, 0]
         log.tips_w[leg, 1] = tips_w[leg, 1]
     if int(log.num_steps) % steps_per_sample == 0:
         bits = 0
         longest = np.inf if log.num_samples == 0.0 else STANCE_SPEED * timestep * steps_per_sample
-        for leg in range(_NUM_LEGS):
-            way = _way(log.sampled_tips_w[leg], tips_w[leg])
-            if grounded[leg] != 0.0 and way < longest:
+        for leg in range(NUM_LEGS):
+            moved = _distance(log.sampled_tips_w[leg], tips_w[leg])
+            if grounded[leg] != 0.0 and moved < longest:
                 bits |= 1 << leg
             log.sampled_tips_w[leg, 0] = tips_w[leg, 0]
             log.sampled_tips_w[leg, 1] = tips_w[leg, 1]
@@ -138,6 +142,6 @@ def log_gait(
 
 def unpack(samples: NDArray[np.uint32]) -> dict[str, NDArray[np.bool_]]:
     """Samples as one raster (T, 6) for each of `BITS`, with a column per leg of `anatomy.LEGS`."""
-    flags = (samples[:, np.newaxis] >> np.arange(len(BITS) * _NUM_LEGS, dtype=np.uint32)) & 1
-    rasters = flags.astype(bool).reshape(len(samples), len(BITS), _NUM_LEGS)
+    flags = (samples[:, np.newaxis] >> np.arange(len(BITS) * NUM_LEGS, dtype=np.uint32)) & 1
+    rasters = flags.astype(bool).reshape(len(samples), len(BITS), NUM_LEGS)
     return {name: rasters[:, k] for k, name in enumerate(BITS)}

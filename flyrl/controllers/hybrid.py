@@ -9,18 +9,11 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flyrl.anatomy import (
-    LEG_DOFS,
-    RIGHT_LEG_MIRROR,
-    SENSED_SEGMENTS,
-)
+from flyrl.anatomy import LEG_DOFS, RIGHT_LEG_MIRROR, SENSED_SEGMENTS
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS, SENSES, Step, record_of
 from flyrl.controllers.cpg import TWO_PI
-from flyrl.controllers.cpg_controller import (
-    OscillatorController,
-    cpg_controller_step,
-)
+from flyrl.controllers.cpg_controller import OscillatorController, cpg_controller_step
 from flyrl.controllers.reflexes import (
     PLAIN_REFLEX_PARAMETERS,
     REFLEXES,
@@ -126,7 +119,6 @@ class Hybrid(OscillatorController):
         own = {name: getattr(self, name) for name in published}
         reflexes = published | {name: value for name, value in own.items() if value is not None}
         steps = self.load_steps()
-        rate = {name: np.array(reflexes[f"{name}_rates"]) for name in ("retraction", "stumbling")}
         left = np.array([reflexes["front"], reflexes["middle"], reflexes["hind"]])
         right = left * RIGHT_LEG_MIRROR if reflexes["mirror_right"] else left
         start, end = np.zeros(NUM_LEGS), np.full(NUM_LEGS, TWO_PI)
@@ -135,8 +127,8 @@ class Hybrid(OscillatorController):
         # first: a record that began as the CPG's does would count as one to Numba
         values = {
             "correction_vectors": np.concatenate([left, right]),  # rad per unit of correction
-            "retraction_rates": rate["retraction"] * (self.retraction, 1.0),
-            "stumbling_rates": rate["stumbling"] * (self.stumbling, 1.0),
+            "retraction_rates": np.multiply(reflexes["retraction_rates"], (self.retraction, 1.0)),
+            "stumbling_rates": np.multiply(reflexes["stumbling_rates"], (self.stumbling, 1.0)),
             # 1 where contact counts, else 0
             "stumbling_sensors": np.isin(SENSED_SEGMENTS, reflexes["stumbling_segments"]),
             "gain_phases": np.stack(points, axis=1),  # rad

@@ -65,7 +65,7 @@ PLAIN_REFLEX_PARAMETERS: Final = (
     "retraction_margin", "stumbling_force", "persistence_threshold", "persistence_s",
     "retraction_ends_stumbling", "cap", "gain",
 )  # fmt: skip
-"""Parameters that kernels take as they stand in `REFLEXES`."""
+"""Parameters that kernels take unchanged from `REFLEXES`."""
 
 
 @kernel

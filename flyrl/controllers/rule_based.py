@@ -7,19 +7,10 @@ doi 10.1007/s00422-013-0563-5.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    ClassVar,
-    Final,
-    Literal,
-    TypeAlias,
-    get_args,
-)
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,13 +19,7 @@ from flyrl.anatomy import LEGS, Leg
 from flyrl.controllers.compilation import kernel
 from flyrl.controllers.controller import NUM_LEGS, Controller, Step, record_of
 from flyrl.controllers.random import legacy_choice, seeded_stream
-from flyrl.controllers.steps import (
-    TWO_PI,
-    PreprogrammedSteps,
-    StepsName,
-    step_values,
-    take_steps,
-)
+from flyrl.controllers.steps import TWO_PI, PreprogrammedSteps, StepsName, step_values, take_steps
 from flyrl.validation import FloatArray, Within, check_fields, not_negative, one_of, positive
 
 if TYPE_CHECKING:
@@ -75,6 +60,15 @@ _TARGETS: Final[dict[Rule, tuple[str, ...]]] = {
 """Positions of a leg and of one that it influences, on the same side or (contra) the other one."""
 
 
+def walknet_edges() -> Iterator[tuple[str, str, Rule]]:
+    """Influences of legs on legs in Walknet: (source, target, rule) each."""
+    for rule, pairs in _TARGETS.items():
+        for side, other_side in ("LR", "RL"):
+            target_side = other_side if pairs is _CONTRALATERAL else side
+            for pair in pairs:
+                yield side + pair[0], target_side + pair[1], rule
+
+
 def construct_rules_graph() -> "RulesGraph":
     """Graph of the legs' influences on each other: an edge for each, with its `rule` attribute."""
     # Imported here because most uses of flyrl need no graph.
@@ -82,11 +76,8 @@ def construct_rules_graph() -> "RulesGraph":
 
     graph: RulesGraph = nx.MultiDiGraph()
     graph.add_nodes_from(LEGS)
-    for rule, pairs in _TARGETS.items():
-        for side, other_side in ("LR", "RL"):
-            target_side = other_side if pairs is _CONTRALATERAL else side
-            for pair in pairs:
-                graph.add_edge(side + pair[0], target_side + pair[1], rule=rule)
+    for source, target, rule in walknet_edges():
+        graph.add_edge(source, target, rule=rule)
     return graph
 
 
@@ -110,24 +101,26 @@ def filter_edges(
     ]
 
 
-def rule_matrices(graph: "RulesGraph", weights: Mapping[str, float]) -> FloatArray:
+def rule_matrices(
+    edges: Iterable[tuple[Any, Any, Any]], weights: Mapping[str, float]
+) -> FloatArray:
     """Weights of rules 1, 2 and 3 between legs, shape (3, 6, 6): rule, source, target.
 
     Raises
     ------
     ValueError
-        If a node is no leg, an edge has no known rule, or the weights are not one finite number for
-        each rule.
+        If an edge (source, target, rule) has no known legs or rule, or the weights are not one
+        finite number for each rule.
     """
-    for node in graph.nodes:
-        one_of("node of rules_graph", node, LEGS)
     if set(weights) != set(RULES):
         raise ValueError(f"weights must have the keys {', '.join(RULES)}, got {sorted(weights)}")
     for rule, weight in weights.items():
         if not math.isfinite(weight):
             raise ValueError(f"weights[{rule!r}] must be finite, got {weight!r}")
     matrices = np.zeros((3, len(LEGS), len(LEGS)))
-    for source, target, rule in graph.edges(data="rule"):
+    for source, target, rule in edges:
+        for leg in (source, target):
+            one_of(f"leg of edge {source}-{target}", leg, LEGS)
         one_of(f"rule of edge {source}-{target}", rule, RULES)
         number = int(rule[len("rule")]) - 1
         matrices[number, LEGS.index(source), LEGS.index(target)] += weights[rule]
@@ -210,7 +203,7 @@ def rule_based_step(parameters: Any, state: Any, senses: Any, command: Any, outp
 
 
 def _rule_values(
-    graph: "RulesGraph",
+    edges: Iterable[tuple[Any, Any, Any]],
     weights: Mapping[str, float],
     margin: float,
     timestep: float,
@@ -218,7 +211,7 @@ def _rule_values(
 ) -> dict[str, Any]:
     """Fields of the parameters that hold the rules; ValueError if a time is not above 0."""
     return {
-        "rule_weights": rule_matrices(graph, weights),  # of the influence of legs (rows) on legs
+        "rule_weights": rule_matrices(edges, weights),  # of the influence of legs (rows) on legs
         "margin": not_negative("margin", margin),
         # of a stepping leg, rad per time step
         "phase_increment": TWO_PI * positive("timestep", timestep) / step_duration,
@@ -266,15 +259,6 @@ class RuleBased(Controller):
     def __post_init__(self) -> None:
         check_fields(self, "controller")
 
-    def graph(self) -> "RulesGraph":
-        """The legs' influences on each other."""
-        graph = construct_rules_graph()
-        if self.edges is not None:
-            graph.clear_edges()
-            for source, target, rule in self.edges:
-                graph.add_edge(source, target, rule=rule)
-        return graph
-
     def load_steps(self) -> PreprogrammedSteps:
         """Load the recorded steps, as long as the controller's."""
         duration = self.step_duration_s
@@ -284,12 +268,14 @@ class RuleBased(Controller):
 
     def parameters(self, timestep: float) -> np.void:
         """Constants that the kernel takes; ValueError if the time step is not above 0."""
-        return record_of(self._values(timestep))
+        return record_of(self.parameter_values(timestep))
 
-    def _values(self, timestep: float) -> dict[str, Any]:
+    def parameter_values(self, timestep: float) -> dict[str, Any]:
+        """Fields of the parameters."""
         steps = self.load_steps()
         weights: dict[str, float] = {rule: getattr(self, rule) for rule in RULES}
-        rules = _rule_values(self.graph(), weights, self.margin, timestep, steps.duration)
+        edges = walknet_edges() if self.edges is None else self.edges
+        rules = _rule_values(edges, weights, self.margin, timestep, steps.duration)
         return {**rules, **step_values(steps)}
 
     def initial_state(
@@ -298,20 +284,19 @@ class RuleBased(Controller):
         init_phases: ArrayLike | None = None,
         init_magnitudes: ArrayLike | None = None,
     ) -> np.void:
-        """Legs at rest, whose steps are always taken in full; ValueError if `seed` is none."""
-        return record_of(initial_rules(seed))
+        """Legs at rest; ValueError if `seed` is none."""
+        return record_of(self.state_values(seed))
 
-
-def initial_rules(seed: int) -> dict[str, Any]:
-    """Fields of the state as an episode starts."""
-    return {
-        "phases": np.zeros(NUM_LEGS),  # rad in [0, 2π)
-        "magnitudes": np.ones(NUM_LEGS),
-        "has_started": 0.0,
-        "is_stepping": np.zeros(NUM_LEGS),
-        "scores": np.zeros((3, NUM_LEGS)),  # readiness of legs by each rule
-        "random": seeded_stream(seed),
-    }
+    def state_values(self, seed: int) -> dict[str, Any]:
+        """Fields of the state as an episode starts."""
+        return {
+            "phases": np.zeros(NUM_LEGS),  # rad in [0, 2π)
+            "magnitudes": np.ones(NUM_LEGS),
+            "has_started": 0.0,
+            "is_stepping": np.zeros(NUM_LEGS),
+            "scores": np.zeros((3, NUM_LEGS)),  # readiness of legs by each rule
+            "random": seeded_stream(seed),
+        }
 
 
 class RuleBasedSteppingCoordinator:
@@ -363,7 +348,8 @@ class RuleBasedSteppingCoordinator:
         self.weights = dict(weights)
         self.preprogrammed_steps = steps = preprogrammed_steps
         self.legs = list(LEGS)
-        values = _rule_values(rules_graph, weights, margin, timestep, steps.duration)
+        edges = rules_graph.edges(data="rule")
+        values = _rule_values(edges, weights, margin, timestep, steps.duration)
         self._parameters = record_of({**values, "grip_start": steps.swing_ends})
         self._state = RuleBased().initial_state(seed)
         self._hand_out()

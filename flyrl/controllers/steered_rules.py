@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flyrl.controllers.compilation import kernel
-from flyrl.controllers.controller import NUM_LEGS, Step, record_of
+from flyrl.controllers.controller import NUM_LEGS, Step
 from flyrl.controllers.cpg import TRIPOD_CONVERGENCE_RATE
-from flyrl.controllers.rule_based import RuleBased, advance_rules, initial_rules
+from flyrl.controllers.rule_based import RuleBased, advance_rules
 from flyrl.controllers.steps import take_step
 from flyrl.validation import Within
 
@@ -52,18 +51,15 @@ class SteeredRules(RuleBased):
     follows_command: ClassVar[bool] = True
     step: ClassVar[Step] = staticmethod(steered_rules_step)
 
-    def parameters(self, timestep: float) -> np.void:
-        """Constants that the kernel takes; ValueError if the time step is not above 0."""
-        # first: at the end, Numba would take the record for a subtype of the one without, and warn
-        # of the way to the drive, per physics step; explicit, as the CPG's
-        return record_of({"followed": self.convergence_rate * timestep, **self._values(timestep)})
+    def parameter_values(self, timestep: float) -> dict[str, Any]:
+        """Fields of the parameters."""
+        # first: at the end, Numba would take the record for a subtype of the one without, and warn;
+        # share of the difference to the drive, per physics step, explicit as the CPG's
+        followed = {"followed": self.convergence_rate * timestep}
+        return {**followed, **super().parameter_values(timestep)}
 
-    def initial_state(
-        self,
-        seed: int = 0,
-        init_phases: ArrayLike | None = None,
-        init_magnitudes: ArrayLike | None = None,
-    ) -> np.void:
-        """Legs at rest, without a drive yet; ValueError if `seed` is none."""
+    def state_values(self, seed: int) -> dict[str, Any]:
+        """Fields of the state as an episode starts, without a drive yet."""
         strength = {"strength": np.zeros(2)}  # of each side's steps
-        return record_of({**strength, **initial_rules(seed), "magnitudes": np.zeros(NUM_LEGS)})
+        magnitudes = {"magnitudes": np.zeros(NUM_LEGS)}
+        return {**strength, **super().state_values(seed), **magnitudes}

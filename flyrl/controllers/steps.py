@@ -221,20 +221,18 @@ class PreprogrammedSteps:
             If the leg is unknown, or the phases and magnitudes are not finite or do not match.
         """
         index = LEGS.index(one_of("leg", leg, LEGS))
-        phases = _vector("phase", phase)
-        magnitudes = _vector("magnitude", magnitude)
+        given = _vector("phase", phase), _vector("magnitude", magnitude)
         try:
-            shape = np.broadcast_shapes(phases.shape, magnitudes.shape)
+            phases, magnitudes = np.broadcast_arrays(*given)
         except ValueError:
             raise ValueError(
-                f"phase and magnitude must match in length, got shapes {phases.shape} "
-                f"and {magnitudes.shape}"
+                f"phase and magnitude must match in length, got shapes {given[0].shape} "
+                f"and {given[1].shape}"
             ) from None
-        angles = np.empty((*(shape or (1,)), len(LEG_DOFS)))
-        phases, magnitudes = (np.broadcast_to(each, len(angles)) for each in (phases, magnitudes))
-        for row, theta, r in zip(angles, phases, magnitudes, strict=True):
+        angles = np.empty((phases.size, len(LEG_DOFS)))
+        for row, theta, r in zip(angles, phases.flat, magnitudes.flat, strict=True):
             step_angles(self.coefficients, self.neutral_angles, index, theta, r, row)
-        return angles.T.copy() if shape else angles[0]
+        return angles.T.copy() if phases.ndim else angles[0]
 
     def get_adhesion_onoff(self, leg: str, phase: ArrayLike) -> bool | NDArray[np.bool_]:
         """Whether a leg grips: off while it swings, on otherwise.

@@ -1,6 +1,6 @@
 """Bodies of an environment: as it steps them, with what episodes ask for, and pictures of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Final, Literal, cast
 
@@ -61,11 +61,15 @@ class Bodies:
         """
         for episode in episodes:
             self._check(episode)
-        self._lay_ground(ids, episodes)
+        terrain = self._scene.terrain
+        if terrain.random:
+            grounds = [terrain.draw(each.ground_seed, each.difficulty) for each in episodes]
+            self.batch.set_ground(ids, grounds)
         self.batch.vary(ids, [episode.randomisation for episode in episodes])
         self.batch.start(ids, episodes)
         self._set_pushes(ids, episodes)
-        self._set_props(ids, episodes)
+        if self._scene.props:
+            self._set_props(ids, episodes)
 
     def set_goals(self, ids: Ids, goals: NDArray[np.float64]) -> None:
         """Put the props that stand where episodes lead to elsewhere: x, y, mm, (k, 2)."""
@@ -74,42 +78,8 @@ class Bodies:
             self._put_on_ground(row, int(sim), goal)
         self.batch.set_props(ids, starts)
 
-    def snapshot(self) -> dict[str, Any]:
-        """Copy everything that the future depends on."""
-        return {"physics": self.batch.integration_state(), "pushes": self.pushes.copy()}
-
-    def restore(self, snapshot: Mapping[str, Any], episodes: Sequence[Episode | None]) -> None:
-        """Put back what `snapshot` returned, during these episodes."""
-        started = [i for i, episode in enumerate(episodes) if episode is not None]
-        self._lay_ground(np.array(started, dtype=np.intp), [*filter(None, episodes)])
-        self.batch.vary(
-            np.arange(len(episodes)),
-            [episode.randomisation if episode else UNVARIED for episode in episodes],
-        )
-        self.batch.restore(snapshot["physics"])
-        self._set_props(np.array(started, dtype=np.intp), [*filter(None, episodes)])
-        self.pushes = snapshot["pushes"]
-
-    def _lay_ground(self, ids: Ids, episodes: Sequence[Episode]) -> None:
-        """Lay the ground of episodes that start, where the terrain is random."""
-        terrain = self._scene.terrain
-        if terrain.random and len(ids):
-            grounds = [
-                terrain.draw(episode.ground_seed, episode.difficulty) for episode in episodes
-            ]
-            self.batch.set_ground(ids, grounds)
-            return
-        for episode in episodes:
-            if episode.ground is not None:
-                raise ValueError(
-                    f"ground of the episode is {episode.ground}; it must be None where "
-                    f"terrain.random is false, as on {terrain.name!r}"
-                )
-
     def _set_props(self, ids: Ids, episodes: Sequence[Episode]) -> None:
         """Put the props of episodes where these say."""
-        if not self._scene.props or not len(ids):
-            return
         placed = [i for i, prop in enumerate(self._scene.props) if not prop.at_goal]
         for sim, episode in zip(ids, episodes, strict=True):
             if len(episode.props) != 3 * len(placed):
@@ -150,6 +120,12 @@ class Bodies:
             given, nothing = getattr(episode, name), getattr(Episode, name)
             if given != nothing:
                 raise ValueError(f"{name} {body} must be {nothing}, got {given}")
+        terrain = self._scene.terrain
+        if episode.ground is not None and not terrain.random:
+            raise ValueError(
+                f"ground of the episode is {episode.ground}; it must be None where terrain.random "
+                f"is false, as on {terrain.name!r}"
+            )
         drawn = episode.randomisation
         if not self.batch.has_legs and replace(drawn, sensor_noise=0.0) != UNVARIED:
             raise ValueError(f"randomisation {body} must be of its senses alone, got {drawn}")

@@ -1,7 +1,7 @@
 """Settings of an environment, checked and resolved, and as a record."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, TypeVar, cast
 
@@ -10,22 +10,14 @@ from numpy.typing import NDArray
 
 from flyrl.bodies.fly import FLIES, FlyConfig
 from flyrl.bodies.worm import WORMS, WormConfig
-from flyrl.controllers.controller import Controller, controller_from, controller_named
+from flyrl.controllers.controller import Controller, controller_from
 from flyrl.controllers.gait_log import SAMPLING_S
 from flyrl.simulation.physics import PHYSICS_PRESETS, PhysicsConfig
 from flyrl.simulation.randomisation import RANDOMISATIONS, RandomisationConfig
 from flyrl.simulation.scene import SceneConfig, batch_class
-from flyrl.tasks import (
-    Drives,
-    Episode,
-    JointTargets,
-    Task,
-    TaskSettings,
-    task_from,
-    task_record,
-)
+from flyrl.tasks import Drives, Episode, JointTargets, Task, TaskSettings, task_from, task_record
 from flyrl.tasks.function import ALWAYS, task_function
-from flyrl.terrains import Terrain, terrain_from, terrain_named
+from flyrl.terrains import Terrain, terrain_from
 from flyrl.validation import did_you_mean, from_keys, one_of, plain, within
 
 BodyConfig = FlyConfig | WormConfig
@@ -107,15 +99,17 @@ class EnvConfig:
         _check_body(task, body)
         kind = batch_class(body)
         drawn_from = _named("randomisation", self.randomisation, RANDOMISATIONS)
-        controller = None
+        controller: Any = self.controller
         if kind.has_legs:
             usual = "joints" if isinstance(task.actions, JointTargets) else "hybrid"
-            given = usual if self.controller is None else self.controller
-            controller = _found("controller", given, Controller, controller_named, controller_from)
+            controller = controller_from(usual if self.controller is None else self.controller)
             task = _fit_task(task, controller)
-        else:
-            self._check_legless(kind.creature, drawn_from)
-        terrain = _found("terrain", self.terrain, Terrain, terrain_named, terrain_from)
+        elif replace(drawn_from, sensor_noise=0.0) != RandomisationConfig():
+            raise ValueError(
+                f"randomisation of a {kind.creature} must be of sensor_noise alone, got "
+                f"{drawn_from}"
+            )
+        terrain = terrain_from(self.terrain)
         presets = {name: PHYSICS_PRESETS[name] for name in kind.presets}
         physics = kind.usual_physics if self.physics is None else self.physics
         physics = _named("physics", physics, presets)
@@ -128,7 +122,7 @@ class EnvConfig:
                 f"randomisation.sensor_noise is {drawn_from.sensor_noise}; it must be 0 in the "
                 f"task {task.name!r}, none of whose observation terms has a spread"
             )
-        # with every drive another, as many are on their way as are decided on meanwhile
+        # worst case: ceil(latency / decision interval) commands are in flight
         queue = math.ceil(round(drawn_from.longest_latency / physics.timestep) / steps)
         gait = 0
         if self.log_gait and kind.has_legs:  # all samples of a decision are kept until its end
@@ -144,15 +138,6 @@ class EnvConfig:
     def __reduce__(self) -> tuple[Any, ...]:
         # the rest follows from these, and terms of a task may be functions that cannot be pickled
         return type(self), tuple(getattr(self, name) for name in _settings(self))
-
-    def _check_legless(self, creature: str, drawn_from: RandomisationConfig) -> None:
-        """Raise ValueError if something is asked of a body without legs that takes legs."""
-        if self.controller is not None:
-            raise ValueError(f"controller of a {creature} must be None, got {self.controller!r}")
-        if replace(drawn_from, sensor_noise=0.0) != RandomisationConfig():
-            raise ValueError(
-                f"randomisation of a {creature} must be of sensor_noise alone, got {drawn_from}"
-            )
 
     @property
     def creature(self) -> str:
@@ -185,7 +170,7 @@ class UnexpectedArgumentError(TypeError, ValueError):
     Attributes
     ----------
     name
-        The keyword; empty where Gymnasium raised the error anew, with its own words added.
+        The keyword; empty where Gymnasium raised the error again, with its own words added.
     """
 
     def __init__(self, message: str, name: str = "") -> None:
@@ -295,23 +280,6 @@ def _fit_task(task: Task, controller: Controller) -> Task:
         for term in task.observation
     )
     return replace(task, actions=actions.of_command(command), observation=shown)
-
-
-def _found(
-    key: str,
-    given: Any,
-    kind: type[Config],
-    by_name: Callable[[str], Config],
-    from_fields: Callable[[Fields], Config],
-) -> Config:
-    """Settings as they are given, those of a mapping, or those that a name finds."""
-    if isinstance(given, str):
-        return by_name(given)
-    if isinstance(given, Mapping):
-        return from_fields(given)
-    if not isinstance(given, kind):
-        raise ValueError(f"{key} must be a {kind.__name__} or the name of one, got {given!r}")
-    return given
 
 
 def _physics_steps(task: Task, interval: float, physics: PhysicsConfig) -> int:

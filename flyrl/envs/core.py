@@ -136,7 +136,7 @@ class BatchedEnv:
                 self.draw_episode(int(i), seed) for i, seed in zip(chosen, drawn, strict=True)
             ]
         self.simulation.start(chosen, episodes)
-        is_first = self._scores.goal is None
+        is_first = not any(self.episodes)
         self._scores.start(chosen, episodes)
         for i, episode in zip(chosen, episodes, strict=True):
             self.episodes[i] = episode
@@ -162,9 +162,8 @@ class BatchedEnv:
         ValueError
             If the goals have the wrong shape, or are not finite.
         """
+        self._check_reset()
         all_goals = self._scores.goal
-        if all_goals is None:
-            raise RuntimeError("set_goals() was called before reset()")
         chosen = np.arange(self.num_envs) if ids is None else np.asarray(ids, dtype=np.intp)
         shape = (len(chosen), all_goals.shape[1])
         all_goals[chosen] = float_array(
@@ -197,8 +196,7 @@ class BatchedEnv:
         """
         self._check_open()
         actions = float_array("action", action, (self.num_envs, self.task.actions.size))
-        if self._scores.goal is None:
-            raise RuntimeError("step() was called before reset()")
+        self._check_reset()
         previous = self._previous = self.state
         moved: NDArray[np.intp] | slice = slice(None) if ids is None else ids
         self.command(self.simulation, actions, moved)
@@ -255,6 +253,10 @@ class BatchedEnv:
         if self._is_closed:
             raise ClosedEnvironmentError("the environment was closed; make a new one")
 
+    def _check_reset(self) -> None:
+        if not any(self.episodes):
+            raise RuntimeError("the environment must be reset first")
+
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on: physics, controllers, episodes, generators.
 
@@ -263,7 +265,7 @@ class BatchedEnv:
         Nested dicts and lists of arrays, numbers and text, for `restore`.
         """
         return {
-            "simulation": self.simulation.snapshot(),
+            "simulation": {"physics": self.batch.integration_state()},
             "state": {item.name: getattr(self.state, item.name) for item in fields(self.state)},
             **self._scores.snapshot(),
             "episodes": [episode and asdict(episode) for episode in self.episodes],
@@ -275,11 +277,13 @@ class BatchedEnv:
         """Put back what `snapshot` returned, in an environment of the same settings."""
         records = snapshot["episodes"]
         self.episodes = [record and Episode(**record) for record in records]
-        self.simulation.restore(snapshot["simulation"], self.episodes)
+        started = [i for i, episode in enumerate(self.episodes) if episode]
+        if started:
+            self.simulation.start(np.array(started), [*filter(None, self.episodes)])
+        self.batch.restore(snapshot["simulation"]["physics"])
         self.state = self._previous = replace(self.state, **snapshot["state"])
         self._scores.restore(snapshot)
-        if self._scores.goal is not None:
-            self.simulation.set_goals(np.arange(self.num_envs), self._scores.goal)
+        self.simulation.set_goals(np.arange(self.num_envs), self._scores.goal)
         self._rngs = [state and generator(state) for state in snapshot["generators"]]
         self.difficulty = snapshot["difficulty"]
 
@@ -323,6 +327,7 @@ class BatchedEnv:
 
     def task_state(self) -> TaskState:
         """State that terms were computed from after the last decision, or a reset since."""
+        self._check_reset()
         return self._scores.state(self.state, self._previous, self.batch.props(self.state.time))
 
     def failure_info(self) -> dict[str, NDArray[Any]]:

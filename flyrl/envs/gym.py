@@ -33,7 +33,7 @@ class FlyrlEnv(Adapter, gymnasium.Env[Any, Any]):
     with goals "is_failure" and "decisions_lost" (how many before the time limit the failure cut
     off; 0 without one).
 
-    A copy, deep or by pickle, is made anew from the settings, and must be reset.
+    A copy, deep or by pickle, is a new one of the same settings, and must be reset.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class FlyrlVectorEnv(Adapter, VectorEnv[Any, NDArray[Any], NDArray[Any]]):
     """`num_envs` flies or worms on native threads, as a Gymnasium vector environment.
 
     `gymnasium.make_vec` makes one. Environment i gives the same bits as the single environment
-    with its seed. A copy, deep or by pickle, is made anew from the settings, and must be reset.
+    with its seed. A copy, deep or by pickle, is a new one of the same settings, and must be reset.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class FlyrlVecEnv(Adapter, VecEnv):
     "TimeLimit.truncated" and "episode" (return "r", length "l", wall time "t"), as SB3's Monitor
     would, and "difficulty". "outcome" (a code, whose name is `outcomes[code]`) and "is_success" are
     there at every step; in a task with goals "is_failure" and "decisions_lost", too (see
-    `FlyrlEnv`). A copy, deep or by pickle, is made anew from the settings, and must be reset.
+    `FlyrlEnv`). A copy, deep or by pickle, is a new one of the same settings, and must be reset.
 
     Parameters
     ----------

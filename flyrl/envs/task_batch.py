@@ -27,7 +27,7 @@ _STREAM: Final = 171_006_538
 
 
 class SensorNoise:
-    """Normal noise on the observation terms that have a spread, anew for every decision.
+    """Normal noise on the observation terms that have a spread, drawn for every decision.
 
     Each simulation draws it from a generator of its own, seeded with its episode.
 
@@ -40,8 +40,6 @@ class SensorNoise:
 
     Attributes
     ----------
-    is_on
-        Whether there is any noise now.
     values
         The noise, the terms side by side, (n, size).
     """
@@ -51,12 +49,15 @@ class SensorNoise:
         self._strength = np.zeros(num_envs)
         self.values = np.zeros((num_envs, self._spread.size))
         self._rngs: list[np.random.Generator | None] = [None] * num_envs
-        self.is_on = False
+
+    @property
+    def is_on(self) -> bool:
+        """Whether there is any noise now."""
+        return bool(self._strength.any())
 
     def start(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Begin episodes: draw the noise of their first observation."""
         self._strength[ids] = [episode.randomisation.sensor_noise for episode in episodes]
-        self.is_on = bool(self._strength.any())
         for i, episode in zip(ids, episodes, strict=True):
             is_noisy = self._strength[i] > 0.0
             self._rngs[i] = np.random.default_rng([episode.seed, _STREAM]) if is_noisy else None
@@ -84,7 +85,6 @@ class SensorNoise:
         self._strength[:] = snapshot["strength"]
         self.values[:] = snapshot["noise"]
         self._rngs = [state and generator(state) for state in snapshot["generators"]]
-        self.is_on = bool(self._strength.any())
 
 
 def generator(state: Mapping[str, Any]) -> np.random.Generator:
@@ -148,7 +148,7 @@ class TaskBatch:
     max_decisions
         Decisions until the task truncates an episode; None without a time limit.
     goal, command
-        Goals and commands of the episodes, as in `TaskState`; None before the first.
+        Goals and commands of the episodes, as in `TaskState`; (num_envs, 0) before the first.
     """
 
     def __init__(self, config: EnvConfig, num_envs: int) -> None:
@@ -156,8 +156,8 @@ class TaskBatch:
         self._config = config
         limit = task.time_limit_s
         self.max_decisions = None if limit is None else round(limit / config.decision_interval_s)
-        self.goal: FloatArray | None = None
-        self.command: FloatArray | None = None
+        self._limit = math.inf if self.max_decisions is None else float(self.max_decisions)
+        self.goal = self.command = np.zeros((num_envs, 0))
         self._decisions = np.zeros(num_envs, dtype=np.int64)
         self._totals = np.zeros((len(task.reward), num_envs))
         self._total_of = {
@@ -172,13 +172,8 @@ class TaskBatch:
 
     def start(self, ids: NDArray[np.intp], episodes: Sequence[Episode]) -> None:
         """Start episodes, one per simulation in `ids`."""
-        goals = np.array([episode.goal for episode in episodes], dtype=np.float64)
-        commands = np.array([episode.command for episode in episodes], dtype=np.float64)
-        if self.goal is None or self.command is None:
-            self.goal = np.zeros((len(self._decisions), goals.shape[1]))
-            self.command = np.zeros((len(self._decisions), commands.shape[1]))
-        self.goal[ids] = goals
-        self.command[ids] = commands
+        self.goal = _with_rows(self.goal, ids, [episode.goal for episode in episodes])
+        self.command = _with_rows(self.command, ids, [episode.command for episode in episodes])
         self._noise.start(ids, episodes)
         self._totals[:, ids] = 0.0
         for mean in self._means.values():
@@ -187,12 +182,6 @@ class TaskBatch:
 
     def state(self, body: Any, previous: Any, props: FloatArray) -> TaskState:
         """State that the task's terms are computed from."""
-        if self.goal is None or self.command is None:
-            raise RuntimeError("the environment must be reset first")
-        if self.max_decisions is None:
-            decisions_left = np.full(len(self._decisions), np.inf)
-        else:
-            decisions_left = (self.max_decisions - self._decisions).astype(np.float64)
         return TaskState(
             body=body,
             previous=previous,
@@ -201,7 +190,7 @@ class TaskBatch:
             command=self.command,
             totals=self._total_of,
             means=self._means,
-            decisions_left=decisions_left,
+            decisions_left=self._limit - self._decisions.astype(np.float64),
             decision_interval_s=self._config.decision_interval_s,
             bounds=self._config.scene.terrain.bounds,
         )
@@ -232,13 +221,11 @@ class TaskBatch:
             outcome[ends] = code(termination.outcome)
             is_success[ends] = termination.is_success
             terminated |= ends
-        truncated = np.zeros(len(reward), dtype=bool)
-        if self.max_decisions is not None:
-            truncated = ~terminated & (self._decisions >= self.max_decisions)
-            outcome[truncated] = code(TIMEOUT)
-            if self._task.succeeds_in_time is not None and truncated.any():
-                is_success |= truncated & self._task.succeeds_in_time(state)
-                outcome[is_success] = code(SUCCESS)
+        truncated = ~terminated & (self._decisions >= self._limit)
+        outcome[truncated] = code(TIMEOUT)
+        if self._task.succeeds_in_time is not None and truncated.any():
+            is_success |= truncated & self._task.succeeds_in_time(state)
+            outcome[is_success] = code(SUCCESS)
         return Transition(
             self.observe(state), reward, terminated, truncated, outcome, is_success, self._outcomes
         )
@@ -263,8 +250,8 @@ class TaskBatch:
     def snapshot(self) -> dict[str, Any]:
         """Copy everything that the future depends on."""
         return {
-            "goal": None if self.goal is None else self.goal.copy(),
-            "command": None if self.command is None else self.command.copy(),
+            "goal": self.goal.copy(),
+            "command": self.command.copy(),
             "noise": self._noise.snapshot(),
             "totals": self._totals.copy(),
             "means": {name: mean.copy() for name, mean in self._means.items()},
@@ -279,6 +266,15 @@ class TaskBatch:
         for name, mean in self._means.items():
             mean[:] = snapshot["means"][name]
         self._decisions[:] = snapshot["decisions"]
+
+
+def _with_rows(values: FloatArray, ids: NDArray[np.intp], rows: Sequence[Any]) -> FloatArray:
+    """Values, (n, k), with other rows at `ids`; (n, 0) become as wide as these."""
+    given = np.array(rows, dtype=np.float64)
+    if not values.shape[1]:
+        values = np.zeros((len(values), given.shape[1]))
+    values[ids] = given
+    return values
 
 
 def check_terms(task: Task, state: TaskState) -> None:

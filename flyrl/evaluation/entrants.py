@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from flyrl.controllers import DRIVE, Controller
-from flyrl.controllers.controller import controller_from, controller_named, settings_text
+from flyrl.controllers.controller import controller_from, settings_text
 from flyrl.entry_points import check_trust, is_entry_point, load_module, takes
 from flyrl.envs.core import EnvConfig
 from flyrl.evaluation.config import EvaluationConfig
@@ -170,7 +170,7 @@ def make_fixed(given: str | Controller, config: EvaluationConfig) -> Entrant:
         controller = _steered_legs(name, legs, config)
     elif fixed.legs is not None:
         reflexes = {"reflexes": fixed.reflexes} if fixed.reflexes else {}
-        controller = _fitted(own or controller_named(fixed.legs, **reflexes), config)
+        controller = _fitted(own or controller_from({"name": fixed.legs, **reflexes}), config)
     shown = task.slices().keys()
     sees = next((list(terms) for terms in fixed.sees if shown >= set(terms)), [])
     return Entrant(name, "fixed", controller, policy, fixed.text, more={"sees": sees})
@@ -180,7 +180,7 @@ def _steered_legs(name: str, legs: str, config: EvaluationConfig) -> Controller:
     """Leg controller that an entrant is put on; ValueError unless it follows a drive."""
     if config.legs is None:
         raise ValueError(f"{name}: a worm has no legs; leave @{legs} out")
-    controller = controller_named(legs)
+    controller = controller_from(legs)
     if not controller.follows_command or controller.command.names != DRIVE.names:
         raise ValueError(f"{name}: legs after @ must be such as follow a drive, got {legs!r}")
     return _fitted(controller, config)

@@ -5,7 +5,7 @@ from typing import Annotated, Final, cast, get_args
 
 from flyrl.bodies.fly import FLIES
 from flyrl.controllers import DRIVE, Hybrid
-from flyrl.controllers.controller import controller_named
+from flyrl.controllers.controller import controller_from
 from flyrl.controllers.cpg_controller import Gait, OscillatorController
 from flyrl.envs.config import EnvConfig
 from flyrl.policies import LearnedPolicy, load_bundle, load_policy, named_policies
@@ -69,13 +69,13 @@ class PlayedFlyConfig:
     def __post_init__(self) -> None:
         check_fields(self)
         one_of("body", self.body, FLIES)
-        if controller_named(self.controller).command.names != DRIVE.names:
+        if controller_from(self.controller).command.names != DRIVE.names:
             raise ValueError(f"controller must be one that takes a drive, got {self.controller!r}")
         self.env()
 
     def env(self) -> EnvConfig:
         """The environment that the fly walks in."""
-        body, controller = FLIES[self.body], controller_named(self.controller)
+        body, controller = FLIES[self.body], controller_from(self.controller)
         if isinstance(controller, OscillatorController):
             controller = replace(controller, gait=self.gait)
         if isinstance(controller, Hybrid):

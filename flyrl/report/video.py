@@ -257,7 +257,7 @@ def _walk(
     timestep = env.config.scene.physics.timestep
     per_frame = max(1, round(frame_s / timestep))
     observation = env.reset(episodes=[episode])
-    stand_in.restore(env.simulation.snapshot(), env.episodes)
+    stand_in.start(np.arange(1), [episode])
     yield env.batch, 0.0, RUNNING
     state, outcome, walked = None, RUNNING, 0
     while outcome == RUNNING:

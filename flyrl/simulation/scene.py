@@ -122,7 +122,12 @@ class SceneConfig:
             usual = PHYSICS_PRESETS[self.batch_class.usual_physics]
             object.__setattr__(self, "physics", usual)
         check_fields(self)
-        object.__setattr__(self, "controller", self.batch_class.fit(self))
+        kind = self.batch_class
+        if self.controller is not None and not kind.has_legs:
+            raise ValueError(
+                f"controller of a {kind.creature} must be None, got {self.controller!r}"
+            )
+        object.__setattr__(self, "controller", kind.fit(self))
         names = [prop.name for prop in self.props]
         if len(set(names)) < len(names):
             raise ValueError(f"props must differ in name, got {', '.join(names)}")

@@ -111,14 +111,13 @@ class WormBatch(Batch):
         ------
         ValueError
             If the worm neither crawls nor hangs, or has not two muscles per joint, or the ground is
-            not flat, or there are props or a controller.
+            not flat, or there are props.
         """
         one_of("the mount of a worm in a scene", config.body.mount, ("crawling", "hanging"))
         one_of("muscles of a worm in a scene", config.body.muscles, ("pairs",))
         one_of("terrain of a worm", config.terrain.label, ("flat",))
-        for name, nothing in (("controller", None), ("props", ())):
-            if (given := getattr(config, name)) != nothing:
-                raise ValueError(f"{name} of a worm must be {nothing}, got {given!r}")
+        if config.props:
+            raise ValueError(f"props of a worm must be (), got {config.props!r}")
 
     @classmethod
     def build(cls, config: SceneConfig, visual: bool) -> Scene:

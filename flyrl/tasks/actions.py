@@ -51,13 +51,9 @@ class Drives:
     @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """Least and greatest value of an action's components, (k,) each."""
-        ranges = zip(self.command.low, self.command.high, strict=True)
-        given = [
-            (low if self.low is None else self.low, high if self.high is None else self.high)
-            for low, high in ranges
-        ]
-        low, high = np.array(given).T
-        return low, high
+        if self.low is None or self.high is None:
+            return self._command_range
+        return np.full(self.size, self.low), np.full(self.size, self.high)
 
     @property
     def space(self) -> spaces.Space[Any]:
@@ -83,7 +79,7 @@ class Drives:
 
     @cached_property
     def _command_range(self) -> tuple[FloatArray, FloatArray]:
-        return np.array(self.command.low), np.array(self.command.high)
+        return np.array(self.command.low, np.float64), np.array(self.command.high, np.float64)
 
 
 @dataclass(frozen=True)

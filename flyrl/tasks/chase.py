@@ -16,7 +16,7 @@ from flyrl.terrains import Prop, Terrain
 from flyrl.validation import FloatArray, Within
 
 COURSE_POINTS = 50
-"""Places on the target's way that must lie on the terrain."""
+"""Number of places on the target's course that must lie on the terrain."""
 
 
 def revolved(places: FloatArray, time_s: FloatArray, command: FloatArray) -> FloatArray:
@@ -51,7 +51,7 @@ def sample_episode(
     Raises
     ------
     ValueError
-        If the terrain has no room for the target's way until the time limit, s.
+        If the terrain has no room for the target's course until the time limit, s.
     """
     episode = bare_episode(terrain, seed, difficulty)
     rng = np.random.default_rng([seed, 1])

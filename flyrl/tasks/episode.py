@@ -6,6 +6,8 @@ from typing import Annotated, Any, Final, TypeVar
 
 import numpy as np
 
+from flyrl.controllers.controller import NUM_LEGS
+from flyrl.controllers.cpg import initial_oscillators
 from flyrl.simulation.randomisation import UNVARIED, Randomisation
 from flyrl.terrains import SPAWN_CLEARANCE, Bounds, Terrain
 from flyrl.validation import FloatArray, Within, check_fields, ordered
@@ -163,6 +165,5 @@ def draw_spawn(terrain: Terrain, rng: np.random.Generator) -> tuple[float, float
 def draw_oscillators(seed: int) -> tuple[Six, Six]:
     """Draw initial phases U(0, 2π), then magnitudes U(0, 1), as `CPGNetwork` does for a seed."""
     random_state = np.random.RandomState(seed)
-    phases = random_state.uniform(0.0, 2 * np.pi, size=6)
-    magnitudes = random_state.uniform(0.0, 1.0, size=6)
+    phases, magnitudes = initial_oscillators(random_state, np.ones(NUM_LEGS), None, None)
     return tuple(phases.tolist()), tuple(magnitudes.tolist())

@@ -37,7 +37,7 @@ def extended(
     weights: Mapping[str, float],
     without: Sequence[str] = (),
 ) -> Task:
-    """Take rows out of a task's tables, add others, and weigh its rewards anew.
+    """Take rows out of a task's tables, add others, and change the weights of its rewards.
 
     Parameters
     ----------

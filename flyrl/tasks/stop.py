@@ -21,9 +21,9 @@ def time_stood(state: TaskState, reach: float, tolerance: float) -> FloatArray:
     A thorax that moves along the ground by less than `tolerance`, mm/s, on average over the
     decision, stands.
     """
-    way = terms.goal_distance(state.fly.position_w, state.previous.position_w[:, :2])
+    moved = terms.goal_distance(state.fly.position_w, state.previous.position_w[:, :2])
     time_s = terms.elapsed(state)
-    stands = terms.is_at_target(state, reach) & (way < tolerance * time_s)
+    stands = terms.is_at_target(state, reach) & (moved < tolerance * time_s)
     return np.where(stands, time_s, 0.0)
 
 

@@ -341,10 +341,7 @@ SMOOTHNESS: Final = (
 )
 """Rows of a reward table. Work counts nothing until a task, or task.weights, gives it a weight."""
 
-FAILURES: Final = (
-    Termination(FALL, has_fallen),
-    Termination(LEFT_ARENA, has_left),
-)
+FAILURES: Final = (Termination(FALL, has_fallen), Termination(LEFT_ARENA, has_left))
 
 
 def has_failed(state: TaskState, failures: tuple[Termination, ...] = FAILURES) -> Mask:

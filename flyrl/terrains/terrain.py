@@ -13,8 +13,8 @@ from typing import Annotated, Any, ClassVar, Final, cast
 import mujoco
 import numpy as np
 
-from flyrl.entry_points import find, from_record, is_entry_point, is_loaded, name_of
-from flyrl.validation import FloatArray, Within, check_fields, one_of, ordered, within
+from flyrl.entry_points import is_entry_point, is_loaded, name_of, settings_from
+from flyrl.validation import FloatArray, Within, check_fields, ordered, within
 
 SPAWN_CLEARANCE: Final = 0.5
 """How far above a terrain's `base_height` flies are put down, mm."""
@@ -320,13 +320,11 @@ def terrain_named(name: str) -> Terrain:
     ValueError
         If there is no such terrain.
     """
-    if not is_entry_point(name):
-        return TERRAINS[one_of("terrain", name, TERRAINS)]
-    return find("terrain", name, KINDS, Terrain)()
+    return terrain_from(name)
 
 
-def terrain_from(record: Mapping[str, Any], key: str = "terrain") -> Terrain:
-    """Terrain of what `dataclasses.asdict` made of it.
+def terrain_from(given: str | Mapping[str, Any] | Terrain, key: str = "terrain") -> Terrain:
+    """Terrain of a name, or of what `dataclasses.asdict` made of it; a terrain stays as it is.
 
     Settings of other terrains, which old records hold, are ignored.
 
@@ -335,7 +333,7 @@ def terrain_from(record: Mapping[str, Any], key: str = "terrain") -> Terrain:
     ValueError
         If there is no such terrain, setting or value, or no name.
     """
-    return from_record(key, record, KINDS, Terrain, _FORMER_FIELDS, TERRAINS)
+    return settings_from(key, given, KINDS, Terrain, _FORMER_FIELDS, TERRAINS)
 
 
 def terrain_on_record(record: Any) -> Terrain | None:

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from flyrl import CPGNetwork
-from flyrl.controllers.cpg import (
-    modulated,
-    motor_neuron_activity,
-    three_oscillators,
-)
+from flyrl.controllers.cpg import modulated, motor_neuron_activity
 
 TWO_PI = 2 * np.pi
 
@@ -23,10 +19,6 @@ def network(n=2, **arguments):
         "convergence_coefs": np.full(n, 10.0),
     }
     return CPGNetwork(**{**defaults, **arguments})
-
-
-def circular_distance(a, b):
-    return np.abs((a - b + np.pi) % TWO_PI - np.pi)
 
 
 def test_one_euler_step_by_hand():
@@ -46,15 +38,6 @@ def test_one_euler_step_by_hand():
         two.curr_phases, [0.1 * (TWO_PI + 4 * 2), np.pi + 0.1 * (2 * TWO_PI - 5 * 0.5)]
     )
     np.testing.assert_allclose(two.curr_magnitudes, [0.5 + 0.1 * 2 * 0.5, 2.0 + 0.1 * 1 * 1.0])
-
-
-def test_three_oscillators_settle_a_third_of_a_cycle_apart():
-    three = three_oscillators()
-    for _ in range(10_000):
-        three.step()
-    steps = np.diff(three.curr_phases)
-    np.testing.assert_allclose(circular_distance(steps, np.deg2rad(120)), 0, atol=1e-3)
-    np.testing.assert_allclose(three.curr_magnitudes, [1, 1.1, 1.2], atol=1e-3)
 
 
 def test_phases_then_magnitudes_are_drawn():

@@ -12,7 +12,7 @@ from numba.core.errors import TypingError
 
 import flyrl
 from flyrl.controllers import CONTROLLERS, CPG
-from flyrl.controllers.controller import controller_from, controller_named
+from flyrl.controllers.controller import controller_from
 from flyrl.envs.core import BatchedEnv, EnvConfig
 from tests.controllers.own import Height, Wave
 
@@ -44,7 +44,7 @@ def test_settings_are_those_of_the_users_dataclass() -> None:
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_record_leads_back_to_its_controller(name) -> None:
-    controller = controller_named(name)
+    controller = controller_from(name)
     assert controller_from(dataclasses.asdict(controller)) == controller
     assert controller.name == name
 

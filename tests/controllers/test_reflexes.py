@@ -28,19 +28,6 @@ def test_a_strongly_retracted_leg_persists_for_two_milliseconds(timestep, num_st
     assert len(amounts) - 1 == num_steps
 
 
-@pytest.mark.parametrize(("reflexes", "correction"), [("current", 0.8 * 80), ("classic", 100.0)])
-def test_corrections_of_the_current_reflexes_are_capped_and_depend_on_the_phase(
-    reflexes, correction
-):
-    """After 0.2 s of growth, in the middle of the swing."""
-    controller = Hybrid(reflexes=reflexes)
-    legs = Reflexes(1e-2, controller)
-    for _ in range(20):
-        sensed(legs, LF_IN_HOLE)
-    found = legs.net_corrections(controller.load_steps().swing_ends / 2 + 2 * np.pi)
-    np.testing.assert_allclose(found, [correction, 0, 0, 0, 0, 0])
-
-
 def test_amounts_handed_out_before_do_not_change():
     reflexes = Reflexes(1e-4, Hybrid())
     before = reflexes.retraction

@@ -21,26 +21,10 @@ def coordinator(seed=0, steps="untethered", timestep=1e-4, **arguments):
     )
 
 
-@pytest.mark.parametrize(
-    ("rule", "edges"),
-    [
-        ("rule1", {"LM-LF", "LH-LM", "RM-RF", "RH-RM"}),
-        ("rule2_ipsi", {"LM-LF", "LH-LM", "RM-RF", "RH-RM"}),
-        ("rule2_contra", {"LF-RF", "LM-RM", "LH-RH", "RF-LF", "RM-LM", "RH-LH"}),
-        ("rule3_ipsi", {"LF-LM", "LM-LH", "RF-RM", "RM-RH"}),
-        ("rule3_contra", {"LF-RF", "LM-RM", "LH-RH", "RF-LF", "RM-LM", "RH-LH"}),
-    ],
-)
-def test_graph_has_the_edges_of_each_rule(rule, edges):
+def test_edges_are_filtered_by_rule_and_source():
     graph = construct_rules_graph()
-    assert graph.number_of_edges() == 4 + 4 + 6 + 4 + 6
-    found = filter_edges(graph, rule)
-    assert len(found) == len(edges)
-    assert {f"{source}-{target}" for source, target in found} == edges
-
-
-def test_filter_by_source():
-    assert filter_edges(construct_rules_graph(), "rule3_ipsi", src_node="LM") == [("LM", "LH")]
+    assert filter_edges(graph, "rule1") == [("LM", "LF"), ("LH", "LM"), ("RM", "RF"), ("RH", "RM")]
+    assert filter_edges(graph, "rule3_ipsi", src_node="LM") == [("LM", "LH")]
 
 
 def test_choices_and_scores_are_those_of_the_specification():
@@ -89,12 +73,9 @@ def graph_with(*edge, **label):
         ({"weights": WEIGHTS | {"rule1": np.nan}}, r"weights\['rule1'\] must be finite, got nan"),
         (
             {"rules_graph": graph_with("LF", "LX", rule="rule1")},
-            "node of rules_graph must be one of .* got 'LX'",
+            "leg of edge LF-LX must be one of .* got 'LX'",
         ),
-        (
-            {"rules_graph": graph_with("LF", "LM")},
-            "rule of edge LF-LM must be one of .* got None",
-        ),
+        ({"rules_graph": graph_with("LF", "LM")}, "rule of edge LF-LM must be one of .* got None"),
     ],
 )
 def test_coordinator_rejects(arguments, message):

@@ -22,13 +22,11 @@ WORM = {"task": "worm_crawl"}
     ("settings", "message"),
     [
         ({"terrain": 5}, "terrain must be a Terrain or the name of one, got 5"),
-        ({"terrain": {"name": "gapped", "gap_rang": (0, 1)}}, "no 'gap_rang'; did you mean"),
         ({"terrain": "gaped"}, "terrain must be one of .* did you mean 'gapped'"),
         ({"body": 5}, "body must be a FlyConfig or WormConfig or one of 'current', .* got 5"),
         ({"body": "worm"}, "body must be one of .*'worm_crawler'.*'worm'"),
         ({"body": "classic", "controller": Hybrid("untethered")}, "tethered"),
         ({"body": "worm_crawler"}, r"body must be a fly .* \(current, .*, tethered\), got Worm"),
-        ({"physics": "worm"}, "physics must be one of .*, got 'worm'"),
         (
             {
                 "task": replace(TARGET, observation=SENSELESS),
@@ -37,7 +35,6 @@ WORM = {"task": "worm_crawl"}
             r"sensor_noise is 0\.2; it must be 0 in the task 'target'",
         ),
         ({"task": "joints", "controller": "cpg"}, "controller must be 'joints' .* got 'cpg'"),
-        ({"task": 5}, "task must be a Task, a task function or the name of one, got 5"),
         ({"decision_interval": 1e308}, "decision_interval must lie within 0 and 10.0"),
         ({"decision_interval": 0.0203}, "must be a positive multiple of the physics time step"),
         ({"task": replace(TARGET, time_limit_s=0.005)}, "at least one decision, 0.02 s"),
@@ -57,8 +54,6 @@ WORM = {"task": "worm_crawl"}
             "muscles of a worm in a scene must be one of 'pairs', got 'one'",
         ),
         ({**WORM, "terrain": "gapped"}, "terrain of a worm must be one of 'flat'"),
-        ({**WORM, "controller": "hybrid"}, "controller of a worm must be None, got 'hybrid'"),
-        ({**WORM, "randomisation": "default"}, "of a worm must be of sensor_noise alone, got"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(settings, message):
@@ -127,11 +122,7 @@ def test_a_seed_that_is_not_allowed_is_named(envs, seed):
     ("task", "options", "message"),
     [
         ("target", 5, "options must be a mapping or None, got 5"),
-        (
-            "target",
-            {"init_phases": [0, 1]},
-            r"init_phases must have shape \(6,\), got",
-        ),
+        ("target", {"init_phases": [0, 1]}, r"init_phases must have shape \(6,\), got"),
         ("target", {"init_magnitudes": [-1] * 6}, r"init_magnitudes\[0\] must be .* to 100, got"),
         ("target", {"spawn_yaw": float("nan")}, "spawn_yaw must be a finite number .*, got nan"),
         ("target", {"spawn_position": [0, 0, -1]}, "spawn_position must lie on the ground"),
@@ -144,7 +135,6 @@ def test_a_seed_that_is_not_allowed_is_named(envs, seed):
         ("target", {"randomisation": 0.5}, "randomisation must be a Randomisation, got 0.5"),
         ("velocity", {"ground": 3}, r"ground of the episode is 3; .*terrain\.random is false"),
         ("worm_hang", {"init_phases": [1] * 6}, "init_phases of an episode of a worm must be"),
-        ("worm_hang", {"ground": 3}, "ground of an episode of a worm must be None, got 3"),
         ("worm_hang", {"randomisation": {"mass": 2.0}}, "of a worm must be of its senses alone"),
         ("worm_hang", {"spawn_position": [1.0, 0, 0]}, "spawn_position of a hanging worm must be"),
         ("worm_hang", {"spawn_yaw": 0.5}, "spawn_yaw of a hanging worm must be 0, got 0.5"),

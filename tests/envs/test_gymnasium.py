@@ -148,7 +148,7 @@ def short(name: str) -> Task:
     ],
 )
 def test_many_are_what_gymnasium_and_sb3_have_of_single_ones(settings: dict[str, Any]) -> None:
-    """Through ends of episodes too."""
+    """Through ends of episodes too, which SB3's marks as Monitor does."""
     native = flyrl.make_vec(num_envs=2, **settings)
     plain = flyrl.make_vec(num_envs=2, vectorization_mode="sync", **settings)
     same_step = flyrl.make_vec(num_envs=2, autoreset_mode="SameStep", **settings)
@@ -158,6 +158,7 @@ def test_many_are_what_gymnasium_and_sb3_have_of_single_ones(settings: dict[str,
         np.testing.assert_array_equal(other, first)
     native.action_space.seed(1)
     limit = native.spec.max_episode_steps
+    total = np.zeros(2)
     for step in range(limit + 4):
         actions = native.action_space.sample()
         ours, theirs = native.step(actions), plain.step(actions)
@@ -168,9 +169,15 @@ def test_many_are_what_gymnasium_and_sb3_have_of_single_ones(settings: dict[str,
             np.testing.assert_array_equal(done, ours[2] | ours[3])
             np.testing.assert_array_equal(same[1], ours[1])
             np.testing.assert_array_equal(rewards, ours[1].astype(np.float32))
+            total += ours[1]
             for i in np.flatnonzero(done):
                 for shown in (same[4]["final_obs"][i], infos[i]["terminal_observation"]):
                     np.testing.assert_array_equal(shown, ours[0][i])
+                assert infos[i]["outcome"] == ours[4]["outcome"][i]
+                assert infos[i]["TimeLimit.truncated"] == ours[3][i]
+                assert infos[i]["episode"]["l"] == step + 1
+                assert infos[i]["episode"]["r"] == pytest.approx(total[i])
+                assert infos[i]["difficulty"] == 1.0
         if done.any():
             break
     assert done.any()
@@ -221,24 +228,6 @@ def test_info_has_the_same_keys_after_reset_and_step() -> None:
     assert first.keys() == env.step(np.zeros(2, dtype=np.float32))[-1].keys()
 
 
-def test_sb3_vec_env_marks_ends_as_sb3_does() -> None:
-    env = FlyrlVecEnv(EnvConfig(short("target")), 2, num_threads=1, seed=5)
-    env.reset()
-    still = np.tile(env.core.task.actions.of(np.zeros(2)), (2, 1)).astype(np.float32)
-    total = np.zeros(2)
-    for step in range(8):
-        observation, reward, done, infos = env.step(still)
-        total += reward
-        assert done.all() == (step == 7)
-    for i, info in enumerate(infos):
-        assert info["TimeLimit.truncated"]
-        assert info["episode"]["l"] == 8
-        assert info["episode"]["r"] == pytest.approx(total[i], abs=1e-4)
-        assert env.outcomes[info["outcome"]] == "timeout"
-        assert info["difficulty"] == 1.0
-        assert np.any(info["terminal_observation"] != observation[i])
-
-
 def test_an_sb3_vec_env_computes_rewards_of_goals_for_every_fly() -> None:
     env = FlyrlVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
     achieved, desired = np.zeros((3, 2)), np.array([[0.0, 0.05], [1.0, 0.0], [0.2, 0.2]])
@@ -251,10 +240,7 @@ def test_an_sb3_vec_env_computes_rewards_of_goals_for_every_fly() -> None:
         env.env_method("render")
     with pytest.raises(ValueError, match="'target' has no goals"):
         FlyrlVecEnv().env_method("compute_terminated", achieved, desired, infos)
-
-
-def test_an_sb3_vec_env_tells_in_infos_what_a_failure_costs() -> None:
-    env = FlyrlVecEnv(EnvConfig("target_goal"), 2, num_threads=1, seed=5)
+    # infos tell what a failure costs
     env.reset()
     env.core.flies._qpos[0, 3:7] = [0, 1, 0, 0]  # upside down
     observation, rewards, dones, infos = env.step(np.zeros((2, 2)))

@@ -1,4 +1,4 @@
-"""How environments are made, copied and closed by code that knows Gymnasium and SB3 alone."""
+"""Environments made, copied and closed by code that knows Gymnasium and SB3 alone."""
 
 import copy
 import pickle

@@ -49,7 +49,8 @@ def test_each_term_goes_to_the_end_of_its_own_table():
 
 def test_the_record_says_what_to_make_the_task_of():
     terms = {f"{__name__}:HEIGHT": HEIGHT, f"{__name__}:TILT": TILT}
-    own = TASKS["target"](distance=(3, 30), time_limit=6)
+    settings = {"distance": (3, 30), "time_limit": 6, "drive_time_constant": 0.1}
+    own = task_from({"name": "target", **settings})
     task = extended(own, terms, {"progress": 0.1}, ["tilt", "reward.success"])
     assert task_record(task) == {
         "name": "target",
@@ -57,7 +58,7 @@ def test_the_record_says_what_to_make_the_task_of():
         "bearing": 180.0,
         "reach": 1.0,
         "time_limit": 6.0,
-        "drive_time_constant": 0.05,
+        "drive_time_constant": 0.1,
         "terms": [f"{__name__}:HEIGHT", f"{__name__}:TILT"],
         "without": ["observation.tilt", "reward.success"],
         "weights": {
@@ -117,12 +118,7 @@ def test_the_module_of_terms_has_a_digest():
             "must leave a term of the observation",
         ),
         ({"a:x": 3.0}, {}, [], r"'a:x' must be one of ObservationTerm, .*, got 3\.0"),
-        (
-            {"a:X": TILT},
-            {},
-            [],
-            "must not hold .observation.tilt. twice",
-        ),
+        ({"a:X": TILT}, {}, [], "must not hold .observation.tilt. twice"),
         ({"a:X": SLIP, "b:X": SLIP}, {}, [], "must not hold .reward.slip. twice"),
         ({"a:X": Termination("fall", _ones)}, {}, [], "must not hold .terminations.fall. twice"),
         ({}, {"progres": 1.0}, [], r"task\.weights .*'progres'; did you mean 'progress'\?"),

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-import flyrl
 from flyrl.envs.core import BatchedEnv, EnvConfig
-from flyrl.tasks import TASKS, task_from, task_record
+from flyrl.tasks import TASKS, task_from
 from flyrl.tasks.terms import SMOOTHNESS
 from tests.tasks.test_terms import fly_state, task_state
 
@@ -64,15 +63,6 @@ def test_an_unfiltered_drive_is_what_is_asked_for_and_costs_nothing():
     assert [term.weight for term in unfiltered.reward[-2:]] == [0.0, 0.0]
     assert all(term.weight < 0.0 for term in smooth.reward[-2:])
     assert unfiltered.reward[:-2] == smooth.reward[:-2]
-
-
-def test_the_time_constant_is_a_setting_of_the_environment_and_on_record():
-    env = flyrl.make("target", drive_time_constant=0.1)
-    task = env.unwrapped.core.task
-    env.close()
-    assert task.drive_time_constant_s == 0.1
-    assert task_record(task)["drive_time_constant"] == 0.1
-    assert task_from(task_record(task)) == task
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What episodes ask for: where it lies, how it grows with the difficulty, and when it is done."""
+"""Episodes of the tasks: places, ranges by difficulty, and ends."""
 
 from dataclasses import replace
 

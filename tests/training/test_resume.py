@@ -119,7 +119,7 @@ def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path):
 
 def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path):
     config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32))
-    with before("_evaluate", interrupt):
+    with before("_evaluate", lambda run: os.kill(os.getpid(), signal.SIGTERM)):
         run = train(config, tmp_path)
     assert read_run(run.folder).state == "finished"
     assert (run.interrupted_by, run.signal) == (None, signal.SIGTERM)
