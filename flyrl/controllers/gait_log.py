@@ -35,11 +35,7 @@ GAIT_LOG: Final = np.dtype(
         ("num_steps", "f8"),
         ("num_samples", "f8"),
         ("work", "f8"),  # nJ, done by the servos; what is done on them does not come back
-        (
-            "slip",
-            "f8",
-            (NUM_LEGS,),
-        ),  # mm that each leg's tip moved on the ground while it gripped
+        ("slip", "f8", (NUM_LEGS,)),  # mm, of each leg's tip along the ground while it grips
         ("is_grounded", "f8", (NUM_LEGS,)),
         ("tips_w", "f8", (NUM_LEGS, 2)),  # mm, in the step before
         ("sampled_tips_w", "f8", (NUM_LEGS, 2)),  # mm, at the last sample

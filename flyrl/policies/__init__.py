@@ -5,7 +5,7 @@ returns the action and the state, as in Stable-Baselines3.
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from flyrl.policies.bundle import (
     PolicyBundle,
@@ -32,6 +32,13 @@ if TYPE_CHECKING:
     from flyrl.policies.onnx import export_onnx
     from flyrl.policies.sb3 import export_sb3, import_sb3
 
+# what needs torch or onnx is imported when it is first asked for
+_ON_DEMAND: Final = {
+    "export_onnx": "flyrl.policies.onnx",
+    "export_sb3": "flyrl.policies.sb3",
+    "import_sb3": "flyrl.policies.sb3",
+}
+
 __all__ = [
     "ClosedLoop",
     "ConstantDrive",
@@ -57,8 +64,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import what needs torch or onnx when it is first asked for."""
-    if name not in ("export_onnx", "export_sb3", "import_sb3"):
+    if name not in _ON_DEMAND:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    _, _, module = name.partition("_")
-    return getattr(importlib.import_module(f"{__name__}.{module}"), name)
+    return getattr(importlib.import_module(_ON_DEMAND[name]), name)

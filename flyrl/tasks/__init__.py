@@ -12,46 +12,93 @@ from flyrl.tasks import (
     velocity,
     worm,
 )
-from flyrl.tasks.actions import DRIVE_HIGH as DRIVE_HIGH
-from flyrl.tasks.actions import DRIVE_LOW as DRIVE_LOW
-from flyrl.tasks.actions import Drives as Drives
-from flyrl.tasks.actions import JointTargets as JointTargets
-from flyrl.tasks.actions import Neurons as Neurons
-from flyrl.tasks.episode import Episode as Episode
-from flyrl.tasks.extension import code_digests as code_digests
-from flyrl.tasks.extension import code_of as code_of
-from flyrl.tasks.extension import extended as extended
-from flyrl.tasks.extension import load_terms as load_terms
-from flyrl.tasks.extension import task_record as task_record
-from flyrl.tasks.extension import task_table as task_table
-from flyrl.tasks.function import TASKS as TASKS
-from flyrl.tasks.function import TaskFunction as TaskFunction
-from flyrl.tasks.function import TaskSettings as TaskSettings
-from flyrl.tasks.function import task_from as task_from
-from flyrl.tasks.function import with_time_limit as with_time_limit
-from flyrl.tasks.task import ACHIEVED_GOAL as ACHIEVED_GOAL
-from flyrl.tasks.task import DECISIONS_LOST as DECISIONS_LOST
-from flyrl.tasks.task import DESIRED_GOAL as DESIRED_GOAL
-from flyrl.tasks.task import IS_FAILURE as IS_FAILURE
-from flyrl.tasks.task import OUTCOMES as OUTCOMES
-from flyrl.tasks.task import RUNNING as RUNNING
-from flyrl.tasks.task import SUCCESS as SUCCESS
-from flyrl.tasks.task import TIMEOUT as TIMEOUT
-from flyrl.tasks.task import UNSTABLE as UNSTABLE
-from flyrl.tasks.task import EpisodeSampler as EpisodeSampler
-from flyrl.tasks.task import ErrorTerm as ErrorTerm
-from flyrl.tasks.task import MeanTerm as MeanTerm
-from flyrl.tasks.task import ObservationTerm as ObservationTerm
-from flyrl.tasks.task import RewardTerm as RewardTerm
-from flyrl.tasks.task import Task as Task
-from flyrl.tasks.task import TaskState as TaskState
-from flyrl.tasks.task import Termination as Termination
-from flyrl.tasks.terms import ERRORS as ERRORS
-from flyrl.tasks.terms import FAILURES as FAILURES
+from flyrl.tasks.actions import DRIVE_HIGH, DRIVE_LOW, Drives, JointTargets, Neurons
+from flyrl.tasks.episode import Episode
+from flyrl.tasks.extension import (
+    code_digests,
+    code_of,
+    extended,
+    load_terms,
+    task_record,
+    task_table,
+)
+from flyrl.tasks.function import TASKS, TaskFunction, TaskSettings, task_from, with_time_limit
+from flyrl.tasks.task import (
+    ACHIEVED_GOAL,
+    DECISIONS_LOST,
+    DESIRED_GOAL,
+    IS_FAILURE,
+    OUTCOMES,
+    RUNNING,
+    SUCCESS,
+    TIMEOUT,
+    UNSTABLE,
+    EpisodeSampler,
+    ErrorTerm,
+    MeanTerm,
+    ObservationTerm,
+    RewardTerm,
+    Task,
+    TaskState,
+    Termination,
+)
+from flyrl.tasks.terms import ERRORS, FAILURES
 
-for _module in (
-    target, velocity, path, traverse, heading, slalom, chase, stop, hybrid_turning, worm
-):  # fmt: skip
-    TASKS.update(
-        (name, task) for name, task in vars(_module).items() if isinstance(task, TaskFunction)
-    )
+TASKS.update(
+    target=target.target,
+    target_unfiltered=target.target_unfiltered,
+    target_goal=target.target_goal,
+    velocity=velocity.velocity,
+    path=path.path,
+    traverse=traverse.traverse,
+    heading=heading.heading,
+    slalom=slalom.slalom,
+    chase=chase.chase,
+    stop=stop.stop,
+    hybrid_turning=hybrid_turning.hybrid_turning,
+    joints=hybrid_turning.joints,
+    joints_box=hybrid_turning.joints_box,
+    worm_hang=worm.worm_hang,
+    worm_hang_box=worm.worm_hang_box,
+    worm_crawl=worm.worm_crawl,
+    worm_crawl_box=worm.worm_crawl_box,
+)
+
+__all__ = [
+    "ACHIEVED_GOAL",
+    "DECISIONS_LOST",
+    "DESIRED_GOAL",
+    "DRIVE_HIGH",
+    "DRIVE_LOW",
+    "ERRORS",
+    "FAILURES",
+    "IS_FAILURE",
+    "OUTCOMES",
+    "RUNNING",
+    "SUCCESS",
+    "TASKS",
+    "TIMEOUT",
+    "UNSTABLE",
+    "Drives",
+    "Episode",
+    "EpisodeSampler",
+    "ErrorTerm",
+    "JointTargets",
+    "MeanTerm",
+    "Neurons",
+    "ObservationTerm",
+    "RewardTerm",
+    "Task",
+    "TaskFunction",
+    "TaskSettings",
+    "TaskState",
+    "Termination",
+    "code_digests",
+    "code_of",
+    "extended",
+    "load_terms",
+    "task_from",
+    "task_record",
+    "task_table",
+    "with_time_limit",
+]

@@ -30,9 +30,9 @@ def joint_velocities(state: TaskState) -> FloatArray:
     return state.worm.joint_velocities / 5.0
 
 
-def has_crawled(state: TaskState, distance: float) -> Mask:
-    """Whether the worm has come `distance` mm along +x in this episode, (n,)."""
-    return np.asarray(state.totals["progress"] >= distance)
+def has_crawled(state: TaskState, way: float) -> Mask:
+    """Whether the worm has come `way` mm along +x in this episode, (n,)."""
+    return np.asarray(state.totals["progress"] >= way)
 
 
 def bend_error(state: TaskState) -> FloatArray:
@@ -119,6 +119,67 @@ def sample_episode(
 
 
 @TaskFunction
+def worm_crawl(
+    worm: WormConfig = CRAWLER,
+    lengths: Annotated[float, Within(0.01, 1000)] = 2.0,
+    start_angle: Annotated[float, _ANGLE] = 0.2,
+    time_limit: Annotated[float, TIME] = 5.0,
+) -> Task:
+    """Crawl along +x, as far as possible.
+
+    Parameters
+    ----------
+    worm
+        The worm.
+    lengths
+        Way along +x that is a success, in lengths of the worm.
+    start_angle
+        The joints of a worm that starts are bent by up to this, and so is its heading turned, rad.
+    time_limit
+        s until the episode is cut off.
+
+    Raises
+    ------
+    ValueError
+        If the worm cannot crawl, or there is no such profile of its muscles.
+    """
+    one_of("mount of a worm in the task 'worm_crawl'", worm.mount, ("crawling",))
+    way = lengths * worm.segments * worm.segment_length
+    actions = _muscles(worm)
+    recruited = partial(recruited_share, pools=actions.pools)
+    as_long = "twice" if lengths == 2.0 else f"{lengths:g} times"
+    return Task(
+        observation=(
+            ObservationTerm(
+                "heading", (2,), -1.0, 1.0, compass,
+                "cosine and sine of the heading's angle from the world's x axis",
+            ),
+            ObservationTerm(
+                "velocity", (2,), -5.0, 5.0, velocity_b,
+                "forward and leftward velocity of the worm's middle, in 20 mm/s", spread=0.3,
+            ),
+            *_senses(worm),
+        ),
+        reward=(RewardTerm("progress", 0.2, forward_progress, "mm along +x"),),
+        terminations=(),
+        time_limit_s=time_limit,
+        decision_interval_s=0.05,
+        actions=actions,
+        sample_episode=partial(
+            sample_episode, joints=worm.joints, start_angle=start_angle
+        ),
+        succeeds_in_time=partial(has_crawled, way=way),
+        success=f"{way:g} mm along +x, {as_long} the worm's length",
+        errors=(error("recruited_share", 1.0, recruited),),
+        decisive=("advance_mm",),
+        compared=("advance_mm", "recruited_share"),
+    )  # fmt: skip
+
+
+worm_crawl_box = variant_of(worm_crawl)(with_box)
+
+
+@TaskFunction
 def worm_hang(
     worm: WormConfig = HANGER,
     bend: Annotated[float, Within(0, 2)] = 1.5,
@@ -187,64 +248,3 @@ def worm_hang(
 
 
 worm_hang_box = variant_of(worm_hang)(with_box)
-
-
-@TaskFunction
-def worm_crawl(
-    worm: WormConfig = CRAWLER,
-    lengths: Annotated[float, Within(0.01, 1000)] = 2.0,
-    start_angle: Annotated[float, _ANGLE] = 0.2,
-    time_limit: Annotated[float, TIME] = 5.0,
-) -> Task:
-    """Crawl along +x, as far as possible.
-
-    Parameters
-    ----------
-    worm
-        The worm.
-    lengths
-        Way along +x that is a success, in lengths of the worm.
-    start_angle
-        The joints of a worm that starts are bent by up to this, and so is its heading turned, rad.
-    time_limit
-        s until the episode is cut off.
-
-    Raises
-    ------
-    ValueError
-        If the worm cannot crawl, or there is no such profile of its muscles.
-    """
-    one_of("mount of a worm in the task 'worm_crawl'", worm.mount, ("crawling",))
-    distance = lengths * worm.segments * worm.segment_length
-    actions = _muscles(worm)
-    recruited = partial(recruited_share, pools=actions.pools)
-    as_long = "twice" if lengths == 2.0 else f"{lengths:g} times"
-    return Task(
-        observation=(
-            ObservationTerm(
-                "heading", (2,), -1.0, 1.0, compass,
-                "cosine and sine of the heading's angle from the world's x axis",
-            ),
-            ObservationTerm(
-                "velocity", (2,), -5.0, 5.0, velocity_b,
-                "forward and leftward velocity of the worm's middle, in 20 mm/s", spread=0.3,
-            ),
-            *_senses(worm),
-        ),
-        reward=(RewardTerm("progress", 0.2, forward_progress, "mm along +x"),),
-        terminations=(),
-        time_limit_s=time_limit,
-        decision_interval_s=0.05,
-        actions=actions,
-        sample_episode=partial(
-            sample_episode, joints=worm.joints, start_angle=start_angle
-        ),
-        succeeds_in_time=partial(has_crawled, distance=distance),
-        success=f"{distance:g} mm along +x, {as_long} the worm's length",
-        errors=(error("recruited_share", 1.0, recruited),),
-        decisive=("advance_mm",),
-        compared=("advance_mm", "recruited_share"),
-    )  # fmt: skip
-
-
-worm_crawl_box = variant_of(worm_crawl)(with_box)
