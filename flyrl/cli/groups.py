@@ -138,6 +138,9 @@ def register(arguments: Iterable[str] = ()) -> None:
 @functools.cache
 def _register_groups() -> None:
     store = ConfigStore.instance()
+    # Hydra copies it, and never changes it, for each config that it composes and each group that
+    # --help lists: 4 of 5 s there
+    vars(store)["__deepcopy__"] = lambda memo: store
     for group, choices in groups().items():
         for name, settings in choices.items():
             package = "_global_" if "defaults" in settings else None
