@@ -160,10 +160,9 @@ def test_the_navigation_stays_in_sight_and_leads_to_the_top_of_a_page(look):
     page = look("#flat")
     page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
     page.locator("nav a", has_text="Gapped").click(no_wait_after=True)
-    top = page.locator("#gapped h2").bounding_box()["y"]
     bar = page.locator(".pages").bounding_box()
     assert bar["y"] == pytest.approx(0, abs=1)
-    assert bar["height"] <= top < WIDE["height"] / 2
+    assert bar["height"] <= page.locator("#gapped h2").bounding_box()["y"] < WIDE["height"] / 2
 
 
 def test_no_column_is_cut_without_a_sign(look):
@@ -196,8 +195,8 @@ def test_no_column_is_cut_without_a_sign(look):
         assert page.evaluate("document.documentElement.scrollWidth") == width
 
 
-def test_text_is_readable_by_day_and_by_night(look):
-    page = look("#leaders")
+def test_text_is_readable_by_day_and_by_night_and_paper_is_white_without_controls(visit):
+    page = visit("#flat")
     parts = dict.fromkeys(["h1", ".headline", ".caption", "nav a", ".rates td", "code"], "color")
     parts["svg text"] = "fill"
     grounds = []
@@ -208,10 +207,6 @@ def test_text_is_readable_by_day_and_by_night(look):
             assert contrast(style(page, part, key), grounds[-1]) >= 4.5, part
     assert luminance(grounds[0]) > 0.8
     assert luminance(grounds[1]) < 0.1
-
-
-def test_paper_has_no_controls_and_is_white(visit):
-    page = visit("#flat", color_scheme="dark")
     controls = page.locator("nav, #flat .clock")
     expect(controls.last).to_be_visible()
     page.emulate_media(media="print")
@@ -276,27 +271,24 @@ def test_slider_and_curves_move_all_videos_and_the_line_in_the_curves(look):
     assert int(slider.input_value()) < clicked
 
 
-def shown_number(page):
-    """Number of the picture that the first video shows, by its brightness."""
+def numbers(page):
+    """Numbers of the picture that the time tells, and that the first video shows (brightness)."""
     wait_until(
         page,
         """() => [...document.querySelectorAll("#flat video")].every((video) => !video.seeking)""",
     )
     page.wait_for_timeout(100)  # until it is painted
+    told_s = float(page.locator("#flat .clock output").inner_text().split()[0])
     picture = Image.open(io.BytesIO(page.locator("#flat video").first.screenshot())).convert("L")
     level = picture.getpixel((picture.width // 2, picture.height // 2))
-    return round((level - DARKEST) / BRIGHTER)
-
-
-def told_number(page):
-    """Number of the picture of the time that the slider tells."""
-    return round(float(page.locator("#flat .clock output").inner_text().split()[0]) / 0.01)
+    return round(told_s / 0.01), round((level - DARKEST) / BRIGHTER)
 
 
 def test_the_time_told_is_that_of_the_picture(visit):
     page = visit("#flat")
     player = page.locator("#flat .player").first
-    assert told_number(page) == shown_number(page) == FILMED - 1  # the posters
+    last = (FILMED - 1, FILMED - 1)
+    assert numbers(page) == last  # the posters
     player.get_by_role("button", name="Play").click()
     wait_until(
         page,
@@ -306,15 +298,16 @@ def test_the_time_told_is_that_of_the_picture(visit):
         }""",
     )
     player.get_by_role("button", name="Pause").click()
-    assert told_number(page) == shown_number(page)
+    told, shown = numbers(page)
+    assert told == shown
     slider = player.get_by_role("slider")
     slider.focus()
     slider.press("Home")
     for number in range(3):
-        assert told_number(page) == shown_number(page) == number
+        assert numbers(page) == (number, number)
         slider.press("ArrowRight")
     slider.press("End")
-    assert told_number(page) == shown_number(page) == FILMED - 1
+    assert numbers(page) == last
 
 
 def rows_shown(page):

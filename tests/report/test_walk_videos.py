@@ -24,15 +24,12 @@ def film():
         return WALKS["turn_video"](duration_s=0.03, body=FlyConfig(adhesion_gain=0.0))
 
 
-def test_the_table_has_a_row_per_picture(film, tmp_path):
-    np.testing.assert_allclose(film.table["time_s"], [0.0, 0.01, 0.02, 0.03])
+def test_the_table_tells_what_was_driven_and_what_came_of_it_picture_by_picture(film, tmp_path):
+    table = film.table
+    np.testing.assert_allclose(table["time_s"], [0.0, 0.01, 0.02, 0.03])
     _, frames = read(film.mp4, tmp_path)
     assert frames.shape == (4 + HOLD_FRAMES, 480, 640, 3)
     assert film.poster.startswith(b"\xff\xd8")
-
-
-def test_the_table_tells_what_was_driven_and_what_came_of_it(film):
-    table = film.table
     assert set(zip(table["drive_left"], table["drive_right"], strict=True)) == {(1.2, 0.2)}
     assert abs(table["yaw_deg"].iloc[0]) < 10
     # without adhesion nobody grips, and no leg is pulled down: each carries less than the fly
@@ -48,7 +45,7 @@ def worm():
         return film_worm(dataclasses.replace(DEMONSTRATION, segments=4), step=150, hold_s=0.2)
 
 
-def test_the_video_shows_the_bar_and_the_worm_that_bends(worm, tmp_path):
+def test_video_and_table_show_the_tension_and_the_worm_that_bends(worm, tmp_path):
     _, frames = read(worm.mp4, tmp_path)
     assert len(frames) == 3 * 5 + HOLD_FRAMES
     # the bar's own pixels, but for its rim, which compression blurs
@@ -58,10 +55,6 @@ def test_the_video_shows_the_bar_and_the_worm_that_bends(worm, tmp_path):
     above = np.s_[100:400]
     changed = np.abs(frames[-1][above].astype(int) - frames[0][above]).max(axis=2) > 40
     assert changed.mean() > 0.01
-
-
-def test_the_table_holds_what_every_step_came_to(worm):
-    """The pool is human-like: its second half gives ten elevenths of the force."""
     assert worm.table["n"].tolist() == [0, 150, 300]
     assert worm.table["tension"].iloc[[0, 2]].tolist() == [0, 1]
     at_rest, half, whole = worm.table["bend_deg"]
