@@ -9,7 +9,7 @@ from flyrl.evaluation import load_results
 from flyrl.policies import load_policy
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
-from tests.training.test_resume import InterruptedAt
+from tests.training.folders import interrupted_at
 
 TINY = (
     "physics=worm",
@@ -24,9 +24,8 @@ def walked(folder):
 
 
 @pytest.mark.slow
-def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here, monkeypatch):
-    with monkeypatch.context() as patch:
-        InterruptedAt(patch, decision=3)
+def test_a_worm_is_trained_gone_on_with_and_evaluated(tmp_path, run_here):
+    with interrupted_at(3):
         interrupted = run_here("train.py", "task=worm_hang", *TINY)
     assert interrupted.returncode == 128 + signal.SIGTERM
     run = interrupted.stdout.splitlines()[-1].removeprefix("run: ")

@@ -1,6 +1,8 @@
 """Run folders as training leaves them, without the training; and what happens during one."""
 
 import json
+import os
+import signal
 import subprocess
 from contextlib import contextmanager
 
@@ -57,6 +59,16 @@ def before(method, act):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RunCallback, method, patched)
         yield
+
+
+def interrupt(callback):
+    """Send SIGTERM to this process."""
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def interrupted_at(decision):
+    """Send a signal to this process when a run's n-th decision is reported."""
+    return before("_on_step", lambda run: run.n_calls == decision and interrupt(run))
 
 
 def same(a, b):

@@ -1,5 +1,4 @@
 import multiprocessing
-import os
 import shutil
 import signal
 import time
@@ -20,7 +19,7 @@ from flyrl.training.learn import Run, resume, train
 from flyrl.training.run_folder import load_checkpoint, save_checkpoint
 from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
 from tests.tiny import TINY, TINY_ENV
-from tests.training.folders import before, make_run
+from tests.training.folders import before, interrupt, interrupted_at, make_run
 
 SCHEDULE = replace(
     TINY.training, total_timesteps=256, evaluation_interval=96, checkpoint_interval=64
@@ -58,15 +57,6 @@ WORM_CONFIG = replace(
     ),
 )
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
-
-
-def interrupt(callback):
-    os.kill(os.getpid(), signal.SIGTERM)
-
-
-def interrupted_at(decision):
-    """Send a signal to this process when a run's n-th decision is reported."""
-    return before("_on_step", lambda run: run.n_calls == decision and interrupt(run))
 
 
 def _results(run):
