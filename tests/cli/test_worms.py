@@ -9,7 +9,7 @@ from flyrl.evaluation import load_results
 from flyrl.policies import load_policy
 from flyrl.training.runs import read_run
 from tests.tiny import TINY_ARGUMENTS
-from tests.training.test_resume import interrupted_at
+from tests.training.folders import interrupted_at
 
 TINY = (
     "physics=worm",

@@ -18,7 +18,7 @@ from flyrl.training.config import config_from_keywords, training_record
 from flyrl.training.run_folder import checkpoint_file, create_folder
 from flyrl.training.runs import read_record
 from tests.tiny import TINY_ARGUMENTS
-from tests.training.test_resume import interrupted_at
+from tests.training.folders import interrupted_at
 
 SHORT_TARGET = replace(TASKS["target"](), time_limit_s=0.2)
 TINY = {

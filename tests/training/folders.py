@@ -1,6 +1,7 @@
 """Run folders as training leaves them, without the training; and what happens during one."""
 
 import json
+import signal
 import subprocess
 from contextlib import contextmanager
 
@@ -57,6 +58,11 @@ def before(method, act):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(RunCallback, method, patched)
         yield
+
+
+def interrupted_at(decision, number=signal.SIGTERM):
+    """Send a signal to this process when a run's n-th decision is reported."""
+    return before("_on_step", lambda run: run.n_calls == decision and signal.raise_signal(number))
 
 
 def same(a, b):

@@ -1,5 +1,4 @@
 import multiprocessing
-import os
 import shutil
 import signal
 import time
@@ -20,7 +19,7 @@ from flyrl.training.learn import Run, resume, train
 from flyrl.training.run_folder import load_checkpoint, save_checkpoint
 from flyrl.training.runs import ResumeError, RunIsHeldError, held, read_rows, read_run
 from tests.tiny import TINY, TINY_ENV
-from tests.training.folders import before, make_run
+from tests.training.folders import before, interrupted_at, make_run
 
 SCHEDULE = replace(
     TINY.training, total_timesteps=256, evaluation_interval=96, checkpoint_interval=64
@@ -58,11 +57,6 @@ WORM_CONFIG = replace(
     ),
 )
 RESULTS = ("last.safetensors", "best.safetensors", "evaluations.csv")
-
-
-def interrupted_at(decision, number=signal.SIGTERM):
-    """Send a signal to this process when a run's n-th decision is reported."""
-    return before("_on_step", lambda run: run.n_calls == decision and os.kill(os.getpid(), number))
 
 
 def _results(run):
@@ -119,7 +113,7 @@ def test_a_run_that_is_interrupted_in_its_last_rollout_is_resumed(tmp_path):
 
 def test_a_signal_during_the_last_evaluation_is_too_late(tmp_path):
     config = replace(PPO_CONFIG, training=replace(SCHEDULE, total_timesteps=32))
-    with before("_evaluate", lambda run: os.kill(os.getpid(), signal.SIGTERM)):
+    with before("_evaluate", lambda run: signal.raise_signal(signal.SIGTERM)):
         run = train(config, tmp_path)
     assert read_run(run.folder).state == "finished"
     assert (run.interrupted_by, run.signal) == (None, signal.SIGTERM)
