@@ -1,6 +1,8 @@
 """Policies that were not learned: drives, steering laws, functions, and worms' rhythms."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -75,20 +77,23 @@ class FixedPolicy:
 class _DrivePolicy(FixedPolicy):
     """A policy without a state that answers an observation with a drive."""
 
-    def __init__(self, task: Task) -> None:
-        self._actions = task.actions
-        self._places = task.slices()
+    task: Task
+
+    @cached_property
+    def _places(self) -> dict[str, slice]:
+        return self.task.slices()
 
     def _act(self, rows: FloatArray, state: Any, starts: Starts) -> Acted:
         shown = {name: rows[:, place] for name, place in self._places.items()}
         drives = np.broadcast_to(self._drives(shown), (len(rows), 2))
-        return self._actions.of(drives).astype(np.float32), state
+        return self.task.actions.of(drives).astype(np.float32), state
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         """Drives (n, 2), or (2,) for all, for observation terms (n, size) by name."""
         raise NotImplementedError
 
 
+@dataclass(eq=False)
 class ConstantDrive(_DrivePolicy):
     """The same drive at every decision.
 
@@ -100,14 +105,15 @@ class ConstantDrive(_DrivePolicy):
         What it acts in.
     """
 
-    def __init__(self, left: float, right: float, task: Task) -> None:
-        super().__init__(task)
-        self._sides = np.array([left, right])
+    left: float
+    right: float
+    task: Task
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
-        return self._sides
+        return np.array([self.left, self.right])
 
 
+@dataclass(eq=False)
 class Pursuit(_DrivePolicy):
     """Turn towards the target, the more the further it lies to the side.
 
@@ -133,44 +139,35 @@ class Pursuit(_DrivePolicy):
         straight, will be by then. The task shows `target_distance` and `target_velocity`.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        *,
-        gain: float = 1.0,
-        forward: float = 1.0,
-        weakest: float = 0.2,
-        strongest: float = 1.2,
-        brake: float = 0.0,
-        lead: float = 0.0,
-    ) -> None:
-        super().__init__(task)
-        self._brake = brake
-        self._lead = lead
-        self._gain = gain
-        self._forward = forward
-        self._bounds = (weakest, strongest)
+    task: Task
+    _: KW_ONLY
+    gain: float = 1.0
+    forward: float = 1.0
+    weakest: float = 0.2
+    strongest: float = 1.2
+    brake: float = 0.0
+    lead: float = 0.0
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
-        return self._steered(shown, self._forward, self._bounds[1])
+        return self._steered(shown, self.forward, self.strongest)
 
     def _steered(
         self, shown: Mapping[str, FloatArray], forward: float | FloatArray, strongest: Any
     ) -> FloatArray:
         """Drives (n, 2) with a drive ahead and an upper bound, one each or (n, 1)."""
         ahead, left = self._towards(shown)
-        turn = self._gain * np.arctan2(left, ahead)[:, None] * np.array([-1.0, 1.0])
-        drives = np.clip(forward + turn, self._bounds[0], strongest)
-        if self._brake > 0.0:
-            in_brakes = 15.0 * shown["target_distance"] / self._brake
+        turn = self.gain * np.arctan2(left, ahead)[:, None] * np.array([-1.0, 1.0])
+        drives = np.clip(forward + turn, self.weakest, strongest)
+        if self.brake > 0.0:
+            in_brakes = 15.0 * shown["target_distance"] / self.brake
             drives = drives * np.clip(2.0 * in_brakes - 1.0, 0.0, 1.0)
         return np.asarray(drives)
 
     def _towards(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         """Vectors towards the target in the body frame, forward and left: (2, n)."""
-        if self._lead > 0.0:
+        if self.lead > 0.0:
             offset_mm = 15.0 * shown["target_distance"] * shown["target_direction"]
-            return np.asarray(offset_mm + 20.0 * self._lead * shown["target_velocity"]).T
+            return np.asarray(offset_mm + 20.0 * self.lead * shown["target_velocity"]).T
         if "target_direction" in shown:
             return shown["target_direction"].T
         x, y = (shown[DESIRED_GOAL] - shown[ACHIEVED_GOAL]).T  # world frame
@@ -178,6 +175,7 @@ class Pursuit(_DrivePolicy):
         return np.stack([cos * x + sin * y, cos * y - sin * x])
 
 
+@dataclass(eq=False)
 class OpenLoop(_DrivePolicy):
     """Answer a command of speed and yaw rate with the drive that brings it about on flat ground.
 
@@ -194,15 +192,15 @@ class OpenLoop(_DrivePolicy):
         rad/s that a drive of 1 more on the right and 1 less on the left would bring about.
     """
 
-    def __init__(self, task: Task, *, speed: float = SPEED, yaw_rate: float = YAW_RATE) -> None:
-        super().__init__(task)
-        self._speed = speed
-        self._yaw_rate = yaw_rate
+    task: Task
+    _: KW_ONLY
+    speed: float = SPEED
+    yaw_rate: float = YAW_RATE
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         asked = self._asked(shown)
-        forward = 20.0 * asked[:, :1] / self._speed
-        turn = 10.0 * asked[:, 1:] / self._yaw_rate * np.array([-1.0, 1.0])
+        forward = 20.0 * asked[:, :1] / self.speed
+        turn = 10.0 * asked[:, 1:] / self.yaw_rate * np.array([-1.0, 1.0])
         return np.asarray(forward + turn)
 
     def _asked(self, shown: Mapping[str, FloatArray]) -> FloatArray:
@@ -210,6 +208,7 @@ class OpenLoop(_DrivePolicy):
         return shown["command"]
 
 
+@dataclass(eq=False)
 class ClosedLoop(OpenLoop):
     """Answer a command as `OpenLoop` does, and correct by the velocity that is felt.
 
@@ -225,21 +224,14 @@ class ClosedLoop(OpenLoop):
         As of `OpenLoop`.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        *,
-        speed_gain: float = 1.0,
-        yaw_gain: float = 1.0,
-        speed: float = SPEED,
-        yaw_rate: float = YAW_RATE,
-    ) -> None:
-        super().__init__(task, speed=speed, yaw_rate=yaw_rate)
-        self._gains = np.array([speed_gain, yaw_gain])
+    _: KW_ONLY
+    speed_gain: float = 1.0
+    yaw_gain: float = 1.0
 
     def _asked(self, shown: Mapping[str, FloatArray]) -> FloatArray:
         command = shown["command"]
-        return np.asarray(command + self._gains * (command - shown["mean_velocity"]))
+        gains = np.array([self.speed_gain, self.yaw_gain])
+        return np.asarray(command + gains * (command - shown["mean_velocity"]))
 
 
 class FunctionPolicy(FixedPolicy):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Final
 
 import numpy as np
@@ -69,6 +69,7 @@ class FixedLaw:
         return not self.sees or any(shown.keys() >= set(terms) for terms in self.sees)
 
 
+@dataclass(eq=False)
 class UnhurriedPursuit(Pursuit):
     """Turn towards the target, and walk no faster than the time that is left asks for.
 
@@ -86,33 +87,25 @@ class UnhurriedPursuit(Pursuit):
         and stumbles included, mm/s.
     reserve
         Time that is kept for turns, s.
-    gain, weakest, strongest
-        Parameters of `Pursuit`; a side may be as strong as the drive ahead, too.
+    weakest, strongest
+        Bounds of the drive; a side may be as strong as the drive ahead, too.
+    gain
+        As of `Pursuit`.
     """
 
-    def __init__(
-        self,
-        task: Task,
-        *,
-        slowest: float = 0.8,
-        forward: float = 1.3,
-        speed: float = 8.0,
-        reserve: float = 0.6,
-        gain: float = 1.0,
-        weakest: float = 0.0,
-        strongest: float = 1.0,
-    ) -> None:
-        super().__init__(task, gain=gain, forward=forward, weakest=weakest, strongest=strongest)
-        self._slowest = slowest
-        self._speed = speed
-        self._reserve_s = reserve
-        self._reach_mm = task.parameters.get("reach", 0.0)
+    _: KW_ONLY
+    slowest: float = 0.8
+    forward: float = 1.3
+    speed: float = 8.0
+    reserve: float = 0.6
+    weakest: float = 0.0
+    strongest: float = 1.0
 
     def _drives(self, shown: Mapping[str, FloatArray]) -> FloatArray:
-        left_s = np.maximum(3.0 * shown["time_left"] - self._reserve_s, 1e-3)
-        way_mm = 15.0 * shown["target_distance"] - self._reach_mm
-        ahead = np.clip(way_mm / left_s / self._speed, self._slowest, self._forward)
-        return self._steered(shown, ahead, np.maximum(self._bounds[1], ahead))
+        left_s = np.maximum(3.0 * shown["time_left"] - self.reserve, 1e-3)
+        way_mm = 15.0 * shown["target_distance"] - self.task.parameters.get("reach", 0.0)
+        ahead = np.clip(way_mm / left_s / self.speed, self.slowest, self.forward)
+        return self._steered(shown, ahead, np.maximum(self.strongest, ahead))
 
 
 QUICK_PURSUIT: Final = {"gain": 2.0, "forward": 1.5, "weakest": 0.0, "strongest": 1.5}
